@@ -1,0 +1,1 @@
+"""The attitude estimator: samples in, estimates out."""

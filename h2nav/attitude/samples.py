@@ -1,0 +1,108 @@
+"""Immutable records that enter and leave an attitude filter.
+
+Frames: ``b`` body (forward, right, down), ``n`` local NED with true north. SI and radians unless a
+suffix says otherwise. ``q_nb`` is Hamilton, scalar first, and takes body coordinates to NED.
+"""
+
+from enum import IntFlag
+from typing import NamedTuple
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+class ImuSample(NamedTuple):
+    """One inertial sample in the body frame.
+
+    Attributes:
+        t_us: autopilot time of the sample, unwrapped, never decreasing inside one epoch.
+        w_b: angular rate, rad/s, gyro bias still in it.
+        f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level.
+        m_b_ut: magnetic field, microtesla; None when this sample brings no new field.
+        clipped: a sensor stands at the end of its range, so the sample's values are bounds.
+    """
+
+    t_us: int
+    w_b: Vec3
+    f_b: Vec3
+    m_b_ut: Vec3 | None = None
+    clipped: bool = False
+
+
+class EarthField(NamedTuple):
+    """Magnetic field of the earth at the vehicle.
+
+    Attributes:
+        norm_ut: total intensity, microtesla.
+        dip_rad: inclination, positive down.
+        declination_rad: magnetic north from true north, positive east.
+    """
+
+    norm_ut: float
+    dip_rad: float
+    declination_rad: float
+
+
+class VehicleState(NamedTuple):
+    """What the autopilot says of the vehicle, as far as a filter may use it.
+
+    Attributes:
+        on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = not told
+            (a recording without an autopilot): the filter decides by its class.
+        airspeed_m_s: true airspeed along the nose; None when unknown or stale.
+    """
+
+    on_ground: bool | None = None
+    airspeed_m_s: float | None = None
+
+
+class VelocityFix(NamedTuple):
+    """A velocity over ground from outside the inertial sensors.
+
+    Attributes:
+        t_us: time of validity on the clock of `ImuSample.t_us`.
+        v_n: velocity in NED, m/s; a vertical component that is not measured is NaN.
+        sigma_m_s: one-sigma accuracy per axis, as the source states it.
+        independent: False when the velocity comes from the autopilot's own estimator.
+    """
+
+    t_us: int
+    v_n: Vec3
+    sigma_m_s: float
+    independent: bool = True
+
+
+class Trust(IntFlag):
+    """What an estimate rests on; logged with every estimate."""
+
+    ALIGNED = 1  # a start-up alignment has been made
+    CONVERGED = 2  # the start-up transient is over
+    FORCE_USED = 4  # this sample's specific force corrected the tilt
+    FIELD_USED = 8  # this sample's (or the latest) magnetic field corrected the heading
+    YAW_REFERENCED = 16  # heading is tied to north; without it yaw only drifts with the gyro
+    REST = 32  # rest was detected and used for the gyro bias
+    VELOCITY_USED = 64  # an outside velocity is being fused
+    RESTARTED = 128  # this sample re-aligned the filter
+    SATURATED = 256  # this sample or an internal value stood at a limit
+
+
+class AttitudeEstimate(NamedTuple):
+    """One estimate, made from and for one `ImuSample`.
+
+    Attributes:
+        t_us: time of the sample.
+        q_nb: attitude, body to NED.
+        w_b: angular rate corrected for bias, rad/s.
+        bias_b: gyro bias, rad/s (measured = true + bias).
+        innovation_n: rotation (rad, NED) by which this sample's measurements disagreed.
+        sigma_tilt_rad: predicted one-sigma tilt error; NaN where the filter has no figure.
+        trust: what the estimate rests on.
+    """
+
+    t_us: int
+    q_nb: Quat
+    w_b: Vec3
+    bias_b: Vec3
+    innovation_n: Vec3
+    sigma_tilt_rad: float
+    trust: Trust

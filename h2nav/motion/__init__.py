@@ -1,0 +1,1 @@
+"""Twist observer, wheel odometry and its calibration."""

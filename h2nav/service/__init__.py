@@ -1,0 +1,1 @@
+"""The behaviour of the daemon without I/O: events in, effects out."""

@@ -1,0 +1,1 @@
+"""A simulated vehicle, its sensors and its autopilot, without I/O."""

@@ -1,0 +1,1 @@
+"""Offline gain synthesis and certificates; the only importer of cvxpy and scipy."""
