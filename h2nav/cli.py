@@ -1,4 +1,4 @@
-"""The command line: finds the command's module, imports only that, turns errors into exit statuses."""
+"""The command line: imports only the command that is asked for; errors become exit statuses."""
 
 import argparse
 import importlib
@@ -77,7 +77,9 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
                 group = commands.add_parser(command[0], help=GROUP_HELP[command[0]])
                 groups[command[0]] = group.add_subparsers(metavar="COMMAND", required=True)
             level = groups[command[0]]
-        sub = level.add_parser(command[-1], help=help_line, description=f"{help_line}.".capitalize())
+        sub = level.add_parser(
+            command[-1], help=help_line, description=f"{help_line}.".capitalize()
+        )
         if tuple(words[: len(command)]) == command:
             sub.set_defaults(command=command)
             importlib.import_module(f"h2nav.apps.{module_name}").add_arguments(sub)

@@ -1,0 +1,50 @@
+"""What the service wants done: it does nothing itself, the daemon and the replay carry it out."""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY, as far as the service uses it."""
+
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+
+
+class Send(NamedTuple):
+    """Put a message on the link.
+
+    Attributes:
+        message: a message object of pymavlink's dialect.
+        system_id: the sender's system id, which is the vehicle's once it is known.
+    """
+
+    message: Any
+    system_id: int
+
+
+class Record(NamedTuple):
+    """Write a record of flat scalars to the log.
+
+    Attributes:
+        topic: where it goes, such as ``/estimate``.
+        record: a NamedTuple from `h2nav.service.records`.
+        t_us: autopilot time that the record belongs to; None when it has none.
+    """
+
+    topic: str
+    record: tuple[Any, ...]
+    t_us: int | None = None
+
+
+class Notice(NamedTuple):
+    """Tell people: journal, log, and (already sent separately) STATUSTEXT."""
+
+    severity: Severity
+    text: str
+
+
+Effect = Send | Record | Notice

@@ -1,0 +1,170 @@
+"""What the service writes to the log: flat scalars with units in their names."""
+
+import math
+from typing import NamedTuple
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.maths import quaternion
+
+RAD_TO_DEG = 180.0 / math.pi
+
+
+class ImuRecord(NamedTuple):
+    """One inertial sample as the filter used it, body frame (forward, right, down).
+
+    Attributes:
+        t_us: autopilot time of the sample.
+        gyro_x_rad_s: angular rate, bias still in it.
+        acc_x_m_s2: specific force; -9.8 on z at rest and level.
+        mag_x_ut: magnetic field; empty when the sample brought none.
+        clipped: a sensor stood at the end of its range.
+    """
+
+    t_us: int
+    gyro_x_rad_s: float
+    gyro_y_rad_s: float
+    gyro_z_rad_s: float
+    acc_x_m_s2: float
+    acc_y_m_s2: float
+    acc_z_m_s2: float
+    mag_x_ut: float | None
+    mag_y_ut: float | None
+    mag_z_ut: float | None
+    clipped: bool
+
+
+def imu_record(sample: ImuSample) -> ImuRecord:
+    """Flattens a sample."""
+    field = sample.m_b_ut or (None, None, None)
+    return ImuRecord(sample.t_us, *sample.w_b, *sample.f_b, *field, sample.clipped)
+
+
+class EstimateRecord(NamedTuple):
+    """One attitude estimate; body to NED, true north once the declination is known.
+
+    Attributes:
+        t_us: autopilot time of the sample that it was made from.
+        q_w: attitude quaternion, Hamilton, scalar first.
+        roll_deg: Euler angles of the z-y-x sequence.
+        rate_x_rad_s: angular rate corrected for bias, body frame.
+        bias_x_rad_s: gyro bias, body frame.
+        innovation_n_rad: rotation by which the measurements disagreed, NED.
+        sigma_tilt_deg: predicted one-sigma tilt error.
+        trust: bits of h2nav.attitude.samples.Trust.
+    """
+
+    t_us: int
+    q_w: float
+    q_x: float
+    q_y: float
+    q_z: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    rate_x_rad_s: float
+    rate_y_rad_s: float
+    rate_z_rad_s: float
+    bias_x_rad_s: float
+    bias_y_rad_s: float
+    bias_z_rad_s: float
+    innovation_n_rad: float
+    innovation_e_rad: float
+    innovation_d_rad: float
+    sigma_tilt_deg: float
+    trust: int
+
+
+def estimate_record(estimate: AttitudeEstimate) -> EstimateRecord:
+    """Flattens an estimate and adds its Euler angles for plots."""
+    roll, pitch, yaw = quaternion.to_euler(estimate.q_nb)
+    return EstimateRecord(
+        estimate.t_us,
+        *estimate.q_nb,
+        roll * RAD_TO_DEG,
+        pitch * RAD_TO_DEG,
+        yaw * RAD_TO_DEG,
+        *estimate.w_b,
+        *estimate.bias_b,
+        *estimate.innovation_n,
+        estimate.sigma_tilt_rad * RAD_TO_DEG,
+        int(estimate.trust),
+    )
+
+
+class HealthRecord(NamedTuple):
+    """The state of the service, written at each change and once a second.
+
+    Attributes:
+        state: no_link, no_autopilot, no_imu, aligning, active or degraded.
+        reason: why it is not active; empty when it is.
+        autopilot: system and component id that the service is bound to, such as 1/1.
+        imu_message: the message that the samples come from.
+        imu_rate_hz: samples used per second of the last window.
+        samples_used: samples that made an estimate, since start.
+        samples_rejected: samples that were refused, since start.
+        estimates_sent: attitude messages sent, since start.
+        armed: what the autopilot's heartbeat says.
+        independent: False while the filter fuses the autopilot's own velocity estimate.
+    """
+
+    state: str
+    reason: str
+    autopilot: str
+    imu_message: str
+    imu_rate_hz: float
+    samples_used: int
+    samples_rejected: int
+    estimates_sent: int
+    armed: bool
+    independent: bool
+
+
+class RejectionRecord(NamedTuple):
+    """How many samples or messages were refused so far, for one reason.
+
+    Attributes:
+        reason: such as duplicate, late, non_finite, zero_force, other_sender.
+        count: since start.
+    """
+
+    reason: str
+    count: int
+
+
+class TimeSyncRecord(NamedTuple):
+    """The relation of the autopilot's clock to the host's monotonic clock.
+
+    Attributes:
+        offset_us: autopilot time minus host time at `host_us`.
+        skew_ppm: how much faster the autopilot's clock runs.
+        round_trip_us: of the exchange that this record was made from.
+        host_us: host monotonic time.
+    """
+
+    offset_us: float
+    skew_ppm: float
+    round_trip_us: float
+    host_us: int
+
+
+class AidingRecord(NamedTuple):
+    """What else the filter was told of, when it changed.
+
+    Attributes:
+        kind: velocity, field, vehicle.
+        north_m_s: velocity over ground (kind velocity).
+        field_norm_ut: expected earth field (kind field).
+        on_ground: disarmed or landed (kind vehicle).
+    """
+
+    kind: str
+    north_m_s: float | None = None
+    east_m_s: float | None = None
+    down_m_s: float | None = None
+    sigma_m_s: float | None = None
+    independent: bool | None = None
+    field_norm_ut: float | None = None
+    field_dip_deg: float | None = None
+    declination_deg: float | None = None
+    on_ground: bool | None = None
+    airspeed_m_s: float | None = None

@@ -1,0 +1,96 @@
+"""What a user may choose about the service; the keys of the configuration file's sections."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from h2nav.validation import OneOf, Within
+
+RateHz = Annotated[float, Within(0.0, 1000.0)]
+SystemId = Annotated[int, Within(0, 255)]
+
+IMU_MESSAGE_CHOICES = (
+    "auto",
+    "HIGHRES_IMU",
+    "RAW_IMU",
+    "SCALED_IMU",
+    "SCALED_IMU2",
+    "SCALED_IMU3",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotSettings:
+    """Which autopilot to listen to and what to ask of it.
+
+    Attributes:
+        system_id: its MAVLink system id; 0 = the first autopilot that is heard.
+        component_id: its component id; 0 = the first autopilot that is heard.
+        imu_message: the IMU message to use; `auto` = the best one that this autopilot sends.
+        imu_rate_hz: how often to ask for it.
+        request_streams: ask for streams at all (False on a link where another program does).
+    """
+
+    system_id: SystemId = 0
+    component_id: SystemId = 0
+    imu_message: Annotated[str, OneOf(IMU_MESSAGE_CHOICES)] = "auto"
+    imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
+    request_streams: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OutputSettings:
+    """What the daemon sends of its own; a rate of 0 switches a message off.
+
+    Attributes:
+        component_id: our own component id; 191 is MAV_COMP_ID_ONBOARD_COMPUTER.
+        attitude_rate_hz: ATTITUDE.
+        attitude_quaternion_rate_hz: ATTITUDE_QUATERNION.
+        status_text: send STATUSTEXT on state changes.
+        allow_remote_changes: obey PARAM_SET and SET_MESSAGE_INTERVAL for our own outputs.
+    """
+
+    component_id: Annotated[int, Within(1, 255)] = 191
+    attitude_rate_hz: RateHz = 50.0
+    attitude_quaternion_rate_hz: RateHz = 10.0
+    status_text: bool = True
+    allow_remote_changes: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NorthSettings:
+    """How yaw becomes true north.
+
+    Attributes:
+        declination: `wmm` = World Magnetic Model at the position that the autopilot reports,
+            `fixed` = `declination_deg`, `none` = yaw stays magnetic.
+        declination_deg: positive east; used with `fixed`.
+    """
+
+    declination: Annotated[str, OneOf(("wmm", "fixed", "none"))] = "wmm"
+    declination_deg: Annotated[float, Within(-180.0, 180.0)] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class AidingSettings:
+    """What the filter may take from the autopilot besides its IMU.
+
+    Attributes:
+        gps_velocity: fuse the GPS velocity of GPS_RAW_INT.
+        autopilot_velocity: fuse LOCAL_POSITION_NED, the autopilot's own estimate. The result is
+            then *not independent* of the autopilot, and every log says so.
+        airspeed: use the airspeed of VFR_HUD on a fixed wing.
+    """
+
+    gps_velocity: bool = True
+    autopilot_velocity: bool = False
+    airspeed: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceSettings:
+    """All of the service's settings, one field per section of the configuration file."""
+
+    autopilot: AutopilotSettings = field(default_factory=AutopilotSettings)
+    output: OutputSettings = field(default_factory=OutputSettings)
+    north: NorthSettings = field(default_factory=NorthSettings)
+    aiding: AidingSettings = field(default_factory=AidingSettings)

@@ -1,0 +1,93 @@
+"""Do the units make sense? Asked once the vehicle rests: gravity and the earth field are known."""
+
+import math
+from enum import Enum
+from typing import NamedTuple
+
+from h2nav.attitude.samples import ImuSample
+from h2nav.service.imu_messages import STANDARD_GRAVITY
+
+REST_RATE_RAD_S = 0.05
+REST_SAMPLES = 50
+FORCE_TOLERANCE = 0.1
+FIELD_LOW_UT = 20.0
+FIELD_HIGH_UT = 70.0
+
+
+class Finding(Enum):
+    """What the check says of the specific force."""
+
+    UNDECIDED = 0
+    FINE = 1
+    WRONG = 2
+
+
+class UnitsReport(NamedTuple):
+    """The result of the check.
+
+    Attributes:
+        force: whether the specific force at rest is one g.
+        complaints: one line per quantity that is off, with the likely cause.
+    """
+
+    force: Finding
+    complaints: tuple[str, ...]
+
+
+class UnitsCheck:
+    """Averages |f| and |B| over the first quiet samples and compares them with the earth's."""
+
+    def __init__(self) -> None:
+        self._samples = 0
+        self._force_sum = 0.0
+        self._fields = 0
+        self._field_sum_ut = 0.0
+        self.report = UnitsReport(Finding.UNDECIDED, ())
+
+    def add(self, sample: ImuSample) -> bool:
+        """Takes a sample; True at the one sample that completes the report."""
+        if self.report.force is not Finding.UNDECIDED:
+            return False
+        if math.hypot(*sample.w_b) > REST_RATE_RAD_S:
+            return False
+        self._samples += 1
+        self._force_sum += math.hypot(*sample.f_b)
+        if sample.m_b_ut is not None:
+            self._fields += 1
+            self._field_sum_ut += math.hypot(*sample.m_b_ut)
+        if self._samples < REST_SAMPLES:
+            return False
+        self.report = self._judge()
+        return True
+
+    def _judge(self) -> UnitsReport:
+        complaints = []
+        force = self._force_sum / self._samples
+        force_is_fine = abs(force / STANDARD_GRAVITY - 1.0) <= FORCE_TOLERANCE
+        if not force_is_fine:
+            complaints.append(
+                f"|acc| at rest {force:.3g} m/s2, not 9.8{_likely(force / STANDARD_GRAVITY)}"
+            )
+        if self._fields:
+            field_ut = self._field_sum_ut / self._fields
+            if not FIELD_LOW_UT <= field_ut <= FIELD_HIGH_UT:
+                complaints.append(
+                    f"|mag| at rest {field_ut:.3g} uT, not 20-70{_likely(field_ut / 45.0)}"
+                )
+        return UnitsReport(Finding.FINE if force_is_fine else Finding.WRONG, tuple(complaints))
+
+
+def _likely(ratio: float) -> str:
+    """Names the slip that explains a value which is `ratio` times the right one."""
+    slips = (
+        (1e-3, ": sent in units of 1/1000"),
+        (1e3, ": sent as thousandths of the unit"),
+        (1.0 / STANDARD_GRAVITY, ": sent in g as if in m/s2"),
+        (STANDARD_GRAVITY, ": sent in m/s2 as if in g"),
+        (1e-2, ": sent in gauss as if in uT"),
+        (1e6, ": sent 10^6 too large"),
+    )
+    for factor, text in slips:
+        if abs(math.log(max(ratio, 1e-12) / factor)) < math.log(1.6):
+            return text
+    return ""
