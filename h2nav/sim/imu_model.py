@@ -1,0 +1,345 @@
+"""Inertial and magnetic sensors with the faults that data sheets admit, seeded and repeatable.
+
+One model serves two uses: sample by sample for the fake autopilot, and whole flights at once for
+`evaluate paper`. Both draw the same random numbers in the same order and give the same samples.
+
+Noise densities are one-sided, as data sheets state them: samples at rate f carry white noise of
+density * sqrt(f / 2).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.attitude.samples import EarthField, ImuSample, Quat, Vec3
+from h2nav.maths import quaternion
+from h2nav.sim.rigid_motion import GRAVITY_M_S2, Motion, mean_rate, specific_force
+
+Floats = NDArray[np.float64]
+
+DEG = math.pi / 180.0
+NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
+# Random numbers of one sample: white noise of gyro, accelerometer, magnetometer; the bias's walk.
+_COLUMNS = 12
+_BLOCK = 256
+_SHORTEST_S = 1e-3
+# A gyro that is asked less often than this is not one long integral: it shows its latest value.
+_LONGEST_INTEGRAL_S = 0.05
+_SHAKES_HZ = (87.0, 113.0, 71.0)
+
+
+class GyroSampling(Enum):
+    """What a gyro sample is."""
+
+    INSTANT = "instant"  # the rate at the sample's time
+    MEAN = "mean"  # the mean rate since the sample before
+
+
+class ImuParameters(NamedTuple):
+    """What a sensor does to the truth; per axis, body frame.
+
+    Attributes:
+        name: of the part.
+        gyro_noise_deg_s_rthz: one-sided density.
+        gyro_walk_deg_s_rts: the bias walks by this much in one second.
+        gyro_bias_deg_s: bias at the start.
+        gyro_range_deg_s: largest value.
+        gyro_step_deg_s: smallest step.
+        accel_noise_ug_rthz: one-sided density.
+        accel_bias_mg: constant.
+        accel_range_g: largest value.
+        accel_step_mg: smallest step.
+        mag_noise_ut: rms of every sample, whatever the rate.
+        mag_range_ut: largest value.
+        mag_step_ut: smallest step.
+        hard_iron_ut: constant field of the vehicle itself.
+        gyro_sampling: what a gyro sample is.
+    """
+
+    name: str
+    gyro_noise_deg_s_rthz: float
+    gyro_walk_deg_s_rts: float
+    gyro_bias_deg_s: Vec3
+    gyro_range_deg_s: float
+    gyro_step_deg_s: float
+    accel_noise_ug_rthz: float
+    accel_bias_mg: Vec3
+    accel_range_g: float
+    accel_step_mg: float
+    mag_noise_ut: float
+    mag_range_ut: float
+    mag_step_ut: float
+    hard_iron_ut: Vec3 = NO_OFFSET
+    gyro_sampling: GyroSampling = GyroSampling.MEAN
+
+
+# InvenSense MPU-9250 product specification PS-MPU-9250A-01 rev. 1.1, tables 1-3: 0.01 deg/s/rtHz,
+# 300 ug/rtHz, 16 bits over +-2000 deg/s and +-16 g, magnetometer 0.15 uT per bit over +-4800 uT.
+# It gives no magnetometer noise; 0.6 uT rms is that of the AK8963 inside at 14 bits. The bias
+# walk is the usual magnitude for the class; the sheet is silent.
+MPU_9250 = ImuParameters(
+    name="MPU-9250",
+    gyro_noise_deg_s_rthz=0.01,
+    gyro_walk_deg_s_rts=2e-4,
+    gyro_bias_deg_s=NO_OFFSET,
+    gyro_range_deg_s=2000.0,
+    gyro_step_deg_s=2000.0 / 32768,
+    accel_noise_ug_rthz=300.0,
+    accel_bias_mg=NO_OFFSET,
+    accel_range_g=16.0,
+    accel_step_mg=16000.0 / 32768,
+    mag_noise_ut=0.6,
+    mag_range_ut=4800.0,
+    mag_step_ut=0.15,
+)
+
+
+class Disturbance(NamedTuple):
+    """What the surroundings add to one sample, before the sensor's range limits it.
+
+    Attributes:
+        hard_iron_ut: field added in the body frame, microtesla.
+        vibration_m_s2: amplitude of a shaking of the sensor, m/s^2, at 87 Hz and about.
+    """
+
+    hard_iron_ut: Vec3 = NO_OFFSET
+    vibration_m_s2: float = 0.0
+
+
+CALM = Disturbance()
+
+
+class Readings(NamedTuple):
+    """What ideal sensors read on a whole flight: arrays of one row per sample.
+
+    Attributes:
+        t_us: (N,) int64, time stamps.
+        w_b: (N, 3) angular rate, rad/s, as `GyroSampling` says.
+        f_b: (N, 3) specific force, m/s^2.
+        m_b_ut: (N, 3) magnetic field, microtesla.
+        q_nb: (N, 4) true attitude.
+    """
+
+    t_us: NDArray[np.int64]
+    w_b: Floats
+    f_b: Floats
+    m_b_ut: Floats
+    q_nb: Floats
+
+
+class ImuBatch(NamedTuple):
+    """What real sensors read on a whole flight; shapes and units as in `Readings`.
+
+    Attributes:
+        gyro_bias: (N, 3) the true bias in each sample, rad/s.
+        clipped: (N,) bool.
+    """
+
+    t_us: NDArray[np.int64]
+    w_b: Floats
+    f_b: Floats
+    m_b_ut: Floats
+    gyro_bias: Floats
+    clipped: NDArray[np.bool_]
+
+
+def field_vector(field: EarthField) -> Vec3:
+    """The earth's magnetic field in NED (true north), microtesla."""
+    horizontal = field.norm_ut * math.cos(field.dip_rad)
+    return (
+        horizontal * math.cos(field.declination_rad),
+        horizontal * math.sin(field.declination_rad),
+        field.norm_ut * math.sin(field.dip_rad),
+    )
+
+
+def readings(
+    motion_at: Callable[[float], Motion],
+    t_us: Sequence[int],
+    field: EarthField,
+    gyro_sampling: GyroSampling = GyroSampling.MEAN,
+) -> Readings:
+    """What ideal sensors read on a flight, to be given to `ImuModel.batch` of many seeds.
+
+    Args:
+        motion_at: the truth at t seconds.
+        t_us: increasing times.
+        field: the earth's field.
+        gyro_sampling: what a gyro sample is; the first one is always instantaneous.
+    """
+    ideal = _IdealImu(gyro_sampling, field)
+    motions = [motion_at(t * 1e-6) for t in t_us]
+    rows = [ideal.read(t, motion) for t, motion in zip(t_us, motions, strict=True)]
+    return Readings(
+        np.array(t_us, dtype=np.int64),
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows]),
+        np.array([row[2] for row in rows]),
+        np.array([motion.q_nb for motion in motions]),
+    )
+
+
+class ImuModel:
+    """Turns true motion into samples of one IMU.
+
+    Args:
+        parameters: the sensor.
+        field: the earth's field where the vehicle is.
+        seed: of all its random numbers.
+        rate_hz: what the noise of the first sample is for; later ones go by their time stamps.
+    """
+
+    def __init__(
+        self, parameters: ImuParameters, field: EarthField, seed: int, rate_hz: float = 100.0
+    ) -> None:
+        p = parameters
+        self.parameters = p
+        self._ideal = _IdealImu(p.gyro_sampling, field)
+        self._random = np.random.default_rng(seed)
+        self._rows: list[list[float]] = []
+        self._first_dt_s = 1.0 / rate_hz
+        self._before_us: int | None = None
+        # From the data sheet's units to SI.
+        self._gyro_density = p.gyro_noise_deg_s_rthz * DEG / math.sqrt(2.0)
+        self._gyro_walk = p.gyro_walk_deg_s_rts * DEG
+        self._accel_density = p.accel_noise_ug_rthz * 1e-6 * GRAVITY_M_S2 / math.sqrt(2.0)
+        self._gyro_digits = _Digits(p.gyro_step_deg_s * DEG, p.gyro_range_deg_s * DEG)
+        self._accel_digits = _Digits(
+            p.accel_step_mg * 1e-3 * GRAVITY_M_S2, p.accel_range_g * GRAVITY_M_S2
+        )
+        self._mag_digits = _Digits(p.mag_step_ut, p.mag_range_ut)
+        self._accel_bias = tuple(x * 1e-3 * GRAVITY_M_S2 for x in p.accel_bias_mg)
+        x, y, z = p.gyro_bias_deg_s
+        self.gyro_bias: Vec3 = (x * DEG, y * DEG, z * DEG)  # of the latest sample, rad/s
+
+    def sample(self, t_us: int, motion: Motion, disturbance: Disturbance = CALM) -> ImuSample:
+        """One sample; `ImuSample.clipped` says that a value stands at the end of its range.
+
+        Args:
+            t_us: time stamp, later than that of the sample before.
+            motion: the truth at `t_us`.
+            disturbance: what the surroundings add.
+        """
+        dt_s = self._first_dt_s
+        if self._before_us is not None:
+            dt_s = max((t_us - self._before_us) * 1e-6, _SHORTEST_S)
+        self._before_us = t_us
+        rate, force, field = self._ideal.read(t_us, motion)
+        if disturbance.vibration_m_s2:
+            force = _shaken(force, t_us, disturbance.vibration_m_s2)
+        n = self._row()
+        walk = self._gyro_walk * math.sqrt(dt_s)
+        bx, by, bz = self.gyro_bias
+        self.gyro_bias = (bx + walk * n[9], by + walk * n[10], bz + walk * n[11])
+        gyro, gyro_clipped = self._gyro_digits.read(
+            rate, self.gyro_bias, self._gyro_density / math.sqrt(dt_s), n[0:3]
+        )
+        accel, accel_clipped = self._accel_digits.read(
+            force, self._accel_bias, self._accel_density / math.sqrt(dt_s), n[3:6]
+        )
+        ix, iy, iz = self.parameters.hard_iron_ut
+        jx, jy, jz = disturbance.hard_iron_ut
+        mag, mag_clipped = self._mag_digits.read(
+            field, (ix + jx, iy + jy, iz + jz), self.parameters.mag_noise_ut, n[6:9]
+        )
+        return ImuSample(t_us, gyro, accel, mag, gyro_clipped or accel_clipped or mag_clipped)
+
+    def batch(self, ideal: Readings) -> ImuBatch:
+        """A whole undisturbed flight: what a new model's `sample` gives, sample after sample.
+
+        Args:
+            ideal: made with this sensor's gyro sampling.
+
+        Raises:
+            ValueError: samples have been taken from this model before.
+        """
+        if self._before_us is not None:
+            raise ValueError("a batch is the whole flight of a new model")
+        self._before_us = int(ideal.t_us[-1])
+        noise = self._random.standard_normal((len(ideal.t_us), _COLUMNS))
+        dt_s = np.diff(ideal.t_us, prepend=ideal.t_us[0]) * 1e-6
+        dt_s[0] = self._first_dt_s
+        root = np.sqrt(dt_s)[:, None]
+        walks = self._gyro_walk * root * noise[:, 9:]
+        bias = np.cumsum(np.vstack((self.gyro_bias, walks)), axis=0)[1:]
+        p = self.parameters
+        gyro, gyro_clipped = self._gyro_digits.read_all(
+            ideal.w_b + bias + self._gyro_density / root * noise[:, 0:3]
+        )
+        accel, accel_clipped = self._accel_digits.read_all(
+            ideal.f_b + np.array(self._accel_bias) + self._accel_density / root * noise[:, 3:6]
+        )
+        mag, mag_clipped = self._mag_digits.read_all(
+            ideal.m_b_ut + np.array(p.hard_iron_ut) + p.mag_noise_ut * noise[:, 6:9]
+        )
+        clipped = gyro_clipped | accel_clipped | mag_clipped
+        return ImuBatch(ideal.t_us, gyro, accel, mag, bias, clipped)
+
+    def _row(self) -> list[float]:
+        if not self._rows:
+            block: list[list[float]] = self._random.standard_normal((_BLOCK, _COLUMNS)).tolist()
+            self._rows = block[::-1]
+        return self._rows.pop()
+
+
+class _IdealImu:
+    """Sensors without errors, which show the truth as this kind of gyro does."""
+
+    def __init__(self, gyro_sampling: GyroSampling, field: EarthField) -> None:
+        self._sampling = gyro_sampling
+        self._field_n = field_vector(field)
+        self._before: tuple[int, Quat] | None = None
+
+    def read(self, t_us: int, motion: Motion) -> tuple[Vec3, Vec3, Vec3]:
+        """Rate (rad/s), specific force (m/s^2) and field (microtesla), body frame."""
+        rate = motion.w_b
+        if self._sampling is GyroSampling.MEAN:
+            if self._before is not None:
+                dt_s = (t_us - self._before[0]) * 1e-6
+                if 0.0 < dt_s <= _LONGEST_INTEGRAL_S:
+                    rate = mean_rate(self._before[1], motion.q_nb, dt_s)
+            self._before = (t_us, motion.q_nb)
+        w, x, y, z = motion.q_nb
+        field = quaternion.rotate((w, -x, -y, -z), self._field_n)
+        return rate, specific_force(motion), field
+
+
+class _Digits:
+    """A converter of finite step and range."""
+
+    def __init__(self, step: float, limit: float) -> None:
+        self._step = step
+        self._highest = int(limit / step)
+
+    def read(
+        self, true: Vec3, offset: Sequence[float], sigma: float, noise: Sequence[float]
+    ) -> tuple[Vec3, bool]:
+        """Three noisy values as they come out, and whether one stands at its limit."""
+        step, highest = self._step, self._highest
+        counts = [
+            round((x + b + sigma * n) / step) for x, b, n in zip(true, offset, noise, strict=True)
+        ]
+        clipped = max(counts) >= highest or min(counts) <= -highest
+        if clipped:
+            counts = [min(max(count, -highest), highest) for count in counts]
+        return (counts[0] * step, counts[1] * step, counts[2] * step), clipped
+
+    def read_all(self, values: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The same for rows of noisy values: (N, 3) and (N,)."""
+        counts = np.clip(np.round(values / self._step), -self._highest, self._highest)
+        clipped: NDArray[np.bool_] = np.any(np.abs(counts) >= self._highest, axis=1)
+        return counts * self._step, clipped
+
+
+def _shaken(force: Vec3, t_us: int, amplitude_m_s2: float) -> Vec3:
+    """Specific force with a vibration whose frequencies no usual sampling rate sees as they are."""
+    t_s = t_us * 1e-6
+    x, y, z = (
+        f + amplitude_m_s2 * math.sin(2.0 * math.pi * hz * t_s)
+        for f, hz in zip(force, _SHAKES_HZ, strict=True)
+    )
+    return (x, y, z)

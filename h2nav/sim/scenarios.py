@@ -1,0 +1,242 @@
+"""Named flights with exact truth: attitude, rate, acceleration, velocity and position at any time.
+
+Every scenario is defined for all t >= 0. Beyond `Scenario.duration_s` the periodic ones go on and
+the others hold their last state; before 0 the vehicle stands as it does at 0.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from h2nav.errors import BadInput
+from h2nav.maths import quaternion
+from h2nav.sim import jets
+from h2nav.sim.jets import Jet
+from h2nav.sim.rigid_motion import ORIGIN, EulerAngles, Motion, Path, from_angles, of_multirotor
+
+DEG = math.pi / 180.0
+TURN = 2.0 * math.pi
+DRAG_PER_S = 0.2
+
+
+class Scenario(NamedTuple):
+    """One named flight.
+
+    Attributes:
+        name: as on the command line.
+        summary: one line of help.
+        duration_s: the length that shows all of it.
+        motion_at: the truth at t seconds after the start.
+        armed_s: when the motors are armed; None = never.
+        airborne_s: when the vehicle leaves the ground; None = never.
+    """
+
+    name: str
+    summary: str
+    duration_s: float
+    motion_at: Callable[[float], Motion]
+    armed_s: float | None = 0.0
+    airborne_s: float | None = 0.0
+
+    def motion(self, t_s: float) -> Motion:
+        """The truth at `t_s` seconds after the start."""
+        return self.motion_at(max(t_s, 0.0))
+
+    def is_armed(self, t_s: float) -> bool:
+        """Whether the motors are armed at `t_s`."""
+        return self.armed_s is not None and t_s >= self.armed_s
+
+    def is_airborne(self, t_s: float) -> bool:
+        """Whether the vehicle has left the ground at `t_s`."""
+        return self.airborne_s is not None and t_s >= self.airborne_s
+
+
+def scenario(name: str) -> Scenario:
+    """The scenario called `name`.
+
+    Raises:
+        BadInput: there is none of that name.
+    """
+    if name not in SCENARIOS:
+        known = ", ".join(SCENARIOS)
+        raise BadInput(f"scenario {name!r} is not known; expected one of {known}")
+    return SCENARIOS[name]
+
+
+def _rest(_t_s: float) -> Motion:
+    return Motion(quaternion.from_euler(0.0, 0.0, 30.0 * DEG), ORIGIN, ORIGIN, ORIGIN, ORIGIN)
+
+
+def _sinusoidal(
+    roll_deg: float, pitch_deg: float, yaw_deg: float, omega_rad_s: float
+) -> Callable[[float], Motion]:
+    """Roll, pitch and yaw in phase, as the source paper's two cases are understood here."""
+
+    def motion_at(t_s: float) -> Motion:
+        roll, pitch, yaw = (
+            jets.sinusoid(t_s, amplitude * DEG, omega_rad_s)
+            for amplitude in (roll_deg, pitch_deg, yaw_deg)
+        )
+        return from_angles(EulerAngles(roll, pitch, yaw))
+
+    return motion_at
+
+
+def _hover(t_s: float) -> Motion:
+    """Holding a place in gusty wind: the tilt is that of leaning into the gusts."""
+    path = Path(
+        jets.total((jets.sinusoid(t_s, 0.30, 0.9), jets.sinusoid(t_s, 0.015, 4.1, 1.0))),
+        jets.total((jets.sinusoid(t_s, 0.25, 1.1, 0.5), jets.sinusoid(t_s, 0.01, 5.3))),
+        jets.sinusoid(t_s, 0.12, 1.7, 0.2),
+    )
+    return of_multirotor(path, _gusts(t_s), jets.sinusoid(t_s, 4.0 * DEG, 0.35), DRAG_PER_S)
+
+
+def _gusts(t_s: float) -> Path:
+    """The path of air that blows with 3 m/s from the north-west and gusts of 1 m/s."""
+    return Path(
+        jets.total(
+            (
+                (2.1 * t_s, 2.1, 0.0, 0.0),
+                jets.sinusoid(t_s, 1.4, 0.71),
+                jets.sinusoid(t_s, 0.2, 2.9),
+            )
+        ),
+        jets.total(
+            (
+                (2.1 * t_s, 2.1, 0.0, 0.0),
+                jets.sinusoid(t_s, 1.2, 0.83),
+                jets.sinusoid(t_s, 0.2, 3.7),
+            )
+        ),
+        jets.ZERO,
+    )
+
+
+def _aggressive(t_s: float) -> Motion:
+    """A Lissajous figure at up to 11 m/s and 60 deg of tilt, the nose turning all the while."""
+    path = Path(
+        jets.total((jets.sinusoid(t_s, 9.0, 0.95), jets.sinusoid(t_s, 0.25, 3.1, 0.4))),
+        jets.total((jets.sinusoid(t_s, 4.5, 1.3, 1.2), jets.sinusoid(t_s, 0.2, 3.7))),
+        jets.sinusoid(t_s, 0.7, 1.6, 0.7),
+    )
+    turning = jets.total(((0.4 * t_s, 0.4, 0.0, 0.0), jets.sinusoid(t_s, 0.7, 0.9)))
+    return of_multirotor(path, STILL_AIR, turning, DRAG_PER_S)
+
+
+STILL_AIR = Path(jets.ZERO, jets.ZERO, jets.ZERO)
+
+
+def _spin(t_s: float) -> Motion:
+    """At rest for 2 s, then up to 360 deg/s about the vertical while wobbling by 10 deg."""
+    rise = jets.step(t_s, 2.0, 2.0)
+    return from_angles(
+        EulerAngles(
+            jets.product(rise, jets.sinusoid(t_s, 10.0 * DEG, 2.3)),
+            jets.product(rise, jets.sinusoid(t_s, 10.0 * DEG, 1.7, 0.8)),
+            jets.scaled(jets.ramp(t_s, 2.0, 2.0), TURN),
+        )
+    )
+
+
+def _loop(t_s: float) -> Motion:
+    """At rest for 2 s, then looping at 90 deg/s exactly through both pitch poles."""
+    rise = jets.step(t_s, 2.0, 2.0)
+    return from_angles(
+        EulerAngles(
+            jets.product(rise, jets.sinusoid(t_s, 8.0 * DEG, 0.9)),
+            jets.scaled(jets.ramp(t_s, 2.0, 2.0), 0.25 * TURN),
+            jets.total(
+                (jets.constant(40.0 * DEG), jets.scaled(jets.ramp(t_s, 2.0, 2.0), 5.0 * DEG))
+            ),
+        )
+    )
+
+
+class _Leg(NamedTuple):
+    """A smooth move from standstill to standstill."""
+
+    length_s: float
+    north_m: float = 0.0
+    east_m: float = 0.0
+    down_m: float = 0.0
+    turn_deg: float = 0.0
+
+
+TAKE_OFF_S = 5.0
+_TAKE_OFF = _Leg(4.0, down_m=-8.0, turn_deg=10.0)
+# A round trip, flown again and again; its legs add up to nothing but whole turns.
+_ROUND = (
+    _Leg(4.0, north_m=14.0, turn_deg=35.0),
+    _Leg(3.5, east_m=10.0, down_m=-2.0),
+    _Leg(4.0, north_m=-8.0, east_m=-6.0, turn_deg=145.0),
+    _Leg(4.5, north_m=-6.0, east_m=-4.0, down_m=2.0, turn_deg=180.0),
+)
+_ROUND_S = sum(leg.length_s for leg in _ROUND)
+_FLIGHT_YAW_DEG = 20.0
+
+
+def _flight(t_s: float) -> Motion:
+    """On the ground for 5 s, up to 8 m, then rounds of four legs in light wind."""
+    since_s = t_s - TAKE_OFF_S
+    legs: list[tuple[float, _Leg]] = [(0.0, _TAKE_OFF)]
+    start_s = _TAKE_OFF.length_s
+    # Whole rounds end where they began: only the round that is being flown counts.
+    if since_s > start_s:
+        start_s += _ROUND_S * math.floor((since_s - start_s) / _ROUND_S)
+    for leg in _ROUND:
+        legs.append((start_s, leg))
+        start_s += leg.length_s
+    axes: tuple[list[Jet], list[Jet], list[Jet], list[Jet]] = ([], [], [], [])
+    for leg_start_s, leg in legs:
+        rise = jets.step(since_s, leg_start_s, leg.length_s)
+        for terms, size in zip(axes, leg[1:], strict=True):
+            if size:
+                terms.append(jets.scaled(rise, size))
+    north, east, down, turn_deg = (jets.total(terms) for terms in axes)
+    turn = jets.scaled(jets.total((jets.constant(_FLIGHT_YAW_DEG), turn_deg)), DEG)
+    return of_multirotor(Path(north, east, down), _light_wind(since_s), turn, DRAG_PER_S)
+
+
+def _light_wind(since_s: float) -> Path:
+    """Gusts of 1 m/s that take hold as the vehicle leaves the ground."""
+    rise = jets.step(since_s, 0.0, _TAKE_OFF.length_s)
+    return Path(
+        jets.product(rise, jets.sinusoid(since_s, 1.0, 0.8)),
+        jets.product(rise, jets.sinusoid(since_s, 0.8, 1.1, 0.4)),
+        jets.ZERO,
+    )
+
+
+SCENARIOS: dict[str, Scenario] = {
+    item.name: item
+    for item in (
+        Scenario(
+            "flight",
+            "5 s on the ground, take-off, then rounds of smooth moves in light wind",
+            TAKE_OFF_S + _TAKE_OFF.length_s + _ROUND_S,
+            _flight,
+            armed_s=TAKE_OFF_S - 2.0,
+            airborne_s=TAKE_OFF_S,
+        ),
+        Scenario("rest", "on the ground, disarmed", 60.0, _rest, armed_s=None, airborne_s=None),
+        Scenario(
+            "case1",
+            "the source paper's slow case: 25/20/28 deg, period 100 s, on the spot",
+            50.0,
+            _sinusoidal(25.0, 20.0, 28.0, math.pi / 50.0),
+        ),
+        Scenario(
+            "case2",
+            "the source paper's fast case: 45/40/50 deg, period 6 s, on the spot",
+            10.0,
+            _sinusoidal(45.0, 40.0, 50.0, math.pi / 3.0),
+        ),
+        Scenario("hover", "holding a place in gusty wind", 60.0, _hover),
+        Scenario(
+            "aggressive", "a multirotor at up to 60 deg of tilt and 11 m/s", 60.0, _aggressive
+        ),
+        Scenario("spin", "turning at 360 deg/s with 10 deg of wobble, on the spot", 20.0, _spin),
+        Scenario("loop", "looping at 90 deg/s through both pitch poles, on the spot", 20.0, _loop),
+    )
+}
