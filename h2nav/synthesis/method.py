@@ -1,0 +1,28 @@
+"""What every synthesis method returns, whatever it is."""
+
+from dataclasses import dataclass
+
+from h2nav.attitude.plant import Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A gain that a method claims to be optimal; only a certificate makes it more than a claim.
+
+    Attributes:
+        method: "lmi_clarabel", "lmi_scs", "riccati" or "closed_form".
+        L: (n, p) observer gain, per second (continuous plant) or per step (discrete plant).
+        claimed_h2_norm: the norm that the method itself reports.
+        status: the solver's own word.
+        wall_time_s: how long it took; None where nothing was measured.
+    """
+
+    method: str
+    L: Matrix
+    claimed_h2_norm: float
+    status: str = "solved"
+    wall_time_s: float | None = None
+
+
+class SynthesisError(Exception):
+    """A method found no gain; the message names the cause."""
