@@ -1,0 +1,320 @@
+"""Bytes in, checked MAVLink 1 and 2 frames out; pure, no clock, no I/O.
+
+The rules of this file:
+
+1. A frame is given out when its id is in the dialect and its checksum fits, and only then. A frame
+   of an unknown id cannot be checked, so it is never given out.
+2. After anything that fails, the search goes on at the byte behind the failed start marker. So no
+   damage costs an intact frame.
+3. A start marker whose frame is still incomplete does not hold back a good frame that lies inside
+   the bytes it asks for: the frame that is complete first wins. The exception are messages that
+   may rightly carry whole frames in their payload (`MessageLayout.carries_bytes`: file transfer,
+   tunnel, log data), at their known length: for those the deframer waits, so that frames out of
+   a downloaded log are never taken for live ones.
+4. The outcome depends on the bytes alone, not on how they are cut into pieces. At most 292 bytes
+   are kept between calls.
+5. Every byte ends in a frame or in `DeframerCounters.skipped_bytes`; every failed start marker is
+   counted under one reason.
+
+Why not pymavlink's parser: docs/design/001-deframer.md.
+"""
+
+import re
+from enum import IntEnum
+from struct import Struct
+from typing import NamedTuple
+
+from fastcrc import crc16
+
+from h2nav.io.dialect import LAYOUTS
+
+SIGNED_FLAG = 0x01
+SIGNATURE_SIZE = 13  # link id, 48-bit time stamp, 48-bit hash
+CHECKSUM_SIZE = 2
+
+_MARKER_1, _MARKER_2 = 0xFE, 0xFD
+_HEADER_1_SIZE, _HEADER_2_SIZE = 6, 10
+_UNPACK_HEADER_1 = Struct("<xBBBBB").unpack_from  # length, seq, sysid, compid, id
+# length, incompat flags, seq, sysid, compid, id in the lower 24 bits. It reads one byte beyond the
+# header, which even an empty frame has (its checksum).
+_UNPACK_HEADER_2 = Struct("<xBBxBBBI").unpack_from
+_UNPACK_CHECKSUM = Struct("<H").unpack_from
+# A MAVLink 2 marker only where its flags are known or not yet there: runs of 0xFD cost no Python.
+_FIND_START = re.compile(rb"\xfe|\xfd(?:.[\x00\x01]|.?\Z)", re.DOTALL).search
+
+_checksum = crc16.mcrf4xx
+
+
+class Frame(NamedTuple):
+    """A whole frame of a known id whose checksum fits.
+
+    Attributes:
+        msg_id: message id.
+        sysid: sender's system id.
+        compid: sender's component id.
+        seq: sender's sequence number, 0..255.
+        payload: as received; MAVLink 2 cuts zero bytes off its end.
+        version: 1 or 2, the MAVLink version of the frame.
+        signed: a signature is attached (the last 13 bytes of `raw`); it is not verified here.
+        raw: all bytes of the frame, from the start marker on.
+    """
+
+    msg_id: int
+    sysid: int
+    compid: int
+    seq: int
+    payload: bytes
+    version: int
+    signed: bool
+    raw: bytes
+
+
+class DeframerCounters(NamedTuple):
+    """What has become of the bytes since the deframer was made.
+
+    Attributes:
+        bytes_in: bytes fed.
+        frames: frames given out.
+        frames_v1: those of MAVLink 1.
+        frames_signed: those with a signature.
+        frames_longer: those longer than the dialect knows: the sender has a newer dialect, the
+            surplus is an extension field that we do not know.
+        bad_crc: start markers with a plausible header whose checksum did not fit, or inside of
+            which another good frame began.
+        unknown_id: start markers with an id that the dialect does not know.
+        bad_length: MAVLink 1 start markers with a length that their message cannot have.
+        unknown_flags: MAVLink 2 start markers with incompatibility flags other than "signed".
+        truncated: start markers whose frame was incomplete when the stream ended (`flush`).
+        refused_v1: good MAVLink 1 frames, not given out because MAVLink 1 is switched off.
+        skipped_bytes: bytes outside of the given frames: noise, text, damaged and refused frames.
+    """
+
+    bytes_in: int = 0
+    frames: int = 0
+    frames_v1: int = 0
+    frames_signed: int = 0
+    frames_longer: int = 0
+    bad_crc: int = 0
+    unknown_id: int = 0
+    bad_length: int = 0
+    unknown_flags: int = 0
+    truncated: int = 0
+    refused_v1: int = 0
+    skipped_bytes: int = 0
+
+
+class _Verdict(IntEnum):
+    """Why there is no frame at a start marker."""
+
+    INCOMPLETE = 0
+    INCOMPLETE_CARRIER = 1  # incomplete, and frames inside its payload are its own business
+    BAD_CRC = 2
+    UNKNOWN_ID = 3
+    BAD_LENGTH = 4
+    UNKNOWN_FLAGS = 5
+    NO_MARKER = 6
+
+
+# The per-frame path reads these once; a tuple per id is cheaper than attributes of the layout.
+_KNOWN: dict[int, tuple[bytes, int, int, bool]] = {
+    msg_id: (bytes([layout.crc_extra]), layout.size, layout.base_size, layout.carries_bytes)
+    for msg_id, layout in LAYOUTS.items()
+}
+_REASONS = {
+    _Verdict.BAD_CRC: "bad_crc",
+    _Verdict.UNKNOWN_ID: "unknown_id",
+    _Verdict.BAD_LENGTH: "bad_length",
+}
+
+
+class Deframer:
+    """Cuts one link's byte stream into frames.
+
+    One deframer per link, all links alike: datagrams are fed as they come (a transparent
+    serial-to-UDP bridge may cut a frame in two), and what a lost datagram leaves behind is
+    overtaken by the next good frame.
+
+    Args:
+        accept_v1: give out MAVLink 1 frames; otherwise they are counted and dropped (needed while
+            signing is on, since MAVLink 1 cannot be signed).
+    """
+
+    def __init__(self, *, accept_v1: bool = True) -> None:
+        self._accept_v1 = accept_v1
+        self._pending = b""  # begins at the first start marker that is not decided yet
+        self._pending_counted = 0  # leading bytes of it that an earlier frame has accounted for
+        self._bytes_in = 0
+        self._frames = 0
+        self._counts = dict.fromkeys(DeframerCounters._fields[3:], 0)
+
+    @property
+    def counters(self) -> DeframerCounters:
+        """The counters so far, as an immutable record."""
+        return DeframerCounters(self._bytes_in, self._frames, **self._counts)
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes kept because the frame that they may begin is incomplete."""
+        return len(self._pending)
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Takes the next bytes of the stream.
+
+        Args:
+            data: any number of bytes, cut anywhere.
+
+        Returns:
+            The frames that these bytes completed, in their order.
+        """
+        self._bytes_in += len(data)
+        return self._scan(self._pending + data if self._pending else data, ended=False)
+
+    def flush(self) -> list[Frame]:
+        """Declares that the stream has ended (end of file, link down, a peer gone silent).
+
+        Returns:
+            Good frames that an incomplete one held back. Nothing is pending afterwards.
+        """
+        return self._scan(self._pending, ended=True)
+
+    def _scan(self, buffer: bytes, ended: bool) -> list[Frame]:
+        """Finds the frames of `buffer` and keeps what is undecided, nothing if `ended`."""
+        frames: list[Frame] = []
+        rejects: list[tuple[int, _Verdict]] = []  # failed start markers since the last frame
+        size = len(buffer)
+        at = 0
+        decided = self._pending_counted  # all before this is counted
+        held = size  # the first start marker that still waits for bytes
+        while at < size:
+            found = _frame_at(buffer, at, size)
+            if isinstance(found, Frame):
+                if at > decided:
+                    self._count_skipped(buffer, decided, at, rejects, ended)
+                rejects.clear()
+                held = size
+                at += len(found.raw)
+                decided = max(decided, at)
+                if self._admits(found):
+                    frames.append(found)
+                if found.signed:
+                    # The checksum does not cover the signature. If bytes of it were lost, the next
+                    # frame has begun where this one seems to go on.
+                    at -= SIGNATURE_SIZE
+                continue
+            rejects.append((at, found))
+            if found <= _Verdict.INCOMPLETE_CARRIER:
+                held = min(held, at)
+                if found == _Verdict.INCOMPLETE_CARRIER and not ended:
+                    break
+            match = _FIND_START(buffer, at + 1)
+            at = match.start() if match else size
+        keep_from = size if ended else held
+        if keep_from > decided:
+            self._count_skipped(buffer, decided, keep_from, rejects, ended)
+        self._pending = buffer[keep_from:]
+        self._pending_counted = max(decided - keep_from, 0)
+        return frames
+
+    def _admits(self, frame: Frame) -> bool:
+        """Counts a good frame; False if it must not be given out."""
+        if frame.version == 1:
+            if not self._accept_v1:
+                self._counts["refused_v1"] += 1
+                self._counts["skipped_bytes"] += len(frame.raw)
+                return False
+            self._counts["frames_v1"] += 1
+        if frame.signed:
+            self._counts["frames_signed"] += 1
+        if len(frame.payload) > _KNOWN[frame.msg_id][1]:
+            self._counts["frames_longer"] += 1
+        self._frames += 1
+        return True
+
+    def _count_skipped(
+        self,
+        buffer: bytes,
+        start: int,
+        stop: int,
+        rejects: list[tuple[int, _Verdict]],
+        ended: bool,
+    ) -> None:
+        """Counts the bytes from `start` to `stop`, which are no frame, and each marker in them."""
+        counts = self._counts
+        counts["skipped_bytes"] += stop - start
+        # The search passes over MAVLink 2 markers with unknown flags: all that it did not stop at.
+        unknown_flags = buffer.count(_MARKER_2, start, stop)
+        incomplete = "truncated" if ended else "bad_crc"
+        for at, verdict in rejects:
+            if start <= at < stop and verdict < _Verdict.UNKNOWN_FLAGS:
+                unknown_flags -= buffer[at] == _MARKER_2
+                counts[_REASONS.get(verdict, incomplete)] += 1
+        counts["unknown_flags"] += unknown_flags
+
+
+def _frame_at(buffer: bytes, at: int, size: int) -> Frame | _Verdict:
+    """The frame whose start marker is at `at`, or why there is none; `size` is len(buffer)."""
+    if buffer[at] != _MARKER_2:
+        return _frame_v1_at(buffer, at, size)
+    if size - at < _HEADER_2_SIZE + CHECKSUM_SIZE:
+        return _incomplete_v2(buffer, at, size)
+    length, flags, seq, sysid, compid, msg_id = _UNPACK_HEADER_2(buffer, at)
+    if flags > SIGNED_FLAG:
+        return _Verdict.UNKNOWN_FLAGS
+    known = _KNOWN.get(msg_id & 0xFFFFFF)
+    if known is None:
+        return _Verdict.UNKNOWN_ID
+    payload_at = at + _HEADER_2_SIZE
+    checksum_at = payload_at + length
+    end = checksum_at + CHECKSUM_SIZE + (SIGNATURE_SIZE if flags else 0)
+    if end > size:
+        carrier = known[3] and length <= known[1]
+        return _Verdict.INCOMPLETE_CARRIER if carrier else _Verdict.INCOMPLETE
+    checksum = _checksum(known[0], _checksum(buffer[at + 1 : checksum_at]))
+    if checksum != buffer[checksum_at] | buffer[checksum_at + 1] << 8:
+        return _Verdict.BAD_CRC
+    return Frame(
+        msg_id & 0xFFFFFF,
+        sysid,
+        compid,
+        seq,
+        buffer[payload_at:checksum_at],
+        2,
+        flags == SIGNED_FLAG,
+        buffer[at:end],
+    )
+
+
+def _incomplete_v2(buffer: bytes, at: int, size: int) -> _Verdict:
+    """What is known of a MAVLink 2 start marker with less than an empty frame behind it."""
+    if size - at > 2 and buffer[at + 2] > SIGNED_FLAG:
+        return _Verdict.UNKNOWN_FLAGS
+    if size - at >= _HEADER_2_SIZE:
+        known = _KNOWN.get(int.from_bytes(buffer[at + 7 : at + 10], "little"))
+        if known is None:
+            return _Verdict.UNKNOWN_ID
+    return _Verdict.INCOMPLETE
+
+
+def _frame_v1_at(buffer: bytes, at: int, size: int) -> Frame | _Verdict:
+    """The MAVLink 1 frame whose start marker is at `at`, or why there is none."""
+    if buffer[at] != _MARKER_1:
+        return _Verdict.NO_MARKER
+    if size - at < _HEADER_1_SIZE:
+        return _Verdict.INCOMPLETE
+    length, seq, sysid, compid, msg_id = _UNPACK_HEADER_1(buffer, at)
+    known = _KNOWN.get(msg_id)
+    if known is None:
+        return _Verdict.UNKNOWN_ID
+    crc_extra, full_size, base_size, carries_bytes = known
+    if not base_size <= length <= full_size:
+        return _Verdict.BAD_LENGTH
+    payload_at = at + _HEADER_1_SIZE
+    checksum_at = payload_at + length
+    end = checksum_at + CHECKSUM_SIZE
+    if end > size:
+        return _Verdict.INCOMPLETE_CARRIER if carries_bytes else _Verdict.INCOMPLETE
+    checksum = _checksum(crc_extra, _checksum(buffer[at + 1 : checksum_at]))
+    if checksum != buffer[checksum_at] | buffer[checksum_at + 1] << 8:
+        return _Verdict.BAD_CRC
+    payload = buffer[payload_at:checksum_at]
+    return Frame(msg_id, sysid, compid, seq, payload, 1, False, buffer[at:end])

@@ -1,0 +1,117 @@
+"""The MAVLink dialect as tables: what each known message id looks like on the wire.
+
+pymavlink's generated dialect is the one source; nothing about a message is written down here.
+"""
+
+from typing import NamedTuple
+
+from fastcrc import crc16
+from pymavlink.dialects.v20 import ardupilotmega
+
+SIZES = {
+    "char": 1,
+    "uint8_t": 1,
+    "int8_t": 1,
+    "uint16_t": 2,
+    "int16_t": 2,
+    "uint32_t": 4,
+    "int32_t": 4,
+    "uint64_t": 8,
+    "int64_t": 8,
+    "float": 4,
+    "double": 8,
+}
+"""Bytes of one element of each field type."""
+
+_SHORTEST_FRAME = 8  # a MAVLink 1 frame around an empty payload
+
+
+class WireField(NamedTuple):
+    """One field of a message.
+
+    Attributes:
+        name: as in the dialect.
+        type_name: element type, a key of `SIZES`.
+        length: elements of an array (characters of a text); 0 for a scalar.
+    """
+
+    name: str
+    type_name: str
+    length: int
+
+    @property
+    def size(self) -> int:
+        """Bytes on the wire."""
+        return SIZES[self.type_name] * max(self.length, 1)
+
+
+class MessageLayout(NamedTuple):
+    """One message of the dialect.
+
+    Attributes:
+        msg_id: message id.
+        name: such as ``RAW_IMU``.
+        wire_fields: fields in the order of the wire.
+        field_names: fields in the order of the dialect's definition.
+        size: payload bytes of all fields, extensions included.
+        base_size: payload bytes without the MAVLink 2 extension fields (never too large).
+        crc_extra: the byte that ends every checksum of this message.
+        carries_bytes: the payload has room for foreign bytes (file transfer, tunnel, log data), so
+            it may rightly contain whole MAVLink frames.
+    """
+
+    msg_id: int
+    name: str
+    wire_fields: tuple[WireField, ...]
+    field_names: tuple[str, ...]
+    size: int
+    base_size: int
+    crc_extra: int
+    carries_bytes: bool
+
+
+def _layout(message: type[ardupilotmega.MAVLink_message]) -> MessageLayout:
+    types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
+    fields = tuple(
+        WireField(name, types[name], length)
+        for name, length in zip(message.ordered_fieldnames, message.array_lengths, strict=True)
+    )
+    return MessageLayout(
+        msg_id=message.id,
+        name=message.msgname,
+        wire_fields=fields,
+        field_names=tuple(message.fieldnames),
+        size=sum(field.size for field in fields),
+        base_size=_base_size(message.msgname, fields, message.crc_extra),
+        crc_extra=message.crc_extra,
+        carries_bytes=any(
+            field.type_name in ("uint8_t", "int8_t") and field.length >= _SHORTEST_FRAME
+            for field in fields
+        ),
+    )
+
+
+def _base_size(name: str, fields: tuple[WireField, ...], crc_extra: int) -> int:
+    """Payload bytes without extension fields.
+
+    The generated tables do not tell base fields from extensions, but CRC_EXTRA is a checksum over
+    the definition of the base fields alone, so the shortest list of fields that gives it ends
+    before the extensions. A chance hit (3 of 301 messages) is shorter than the truth: checks
+    that rest on this size become more lenient, never stricter.
+    """
+    checksum = crc16.mcrf4xx(f"{name} ".encode())
+    size = 0
+    for field in fields:
+        checksum = crc16.mcrf4xx(f"{field.type_name} {field.name} ".encode(), checksum)
+        if field.length:
+            checksum = crc16.mcrf4xx(bytes([field.length]), checksum)
+        size += field.size
+        if (checksum & 0xFF) ^ (checksum >> 8) == crc_extra:
+            return size
+    raise AssertionError(f"{name}: CRC_EXTRA {crc_extra} fits no prefix of its fields")
+
+
+LAYOUTS: dict[int, MessageLayout] = {
+    msg_id: _layout(message) for msg_id, message in ardupilotmega.mavlink_map.items()
+}
+"""Every message of the dialect by id."""
