@@ -144,7 +144,7 @@ def from_matrix(R: Matrix3) -> Quat:
 
 
 def from_euler(roll: float, pitch: float, yaw: float) -> Quat:
-    """The q_nb of the z-y-x sequence: yaw about down, then pitch about east', then roll about nose."""
+    """The q_nb of the z-y-x sequence: yaw about down, then pitch, then roll."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
     cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
