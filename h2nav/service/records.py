@@ -35,8 +35,8 @@ class ImuRecord(NamedTuple):
 
 def imu_record(sample: ImuSample) -> ImuRecord:
     """Flattens a sample."""
-    field = sample.m_b_ut or (None, None, None)
-    return ImuRecord(sample.t_us, *sample.w_b, *sample.f_b, *field, sample.clipped)
+    mag_x, mag_y, mag_z = sample.m_b_ut or (None, None, None)
+    return ImuRecord(sample.t_us, *sample.w_b, *sample.f_b, mag_x, mag_y, mag_z, sample.clipped)
 
 
 class EstimateRecord(NamedTuple):
@@ -124,11 +124,11 @@ class RejectionRecord(NamedTuple):
 
     Attributes:
         reason: such as duplicate, late, non_finite, zero_force, other_sender.
-        count: since start.
+        total: since start.
     """
 
     reason: str
-    count: int
+    total: int
 
 
 class TimeSyncRecord(NamedTuple):

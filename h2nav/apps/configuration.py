@@ -1,0 +1,166 @@
+"""The daemon's configuration file: its sections, their defaults, and what cannot work together."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from h2nav.errors import BadInput
+from h2nav.io import strict_yaml
+from h2nav.service.settings import (
+    AidingSettings,
+    AutopilotSettings,
+    NorthSettings,
+    OutputSettings,
+    ServiceSettings,
+)
+from h2nav.validation import OneOf, Within
+
+# Bytes on the wire per message (MAVLink 2, unsigned, as observed), for the bandwidth check.
+IMU_FRAME_BYTES = 74
+ATTITUDE_FRAME_BYTES = 40
+ATTITUDE_QUATERNION_FRAME_BYTES = 44
+OTHER_TRAFFIC_BYTES_S = 600
+BITS_PER_SERIAL_BYTE = 10
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSettings:
+    """The way to the autopilot.
+
+    Attributes:
+        url: udpin:HOST:PORT, udpout:HOST:PORT, serial:DEVICE:BAUD or tcp:HOST:PORT.
+    """
+
+    url: str = "udpin:0.0.0.0:14550"
+
+
+@dataclass(frozen=True, slots=True)
+class FilterSettings:
+    """Which estimator runs.
+
+    Attributes:
+        name: `default`, or `two_stage` for the first form.
+        arithmetic: `float`, or `fixed` for the integers that microcontrollers run.
+        vehicle_class: `auto` = from the type in the autopilot's heartbeat.
+        gains: a gain file; `auto` = the shipped one for class (or sensor) and rate.
+        sensor: whose shipped gains `two_stage` takes.
+        gyro_sampling: `mean` where the sensor integrates between samples (all usual ones),
+            `instant` where it does not.
+    """
+
+    name: Annotated[str, OneOf(("default", "two_stage"))] = "default"
+    arithmetic: Annotated[str, OneOf(("float", "fixed"))] = "float"
+    vehicle_class: Annotated[
+        str, OneOf(("auto", "handheld", "multirotor", "fixed-wing", "rover"))
+    ] = "auto"
+    gains: str = "auto"
+    sensor: Annotated[str, OneOf(("mpu9250", "icm42688", "bmi088"))] = "mpu9250"
+    gyro_sampling: Annotated[str, OneOf(("mean", "instant"))] = "mean"
+
+
+@dataclass(frozen=True, slots=True)
+class LogSettings:
+    """The MCAP log.
+
+    Attributes:
+        folder: where logs go; empty = no log.
+        max_file_mb: size at which a new file is begun.
+        max_file_minutes: age at which a new file is begun.
+        max_files: how many of our files stay; the oldest are deleted.
+        min_free_mb: free space that is left on the disk.
+    """
+
+    folder: str = ""
+    max_file_mb: Annotated[int, Within(1, 100_000)] = 512
+    max_file_minutes: Annotated[int, Within(1, 100_000)] = 60
+    max_files: Annotated[int, Within(1, 100_000)] = 100
+    min_free_mb: Annotated[int, Within(0, 1_000_000)] = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """The whole file, one field per section."""
+
+    link: LinkSettings = field(default_factory=LinkSettings)
+    autopilot: AutopilotSettings = field(default_factory=AutopilotSettings)
+    output: OutputSettings = field(default_factory=OutputSettings)
+    north: NorthSettings = field(default_factory=NorthSettings)
+    aiding: AidingSettings = field(default_factory=AidingSettings)
+    filter: FilterSettings = field(default_factory=FilterSettings)
+    log: LogSettings = field(default_factory=LogSettings)
+
+    @property
+    def service(self) -> ServiceSettings:
+        """The sections that the service reads."""
+        return ServiceSettings(self.autopilot, self.output, self.north, self.aiding)
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Every key with its value, as the file would show it; for the log and for replay."""
+        return dataclasses.asdict(self)
+
+
+def read(path: Path) -> Configuration:
+    """Reads and checks a configuration file.
+
+    Raises:
+        BadInput: one line per error, naming file, key and remedy.
+    """
+    return build(strict_yaml.read_mapping(path), str(path))
+
+
+def build(mapping: dict[str, Any], place: str) -> Configuration:
+    """Checks a configuration that is already a mapping.
+
+    Raises:
+        BadInput: one line per error.
+    """
+    configuration = strict_yaml.into_record(Configuration, mapping, place)
+    complaints = [f"{place}: {complaint}" for complaint in contradictions(configuration)]
+    if complaints:
+        raise BadInput(*complaints)
+    return configuration
+
+
+def contradictions(configuration: Configuration) -> list[str]:
+    """What is well-formed and yet cannot work, each with key and remedy."""
+    return [*_link_complaints(configuration.link.url), *_bandwidth_complaints(configuration)]
+
+
+def _link_complaints(url: str) -> list[str]:
+    from h2nav.io.link_urls import parse_link_url
+
+    try:
+        parse_link_url(url)
+    except BadInput as error:
+        return [f"link.url: {line}" for line in error.lines]
+    return []
+
+
+def _bandwidth_complaints(configuration: Configuration) -> list[str]:
+    """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
+    kind, _, rest = configuration.link.url.partition(":")
+    baud = rest.replace(",", ":").rpartition(":")[2]
+    if kind != "serial" or not baud.isdigit():
+        return []
+    capacity = int(baud) / BITS_PER_SERIAL_BYTE
+    asked = configuration.autopilot
+    inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + OTHER_TRAFFIC_BYTES_S
+    output = configuration.output
+    outbound = (
+        output.attitude_rate_hz * ATTITUDE_FRAME_BYTES
+        + output.attitude_quaternion_rate_hz * ATTITUDE_QUATERNION_FRAME_BYTES
+    )
+    complaints = []
+    if inbound > capacity:
+        best_hz = max(0.0, (capacity - OTHER_TRAFFIC_BYTES_S) / IMU_FRAME_BYTES)
+        complaints.append(
+            f"autopilot.imu_rate_hz: {asked.imu_rate_hz:g} Hz needs {inbound:.0f} B/s, {baud} baud "
+            f"carries {capacity:.0f}; lower it to {best_hz:.0f} or raise the baud rate in link.url"
+        )
+    if outbound > capacity:
+        complaints.append(
+            f"output.attitude_rate_hz: the outputs need {outbound:.0f} B/s, {baud} baud carries "
+            f"{capacity:.0f}; lower their rates or raise the baud rate in link.url"
+        )
+    return complaints

@@ -1,0 +1,106 @@
+"""The daemon's loop: one thread waits for the link and the clock, and does everything in turn.
+
+Only the log's disk writes happen elsewhere (the recorder's thread). Nothing in the loop raises on
+bad input, blocks on a peer, or runs more often than there is work.
+"""
+
+import select
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from h2nav.apps.pipeline import Pipeline
+from h2nav.io.links import Link
+from h2nav.io.service_manager import ServiceManager
+
+LONGEST_WAIT_NS = 100_000_000
+LINK_RECORD_NS = 1_000_000_000
+CLOCK_STEP_NS = 500_000_000
+
+
+class StopSignals:
+    """SIGTERM and SIGINT as a flag and as something that `select` wakes up for."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        self.wake, self._waker = socket.socketpair()
+        self._waker.setblocking(False)
+        self.wake.setblocking(False)
+
+    @contextmanager
+    def installed(self) -> Iterator["StopSignals"]:
+        """The handlers are in place inside the block."""
+        before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        before_fd = signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
+        for number in before:
+            signal.signal(number, self._stop)
+        try:
+            yield self
+        finally:
+            signal.set_wakeup_fd(before_fd)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            self.wake.close()
+            self._waker.close()
+
+    def _stop(self, _number: int, _frame: FrameType | None) -> None:
+        self.stopped = True
+
+
+class Daemon:
+    """Link, pipeline and clock, turned by `turn`.
+
+    Args:
+        link: to the autopilot.
+        pipeline: what is done with its bytes.
+        unix_offset_ns: host UNIX time minus monotonic time at the start.
+        manager: systemd, if it is there.
+    """
+
+    def __init__(
+        self, link: Link, pipeline: Pipeline, unix_offset_ns: int, manager: ServiceManager
+    ) -> None:
+        self._link = link
+        self._pipeline = pipeline
+        self._unix_offset_ns = unix_offset_ns
+        self._manager = manager
+        self._record_ns = 0
+
+    def run(self, stop: StopSignals, until_ns: int | None = None) -> None:
+        """Works until a stop signal, or until a monotonic time."""
+        self._manager.ready()
+        while not stop.stopped:
+            now_ns = time.monotonic_ns()
+            if until_ns is not None and now_ns >= until_ns:
+                break
+            self.turn(now_ns, stop.wake)
+        self._manager.stopping()
+
+    def turn(self, now_ns: int, wake: socket.socket) -> None:
+        """One round: look after the link, wait, read, work, do what the clock wants."""
+        self._link.maintain(now_ns)
+        self._pipeline.link(now_ns, self._link.is_up)
+        wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
+        descriptor = self._link.fileno()
+        waiting = [wake] if descriptor is None else [wake, descriptor]
+        readable, _, _ = select.select(waiting, [], [], wait_ns * 1e-9)
+        if descriptor is not None and descriptor in readable:
+            for data in self._link.read():
+                self._pipeline.received(time.monotonic_ns(), data)
+        now_ns = time.monotonic_ns()
+        self._pipeline.tick(now_ns)
+        self._manager.alive(now_ns)
+        if now_ns >= self._record_ns:
+            self._record_ns = now_ns + LINK_RECORD_NS
+            self._pipeline.record_link(now_ns)
+            self._watch_clock(now_ns)
+
+    def _watch_clock(self, now_ns: int) -> None:
+        """Notes a step of the host's UNIX clock; nothing but the log depends on it."""
+        step_ns = time.time_ns() - now_ns - self._unix_offset_ns
+        if abs(step_ns) > CLOCK_STEP_NS:
+            self._unix_offset_ns += step_ns
+            self._pipeline.note(now_ns, f"host clock stepped by {step_ns * 1e-9:+.1f} s")

@@ -1,0 +1,168 @@
+"""From received bytes to carried-out effects: the same for the daemon and for a replay."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from h2nav.io import codec
+from h2nav.io.deframer import Deframer, DeframerCounters, Frame
+from h2nav.io.recorder import Recorder
+from h2nav.service.effects import Effect, Notice, Record, Send, Severity
+from h2nav.service.records import EstimateRecord
+from h2nav.service.service import Service
+
+LINK_NAME = "autopilot"
+
+
+class LinkRecord(NamedTuple):
+    """What has come through the link so far.
+
+    Attributes:
+        bytes_in: received.
+        frames: good frames.
+        bad_crc: start markers whose frame did not check out.
+        unknown_id: frames of ids that the dialect does not know.
+        bad_length: start markers with impossible lengths.
+        unknown_flags: start markers with flags that we do not know.
+        truncated: frames that never became complete.
+        skipped_bytes: bytes outside of good frames.
+    """
+
+    bytes_in: int
+    frames: int
+    bad_crc: int
+    unknown_id: int
+    bad_length: int
+    unknown_flags: int
+    truncated: int
+    skipped_bytes: int
+
+
+def link_record(counters: DeframerCounters) -> LinkRecord:
+    """Flattens the deframer's counters."""
+    return LinkRecord(*(getattr(counters, name) for name in LinkRecord._fields))
+
+
+class Watcher(Protocol):
+    """Somebody who looks on: the status line, the error table of a replay."""
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """A good frame came, whatever its message."""
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        """An estimate was made."""
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        """The service has something to tell."""
+
+
+class Pipeline:
+    """Deframes, decodes, asks the service, and carries out what it wants.
+
+    Args:
+        service: the behaviour.
+        component_id: ours, for outgoing frames.
+        unix_offset_ns: host UNIX time minus host monotonic time, constant for a run, so that a
+            log's times give back the monotonic ones exactly.
+        send: puts a frame on the link; None where nobody listens (replay).
+        recorder: the log; None without one.
+        watcher: who looks on.
+    """
+
+    def __init__(
+        self,
+        service: Service,
+        component_id: int,
+        unix_offset_ns: int,
+        send: Callable[[bytes], object] | None,
+        recorder: Recorder | None,
+        watcher: Watcher,
+    ) -> None:
+        self.service = service
+        self.deframer = Deframer()
+        self._component_id = component_id
+        self._system_id = service.system_id
+        self._encoder = codec.Encoder(self._system_id, component_id)
+        self._unix_offset_ns = unix_offset_ns
+        self._send = send
+        self._recorder = recorder
+        self._watcher = watcher
+        self._message_ids = service.message_ids
+        self._timer_ns = 0
+
+    @property
+    def next_timer_ns(self) -> int:
+        """When `tick` has something to do."""
+        return self._timer_ns
+
+    def received(self, t_ns: int, data: bytes) -> None:
+        """Takes one datagram or chunk as it came from the link."""
+        if self._recorder is not None:
+            self._recorder.raw(LINK_NAME, t_ns + self._unix_offset_ns, data)
+        for frame in self.deframer.feed(data):
+            self._watcher.frame(t_ns, frame)
+            if frame.msg_id in self._message_ids:
+                sender = (frame.sysid, frame.compid)
+                fields = codec.decode(frame)
+                self._carry_out(t_ns, self.service.on_message(t_ns, sender, frame.msg_id, fields))
+
+    def tick(self, t_ns: int) -> None:
+        """Runs what is due by the clock, if anything is."""
+        if t_ns >= self._timer_ns:
+            self._carry_out(t_ns, self.service.on_timer(t_ns))
+            self._timer_ns = self.service.next_timer_ns(t_ns)
+
+    def link(self, t_ns: int, is_up: bool) -> None:
+        """Tells the service that the link is up or down."""
+        self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
+
+    def record_link(self, t_ns: int) -> None:
+        """Writes the link's counters to the log."""
+        if self._recorder is not None:
+            record = link_record(self.deframer.counters)
+            self._recorder.record("/link", record, t_ns + self._unix_offset_ns)
+
+    def note(self, t_ns: int, text: str) -> None:
+        """Tells people something that the service does not know of."""
+        self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
+
+    def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
+        for effect in effects:
+            if isinstance(effect, Record):
+                self._record(t_ns, effect)
+            elif isinstance(effect, Send):
+                self._send_message(t_ns, effect)
+            elif isinstance(effect, Notice):
+                self._watcher.notice(t_ns, effect.severity, effect.text)
+                if self._recorder is not None:
+                    unix_ns = t_ns + self._unix_offset_ns
+                    self._recorder.text(unix_ns, effect.severity.name, effect.text)
+
+    def _record(self, t_ns: int, effect: Record) -> None:
+        record = effect.record
+        if isinstance(record, EstimateRecord):
+            self._watcher.estimate(t_ns, record)
+        if self._recorder is None:
+            return
+        unix_ns = t_ns + self._unix_offset_ns
+        self._recorder.record(effect.topic, record, unix_ns, self._publish_ns(t_ns, effect.t_us))
+        if isinstance(record, EstimateRecord):
+            q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
+            self._recorder.transform(unix_ns, q_nb)
+
+    def _publish_ns(self, t_ns: int, t_us: int | None) -> int | None:
+        """The autopilot's time as host UNIX time, once the clocks are related."""
+        offset_ns = self.service.time_sync.offset_ns(t_ns)
+        if t_us is None or offset_ns is None:
+            return None
+        return t_us * 1000 - offset_ns + self._unix_offset_ns
+
+    def _send_message(self, t_ns: int, effect: Send) -> None:
+        if self._send is None:
+            return
+        if effect.system_id != self._system_id:
+            self._system_id = effect.system_id
+            self._encoder = codec.Encoder(effect.system_id, self._component_id)
+        frame = self._encoder.encode(effect.message)
+        self._send(frame)
+        if self._recorder is not None:
+            self._recorder.sent(LINK_NAME, t_ns + self._unix_offset_ns, frame)

@@ -1,0 +1,45 @@
+"""The World Magnetic Model, read from pygeomag's coefficient files."""
+
+import datetime
+import math
+
+from h2nav.attitude.samples import EarthField
+
+NT_PER_UT = 1000.0
+# The years of the coefficient files that pygeomag brings.
+MODELS_FROM, MODELS_UNTIL = 2010.0, 2029.99
+# The model cannot give a declination where the horizontal field nearly vanishes.
+SMALLEST_HORIZONTAL_UT = 2.0
+
+
+def earth_field_at(
+    latitude_deg: float, longitude_deg: float, altitude_m: float, unix_s: float
+) -> EarthField | None:
+    """The earth's field at a place and time.
+
+    Args:
+        latitude_deg: WGS84.
+        longitude_deg: WGS84.
+        altitude_m: above sea level.
+        unix_s: date; one outside the models' years is taken to their nearest end.
+
+    Returns:
+        The field; None near the magnetic poles, where there is no usable declination.
+    """
+    from pygeomag import GeoMag
+
+    year = min(max(_decimal_year(unix_s), MODELS_FROM), MODELS_UNTIL)
+    model = GeoMag(base_year=year)
+    result = model.calculate(
+        glat=latitude_deg, glon=longitude_deg, alt=altitude_m * 1e-3, time=year
+    )
+    if result.h / NT_PER_UT < SMALLEST_HORIZONTAL_UT:
+        return None
+    return EarthField(result.f / NT_PER_UT, math.radians(result.i), math.radians(result.d))
+
+
+def _decimal_year(unix_s: float) -> float:
+    moment = datetime.datetime.fromtimestamp(unix_s, datetime.UTC)
+    start = datetime.datetime(moment.year, 1, 1, tzinfo=datetime.UTC)
+    end = datetime.datetime(moment.year + 1, 1, 1, tzinfo=datetime.UTC)
+    return moment.year + (moment - start) / (end - start)

@@ -1,0 +1,118 @@
+"""What we answer to others: commands and parameters."""
+
+from collections import namedtuple
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.service.commands import Commands
+from h2nav.service.outputs import Outputs
+from h2nav.service.parameters import Parameters
+from h2nav.service.settings import OutputSettings
+
+Command = namedtuple("Command", "command param1 param2")
+ParamRead = namedtuple("ParamRead", "param_id param_index")
+ParamSet = namedtuple("ParamSet", "param_id param_value")
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
+ASKER = (255, 190)
+
+
+def answers(command, param1=0.0, param2=0.0, may_change=False):
+    outputs = Outputs(OutputSettings())
+    messages = Commands(outputs, may_change).answer(Command(command, param1, param2), ASKER)
+    return messages, outputs
+
+
+def result(messages):
+    assert messages[0].get_type() == "COMMAND_ACK"
+    assert (messages[0].target_system, messages[0].target_component) == ASKER
+    return messages[0].result
+
+
+def test_an_unknown_command_is_acknowledged_as_unsupported():
+    messages, _ = answers(mavlink.MAV_CMD_NAV_TAKEOFF)
+    assert result(messages) == mavlink.MAV_RESULT_UNSUPPORTED
+
+
+def test_autopilot_version_is_sent_when_asked_for():
+    for command, param in (
+        (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+        (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1),
+    ):
+        messages, _ = answers(command, float(param))
+        assert result(messages) == mavlink.MAV_RESULT_ACCEPTED
+        assert messages[1].get_type() == "AUTOPILOT_VERSION"
+        assert messages[1].pack(mavlink.MAVLink(None))
+
+
+def test_a_message_that_cannot_be_made_yet_is_put_off():
+    messages, _ = answers(mavlink.MAV_CMD_REQUEST_MESSAGE, float(ATTITUDE))
+    assert result(messages) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+def test_interval_is_told():
+    messages, _ = answers(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, float(ATTITUDE))
+    assert messages[1].interval_us == 20_000
+
+
+def test_rates_are_read_only_by_default():
+    messages, outputs = answers(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(ATTITUDE), 1e5)
+    assert result(messages) == mavlink.MAV_RESULT_DENIED
+    assert outputs.rate_hz(ATTITUDE) == 50.0
+
+
+@pytest.mark.parametrize(("interval_us", "rate_hz"), [(1e5, 10.0), (-1.0, 0.0), (0.0, 50.0)])
+def test_rates_change_where_that_is_allowed(interval_us, rate_hz):
+    messages, outputs = answers(
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(ATTITUDE), interval_us, may_change=True
+    )
+    assert result(messages) == mavlink.MAV_RESULT_ACCEPTED
+    assert outputs.rate_hz(ATTITUDE) == rate_hz
+
+
+@pytest.mark.parametrize("nonsense", [float("nan"), float("inf"), -5.0, 1e30])
+def test_nonsense_is_refused(nonsense):
+    messages, _ = answers(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, nonsense, may_change=True)
+    assert result(messages) == mavlink.MAV_RESULT_UNSUPPORTED
+    messages, outputs = answers(
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(ATTITUDE), float("nan"), may_change=True
+    )
+    assert result(messages) == mavlink.MAV_RESULT_DENIED
+    assert outputs.rate_hz(ATTITUDE) == 50.0
+
+
+def parameters(may_change=False):
+    outputs = Outputs(OutputSettings())
+    return Parameters(outputs, may_change), outputs
+
+
+def test_the_list_is_complete_and_numbered():
+    table, _ = parameters()
+    values = list(table.every_value())
+    assert [value.param_index for value in values] == list(range(len(values)))
+    assert {value.param_count for value in values} == {len(values)}
+    assert all(len(value.param_id) <= 16 for value in values)
+
+
+def test_reading_by_name_and_index_agree():
+    table, _ = parameters()
+    by_name = table.read(ParamRead("H2_ATT_HZ", -1))
+    assert by_name.param_value == 50.0
+    assert table.read(ParamRead("", by_name.param_index)).param_id == by_name.param_id
+    assert table.read(ParamRead("NOBODY", -1)) is None
+    assert table.read(ParamRead("", 99)) is None
+
+
+def test_a_refused_write_is_answered_with_the_value_that_stands():
+    table, outputs = parameters()
+    assert table.write(ParamSet("H2_ATT_HZ", 5.0)).param_value == 50.0
+    assert outputs.rate_hz(ATTITUDE) == 50.0
+
+
+def test_an_allowed_write_is_kept_within_limits():
+    table, outputs = parameters(may_change=True)
+    assert table.write(ParamSet("H2_ATT_HZ", 5.0)).param_value == 5.0
+    table.write(ParamSet("H2_ATT_HZ", 1e9))
+    assert outputs.rate_hz(ATTITUDE) == 1000.0
+    table.write(ParamSet("H2_ATT_HZ", float("nan")))
+    assert outputs.rate_hz(ATTITUDE) == 1000.0
