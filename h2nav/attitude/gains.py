@@ -1,0 +1,333 @@
+"""Gains computed in advance: the envelope of a gain file and the records that filters take.
+
+A gain file is YAML; `parse_gain_file` takes it as plain mappings, so nothing here opens a file.
+The two-stage gains also have a closed form, which serves places whose field differs from the
+one that the file was made for.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from h2nav.attitude.samples import EarthField
+from h2nav.errors import BadInput
+
+FORMAT = "h2nav-gains/1"
+KINDS = ("two_stage", "shaped")
+MAX_RATE_HZ = 4000.0
+# Accelerometer weights that the two-stage filter has a gain for: the first for a vehicle whose
+# force is gravity alone, the others for one that accelerates; a factor 4 each (Eq. 3.14).
+FORCE_WEIGHTS = tuple(0.25**level for level in range(7))
+
+_DEG = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class GainFile:
+    """The envelope that every kind of gain file shares.
+
+    Attributes:
+        kind: which filter the gains are for, one of `KINDS`.
+        name: unique among the shipped files.
+        rate_hz: sample rate the gains are optimal for.
+        model: the physical inputs, units in the key names.
+        gains: what the filter takes, complete in itself.
+        methods: per synthesis method its gain and H2 norm.
+        certificate: what `h2nav certify` checks.
+        fixed_point: the integer image of the gains.
+        made_by: program and version.
+    """
+
+    kind: str
+    name: str
+    rate_hz: float
+    model: Mapping[str, object]
+    gains: Mapping[str, object]
+    methods: Mapping[str, object]
+    certificate: Mapping[str, object]
+    fixed_point: Mapping[str, object]
+    made_by: str
+
+
+class SensorDensities(NamedTuple):
+    """What the two-stage gains are made from: two-sided noise densities and the field.
+
+    A sample at rate f of noise with density n has the variance n^2 f.
+
+    Attributes:
+        gyro: rad/s/sqrt(Hz).
+        bias_walk: rad/s/sqrt(s).
+        accelerometer: m/s^2/sqrt(Hz).
+        magnetometer: microtesla/sqrt(Hz).
+        gravity_m_s2: size of the gravity vector.
+        field: the earth field; its declination plays no part.
+    """
+
+    gyro: float
+    bias_walk: float
+    accelerometer: float
+    magnetometer: float
+    gravity_m_s2: float
+    field: EarthField
+
+
+class GainLevel(NamedTuple):
+    """K_b of Eq. (3.4) for one accelerometer weight: the non-zero entries of a (3, 3) matrix.
+
+    Magnetic NED, rad^2: rotation per unit of information-weighted innovation. The plane of
+    north and down holds both reference vectors, so east is coupled with neither.
+
+    Attributes:
+        force_weight: factor on the accelerometer's information, 0 < weight <= 1.
+        k_nn, k_ee, k_dd: diagonal.
+        k_nd: coupling of north and down.
+    """
+
+    force_weight: float
+    k_nn: float
+    k_ee: float
+    k_dd: float
+    k_nd: float
+
+
+class TwoStageGains(NamedTuple):
+    """Everything precomputed that `TwoStageFilter` takes.
+
+    Attributes:
+        name: of the gain file.
+        rate_hz: nominal sample rate.
+        densities: noise and field that the gains are optimal for.
+        levels: one gain per accelerometer weight, weights falling from 1.
+    """
+
+    name: str
+    rate_hz: float
+    densities: SensorDensities
+    levels: tuple[GainLevel, ...]
+
+
+def design_two_stage(densities: SensorDensities, rate_hz: float, name: str) -> TwoStageGains:
+    """The gains in closed form, one level per entry of `FORCE_WEIGHTS`.
+
+    Args:
+        densities: all noise > 0; |dip| < 90 deg.
+        rate_hz: sample rate.
+        name: kept in the result.
+
+    Source: docs/derivation.md Eq. (3.5) - (3.7).
+    """
+    levels = tuple(_level(densities, rate_hz, weight) for weight in FORCE_WEIGHTS)
+    return TwoStageGains(name, rate_hz, densities, levels)
+
+
+def gains_at(gains: TwoStageGains, field: EarthField) -> TwoStageGains:
+    """The same sensors' gains at another place, in closed form."""
+    densities = gains.densities._replace(field=field)
+    return design_two_stage(densities, gains.rate_hz, gains.name)
+
+
+def information(densities: SensorDensities, rate_hz: float) -> tuple[float, float]:
+    """What one sample tells, 1/rad^2: of the two tilts, and of a turn square to the field.
+
+    Source: docs/derivation.md Eq. (2.9).
+    """
+    force = densities.gravity_m_s2**2 / (densities.accelerometer**2 * rate_hz)
+    field = densities.field.norm_ut**2 / (densities.magnetometer**2 * rate_hz)
+    return force, field
+
+
+def _level(densities: SensorDensities, rate_hz: float, weight: float) -> GainLevel:
+    force, field = information(densities, rate_hz)
+    sine, cosine = math.sin(densities.field.dip_rad), math.cos(densities.field.dip_rad)
+    # M in the plane of north and down, and its eigenframe: a turn about east.
+    m_nn = weight * force + field * sine * sine
+    m_dd = field * cosine * cosine
+    m_nd = -field * sine * cosine
+    turn = 0.5 * math.atan2(2.0 * m_nd, m_nn - m_dd)
+    c, s = math.cos(turn), math.sin(turn)
+    first = c * c * m_nn + 2.0 * c * s * m_nd + s * s * m_dd
+    # The determinant keeps the digits of the small eigenvalue.
+    second = weight * force * m_dd / first
+    k_1 = _axis_gain(densities.gyro, rate_hz, first)
+    k_2 = _axis_gain(densities.gyro, rate_hz, second)
+    return GainLevel(
+        force_weight=weight,
+        k_nn=c * c * k_1 + s * s * k_2,
+        k_ee=_axis_gain(densities.gyro, rate_hz, weight * force + field),
+        k_dd=s * s * k_1 + c * c * k_2,
+        k_nd=c * s * (k_1 - k_2),
+    )
+
+
+def _axis_gain(gyro: float, rate_hz: float, mu: float) -> float:
+    """Posterior variance of one bias-free axis in steady state: the optimal gain on zeta.
+
+    Source: docs/derivation.md Eq. (3.6), (3.7).
+    """
+    q = gyro * gyro / rate_hz
+    prior = 0.5 * (q + math.sqrt(q * q + 4.0 * q / mu))
+    return prior / (1.0 + prior * mu)
+
+
+# --- plain mappings ------------------------------------------------------------------------------
+
+_SECTIONS = ("model", "gains", "methods", "certificate", "fixed_point")
+_ENVELOPE = ("format", "kind", "name", "rate_hz", *_SECTIONS, "made_by")
+_LEVEL_KEYS = {
+    "force_weight": "force_weight",
+    "k_nn_rad2": "k_nn",
+    "k_ee_rad2": "k_ee",
+    "k_dd_rad2": "k_dd",
+    "k_nd_rad2": "k_nd",
+}
+# key -> (lowest, highest) of the numbers in a two_stage `gains` section.
+_DENSITY_LIMITS = {
+    "gyro_noise_rad_s_rthz": (1e-9, 1.0),
+    "gyro_bias_walk_rad_s_rts": (0.0, 1.0),
+    "accelerometer_noise_m_s2_rthz": (1e-7, 100.0),
+    "magnetometer_noise_ut_rthz": (1e-6, 1000.0),
+    "gravity_m_s2": (9.7, 9.9),
+    "field_norm_ut": (1.0, 200.0),
+    "field_dip_deg": (-89.9, 89.9),
+}
+
+
+def parse_gain_file(document: object, place: str) -> GainFile:
+    """The envelope of a gain file, strictly checked; its sections stay plain mappings.
+
+    Args:
+        document: the file as mappings, lists and scalars.
+        place: the file's name, for errors.
+
+    Raises:
+        BadInput: one line per error, each naming the file and the key.
+    """
+    if not isinstance(document, Mapping):
+        raise BadInput(f"{place}: expected a mapping that begins with format: {FORMAT}")
+    if document.get("format") != FORMAT:
+        raise BadInput(
+            f"{place}: format: expected {FORMAT}, found {document.get('format')!r}; "
+            "make the file again with h2nav synthesize"
+        )
+    errors = _key_errors(document, _ENVELOPE, place, "")
+    if "kind" in document and document["kind"] not in KINDS:
+        errors.append(f"{place}: kind: expected one of {', '.join(KINDS)}")
+    errors += [
+        f"{place}: {key}: expected a text that is not empty"
+        for key in ("name", "made_by")
+        if key in document and (not isinstance(document[key], str) or not document[key])
+    ]
+    errors += [
+        f"{place}: {key}: expected a mapping"
+        for key in _SECTIONS
+        if key in document and not isinstance(document[key], Mapping)
+    ]
+    if "rate_hz" in document and not _within(document["rate_hz"], 1.0, MAX_RATE_HZ):
+        errors.append(f"{place}: rate_hz: expected a number from 1 to {MAX_RATE_HZ:g}")
+    if errors:
+        raise BadInput(*errors)
+    return GainFile(
+        kind=document["kind"],
+        name=document["name"],
+        rate_hz=float(document["rate_hz"]),
+        made_by=document["made_by"],
+        **{section: document[section] for section in _SECTIONS},
+    )
+
+
+def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
+    """The record that the two-stage filter takes, from a gain file of its kind.
+
+    Raises:
+        BadInput: one line per error, each naming the file and the key.
+    """
+    if file.kind != "two_stage":
+        raise BadInput(f"{place}: kind: expected two_stage for this filter, found {file.kind}")
+    section = file.gains
+    errors = _key_errors(section, (*_DENSITY_LIMITS, *_LEVEL_KEYS), place, "gains.")
+    for key, (low, high) in _DENSITY_LIMITS.items():
+        if key in section and not _within(section[key], low, high):
+            errors.append(f"{place}: gains.{key}: expected a number from {low:g} to {high:g}")
+    if not errors:
+        errors = _level_errors(section, place)
+    if errors:
+        raise BadInput(*errors)
+    values = {key: float(str(section[key])) for key in _DENSITY_LIMITS}
+    densities = SensorDensities(
+        values["gyro_noise_rad_s_rthz"],
+        values["gyro_bias_walk_rad_s_rts"],
+        values["accelerometer_noise_m_s2_rthz"],
+        values["magnetometer_noise_ut_rthz"],
+        values["gravity_m_s2"],
+        EarthField(values["field_norm_ut"], values["field_dip_deg"] * _DEG, 0.0),
+    )
+    columns = [_numbers(section[key]) for key in _LEVEL_KEYS]
+    levels = tuple(GainLevel(*row) for row in zip(*columns, strict=True))
+    return TwoStageGains(file.name, file.rate_hz, densities, levels)
+
+
+def two_stage_section(gains: TwoStageGains) -> dict[str, object]:
+    """The `gains` section of a file; `two_stage_gains` reads it back to the last bit but the dip.
+
+    The dip goes through degrees, which costs one rounding.
+    """
+    n = gains.densities
+    section: dict[str, object] = {
+        "gyro_noise_rad_s_rthz": n.gyro,
+        "gyro_bias_walk_rad_s_rts": n.bias_walk,
+        "accelerometer_noise_m_s2_rthz": n.accelerometer,
+        "magnetometer_noise_ut_rthz": n.magnetometer,
+        "gravity_m_s2": n.gravity_m_s2,
+        "field_norm_ut": n.field.norm_ut,
+        "field_dip_deg": n.field.dip_rad / _DEG,
+    }
+    for key, attribute in _LEVEL_KEYS.items():
+        section[key] = [getattr(level, attribute) for level in gains.levels]
+    return section
+
+
+def _key_errors(
+    section: Mapping[str, object], expected: Sequence[str], place: str, prefix: str
+) -> list[str]:
+    missing = [
+        f"{place}: {prefix}{key}: missing; make the file again with h2nav synthesize"
+        for key in expected
+        if key not in section
+    ]
+    unknown = [
+        f"{place}: {prefix}{key}: unknown key; expected only {', '.join(expected)}"
+        for key in section
+        if key not in expected
+    ]
+    return missing + unknown
+
+
+def _level_errors(section: Mapping[str, object], place: str) -> list[str]:
+    columns = {key: _numbers(section[key]) for key in _LEVEL_KEYS}
+    count = len(columns["force_weight"])
+    errors = [
+        f"{place}: gains.{key}: expected a list of {max(count, 1)} finite numbers, one per level"
+        for key, column in columns.items()
+        if len(column) != count or not column
+    ]
+    weights = columns["force_weight"]
+    falling = all(a > b > 0.0 for a, b in zip(weights, weights[1:], strict=False))
+    if weights and not (falling and weights[0] == 1.0):
+        errors.append(f"{place}: gains.force_weight: expected weights that fall from 1 towards 0")
+    for key in ("k_nn_rad2", "k_ee_rad2", "k_dd_rad2"):
+        if any(k <= 0.0 for k in columns[key]):
+            errors.append(f"{place}: gains.{key}: expected numbers > 0")
+    return errors
+
+
+def _numbers(value: object) -> list[float]:
+    """A list of finite numbers; empty when `value` is anything else."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return []
+    fine = all(_within(item, -1e300, 1e300) for item in value)
+    return [float(item) for item in value] if fine else []
+
+
+def _within(value: object, low: float, high: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
