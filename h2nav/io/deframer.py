@@ -7,12 +7,13 @@ The rules of this file:
 2. After anything that fails, the search goes on at the byte behind the failed start marker. So no
    damage costs an intact frame.
 3. A start marker whose frame is still incomplete does not hold back a good frame that lies inside
-   the bytes it asks for: the frame that is complete first wins. The exception are messages that
-   may rightly carry whole frames in their payload (`MessageLayout.carries_bytes`: file transfer,
-   tunnel, log data), at their known length: for those the deframer waits, so that frames out of
-   a downloaded log are never taken for live ones.
-4. The outcome depends on the bytes alone, not on how they are cut into pieces. At most 292 bytes
-   are kept between calls.
+   the bytes it asks for: the frame that is complete first wins. Two exceptions, for which the
+   deframer waits: messages that may rightly carry whole frames in their payload
+   (`MessageLayout.carries_bytes`: file transfer, tunnel, log data) at their known length, so that
+   frames out of a downloaded log are never taken for live ones; and the signature of a frame whose
+   checksum has fitted.
+4. The outcome depends on the bytes alone, not on how they are cut into pieces. Fewer than
+   `LONGEST_FRAME` bytes are kept between calls.
 5. Every byte ends in a frame or in `DeframerCounters.skipped_bytes`; every failed start marker is
    counted under one reason.
 
@@ -31,6 +32,7 @@ from h2nav.io.dialect import LAYOUTS
 SIGNED_FLAG = 0x01
 SIGNATURE_SIZE = 13  # link id, 48-bit time stamp, 48-bit hash
 CHECKSUM_SIZE = 2
+LONGEST_FRAME = 280  # MAVLink 2: header 10, payload 255, checksum 2, signature 13
 
 _MARKER_1, _MARKER_2 = 0xFE, 0xFD
 _HEADER_1_SIZE, _HEADER_2_SIZE = 6, 10
@@ -107,7 +109,7 @@ class _Verdict(IntEnum):
     """Why there is no frame at a start marker."""
 
     INCOMPLETE = 0
-    INCOMPLETE_CARRIER = 1  # incomplete, and frames inside its payload are its own business
+    AWAITED = 1  # incomplete, and nothing behind it may be given out before it is decided
     BAD_CRC = 2
     UNKNOWN_ID = 3
     BAD_LENGTH = 4
@@ -202,9 +204,9 @@ class Deframer:
                     at -= SIGNATURE_SIZE
                 continue
             rejects.append((at, found))
-            if found <= _Verdict.INCOMPLETE_CARRIER:
+            if found <= _Verdict.AWAITED:
                 held = min(held, at)
-                if found == _Verdict.INCOMPLETE_CARRIER and not ended:
+                if found == _Verdict.AWAITED and not ended:
                     break
             match = _FIND_START(buffer, at + 1)
             at = match.start() if match else size
@@ -265,13 +267,16 @@ def _frame_at(buffer: bytes, at: int, size: int) -> Frame | _Verdict:
         return _Verdict.UNKNOWN_ID
     payload_at = at + _HEADER_2_SIZE
     checksum_at = payload_at + length
-    end = checksum_at + CHECKSUM_SIZE + (SIGNATURE_SIZE if flags else 0)
+    end = checksum_at + CHECKSUM_SIZE
     if end > size:
-        carrier = known[3] and length <= known[1]
-        return _Verdict.INCOMPLETE_CARRIER if carrier else _Verdict.INCOMPLETE
+        return _Verdict.AWAITED if known[3] and length <= known[1] else _Verdict.INCOMPLETE
     checksum = _checksum(known[0], _checksum(buffer[at + 1 : checksum_at]))
     if checksum != buffer[checksum_at] | buffer[checksum_at + 1] << 8:
         return _Verdict.BAD_CRC
+    if flags:
+        end += SIGNATURE_SIZE
+        if end > size:
+            return _Verdict.AWAITED
     return Frame(
         msg_id & 0xFFFFFF,
         sysid,
@@ -312,7 +317,7 @@ def _frame_v1_at(buffer: bytes, at: int, size: int) -> Frame | _Verdict:
     checksum_at = payload_at + length
     end = checksum_at + CHECKSUM_SIZE
     if end > size:
-        return _Verdict.INCOMPLETE_CARRIER if carries_bytes else _Verdict.INCOMPLETE
+        return _Verdict.AWAITED if carries_bytes else _Verdict.INCOMPLETE
     checksum = _checksum(crc_extra, _checksum(buffer[at + 1 : checksum_at]))
     if checksum != buffer[checksum_at] | buffer[checksum_at + 1] << 8:
         return _Verdict.BAD_CRC

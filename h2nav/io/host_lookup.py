@@ -1,0 +1,58 @@
+"""Host names to socket addresses without ever blocking the caller."""
+
+import socket
+import threading
+from typing import Any, NamedTuple
+
+
+class SocketAddress(NamedTuple):
+    """A family and the address tuple that sockets of this family take."""
+
+    family: socket.AddressFamily
+    address: tuple[Any, ...]
+
+
+class HostLookup:
+    """Looks a host up; literal addresses at once, names on a thread of their own.
+
+    Args:
+        host: a name or a literal IPv4 or IPv6 address.
+        port: goes into the addresses.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host = host
+        self._port = port
+        self._outcome: list[SocketAddress] | OSError | None = None
+        try:
+            self._outcome = self._resolve(socket.AI_NUMERICHOST)
+        except (OSError, UnicodeError):
+            self._start_thread()
+
+    def addresses(self) -> list[SocketAddress] | None:
+        """The addresses, IPv4 first; None while the lookup is under way.
+
+        Raises:
+            OSError: the name cannot be resolved.
+        """
+        if isinstance(self._outcome, OSError):
+            raise self._outcome
+        return self._outcome
+
+    def _start_thread(self) -> None:
+        try:
+            threading.Thread(target=self._run, name="host lookup", daemon=True).start()
+        except RuntimeError as error:  # the process may have no more threads
+            self._outcome = OSError(f"host {self._host!r} cannot be looked up: {error}")
+
+    def _run(self) -> None:
+        try:
+            self._outcome = self._resolve(0)
+        except (OSError, UnicodeError) as error:
+            self._outcome = OSError(f"host {self._host!r} cannot be resolved: {error}")
+
+    def _resolve(self, flags: int) -> list[SocketAddress]:
+        found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM, flags=flags)
+        # Autopilots and simulators listen on IPv4 far more often, whatever localhost resolves to.
+        found.sort(key=lambda entry: entry[0] != socket.AF_INET)
+        return [SocketAddress(entry[0], entry[4]) for entry in found]

@@ -1,0 +1,173 @@
+"""A link over UDP datagrams."""
+
+import socket
+from typing import Any
+
+from h2nav.io.back_off import BackOff
+from h2nav.io.host_lookup import HostLookup, SocketAddress
+from h2nav.io.link_statistics import LinkStatistics, LinkTally
+from h2nav.io.link_urls import UdpUrl
+
+PEER_SILENCE_NS = 1_500_000_000
+"""After this silence another (address, port) may take the peer's place: longer than a heartbeat's
+period, so that two senders never alternate, and short enough for an autopilot that comes back from
+a reboot (about 1 s of silence, then a new source port)."""
+
+_RECEIVE_BUFFER_BYTES = 1 << 20  # asked for; the kernel may grant less (net.core.rmem_max)
+_DATAGRAM_BYTES = 65536
+_DATAGRAMS_PER_READ = 64  # a flood must not keep the loop from its other work
+
+
+class UdpLink:
+    """Listens for one peer, or sends first to a given one.
+
+    A listening link (``udpin:``) takes the first sender as its peer, answers only him and takes
+    datagrams only from him, until he has been silent for `PEER_SILENCE_NS`. A sending link
+    (``udpout:``) knows its peer from the URL. Datagrams from anyone else are counted and dropped.
+
+    Args:
+        url: the connection URL it was made from.
+        target: its parsed form.
+    """
+
+    has_backlog = False
+
+    def __init__(self, url: str, target: UdpUrl) -> None:
+        self.url = url
+        self._target = target
+        self._lookup: HostLookup | None = None
+        self._socket: socket.socket | None = None
+        self._back_off = BackOff()
+        self._tally = LinkTally()
+        self._peer: tuple[Any, ...] | None = None
+        self._peer_heard_ns = 0
+        self._t_ns = 0
+        self._datagram = bytearray(_DATAGRAM_BYTES)
+        self._view = memoryview(self._datagram)
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the socket is open (it says nothing about the peer)."""
+        return self._socket is not None
+
+    @property
+    def peer(self) -> tuple[str, int] | None:
+        """Address and port that frames are sent to; None while a listener has heard nobody."""
+        return None if self._peer is None else (self._peer[0], self._peer[1])
+
+    @property
+    def local_port(self) -> int | None:
+        """The port that the socket is bound to, None while it is closed or not bound yet."""
+        return None if self._socket is None else int(self._socket.getsockname()[1]) or None
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """Counters since the link was made."""
+        return self._tally.snapshot()
+
+    @property
+    def last_error(self) -> str:
+        """Text of the latest error, "" if there was none."""
+        return self._tally.last_error
+
+    def fileno(self) -> int | None:
+        """The descriptor to select on for reading, None while the link is down."""
+        return None if self._socket is None else self._socket.fileno()
+
+    def maintain(self, t_ns: int) -> None:
+        """Opens the socket if it is not, as the back-off allows; never raises.
+
+        Args:
+            t_ns: monotonic time, ns; to be called before `read`, at least every 100 ms. It is
+                the time at which `read` takes datagrams to have arrived.
+        """
+        self._t_ns = t_ns
+        if self._socket is not None:
+            return
+        try:
+            if self._lookup is None:
+                if not self._back_off.is_due(t_ns):
+                    return
+                self._lookup = HostLookup(self._target.host, self._target.port)
+            addresses = self._lookup.addresses()
+            if addresses:
+                self._open(addresses[0])
+        except OSError as error:
+            self.close()
+            self._tally.error(f"{self.url}: {error}")
+            self._back_off.failed(t_ns)
+
+    def read(self) -> list[bytes]:
+        """The peer's datagrams since the last call, at most 64; never blocks, never raises."""
+        datagrams: list[bytes] = []
+        if self._socket is None:
+            return datagrams
+        for _ in range(_DATAGRAMS_PER_READ):
+            try:
+                size, sender = self._socket.recvfrom_into(self._datagram)
+            except BlockingIOError:
+                break
+            except OSError as error:  # such as an ICMP answer to an earlier send
+                self._tally.error(error)
+                break
+            if self._is_from_peer(sender):
+                datagrams.append(bytes(self._view[:size]))
+            else:
+                self._tally.add(foreign_datagrams=1)
+        if datagrams:
+            self._tally.add(bytes_in=sum(map(len, datagrams)), chunks_in=len(datagrams))
+        return datagrams
+
+    def write(self, data: bytes) -> bool:
+        """Sends one datagram to the peer; never blocks, never raises.
+
+        Args:
+            data: one or more whole frames.
+
+        Returns:
+            False if it was dropped: link down, no peer yet, or the kernel refused it.
+        """
+        if self._socket is not None and self._peer is not None:
+            try:
+                self._socket.sendto(data, self._peer)
+            except BlockingIOError:
+                pass
+            except OSError as error:  # no route, network down: it may be there next time
+                self._tally.error(error)
+            else:
+                self._tally.add(bytes_out=len(data), frames_out=1)
+                return True
+        self._tally.add(frames_dropped=1)
+        return False
+
+    def close(self) -> None:
+        """Closes the socket; a later `maintain` would open it again."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+        self._lookup = None
+        self._peer = None
+
+    def _open(self, local_or_remote: SocketAddress) -> None:
+        self._socket = socket.socket(local_or_remote.family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+        if self._target.listens:
+            self._socket.bind(local_or_remote.address)
+        else:
+            # Not connected: a connected socket would drop foreign datagrams uncounted.
+            self._peer = local_or_remote.address
+        self._back_off.succeeded()
+        self._tally.add(opened=1)
+
+    def _is_from_peer(self, sender: tuple[Any, ...]) -> bool:
+        if self._peer is None or sender[:2] != self._peer[:2]:
+            if not self._target.listens:
+                return False
+            if self._peer is not None:
+                if self._t_ns - self._peer_heard_ns < PEER_SILENCE_NS:
+                    return False
+                self._tally.add(peer_changes=1)
+            self._peer = sender
+        self._peer_heard_ns = self._t_ns
+        return True
