@@ -145,14 +145,12 @@ class Deframer:
         self._accept_v1 = accept_v1
         self._pending = b""  # begins at the first start marker that is not decided yet
         self._pending_counted = 0  # leading bytes of it that an earlier frame has accounted for
-        self._bytes_in = 0
-        self._frames = 0
-        self._counts = dict.fromkeys(DeframerCounters._fields[3:], 0)
+        self._counts = dict.fromkeys(DeframerCounters._fields, 0)
 
     @property
     def counters(self) -> DeframerCounters:
         """The counters so far, as an immutable record."""
-        return DeframerCounters(self._bytes_in, self._frames, **self._counts)
+        return DeframerCounters(**self._counts)
 
     @property
     def pending_bytes(self) -> int:
@@ -168,7 +166,7 @@ class Deframer:
         Returns:
             The frames that these bytes completed, in their order.
         """
-        self._bytes_in += len(data)
+        self._counts["bytes_in"] += len(data)
         return self._scan(self._pending + data if self._pending else data, ended=False)
 
     def flush(self) -> list[Frame]:
@@ -229,7 +227,7 @@ class Deframer:
             self._counts["frames_signed"] += 1
         if len(frame.payload) > _KNOWN[frame.msg_id][1]:
             self._counts["frames_longer"] += 1
-        self._frames += 1
+        self._counts["frames"] += 1
         return True
 
     def _count_skipped(
