@@ -1,6 +1,7 @@
 """No damage costs an intact frame: counted against the frames that the damage did not touch."""
 
 import random
+from itertools import pairwise
 
 import pytest
 from needs import shared_data
@@ -104,5 +105,5 @@ def test_boot_stream_of_a_real_autopilot_with_text_in_it() -> None:
     assert damage == (0, 0, 0, 0)
     # No frame of the autopilot is missing: its sequence numbers have no hole.
     numbers = [frame.seq for frame in frames if (frame.sysid, frame.compid) == (1, 1)]
-    assert all((b - a) % 256 == 1 for a, b in zip(numbers, numbers[1:], strict=False))
+    assert all((b - a) % 256 == 1 for a, b in pairwise(numbers))
     assert sum(type(decode(frame)).__name__ == "RAW_IMU" for frame in frames) > 600

@@ -1,5 +1,7 @@
 """However a stream is cut into pieces, the same frames and the same counters come out."""
 
+from itertools import pairwise
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -68,7 +70,7 @@ def run(parts: list[bytes]) -> tuple[list[Frame], DeframerCounters]:
 
 def cut(stream: bytes, places: list[int]) -> list[bytes]:
     edges = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
-    return [stream[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+    return [stream[a:b] for a, b in pairwise(edges)]
 
 
 @settings(derandomize=True, deadline=None, max_examples=400)
