@@ -1,0 +1,192 @@
+"""Simulated trials of the twist observer: how fast, how quiet, how it bears a real camera.
+
+The truth moves with a twist that is constant over each IMU interval, integrated exactly, so that
+no error of the simulation hides the observer's. The motion turns all the while, about all axes.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.maths import quaternion
+from h2nav.maths.quaternion import Vec3
+from h2nav.motion import rigid_step
+from h2nav.motion.finite_time import FiniteTimeGains
+from h2nav.motion.rigid_step import RigidState
+from h2nav.motion.samples import PoseSample, TwistSample
+from h2nav.motion.settings import TwistObserverSettings
+from h2nav.motion.twist_observer import TwistObserver
+from h2nav.motion.vectors import ZERO, minus, plus
+
+Array = NDArray[np.float64]
+
+BIAS_W: Vec3 = (0.05, -0.03, 0.02)  # rad/s
+BIAS_V: Vec3 = (0.10, -0.20, 0.15)  # m/s
+START_OFF_RAD = math.radians(170.0)
+START_OFF_M = 3.0
+THRESHOLDS = (1e-2, 1e-4, 1e-6)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One simulated run.
+
+    Attributes:
+        gains: of the observer.
+        seconds: length.
+        imu_hz: rate of the twist samples.
+        imu_per_pose: IMU samples for each pose; 1 = a pose with every sample.
+        delay_samples: IMU samples by which poses arrive late.
+        drop_share: share of the poses that is lost.
+        sigma_r_rad: noise of the poses' attitude per axis.
+        sigma_p_m: noise of the poses' position per axis.
+        starts_off: start 170 deg and 3 m off; otherwise from the first pose.
+        seed: of noise and losses.
+    """
+
+    gains: FiniteTimeGains
+    seconds: float
+    imu_hz: float = 400.0
+    imu_per_pose: int = 1
+    delay_samples: int = 0
+    drop_share: float = 0.0
+    sigma_r_rad: float = 0.0
+    sigma_p_m: float = 0.0
+    starts_off: bool = True
+    seed: int = 0
+
+
+class Course(NamedTuple):
+    """Errors over one trial, one row per IMU sample.
+
+    Attributes:
+        t_s: (n,) time.
+        bias: (n,) length of the bias error, all six axes, rad/s and m/s alike.
+        attitude: (n,) rad.
+        position: (n,) m.
+        energy: (n,) Lyapunov function.
+    """
+
+    t_s: Array
+    bias: Array
+    attitude: Array
+    position: Array
+    energy: Array
+
+
+def twist(t_s: float) -> tuple[Vec3, Vec3]:
+    """The true body twist (rad/s, m/s): from rest into an unending turn about all axes."""
+    r = 1.0 - math.exp(-0.5 * t_s)
+    return (
+        (0.5 * r * math.sin(0.9 * t_s), 0.5 * r * math.cos(0.7 * t_s), 1.1 * r),
+        (r, 0.5 * r * math.sin(0.7 * t_s), 0.3 * r * math.cos(0.9 * t_s)),
+    )
+
+
+def run(trial: Trial) -> Course:
+    """Runs one trial."""
+    gains = trial.gains
+    observer = TwistObserver(
+        TwistObserverSettings(
+            *gains, velocity="measured", pose_gate_deg=180.0, pose_gate_m=100.0, history_ms=1000.0
+        )
+    )
+    if trial.starts_off:
+        observer.start(_start_off())
+    rows = []
+    late: deque[PoseSample] = deque()
+    noisy = _poses(trial)
+    for truth, sample, has_pose in _truth(trial):
+        estimate = observer.use_twist(sample)
+        if has_pose:
+            pose = next(noisy)(truth)
+            if pose is not None:
+                late.append(pose)
+        while late and late[0].t_us <= truth.t_us - round(trial.delay_samples * 1e6 / trial.imu_hz):
+            observer.use_pose(late.popleft())
+        if estimate is not None:
+            rows.append(_errors(gains, truth, observer))
+    return Course(*np.array(rows).T)
+
+
+def time_to(course: Course, threshold: float) -> float:
+    """When the bias error falls below a threshold for good; inf when it never does."""
+    above = np.flatnonzero(course.bias >= threshold)
+    if above.size == 0:
+        return 0.0
+    if above[-1] + 1 == course.bias.size:
+        return math.inf
+    return float(course.t_s[above[-1] + 1])
+
+
+def rms_after(course: Course, t_s: float) -> float:
+    """Root mean square of the bias error's length from a time on."""
+    return float(np.sqrt(np.mean(course.bias[course.t_s >= t_s] ** 2)))
+
+
+def _start_off() -> RigidState:
+    axis = np.array([1.0, 2.0, -1.0]) / math.sqrt(6.0)
+    x, y, z = (float(a) for a in START_OFF_RAD * axis)
+    way = START_OFF_M / math.sqrt(3.0)
+    return RigidState(0, quaternion.exp((x, y, z)), (way, -way, way), ZERO)
+
+
+def _truth(trial: Trial) -> Iterator[tuple[RigidState, TwistSample, bool]]:
+    state = RigidState(0, quaternion.IDENTITY, ZERO, ZERO)
+    for step in range(1, round(trial.seconds * trial.imu_hz) + 1):
+        t_us = round(step * 1e6 / trial.imu_hz)
+        w_b, v_b = twist(0.5e-6 * (state.t_us + t_us))
+        state = rigid_step.with_velocity(state, t_us, w_b, v_b)
+        yield (
+            state,
+            TwistSample(t_us, plus(w_b, BIAS_W), plus(v_b, BIAS_V)),
+            (step % trial.imu_per_pose == 0),
+        )
+
+
+class _Camera(NamedTuple):
+    turn: Vec3
+    shift: Vec3
+    lost: bool
+
+    def __call__(self, truth: RigidState) -> PoseSample | None:
+        """The measured pose; None when it is lost."""
+        if self.lost:
+            return None
+        q_ob = quaternion.multiply(truth.q_ob, quaternion.exp(self.turn))
+        return PoseSample(truth.t_us, q_ob, plus(truth.p_o, self.shift))
+
+
+def _poses(trial: Trial) -> Iterator[_Camera]:
+    rng = np.random.default_rng(trial.seed)
+    while True:
+        r = rng.normal(0.0, 1.0, 6).tolist()
+        yield _Camera(
+            (trial.sigma_r_rad * r[0], trial.sigma_r_rad * r[1], trial.sigma_r_rad * r[2]),
+            (trial.sigma_p_m * r[3], trial.sigma_p_m * r[4], trial.sigma_p_m * r[5]),
+            bool(rng.random() < trial.drop_share),
+        )
+
+
+def _errors(
+    gains: FiniteTimeGains, truth: RigidState, observer: TwistObserver
+) -> tuple[float, ...]:
+    state = observer.state()
+    now = state.now
+    assert now is not None  # an estimate was made of it
+    q_bo = quaternion.conjugate(truth.q_ob)
+    e_r = quaternion.log(quaternion.multiply(q_bo, now.q_ob))
+    e_p = quaternion.rotate(q_bo, minus(now.p_o, truth.p_o))
+    f_w, f_v = minus(state.bias_w, BIAS_W), minus(state.bias_v, BIAS_V)
+    return (
+        truth.t_us * 1e-6,
+        math.hypot(*f_w, *f_v),
+        math.hypot(*e_r),
+        math.hypot(*e_p),
+        gains.energy(e_r, f_w) + gains.energy(e_p, f_v),
+    )

@@ -1,0 +1,150 @@
+"""Kinematics of wheeled chassis: wheel speeds to body motion and back.
+
+Planar body frame of source 004: x ahead, y left, turn counter-clockwise seen from above. All
+maps are linear and hold alike for speeds (m/s, rad/s) and for increments (m, rad).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from h2nav.errors import BadInput
+from h2nav.maths.se2 import Matrix3, Planar
+
+# A layout whose determinant is below this share of its scale cannot be driven in some direction.
+SINGULAR = 1e-6
+
+
+class Chassis(Protocol):
+    """What dead reckoning asks of a layout of wheels."""
+
+    @property
+    def wheel_count(self) -> int:
+        """How many wheels are read."""
+
+    def motion(self, wheels: Sequence[float]) -> Planar:
+        """Body motion of the wheels' ways."""
+
+    def wheels(self, motion: Planar) -> tuple[float, ...]:
+        """Ways of the wheels for a body motion."""
+
+    def jacobian(self) -> tuple[tuple[float, ...], ...]:
+        """(3, wheel_count) derivative of `motion`."""
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialDrive:
+    """Two driven wheels on one axle; wheels are ordered left, right.
+
+    Attributes:
+        track_m: distance of the wheels' contact points (twice the d of the source).
+
+    Raises:
+        BadInput: a track that is not a finite number above 0.
+    """
+
+    track_m: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.track_m) and self.track_m > 0.0):
+            raise BadInput(f"differential drive: track_m = {self.track_m}, expected above 0")
+
+    @property
+    def wheel_count(self) -> int:
+        """See `Chassis`."""
+        return 2
+
+    def motion(self, wheels: Sequence[float]) -> Planar:
+        """Body motion (ahead, 0, turn) of the wheels' (left, right) ways.
+
+        Source: docs/motion.md Eq. (13).
+        """
+        left, right = wheels
+        return (0.5 * (left + right), 0.0, (right - left) / self.track_m)
+
+    def wheels(self, motion: Planar) -> tuple[float, ...]:
+        """Ways of the wheels (left, right) for a body motion; sideways motion is impossible.
+
+        Source: docs/motion.md Eq. (14).
+        """
+        offset = 0.5 * self.track_m * motion[2]
+        return (motion[0] - offset, motion[0] + offset)
+
+    def jacobian(self) -> tuple[tuple[float, ...], ...]:
+        """(3, 2) derivative of `motion` by the wheels' ways."""
+        return ((0.5, 0.5), (0.0, 0.0), (-1.0 / self.track_m, 1.0 / self.track_m))
+
+
+@dataclass(frozen=True, slots=True)
+class OmniDrive:
+    """Three omni wheels at the rim of a chassis.
+
+    Attributes:
+        wheel_angles_rad: where the wheels stand, counter-clockwise from straight ahead. A wheel
+            drives along the rim: counter-clockwise ways are positive.
+        arm_m: distance of the wheels from the centre.
+
+    Raises:
+        BadInput: a singular layout, or values that are not finite or not above 0.
+    """
+
+    wheel_angles_rad: tuple[float, float, float]
+    arm_m: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.arm_m) and self.arm_m > 0.0):
+            raise BadInput(f"omni drive: arm_m = {self.arm_m}, expected above 0")
+        if not all(math.isfinite(angle) for angle in self.wheel_angles_rad):
+            raise BadInput(f"omni drive: wheel angles {self.wheel_angles_rad} must be finite")
+        if abs(self._determinant()) < SINGULAR:
+            angles = ", ".join(f"{math.degrees(angle):g}" for angle in self.wheel_angles_rad)
+            raise BadInput(
+                f"omni drive: wheel angles ({angles}) deg are singular: the wheels cannot make "
+                "every motion; place no two wheels at the same angle"
+            )
+
+    @property
+    def wheel_count(self) -> int:
+        """See `Chassis`."""
+        return 3
+
+    def wheels(self, motion: Planar) -> tuple[float, ...]:
+        """Ways of the three wheels for a body motion.
+
+        Source: docs/motion.md Eq. (15).
+        """
+        x, y, turn = motion
+        return tuple(
+            -math.sin(angle) * x + math.cos(angle) * y + self.arm_m * turn
+            for angle in self.wheel_angles_rad
+        )
+
+    def motion(self, wheels: Sequence[float]) -> Planar:
+        """Body motion of the three wheels' ways.
+
+        Source: docs/motion.md Eq. (16).
+        """
+        rows = self.jacobian()
+        x, y, turn = (sum(g * way for g, way in zip(row, wheels, strict=True)) for row in rows)
+        return (x, y, turn)
+
+    def jacobian(self) -> Matrix3:
+        """(3, 3) inverse of the layout's matrix, by cofactors."""
+        a, b, c = self.wheel_angles_rad
+        (sa, ca), (sb, cb), (sc, cc) = ((math.sin(t), math.cos(t)) for t in (a, b, c))
+        det = self._determinant()
+        return (
+            ((cb - cc) / det, (cc - ca) / det, (ca - cb) / det),
+            ((sb - sc) / det, (sc - sa) / det, (sa - sb) / det),
+            (
+                math.sin(c - b) / det / self.arm_m,
+                math.sin(a - c) / det / self.arm_m,
+                math.sin(b - a) / det / self.arm_m,
+            ),
+        )
+
+    def _determinant(self) -> float:
+        """Determinant of the rows (-sin, cos, 1): 2.6 for 0/120/240 deg, 0 if two coincide."""
+        a, b, c = self.wheel_angles_rad
+        return math.sin(b - a) + math.sin(c - b) + math.sin(a - c)
