@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from h2nav.errors import BadInput
 from h2nav.io import strict_yaml
+from h2nav.io.link_urls import SerialUrl, parse_link_url
 from h2nav.service.settings import (
     AidingSettings,
     AutopilotSettings,
@@ -124,12 +125,10 @@ def build(mapping: dict[str, Any], place: str) -> Configuration:
 
 def contradictions(configuration: Configuration) -> list[str]:
     """What is well-formed and yet cannot work, each with key and remedy."""
-    return [*_link_complaints(configuration.link.url), *_bandwidth_complaints(configuration)]
+    return _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
 
 
 def _link_complaints(url: str) -> list[str]:
-    from h2nav.io.link_urls import parse_link_url
-
     try:
         parse_link_url(url)
     except BadInput as error:
@@ -139,11 +138,10 @@ def _link_complaints(url: str) -> list[str]:
 
 def _bandwidth_complaints(configuration: Configuration) -> list[str]:
     """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
-    kind, _, rest = configuration.link.url.partition(":")
-    baud = rest.replace(",", ":").rpartition(":")[2]
-    if kind != "serial" or not baud.isdigit():
+    link = parse_link_url(configuration.link.url)
+    if not isinstance(link, SerialUrl):
         return []
-    capacity = int(baud) / BITS_PER_SERIAL_BYTE
+    baud, capacity = link.baud, link.baud / BITS_PER_SERIAL_BYTE
     asked = configuration.autopilot
     inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + OTHER_TRAFFIC_BYTES_S
     output = configuration.output

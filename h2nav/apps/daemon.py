@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from h2nav.apps.pipeline import Pipeline
+from h2nav.io.host_clock import UnixClock
 from h2nav.io.links import Link
 from h2nav.io.service_manager import ServiceManager
 
@@ -56,27 +57,29 @@ class Daemon:
     Args:
         link: to the autopilot.
         pipeline: what is done with its bytes.
-        unix_offset_ns: host UNIX time minus monotonic time at the start.
+        clock: the host's UNIX clock as it was at the start.
         manager: systemd, if it is there.
     """
 
     def __init__(
-        self, link: Link, pipeline: Pipeline, unix_offset_ns: int, manager: ServiceManager
+        self, link: Link, pipeline: Pipeline, clock: UnixClock, manager: ServiceManager
     ) -> None:
         self._link = link
         self._pipeline = pipeline
-        self._unix_offset_ns = unix_offset_ns
+        self._clock = clock
         self._manager = manager
         self._record_ns = 0
+        self._known_step_ns = 0
 
-    def run(self, stop: StopSignals, until_ns: int | None = None) -> None:
-        """Works until a stop signal, or until a monotonic time."""
+    def turns(self, stop: StopSignals, until_ns: int | None = None) -> Iterator[int]:
+        """Works until a stop signal or a monotonic time; gives the time after each round."""
         self._manager.ready()
         while not stop.stopped:
             now_ns = time.monotonic_ns()
             if until_ns is not None and now_ns >= until_ns:
                 break
             self.turn(now_ns, stop.wake)
+            yield now_ns
         self._manager.stopping()
 
     def turn(self, now_ns: int, wake: socket.socket) -> None:
@@ -85,8 +88,9 @@ class Daemon:
         self._pipeline.link(now_ns, self._link.is_up)
         wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
         descriptor = self._link.fileno()
-        waiting = [wake] if descriptor is None else [wake, descriptor]
-        readable, _, _ = select.select(waiting, [], [], wait_ns * 1e-9)
+        readers = [wake] if descriptor is None else [wake, descriptor]
+        writers = [descriptor] if descriptor is not None and self._link.has_backlog else []
+        readable, _, _ = select.select(readers, writers, [], wait_ns * 1e-9)
         if descriptor is not None and descriptor in readable:
             for data in self._link.read():
                 self._pipeline.received(time.monotonic_ns(), data)
@@ -95,12 +99,12 @@ class Daemon:
         self._manager.alive(now_ns)
         if now_ns >= self._record_ns:
             self._record_ns = now_ns + LINK_RECORD_NS
-            self._pipeline.record_link(now_ns)
+            self._pipeline.report(now_ns)
             self._watch_clock(now_ns)
 
     def _watch_clock(self, now_ns: int) -> None:
         """Notes a step of the host's UNIX clock; nothing but the log depends on it."""
-        step_ns = time.time_ns() - now_ns - self._unix_offset_ns
+        step_ns = self._clock.step_ns() - self._known_step_ns
         if abs(step_ns) > CLOCK_STEP_NS:
-            self._unix_offset_ns += step_ns
+            self._known_step_ns += step_ns
             self._pipeline.note(now_ns, f"host clock stepped by {step_ns * 1e-9:+.1f} s")

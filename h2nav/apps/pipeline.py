@@ -5,12 +5,20 @@ from typing import NamedTuple, Protocol
 
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, DeframerCounters, Frame
+from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.recorder import Recorder
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service
 
 LINK_NAME = "autopilot"
+LOG_LEVELS = {
+    Severity.CRITICAL: LogLevel.FATAL,
+    Severity.ERROR: LogLevel.ERROR,
+    Severity.WARNING: LogLevel.WARNING,
+    Severity.NOTICE: LogLevel.INFO,
+    Severity.INFO: LogLevel.INFO,
+}
 
 
 class LinkRecord(NamedTuple):
@@ -55,37 +63,39 @@ class Watcher(Protocol):
         """The service has something to tell."""
 
 
-class Pipeline:
-    """Deframes, decodes, asks the service, and carries out what it wants.
+class Outlets(NamedTuple):
+    """Where the effects go.
 
-    Args:
-        service: the behaviour.
-        component_id: ours, for outgoing frames.
-        unix_offset_ns: host UNIX time minus host monotonic time, constant for a run, so that a
+    Attributes:
+        unix_ns: host monotonic time to host UNIX time by one constant for a whole run, so that a
             log's times give back the monotonic ones exactly.
         send: puts a frame on the link; None where nobody listens (replay).
         recorder: the log; None without one.
         watcher: who looks on.
     """
 
-    def __init__(
-        self,
-        service: Service,
-        component_id: int,
-        unix_offset_ns: int,
-        send: Callable[[bytes], object] | None,
-        recorder: Recorder | None,
-        watcher: Watcher,
-    ) -> None:
+    unix_ns: Callable[[int], int]
+    send: Callable[[bytes], object] | None
+    recorder: Recorder | None
+    watcher: Watcher
+
+
+class Pipeline:
+    """Deframes, decodes, asks the service, and carries out what it wants.
+
+    Args:
+        service: the behaviour.
+        component_id: ours, for outgoing frames.
+        outlets: where the effects go.
+    """
+
+    def __init__(self, service: Service, component_id: int, outlets: Outlets) -> None:
         self.service = service
         self.deframer = Deframer()
         self._component_id = component_id
         self._system_id = service.system_id
         self._encoder = codec.Encoder(self._system_id, component_id)
-        self._unix_offset_ns = unix_offset_ns
-        self._send = send
-        self._recorder = recorder
-        self._watcher = watcher
+        self._unix_ns, self._send, self._recorder, self._watcher = outlets
         self._message_ids = service.message_ids
         self._timer_ns = 0
 
@@ -97,7 +107,7 @@ class Pipeline:
     def received(self, t_ns: int, data: bytes) -> None:
         """Takes one datagram or chunk as it came from the link."""
         if self._recorder is not None:
-            self._recorder.raw(LINK_NAME, t_ns + self._unix_offset_ns, data)
+            self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
         for frame in self.deframer.feed(data):
             self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
@@ -115,11 +125,15 @@ class Pipeline:
         """Tells the service that the link is up or down."""
         self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
 
-    def record_link(self, t_ns: int) -> None:
-        """Writes the link's counters to the log."""
-        if self._recorder is not None:
-            record = link_record(self.deframer.counters)
-            self._recorder.record("/link", record, t_ns + self._unix_offset_ns)
+    def report(self, t_ns: int) -> None:
+        """Writes the counters of link and log to the log, and tells of trouble with the log."""
+        if self._recorder is None:
+            return
+        unix_ns = self._unix_ns(t_ns)
+        self._recorder.record("/link", link_record(self.deframer.counters), unix_ns)
+        self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
+        for notice in self._recorder.notices():
+            self.note(t_ns, notice.text)
 
     def note(self, t_ns: int, text: str) -> None:
         """Tells people something that the service does not know of."""
@@ -134,8 +148,8 @@ class Pipeline:
             elif isinstance(effect, Notice):
                 self._watcher.notice(t_ns, effect.severity, effect.text)
                 if self._recorder is not None:
-                    unix_ns = t_ns + self._unix_offset_ns
-                    self._recorder.text(unix_ns, effect.severity.name, effect.text)
+                    unix_ns = self._unix_ns(t_ns)
+                    self._recorder.text(unix_ns, LOG_LEVELS[effect.severity], effect.text)
 
     def _record(self, t_ns: int, effect: Record) -> None:
         record = effect.record
@@ -143,7 +157,7 @@ class Pipeline:
             self._watcher.estimate(t_ns, record)
         if self._recorder is None:
             return
-        unix_ns = t_ns + self._unix_offset_ns
+        unix_ns = self._unix_ns(t_ns)
         self._recorder.record(effect.topic, record, unix_ns, self._publish_ns(t_ns, effect.t_us))
         if isinstance(record, EstimateRecord):
             q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
@@ -154,7 +168,7 @@ class Pipeline:
         offset_ns = self.service.time_sync.offset_ns(t_ns)
         if t_us is None or offset_ns is None:
             return None
-        return t_us * 1000 - offset_ns + self._unix_offset_ns
+        return self._unix_ns(t_us * 1000 - offset_ns)
 
     def _send_message(self, t_ns: int, effect: Send) -> None:
         if self._send is None:
@@ -165,4 +179,4 @@ class Pipeline:
         frame = self._encoder.encode(effect.message)
         self._send(frame)
         if self._recorder is not None:
-            self._recorder.sent(LINK_NAME, t_ns + self._unix_offset_ns, frame)
+            self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), frame)

@@ -330,6 +330,9 @@ class Service:
         wishes.append(Wish(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0))
         if wanted.aiding.airspeed:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_VFR_HUD, 4.0))
+        if wanted.autopilot.simulation_truth:
+            truth = mavlink.MAVLINK_MSG_ID_SIMSTATE
+            wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
         if wanted.aiding.autopilot_velocity:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
         return tuple(wishes)

@@ -28,6 +28,8 @@ class AutopilotSettings:
         imu_message: the IMU message to use; `auto` = the best one that this autopilot sends.
         imu_rate_hz: how often to ask for it.
         request_streams: ask for streams at all (False on a link where another program does).
+        simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
+            truth.
     """
 
     system_id: SystemId = 0
@@ -35,6 +37,7 @@ class AutopilotSettings:
     imu_message: Annotated[str, OneOf(IMU_MESSAGE_CHOICES)] = "auto"
     imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
     request_streams: bool = True
+    simulation_truth: bool = False
 
 
 @dataclass(frozen=True, slots=True)

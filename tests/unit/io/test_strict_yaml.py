@@ -69,5 +69,5 @@ def test_what_is_no_mapping_is_one_line(tmp_path, text):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(BadInput, match="nowhere.yaml: cannot be read"):
+    with pytest.raises(BadInput, match=r"nowhere\.yaml: cannot be read"):
         read_mapping(tmp_path / "nowhere.yaml")

@@ -1,3 +1,5 @@
+import itertools
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,7 +36,7 @@ def test_millisecond_counter_wraps_after_49_7_days_without_a_gap():
     clock = SampleClock(unit_us=1000)
     times = [clock.advance((UINT32 - 20 + 10 * i) % UINT32) for i in range(5)]
     assert {verdict for verdict, _ in times} == {Verdict.NEXT}
-    steps_us = {after[1] - before[1] for before, after in zip(times, times[1:], strict=False)}
+    steps_us = {after[1] - before[1] for before, after in itertools.pairwise(times)}
     assert steps_us == {10_000}
 
 

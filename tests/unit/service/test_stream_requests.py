@@ -1,3 +1,5 @@
+import itertools
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.stream_requests import StreamRequests, Wish
@@ -67,7 +69,7 @@ def test_a_shortfall_is_reported_with_both_rates():
 def test_pauses_between_repeated_requests_grow():
     requests = StreamRequests((Wish(RAW, 100.0),))
     times = [t_s for t_s, _ in asks(requests, 0.0, 200.0, ack=accepted)]
-    pauses = [after - before for before, after in zip(times, times[1:], strict=False)]
+    pauses = [after - before for before, after in itertools.pairwise(times)]
     assert pauses[-1] > 3.0 * pauses[0]
     assert len(times) < 12
 

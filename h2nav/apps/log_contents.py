@@ -1,0 +1,96 @@
+"""What every log starts with: the inputs that an exact replay needs, and where it came from."""
+
+import platform
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from h2nav import __version__
+from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration, LogSettings
+from h2nav.apps.filters import FilterFactory
+from h2nav.io import strict_yaml
+from h2nav.io.log_folder import MIB, LogLimits
+from h2nav.io.recorder import Recorder
+from h2nav.io.recordings import Recording
+
+CONFIGURATION_NAME = "configuration.yaml"
+GAINS_FOLDER = "gains/"
+RUN_METADATA = "h2nav"
+YAML_TYPE = "application/yaml"
+
+
+def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None:
+    """The daemon's log; None where none is wanted."""
+    if not settings.folder:
+        return None
+    limits = LogLimits(
+        file_bytes=settings.max_file_mb * MIB,
+        file_age_s=settings.max_file_minutes * 60.0,
+        files=settings.max_files,
+        free_bytes=settings.min_free_mb * MIB,
+    )
+    return Recorder(Path(settings.folder), limits, unix_offset_ns)
+
+
+def attach_inputs(
+    recorder: Recorder, chosen: Configuration, filters: FilterFactory, unix_s: float
+) -> None:
+    """Puts configuration, gains and provenance in front of everything else.
+
+    Args:
+        recorder: where to.
+        chosen: the configuration as it is in force.
+        filters: knows the gain files.
+        unix_s: the date that the run works with.
+    """
+    text = yaml.safe_dump(chosen.as_mapping(), sort_keys=False)
+    recorder.attach(CONFIGURATION_NAME, YAML_TYPE, text.encode())
+    for name, content in filters.gain_texts().items():
+        recorder.attach(f"{GAINS_FOLDER}{name}", YAML_TYPE, content.encode())
+    recorder.metadata(
+        RUN_METADATA,
+        {
+            "version": __version__,
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "unix_s": repr(unix_s),
+        },
+    )
+
+
+class RecordedInputs(NamedTuple):
+    """What a log says of the run that made it.
+
+    Attributes:
+        configuration: as it was in force.
+        gain_texts: gain files by name.
+        unix_s: the date that the run worked with.
+    """
+
+    configuration: Configuration
+    gain_texts: dict[str, str]
+    unix_s: float
+
+
+def inputs_of(recording: Recording) -> RecordedInputs | None:
+    """The inputs of the run that made a recording; None for a recording that is not ours.
+
+    Raises:
+        BadInput: the log holds a configuration that this version cannot use.
+    """
+    text = recording.attachments.get(CONFIGURATION_NAME)
+    if text is None:
+        return None
+    place = f"{recording.path}: {CONFIGURATION_NAME}"
+    mapping = strict_yaml.parse_mapping(text.decode(), place)
+    gain_texts = {
+        name.removeprefix(GAINS_FOLDER): content.decode()
+        for name, content in recording.attachments.items()
+        if name.startswith(GAINS_FOLDER)
+    }
+    metadata = recording.metadata.get(RUN_METADATA, {})
+    return RecordedInputs(
+        configuration.build(mapping, place), gain_texts, float(metadata.get("unix_s", "0"))
+    )

@@ -1,0 +1,236 @@
+"""``h2nav replay``: any recording through the same service, as fast as it goes."""
+
+import argparse
+import dataclasses
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tqdm import tqdm
+
+from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.log_contents import attach_inputs, inputs_of
+from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.apps.reference import Reference
+from h2nav.errors import TaskFailed
+from h2nav.io.deframer import Frame
+from h2nav.io.earth_field import earth_field_at
+from h2nav.io.recorder import Recorder
+from h2nav.io.recordings import Recording, open_recording
+from h2nav.service.effects import Severity
+from h2nav.service.records import EstimateRecord
+from h2nav.service.service import Service, Surroundings
+
+ESTIMATE_TOPIC = "/estimate"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command line."""
+    parser.add_argument("log", type=Path, metavar="LOG", help="a .tlog, raw .bytes or our .mcap")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="OUT.mcap", help="default: LOG's name + .replay.mcap"
+    )
+    parser.add_argument("--no-log", action="store_true", help="write no MCAP")
+    parser.add_argument(
+        "-c",
+        "--config",
+        type=Path,
+        metavar="CONFIG.yaml",
+        help="configuration; default: the one inside our MCAP, else the defaults",
+    )
+    parser.add_argument("--filter", choices=("default", "two_stage"), help="another estimator")
+    parser.add_argument(
+        "--class",
+        dest="vehicle_class",
+        choices=("handheld", "multirotor", "fixed-wing", "rover"),
+        help="vehicle class instead of the heartbeat's",
+    )
+    parser.add_argument("--no-gps", action="store_true", help="do not fuse the GPS velocity")
+    parser.add_argument("--json", action="store_true", help="the result as JSON")
+
+
+class Inputs(NamedTuple):
+    """What a replay runs with.
+
+    Attributes:
+        configuration: in force.
+        filters: make the filter.
+        unix_s: the date of the run.
+        is_original: nothing differs from the run that made the recording.
+    """
+
+    configuration: Configuration
+    filters: FilterFactory
+    unix_s: float
+    is_original: bool
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replays the recording and prints the error table."""
+    recording = open_recording(args.log)
+    inputs = _inputs(args, recording)
+    output = None if args.no_log else (args.output or _free_name(args.log))
+    recorder = None
+    if output is not None:
+        recorder = Recorder.to_file(output, recording.unix_offset_ns)
+        attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
+    watcher = _Watcher(recording if inputs.is_original else None)
+    started_s = time.perf_counter()
+    try:
+        pipeline, span_ns = _play(recording, inputs, recorder, watcher)
+    finally:
+        if recorder is not None:
+            recorder.close()
+    elapsed_s = time.perf_counter() - started_s
+    result = _result(pipeline, watcher, span_ns * 1e-9, elapsed_s)
+    result["log"] = None if output is None else str(output)
+    if args.json:
+        print(json.dumps(result))
+    else:
+        _show(result)
+    if not result["imu_samples"]:
+        raise TaskFailed(f"{args.log}: no IMU samples of a known autopilot in it")
+    return 0
+
+
+def _play(
+    recording: Recording, inputs: Inputs, recorder: Recorder | None, watcher: "_Watcher"
+) -> tuple[Pipeline, int]:
+    """Sends everything through the service; also returns the recording's span, ns."""
+    offset_ns = recording.unix_offset_ns
+    service = Service(
+        inputs.configuration.service,
+        Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s),
+    )
+    outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
+    pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)
+    first_ns = last_ns = None
+    with tqdm(
+        total=recording.total_bytes, unit="B", unit_scale=True, disable=not sys.stderr.isatty()
+    ) as bar:
+        for t_ns, data in recording.received():
+            if first_ns is None:
+                first_ns = t_ns
+                pipeline.link(t_ns, True)
+            pipeline.tick(t_ns)
+            pipeline.received(t_ns, data)
+            last_ns = t_ns
+            bar.update(recording.bytes_read - bar.n)
+    return pipeline, 0 if first_ns is None or last_ns is None else last_ns - first_ns
+
+
+def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
+    """Configuration and gains: the recording's own, unless the command line says otherwise."""
+    recorded = inputs_of(recording)
+    if args.config is not None:
+        chosen = configuration.read(args.config)
+    else:
+        chosen = recorded.configuration if recorded else Configuration()
+    changes: dict[str, Any] = {}
+    if args.filter is not None:
+        changes["name"] = args.filter
+    if args.vehicle_class is not None:
+        changes["vehicle_class"] = args.vehicle_class
+    chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))
+    if args.no_gps:
+        aiding = dataclasses.replace(chosen.aiding, gps_velocity=False)
+        chosen = dataclasses.replace(chosen, aiding=aiding)
+    if recorded is not None and chosen == recorded.configuration:
+        filters = FilterFactory.recorded(
+            chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_texts
+        )
+        return Inputs(chosen, filters, recorded.unix_s, is_original=True)
+    filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+    unix_s = recorded.unix_s if recorded else recording.unix_start_ns * 1e-9
+    return Inputs(chosen, filters, unix_s, is_original=False)
+
+
+class _Watcher:
+    """Collects the error table and, for our own logs, compares every estimate."""
+
+    def __init__(self, original: Recording | None) -> None:
+        self.reference = Reference()
+        self.compared = 0
+        self.equal = 0
+        self.compares = original is not None
+        self._recorded: Iterator[Any] = iter(())
+        if original is not None:
+            self._recorded = original.records(ESTIMATE_TOPIC)
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        self.reference.frame(t_ns, frame)
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        self.reference.estimate(t_ns, record)
+        recorded = next(self._recorded, None)
+        if recorded is None:
+            return
+        self.compared += 1
+        self.equal += _is_equal(recorded, record)
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        print(f"{severity.name.lower()}: {text}", file=sys.stderr)
+
+
+def _is_equal(recorded: Any, record: EstimateRecord) -> bool:
+    """Bit for bit; a log writes NaN as null."""
+    return all(
+        recorded[name] == value or (recorded[name] is None and math.isnan(value))
+        for name, value in record._asdict().items()
+    )
+
+
+def _free_name(log: Path) -> Path:
+    """A name in the working directory that nothing has yet."""
+    name, number = Path(f"{log.stem}.replay.mcap"), 1
+    while name.exists():
+        number += 1
+        name = Path(f"{log.stem}.replay-{number}.mcap")
+    return name
+
+
+def _result(
+    pipeline: Pipeline, watcher: _Watcher, duration_s: float, elapsed_s: float
+) -> dict[str, Any]:
+    health = pipeline.service.health
+    table = watcher.reference.table()
+    counters = pipeline.deframer.counters
+    damaged = {name: getattr(counters, name) for name in ("bad_crc", "unknown_id", "skipped_bytes")}
+    result: dict[str, Any] = {
+        "imu_samples": health.samples_used,
+        "imu_message": health.imu_message,
+        "duration_s": round(duration_s, 3),
+        "x_realtime": round(duration_s / elapsed_s, 1),
+        "reference": table.reference or None,
+        "compared": table.compared,
+        "rms_deg": table.as_mapping(),
+        "rejected": {**pipeline.service.rejected, **damaged},
+    }
+    if watcher.compares:
+        result["estimates_compared"] = watcher.compared
+        result["estimates_equal"] = watcher.equal
+    return result
+
+
+def _show(result: dict[str, Any]) -> None:
+    print(
+        f"{result['imu_samples']} samples of {result['imu_message'] or 'no IMU message'} in "
+        f"{result['duration_s']:.1f} s of recording, {result['x_realtime']:.0f} x real time"
+    )
+    if result["reference"]:
+        rms = "  ".join(f"{name} {value:.3f}" for name, value in result["rms_deg"].items())
+        print(f"RMS error against {result['reference']} in deg:  {rms}")
+    else:
+        print("the recording holds neither SIMSTATE nor ATTITUDE to compare with")
+    rejected = {reason: count for reason, count in result["rejected"].items() if count}
+    print(f"refused: {rejected or 'nothing'}")
+    if "estimates_compared" in result:
+        print(f"estimates equal: {result['estimates_equal']} of {result['estimates_compared']}")
+    if result["log"]:
+        print(f"log: {result['log']}")

@@ -1,0 +1,48 @@
+"""``h2nav run``: the daemon."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.console import Console
+from h2nav.apps.daemon import StopSignals
+from h2nav.apps.session import Session
+from h2nav.errors import BadInput
+from h2nav.io.link_urls import FORMS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command line."""
+    parser.add_argument(
+        "-c", "--config", type=Path, metavar="CONFIG.yaml", help="configuration file (see configs/)"
+    )
+    parser.add_argument("--connect", metavar="URL", help=f"link to the autopilot: {FORMS}")
+    parser.add_argument("--log-dir", metavar="DIR", help="folder of the MCAP logs")
+    parser.add_argument("--json", action="store_true", help="status events on standard output")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs until SIGTERM or SIGINT, then flushes the log; 0."""
+    chosen = _configuration(args)
+    console = Console(events_as_json=args.json)
+    with StopSignals().installed() as stop, Session(chosen, console) as session:
+        session.run(stop)
+    return 0
+
+
+def _configuration(args: argparse.Namespace) -> Configuration:
+    """The file with what the command line says on top of it."""
+    if args.config is None and args.connect is None:
+        raise BadInput("run: give -c CONFIG.yaml or --connect URL; --help shows both")
+    chosen = configuration.read(args.config) if args.config else Configuration()
+    if args.connect is not None:
+        chosen = dataclasses.replace(chosen, link=configuration.LinkSettings(args.connect))
+    if args.log_dir is not None:
+        log = dataclasses.replace(chosen.log, folder=args.log_dir)
+        chosen = dataclasses.replace(chosen, log=log)
+    complaints = configuration.contradictions(chosen)
+    if complaints:
+        raise BadInput(*complaints)
+    return chosen

@@ -1,0 +1,78 @@
+"""One run of the daemon: everything that a configuration asks for, wired and cleaned up."""
+
+import time
+from types import TracebackType
+
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.console import Console
+from h2nav.apps.daemon import Daemon, StopSignals
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.log_contents import attach_inputs, open_recorder
+from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
+from h2nav.io.earth_field import earth_field_at
+from h2nav.io.host_clock import UnixClock
+from h2nav.io.links import open_link
+from h2nav.io.recorder import Recorder
+from h2nav.io.service_manager import ServiceManager
+from h2nav.service.service import Service, Surroundings
+
+CLOSE_WITHIN_S = 1.5
+
+
+class Session:
+    """A context: inside it the daemon can run; leaving it closes link and log.
+
+    Attributes:
+        recorder: the log; None without one.
+        service: the behaviour.
+        link: to the autopilot.
+
+    Args:
+        configuration: what the user wants.
+        console: who shows the status.
+        watcher: who looks on; the console itself where nobody else does.
+
+    Raises:
+        BadInput: a gain file of the configuration cannot be used.
+    """
+
+    def __init__(
+        self, configuration: Configuration, console: Console, watcher: Watcher | None = None
+    ) -> None:
+        filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
+        self._console = console
+        self._clock = UnixClock()
+        unix_s = time.time()
+        self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
+        if self.recorder is not None:
+            attach_inputs(self.recorder, configuration, filters, unix_s)
+        surroundings = Surroundings(filters.filter_for, earth_field_at, unix_s)
+        self.service = Service(configuration.service, surroundings)
+        self.link = open_link(configuration.link.url)
+        outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)
+        self._pipeline = Pipeline(self.service, configuration.output.component_id, outlets)
+
+    def open(self) -> None:
+        """Opens the link now, so that its port is known before `run`."""
+        self.link.maintain(time.monotonic_ns())
+
+    def run(self, stop: StopSignals, seconds: float | None = None) -> None:
+        """Works until a stop signal, or for a time."""
+        daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
+        until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
+        for now_ns in daemon.turns(stop, until_ns):
+            self._console.status(now_ns, self.service.health)
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.link.close()
+        if self.recorder is not None:
+            self.recorder.close(CLOSE_WITHIN_S)
+        self._console.closing(self.service.health)
