@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from h2nav.attitude.plant import Matrix
 
 
@@ -26,3 +28,17 @@ class Candidate:
 
 class SynthesisError(Exception):
     """A method found no gain; the message names the cause."""
+
+
+def relative_distance(L: Matrix, reference: Matrix) -> float:
+    """How far a gain is from another one, by blocks of three states with one unit each.
+
+    Args:
+        L: (n, p).
+        reference: (n, p), no block zero.
+    """
+    return max(
+        float(np.linalg.norm(L[i : i + 3] - block) / np.linalg.norm(block))
+        for i in range(0, len(reference), 3)
+        for block in (reference[i : i + 3],)
+    )

@@ -1,0 +1,112 @@
+"""`h2nav synthesize`: a certified gain file from a sensor model."""
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from h2nav.errors import BadInput, TaskFailed
+
+if TYPE_CHECKING:
+    from h2nav.synthesis.model import SensorModel
+
+SECONDS_PER_YEAR = 31_556_952.0
+UNIX_EPOCH_YEAR = 1970.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.add_argument("model", type=Path, metavar="MODEL.yaml", help="sensors and field")
+    parser.add_argument("--rate", type=float, required=True, metavar="HZ", help="filter rate")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="GAINS.yaml", help="file to write"
+    )
+    parser.add_argument("--json", action="store_true", help="machine-readable summary")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    from h2nav.io import gain_files
+    from h2nav.synthesis.certificate import CertificateError
+    from h2nav.synthesis.two_stage import WITH_BIAS, synthesise
+
+    if not 1.0 <= args.rate <= 4000.0:
+        raise BadInput(f"--rate {args.rate:g}: expected a rate from 1 to 4000 Hz")
+    started = time.perf_counter()
+    try:
+        result = synthesise(read_model(args.model), args.rate, str(args.model))
+    except CertificateError as error:
+        raise TaskFailed(f"{args.model}: no trustworthy gain: {error}") from None
+    gain_files.write(args.output, result.file)
+    wall_time_s = time.perf_counter() - started
+    loops = result.file.certificate["loops"]
+    norm = loops[WITH_BIAS]["h2_norm"]  # type: ignore[index]
+    if args.json:
+        summary = {
+            "ok": True,
+            "file": str(args.output),
+            "h2_norm": norm,
+            "certificate": result.file.certificate,
+            "methods": result.file.methods,
+            "wall_time_s": wall_time_s,
+            "solver_wall_time_s": result.wall_time_s,
+        }
+        json.dump(summary, sys.stdout)
+        sys.stdout.write("\n")
+        return 0
+    sys.stdout.write(_report(result.file.methods, norm))
+    sys.stderr.write(f"{args.output}: written and certified in {wall_time_s:.1f} s\n")
+    return 0
+
+
+def read_model(path: Path) -> "SensorModel":
+    """The sensor model of a file, its field by value.
+
+    Raises:
+        BadInput: one line per error.
+    """
+    from h2nav.io.earth_field import earth_field_at
+    from h2nav.io.strict_yaml import into_record, read_mapping
+    from h2nav.synthesis.model import SensorModel, needs_place, with_field
+
+    place = str(path)
+    model = into_record(SensorModel, read_mapping(path), place)
+    if not needs_place(model, place):
+        return model
+    at = model.field
+    altitude_m = 0.0 if math.isnan(at.altitude_m) else at.altitude_m
+    unix_s = (at.year - UNIX_EPOCH_YEAR) * SECONDS_PER_YEAR
+    field = earth_field_at(at.latitude_deg, at.longitude_deg, altitude_m, unix_s)
+    if field is None:
+        raise BadInput(
+            f"{place}: field: at {at.latitude_deg:g}, {at.longitude_deg:g} deg the field is nearly "
+            "parallel to gravity, so heading cannot be observed; choose another place"
+        )
+    return with_field(model, field)
+
+
+def _report(methods: Mapping[str, object], norm: float) -> str:
+    """The methods side by side, and the accuracy to expect."""
+    lines = ["plant              time        method        rms deg     distance"]
+    for plant, times in methods.items():
+        for when, entries in _items(times):
+            for method, entry in _items(entries):
+                if not isinstance(entry, dict):
+                    continue
+                if "refused" in entry:
+                    lines.append(f"{plant:18} {when:11} {method:13} refused: {entry['refused']}")
+                    continue
+                rms = math.degrees(entry["h2_norm"])
+                lines.append(
+                    f"{plant:18} {when:11} {method:13} {rms:<11.6f} {entry['distance']:.1e}"
+                )
+    lines.append(f"expected attitude error at rest: {math.degrees(norm):.4f} deg rms (three axes)")
+    return "\n".join(lines) + "\n"
+
+
+def _items(section: object) -> list[tuple[str, object]]:
+    return list(section.items()) if isinstance(section, dict) else []

@@ -1,0 +1,19 @@
+"""Which loops a gain file of each kind vouches for."""
+
+from collections.abc import Callable
+
+from h2nav.attitude.gains import GainFile
+from h2nav.synthesis import two_stage
+from h2nav.synthesis.gain_certificate import Loop, problems_of
+
+# kind -> function from the file and its place (for errors) to the loops of its certificate.
+LOOPS: dict[str, Callable[[GainFile, str], list[Loop]]] = {"two_stage": two_stage.loops}
+
+
+def problems(file: GainFile, place: str) -> list[str]:
+    """Everything that is wrong with a gain file's certificate; empty when it holds.
+
+    Raises:
+        BadInput: model or gains are not what the file's kind needs.
+    """
+    return problems_of(file, LOOPS[file.kind](file, place))
