@@ -6,10 +6,11 @@ from itertools import pairwise
 import pytest
 from needs import shared_data
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from wire_frames import FrameMaker, drop_bytes, flip_bits, highres_imu, raw_imu
+from wire_frames import FrameMaker, drop_bytes, flip_bits, highres_imu, raw_imu, with_checksum
 
 from h2nav.io.codec import decode
 from h2nav.io.deframer import Deframer
+from h2nav.io.dialect import LAYOUTS
 
 COUNT = 4000
 
@@ -72,6 +73,34 @@ def test_signed_frames_with_dropped_bytes() -> None:
     stream, intact = drop_bytes(frames, size // 200, random.Random(3))
     out = given_out(stream, 4096)
     assert [raw for raw in out if raw in set(intact)] == intact
+
+
+def malformed_frames(raw: bytes) -> list[bytes]:
+    """A good RAW_IMU frame, malformed; the checksum fits wherever it can."""
+    extra = LAYOUTS[raw[7]].crc_extra
+    longer, shorter = bytes([raw[1] + 100]), bytes([raw[1] - 5])
+    unknown = [with_checksum(raw[:7] + b"\x61\xea\0" + raw[10:-2], e) for e in range(0, 256, 5)]
+    return [
+        raw[:1],
+        raw[:9],
+        raw[:-1],
+        raw[:1] + longer + raw[2:],
+        raw[:1] + shorter + raw[2:],
+        with_checksum(raw[:2] + b"\2" + raw[3:-2], extra),
+        with_checksum(raw[:-2], extra ^ 1),
+        with_checksum(b"\xfe" + raw[1:2] + raw[4:8] + raw[10:-7], extra),
+        *unknown,
+    ]
+
+
+def test_malformed_frames_are_never_acted_on_and_hide_nothing() -> None:
+    make = FrameMaker()
+    stream, good = b"", []
+    for number, bad in enumerate(malformed_frames(make.raw_imu(0))):
+        good.append(make.raw_imu(number))
+        stream += bad + good[-1]
+    for piece in (1, 7, len(stream)):
+        assert given_out(stream, piece) == good
 
 
 def test_megabyte_of_noise_around_frames_is_survived_in_small_memory() -> None:
