@@ -1,0 +1,87 @@
+"""The messages that viewers know without any set-up: transform, pose and text, in protobuf."""
+
+from enum import IntEnum
+from typing import Any
+
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+from h2nav.attitude.samples import Quat
+
+NS_PER_S = 1_000_000_000
+
+
+class LogLevel(IntEnum):
+    """Levels of ``foxglove.Log``."""
+
+    DEBUG = 1
+    INFO = 2
+    WARNING = 3
+    ERROR = 4
+    FATAL = 5
+
+
+class AttitudeMessages:
+    """Encodes an attitude as ``foxglove.FrameTransform`` and ``foxglove.PoseInFrame``.
+
+    The messages are kept and overwritten: that costs half of making new ones. Not thread-safe.
+    """
+
+    def __init__(self) -> None:
+        self._transform: Any = FrameTransform(parent_frame_id="ned", child_frame_id="body")
+        self._transform.translation.SetInParent()
+        self._pose: Any = PoseInFrame(frame_id="ned")
+        self._pose.pose.position.SetInParent()
+
+    def transform(self, unix_ns: int, q_nb: Quat) -> bytes:
+        """The rotation that takes body coordinates to NED, as the frame ``body`` in ``ned``."""
+        return _filled(self._transform, self._transform.rotation, unix_ns, q_nb)
+
+    def pose(self, unix_ns: int, q_nb: Quat) -> bytes:
+        """The same as a pose at the origin of ``ned``."""
+        return _filled(self._pose, self._pose.pose.orientation, unix_ns, q_nb)
+
+
+def _filled(message: Any, rotation: Any, unix_ns: int, q_nb: Quat) -> bytes:
+    stamp = message.timestamp
+    stamp.seconds, stamp.nanos = divmod(unix_ns, NS_PER_S)
+    rotation.w, rotation.x, rotation.y, rotation.z = q_nb
+    serialized: bytes = message.SerializeToString()
+    return serialized
+
+
+def log_message(unix_ns: int, level: LogLevel, text: str) -> bytes:
+    """One ``foxglove.Log`` line of the program."""
+    message: Any = Log(message=text, name="h2nav")
+    message.level = int(level)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
+    serialized: bytes = message.SerializeToString()
+    return serialized
+
+
+def _descriptor_set(message_type: Any) -> bytes:
+    """The message's file descriptor with all those that it imports, as MCAP wants it."""
+    files: dict[str, FileDescriptor] = {}
+
+    def collect(file: FileDescriptor) -> None:
+        if file.name not in files:
+            files[file.name] = file
+            for dependency in file.dependencies:
+                collect(dependency)
+
+    collect(message_type.DESCRIPTOR.file)
+    found = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(found.file.add())
+    return found.SerializeToString()
+
+
+def protobuf_schemas() -> dict[str, tuple[str, bytes]]:
+    """Topic -> (schema name, descriptor set) of all channels of this module."""
+    return {
+        topic: (kind.DESCRIPTOR.full_name, _descriptor_set(kind))
+        for topic, kind in (("/tf", FrameTransform), ("/pose", PoseInFrame), ("/log", Log))
+    }
