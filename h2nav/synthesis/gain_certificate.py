@@ -6,6 +6,7 @@ the file's model; nothing in the certificate itself is believed.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,20 @@ class Loop:
     optimality_limit: float = OPTIMAL
 
 
+class Verdict(NamedTuple):
+    """What checking a gain file found.
+
+    Attributes:
+        problems: everything that is wrong; empty when the certificate holds.
+        spectral_abscissa_per_s: recomputed, the worst of all loops; None when a loop has no proof.
+        h2_norm: recomputed, of the first loop.
+    """
+
+    problems: tuple[str, ...]
+    spectral_abscissa_per_s: float | None
+    h2_norm: float | None
+
+
 def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
     """The file with a new certificate over all its other sections.
 
@@ -57,33 +72,43 @@ def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
     return replace(file, certificate={"sha256": seal(file), "loops": sections})
 
 
-def problems_of(file: GainFile, loops: Sequence[Loop]) -> list[str]:
-    """Everything that is wrong with a file's certificate; empty when it holds."""
-    problems = []
-    try:
-        if file.certificate.get("sha256") != seal(file):
-            problems.append("certificate.sha256: stale: model or gains were changed after it")
-    except (TypeError, ValueError) as error:
-        return [f"certificate.sha256: the contents cannot be hashed ({error})"]
+def checked(file: GainFile, loops: Sequence[Loop]) -> Verdict:
+    """Checks a file's certificate against its loops, without believing anything in it."""
+    problems = _seal_problems(file)
     stored = file.certificate.get("loops")
     if not isinstance(stored, Mapping):
-        return [*problems, "certificate.loops: there is no certificate"]
-    if set(stored) != {loop.name for loop in loops}:
+        problems.append("certificate.loops: there is no certificate")
+        stored = {}
+    elif set(stored) != {loop.name for loop in loops}:
         expected = ", ".join(loop.name for loop in loops)
         problems.append(f"certificate.loops: expected exactly {expected}")
+    proofs = []
     for loop in loops:
-        if loop.name not in stored:
-            continue
+        place = f"certificate.loops.{loop.name}"
         try:
-            proof = _proof(stored[loop.name])
+            proofs.append(prove(loop.plant, loop.L))
+            if loop.name in stored:
+                proof = _proof(stored[loop.name])
+                lines = verify(loop.plant, loop.L, proof, loop.optimality_limit)
+                problems += [f"{place}: {line}" for line in lines]
+        except CertificateError as error:
+            problems.append(f"{place}: {error}")
         except (KeyError, TypeError, ValueError) as error:
-            problems.append(f"certificate.loops.{loop.name}: not readable ({error!r})")
-            continue
-        problems += [
-            f"certificate.loops.{loop.name}: {line}"
-            for line in verify(loop.plant, loop.L, proof, loop.optimality_limit)
-        ]
-    return problems
+            problems.append(f"{place}: not readable ({error!r})")
+    if len(proofs) < len(loops):
+        return Verdict(tuple(problems), None, None)
+    abscissa = max(proof.spectral_abscissa_per_s for proof in proofs)
+    return Verdict(tuple(problems), abscissa, proofs[0].h2_norm)
+
+
+def _seal_problems(file: GainFile) -> list[str]:
+    try:
+        fresh = seal(file)
+    except (TypeError, ValueError) as error:
+        return [f"certificate.sha256: the contents cannot be hashed ({error})"]
+    if file.certificate.get("sha256") != fresh:
+        return ["certificate.sha256: stale: model or gains were changed after they were certified"]
+    return []
 
 
 def _section(proof: LoopCertificate) -> dict[str, object]:

@@ -4,16 +4,20 @@ from collections.abc import Callable
 
 from h2nav.attitude.gains import GainFile
 from h2nav.synthesis import two_stage
-from h2nav.synthesis.gain_certificate import Loop, problems_of
+from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
 # kind -> function from the file and its place (for errors) to the loops of its certificate.
 LOOPS: dict[str, Callable[[GainFile, str], list[Loop]]] = {"two_stage": two_stage.loops}
 
 
-def problems(file: GainFile, place: str) -> list[str]:
-    """Everything that is wrong with a gain file's certificate; empty when it holds.
+def check(file: GainFile, place: str) -> Verdict:
+    """What a gain file's certificate is worth.
+
+    Args:
+        file: of any kind.
+        place: its path, for errors.
 
     Raises:
         BadInput: model or gains are not what the file's kind needs.
     """
-    return problems_of(file, LOOPS[file.kind](file, place))
+    return checked(file, LOOPS[file.kind](file, place))

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 from h2nav.attitude.gains import SensorDensities
 from h2nav.attitude.plant import VectorSensor
@@ -190,17 +190,21 @@ def model_from_values(values: Mapping[str, object], place: str) -> SensorModel:
         "field": Field,
         "disturbances": Disturbances,
     }
+    built: dict[str, Any] = {}
     try:
-        built = {
-            key: parts[key](**value) if key in parts and isinstance(value, dict) else value
-            for key, value in values.items()
-        }
-        return SensorModel(**built)  # type: ignore[arg-type]
-    except TypeError as error:
+        for key, value in values.items():
+            built[key] = parts[key](**value) if isinstance(value, dict) else value
+        model = SensorModel(**built)
+        for key in parts:
+            for name, number in asdict(getattr(model, key)).items():
+                if name != "part" and not isinstance(number, float):
+                    raise TypeError(f"{key}.{name} is not a number")
+    except (TypeError, KeyError) as error:
         raise BadInput(
             f"{place}: model: not the model of a two_stage gain file ({error}); make the file "
             "again with h2nav synthesize"
         ) from None
+    return model
 
 
 def _noise_complaints(model: SensorModel) -> list[str]:

@@ -1,0 +1,65 @@
+"""`h2nav certify`: checks gain files against their own models, without any solver."""
+
+import argparse
+import json
+import sys
+
+from h2nav.errors import BadInput
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.add_argument(
+        "files", nargs="+", metavar="GAINS.yaml", help="gain files, or names of shipped ones"
+    )
+    parser.add_argument("--json", action="store_true", help="machine-readable result")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    results = {name: _checked(name) for name in args.files}
+    if args.json:
+        json.dump({"ok": all(r["ok"] for r in results.values()), "files": results}, sys.stdout)
+        sys.stdout.write("\n")
+    else:
+        for name, result in results.items():
+            sys.stdout.write(_text(name, result))
+    if any(result["unreadable"] for result in results.values()):
+        return 2
+    return 0 if all(result["ok"] for result in results.values()) else 1
+
+
+def _checked(path_or_name: str) -> dict[str, object]:
+    """What is to be said of one file; a file that cannot be read counts as not certified."""
+    from h2nav.io import gain_files
+    from h2nav.synthesis.kinds import check
+
+    try:
+        path = gain_files.find(path_or_name)
+        verdict = check(gain_files.read(path), str(path))
+    except BadInput as error:
+        return {
+            "ok": False,
+            "unreadable": True,
+            "spectral_abscissa": None,
+            "h2_norm": None,
+            "problems": list(error.lines),
+        }
+    return {
+        "ok": not verdict.problems,
+        "unreadable": False,
+        "spectral_abscissa": verdict.spectral_abscissa_per_s,
+        "h2_norm": verdict.h2_norm,
+        "problems": [f"{path}: {problem}" for problem in verdict.problems],
+    }
+
+
+def _text(name: str, result: dict[str, object]) -> str:
+    if not result["ok"]:
+        problems = result["problems"]
+        assert isinstance(problems, list)
+        return "".join(f"{name}: NOT certified: {problem}\n" for problem in problems)
+    return (
+        f"{name}: certified: spectral abscissa {result['spectral_abscissa']:.6g} 1/s, "
+        f"H2 norm {result['h2_norm']:.6g}\n"
+    )
