@@ -38,12 +38,14 @@ class Entry(NamedTuple):
     Attributes:
         offset: where it begins in the file.
         opcode: what it is.
+        size: bytes of the whole record.
         body: the record without opcode and length.
         content: for a chunk, the records in it, decompressed; else empty.
     """
 
     offset: int
     opcode: int
+    size: int
     body: bytes
     content: bytes
 
@@ -61,6 +63,10 @@ class StoredMessage(NamedTuple):
 class LogScan:
     """One pass over a file.
 
+    Args:
+        stream: the file, opened for reading and seekable.
+        outline: give chunks and message indexes unread, with an empty body, which is much faster.
+
     Attributes:
         size: bytes of the file.
         position: bytes seen so far.
@@ -69,8 +75,9 @@ class LogScan:
         ended: the data section came to its regular end.
     """
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: BinaryIO, *, outline: bool = False) -> None:
         self._stream = stream
+        self._passed_over = (Opcode.CHUNK, Opcode.MESSAGE_INDEX) if outline else ()
         self.size = os.fstat(stream.fileno()).st_size
         self.position = 0
         self.damaged_records = self.skipped_bytes = 0
@@ -90,7 +97,7 @@ class LogScan:
                 if found is None:
                     break
                 entry = found
-            offset = entry.offset + HEAD.size + len(entry.body)
+            offset = entry.offset + entry.size
             self.position = offset
             self.ended = entry.opcode == Opcode.DATA_END
             yield entry
@@ -109,9 +116,13 @@ class LogScan:
         end = offset + HEAD.size + length
         if not _LOWEST <= opcode <= _HIGHEST or length > LARGEST_RECORD or end > self.size:
             return None
+        if opcode in self._passed_over:
+            return Entry(offset, opcode, HEAD.size + length, b"", b"")
         body = self._stream.read(length)
         content = _intact_content(opcode, body) if len(body) == length else None
-        return None if content is None else Entry(offset, opcode, body, content)
+        if content is None:
+            return None
+        return Entry(offset, opcode, HEAD.size + length, body, content)
 
     def _entry_behind(self, damaged: int) -> Entry | None:
         """The first intact record behind a damaged one; its length is believed if that works."""

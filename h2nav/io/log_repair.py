@@ -110,7 +110,7 @@ def _walk(stream: BinaryIO, pause: Callable[[], None]) -> tuple[int, bytes, LogS
             break
         else:
             missing = summary.add(entry, entry.offset)
-        end = entry.offset + HEAD.size + len(entry.body)
+        end = entry.offset + entry.size
         if entry.opcode == Opcode.CHUNK:
             pause()
     if end == 0:
@@ -241,7 +241,9 @@ class _Copy:
             if record is not None:
                 data = record_bytes(record)
                 opcode, _ = HEAD.unpack_from(data)
-                self._summary.add(Entry(0, opcode, data[HEAD.size :], b""), self._position)
+                self._summary.add(
+                    Entry(0, opcode, len(data), data[HEAD.size :], b""), self._position
+                )
                 self._write(data)
 
     def _without(self, entry: Entry, unknown: set[int]) -> Entry | None:
@@ -261,7 +263,8 @@ class _Copy:
             return None
         content = kept.getvalue()
         chunk = Chunk("", content, max(times), min(times), zlib.crc32(content), len(content))
-        return Entry(0, Opcode.CHUNK, record_bytes(chunk)[HEAD.size :], content)
+        data = record_bytes(chunk)
+        return Entry(0, Opcode.CHUNK, len(data), data[HEAD.size :], content)
 
     def _write(self, data: bytes) -> None:
         self._stream.write(data)

@@ -51,7 +51,7 @@ class LogSummary:
         Returns:
             The message index records that must follow a chunk; empty for other records.
         """
-        length = HEAD.size + len(entry.body)
+        length = entry.size
         if entry.opcode == Opcode.CHUNK:
             return self._add_chunk(entry, offset, length)
         if entry.opcode == Opcode.ATTACHMENT:

@@ -136,7 +136,7 @@ class McapRecording(Recording):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._read_front()
+        self._read_outline()
         about = self.metadata.get("recording", {})
         with contextlib.suppress(ValueError):
             self.unix_offset_ns = int(about.get("unix_offset_ns", "0"))
@@ -154,10 +154,10 @@ class McapRecording(Recording):
             if found == topic and encoding == "json":
                 yield stored.log_ns, orjson.loads(stored.data)
 
-    def _read_front(self) -> None:
-        """Attachments and metadata, which stand in front of the first chunk."""
+    def _read_outline(self) -> None:
+        """Attachments and metadata, wherever they stand."""
         with self.path.open("rb") as stream:
-            for entry in LogScan(stream).entries():
+            for entry in LogScan(stream, outline=True).entries():
                 if entry.opcode == Opcode.ATTACHMENT:
                     found = parse(AttachmentRecord.read, entry.body)
                     attachment = Attachment(found.name, found.media_type, found.data)
@@ -165,8 +165,6 @@ class McapRecording(Recording):
                 elif entry.opcode == Opcode.METADATA:
                     texts = parse(Metadata.read, entry.body)
                     self.metadata[texts.name] = texts.metadata
-                elif entry.opcode == Opcode.CHUNK:
-                    break
 
     def _messages(self, wanted: str) -> Iterator[tuple[str, str, StoredMessage]]:
         """Topic, encoding and message of all channels of the encoding `wanted`."""

@@ -43,7 +43,7 @@ class TlogReader:
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
         self._buffer = b""
-        self._at = 0
+        self._at = self._next_size = 0
         self._ended = False
         self._last_us = 0
         self._shift_us = 0
@@ -54,12 +54,14 @@ class TlogReader:
     def entries(self) -> Iterator[TlogEntry]:
         """All entries in the order of the file."""
         while self._fill():
-            size = _entry_size(self._buffer, self._at)
+            # What made the last entry sound is the size of this one.
+            size = self._next_size or _entry_size(self._buffer, self._at)
             if size and self._is_sound(self._at, size):
                 unix_us = self._time(size)
                 data = self._buffer[self._at + TIME_SIZE : self._at + size]
             else:
                 size = self._damaged_size()
+                self._next_size = 0
                 self.damaged_bytes += size
                 unix_us = self._last_us
                 data = self._buffer[self._at : self._at + size]
@@ -79,8 +81,10 @@ class TlogReader:
     def _is_sound(self, at: int, size: int) -> bool:
         follower = at + size
         if follower == len(self._buffer):
+            self._next_size = 0
             return self._ended
-        return _entry_size(self._buffer, follower) > 0
+        self._next_size = _entry_size(self._buffer, follower)
+        return self._next_size > 0
 
     def _time(self, size: int) -> int:
         """The entry's time on a scale that never runs backwards."""
