@@ -17,6 +17,7 @@ from h2nav.sim.rigid_motion import ORIGIN, EulerAngles, Motion, Path, from_angle
 DEG = math.pi / 180.0
 TURN = 2.0 * math.pi
 DRAG_PER_S = 0.2
+QUADROTOR, ROVER = 2, 10
 
 
 class Scenario(NamedTuple):
@@ -29,6 +30,7 @@ class Scenario(NamedTuple):
         motion_at: the truth at t seconds after the start.
         armed_s: when the motors are armed; None = never.
         airborne_s: when the vehicle leaves the ground; None = never.
+        mav_type: MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Scenario(NamedTuple):
     motion_at: Callable[[float], Motion]
     armed_s: float | None = 0.0
     airborne_s: float | None = 0.0
+    mav_type: int = QUADROTOR
 
     def motion(self, t_s: float) -> Motion:
         """The truth at `t_s` seconds after the start."""

@@ -1,0 +1,283 @@
+"""The fake autopilot: a vehicle on a scenario that speaks MAVLink as ArduPilot or PX4 does.
+
+It does no I/O and knows no clock: messages and host times go in, messages with their times come
+out. With the same options and the same input at the same times, the output is the same.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.sim.commands import CommandServer
+from h2nav.sim.faults import Fault, FaultSchedule
+from h2nav.sim.imu_model import MPU_9250, ImuParameters
+from h2nav.sim.other_vehicle import OTHER_SYSTEM_ID, of_other_vehicle
+from h2nav.sim.parameters import ParameterServer
+from h2nav.sim.personalities import ARDUPILOT, Personality
+from h2nav.sim.scenarios import Scenario
+from h2nav.sim.stream_schedule import SECOND_NS, StreamSchedule
+from h2nav.sim.streams import AUTOPILOT_COMPONENT, Stream
+from h2nav.sim.vehicle import Vehicle
+
+SYSTEM_ID = 1
+IDENTITY = (SYSTEM_ID, AUTOPILOT_COMPONENT)
+REBOOT_SILENCE_NS = SECOND_NS
+TIMESYNC_EVERY = 10
+# A process that was stopped for longer leaves out what it missed instead of sending it in a burst.
+LONGEST_CATCH_UP_NS = SECOND_NS // 2
+_FRAME_OVERHEAD = 12
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotOptions:
+    """What a fake autopilot is.
+
+    Attributes:
+        scenario: the flight.
+        personality: ArduPilot or PX4.
+        seed: of all random numbers.
+        faults: what goes wrong and when.
+        sensor: the kind of IMU on board.
+        extra_streams: messages of other components that it forwards.
+        boot_text: show the text that a serial port shows at power-on.
+        line_bytes_per_s: capacity of a serial line; None = no limit.
+    """
+
+    scenario: Scenario
+    personality: Personality = ARDUPILOT
+    seed: int = 0
+    faults: tuple[Fault, ...] = ()
+    sensor: ImuParameters = MPU_9250
+    extra_streams: tuple[Stream, ...] = ()
+    boot_text: bool = False
+    line_bytes_per_s: float | None = None
+
+
+class Outgoing(NamedTuple):
+    """Something to put on the link.
+
+    Attributes:
+        t_ns: host time at which it is sent.
+        sysid: system id of the sender.
+        compid: component id of the sender.
+        message: a message of pymavlink's dialect, or bytes that are no frame.
+    """
+
+    t_ns: int
+    sysid: int
+    compid: int
+    message: Any
+
+
+class FakeAutopilot:
+    """One autopilot on one link.
+
+    Args:
+        options: what it is.
+    """
+
+    def __init__(self, options: AutopilotOptions) -> None:
+        self.options = options
+        self.schedule = FaultSchedule(options.faults)
+        self.vehicle = Vehicle(
+            options.scenario,
+            options.sensor,
+            self.schedule,
+            options.seed,
+            options.personality.stamp_jitter_us,
+        )
+        self.streams = StreamSchedule(
+            (*options.personality.streams, *options.extra_streams), options.line_bytes_per_s
+        )
+        self._parameters = ParameterServer(options.personality.parameters)
+        self._commands = CommandServer(options.personality, self.streams, self.vehicle)
+        self._replies: dict[int, Callable[[Any], list[Any]]] = {
+            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._answer_param_list,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._answer_param_read,
+            mavlink.MAVLINK_MSG_ID_PARAM_SET: self._answer_param_set,
+        }
+        self._outbox: list[Outgoing] = []
+        self._now_ns = 0
+        self._is_on = False
+        self._silent_until_ns: int | None = None
+        self._heartbeat_ns = 0
+        self._heartbeats = 0
+        self._was_armed = False
+        self._plan: deque[tuple[int, Fault]] = deque()
+        self.reboots = 0
+
+    @property
+    def next_deadline_ns(self) -> int:
+        """When `advance` has something to give next."""
+        return self._now_ns if self._outbox else self._next_event_ns()
+
+    def advance(self, t_ns: int) -> list[Outgoing]:
+        """Everything that is sent until `t_ns`, in order; the first call switches the power on.
+
+        Args:
+            t_ns: host time, never earlier than in the call before.
+        """
+        self._run_until(t_ns)
+        sent, self._outbox = self._outbox, []
+        return sent
+
+    def on_message(self, t_ns: int, sysid: int, compid: int, msg_id: int, fields: Any) -> None:
+        """Takes a message that arrived at host time `t_ns`; its answers come with `advance`.
+
+        Args:
+            t_ns: never earlier than in the call before.
+            sysid: of the sender; one that pretends to be this autopilot is ignored.
+            compid: of the sender.
+            msg_id: of the message.
+            fields: its fields as attributes.
+        """
+        self._run_until(t_ns)
+        if self._silent_until_ns is not None or (sysid, compid) == IDENTITY:
+            return
+        if not _concerns_us(fields):
+            return
+        if msg_id in self._replies:
+            replies = self._replies[msg_id](fields)
+        else:
+            replies = self._commands.handle(self._now_ns, (sysid, compid), msg_id, fields)
+        for message in replies:
+            self._send(message)
+        if self._commands.take_reboot():
+            self._reboot()
+
+    def _run_until(self, t_ns: int) -> None:
+        if not self._is_on:
+            self._is_on = True
+            self._now_ns = t_ns
+            self._plan.extend(
+                sorted(
+                    (t_ns + round(fault.start_s * SECOND_NS), fault)
+                    for name in ("reboot", "rate")
+                    for fault in self.schedule.starts(name)
+                )
+            )
+            self.vehicle.switch_on(t_ns)
+            self._boot()
+        while (due_ns := self._next_event_ns()) <= t_ns:
+            if t_ns - due_ns > LONGEST_CATCH_UP_NS:
+                due_ns = t_ns
+                self.streams.skip_to(t_ns)
+            self._now_ns = max(self._now_ns, due_ns)
+            self._work()
+        self._now_ns = max(self._now_ns, t_ns)
+        self.vehicle.go_to(self._now_ns)
+
+    def _next_event_ns(self) -> int:
+        if self._silent_until_ns is not None:
+            return self._silent_until_ns
+        due_ns = self._heartbeat_ns
+        if self._plan:
+            due_ns = min(due_ns, self._plan[0][0])
+        stream_ns = self.streams.next_deadline_ns
+        return due_ns if stream_ns is None else min(due_ns, stream_ns)
+
+    def _work(self) -> None:
+        """Does what is due at the present instant."""
+        now_ns = self._now_ns
+        self.vehicle.go_to(now_ns)
+        if self._silent_until_ns is not None:
+            self._silent_until_ns = None
+            self._boot()
+            return
+        if self._plan and self._plan[0][0] <= now_ns:
+            fault = self._plan.popleft()[1]
+            if fault.name == "reboot":
+                self._reboot()
+                return
+            self._commands.override_rates(now_ns, float(fault.argument))
+        if self._heartbeat_ns <= now_ns:
+            self._heartbeat_ns = now_ns + SECOND_NS
+            self._every_second()
+        while (due_ns := self.streams.next_deadline_ns) is not None and due_ns <= now_ns:
+            stream = self.streams.pop_due(now_ns)
+            message = stream.make(self.vehicle) if stream is not None else None
+            if stream is not None and message is not None:
+                self._send(message, stream.compid)
+                self._send_other(message)
+
+    def _boot(self) -> None:
+        """What is sent at power-on."""
+        text = self.options.personality.boot_text if self.options.boot_text else ()
+        for piece in text:
+            self._outbox.append(Outgoing(self._now_ns, *IDENTITY, piece))
+            self._send(heartbeat(self.options.personality, self.vehicle))
+        self._heartbeats = 0
+        self._heartbeat_ns = self._now_ns
+        self.streams.start_defaults(self._now_ns)
+
+    def _reboot(self) -> None:
+        self.reboots += 1
+        self.streams.stop_all()
+        self.vehicle.switch_on(self._now_ns)
+        self._silent_until_ns = self._now_ns + REBOOT_SILENCE_NS
+
+    def _every_second(self) -> None:
+        vehicle = self.vehicle
+        self._send(message := heartbeat(self.options.personality, vehicle))
+        self._send_other(message)
+        if self._heartbeats % TIMESYNC_EVERY == 0:
+            self._send(mavlink.MAVLink_timesync_message(0, vehicle.boot_us * 1000 + 1))
+        self._heartbeats += 1
+        if vehicle.is_armed and not self._was_armed:
+            self._send(
+                mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, b"Arming motors")
+            )
+        self._was_armed = vehicle.is_armed
+
+    def _send(self, message: Any, compid: int = AUTOPILOT_COMPONENT) -> None:
+        self.streams.occupy(self._now_ns, _FRAME_OVERHEAD + message.unpacker.size)
+        self._outbox.append(Outgoing(self._now_ns, SYSTEM_ID, compid, message))
+
+    def _send_other(self, message: Any) -> None:
+        if self.vehicle.fault("second-autopilot") is not None:
+            other = of_other_vehicle(message)
+            if other is not None:
+                self._outbox.append(
+                    Outgoing(self._now_ns, OTHER_SYSTEM_ID, AUTOPILOT_COMPONENT, other)
+                )
+
+    def _answer_timesync(self, fields: Any) -> list[Any]:
+        # A saturated link leaves TIMESYNC unanswered.
+        if fields.tc1 != 0 or not self.streams.has_room(self._now_ns):
+            return []
+        return [mavlink.MAVLink_timesync_message(self.vehicle.boot_us * 1000 + 1, fields.ts1)]
+
+    def _answer_param_list(self, _fields: Any) -> list[Any]:
+        return self._parameters.every_value()
+
+    def _answer_param_read(self, fields: Any) -> list[Any]:
+        answer = self._parameters.read(fields)
+        return [] if answer is None else [answer]
+
+    def _answer_param_set(self, fields: Any) -> list[Any]:
+        answer = self._parameters.write(fields)
+        return [] if answer is None else [answer]
+
+
+def heartbeat(personality: Personality, vehicle: Vehicle) -> Any:
+    """The HEARTBEAT of the vehicle's present state."""
+    armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if vehicle.is_armed else 0
+    return mavlink.MAVLink_heartbeat_message(
+        vehicle.scenario.mav_type,
+        personality.autopilot,
+        personality.base_mode | armed,
+        personality.custom_modes[vehicle.is_airborne],
+        mavlink.MAV_STATE_ACTIVE if vehicle.is_airborne else mavlink.MAV_STATE_STANDBY,
+        3,
+    )
+
+
+def _concerns_us(fields: Any) -> bool:
+    """Whether a message is for everybody or for this autopilot."""
+    system = getattr(fields, "target_system", 0)
+    component = getattr(fields, "target_component", 0)
+    return system in (0, SYSTEM_ID) and component in (0, AUTOPILOT_COMPONENT)

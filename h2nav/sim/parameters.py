@@ -1,0 +1,48 @@
+"""The autopilot's parameters: a handful of the real names, answered as the protocol wants it."""
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+
+class ParameterServer:
+    """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; all values are REAL32.
+
+    Args:
+        values: initial values by name (at most 16 characters).
+    """
+
+    def __init__(self, values: dict[str, float]) -> None:
+        self._values = dict(values)
+        self._names = tuple(values)
+
+    def every_value(self) -> list[Any]:
+        """All PARAM_VALUE messages."""
+        return [self._message(index) for index in range(len(self._names))]
+
+    def read(self, fields: Any) -> Any | None:
+        """The answer to PARAM_REQUEST_READ, by index or by name; None = no such parameter."""
+        if fields.param_index >= 0:
+            known = fields.param_index < len(self._names)
+            return self._message(fields.param_index) if known else None
+        return self._by_name(fields.param_id)
+
+    def write(self, fields: Any) -> Any | None:
+        """Obeys PARAM_SET and answers with the value that now stands."""
+        if fields.param_id in self._values and math.isfinite(fields.param_value):
+            self._values[fields.param_id] = fields.param_value
+        return self._by_name(fields.param_id)
+
+    def _by_name(self, name: str) -> Any | None:
+        return self._message(self._names.index(name)) if name in self._values else None
+
+    def _message(self, index: int) -> Any:
+        name = self._names[index]
+        return mavlink.MAVLink_param_value_message(
+            name.encode(),
+            self._values[name],
+            mavlink.MAV_PARAM_TYPE_REAL32,
+            len(self._names),
+            index,
+        )

@@ -1,0 +1,110 @@
+"""When each stream is due, on a line that may be too slow for all of them."""
+
+import heapq
+from collections.abc import Iterable
+
+from h2nav.sim.streams import Stream
+
+SECOND_NS = 1_000_000_000
+# A sender's buffer: what is due while this much waits is put off, as ArduPilot does.
+_LINE_BUFFER_NS = 20_000_000
+
+
+class StreamSchedule:
+    """Intervals and due times of the streams of one link.
+
+    Args:
+        streams: all that can be had.
+        line_bytes_per_s: what the line carries; None = anything.
+    """
+
+    def __init__(self, streams: Iterable[Stream], line_bytes_per_s: float | None = None) -> None:
+        self._streams = {stream.message_id: stream for stream in streams}
+        self._intervals_ns: dict[int, int] = {}
+        self._due: list[tuple[int, int, int]] = []
+        self._current: dict[int, int] = {}
+        self._order = 0
+        self._ns_per_byte = SECOND_NS / line_bytes_per_s if line_bytes_per_s else 0.0
+        self._line_free_ns = 0.0
+        self.put_off = 0
+
+    @property
+    def next_deadline_ns(self) -> int | None:
+        """When the next stream is due; None while none is running."""
+        # Entries that a newer interval has replaced are passed over.
+        while self._due and self._current.get(self._due[0][2]) != self._due[0][1]:
+            heapq.heappop(self._due)
+        return self._due[0][0] if self._due else None
+
+    def stream(self, message_id: int) -> Stream | None:
+        """The stream of a message, None if this autopilot does not have it."""
+        return self._streams.get(message_id)
+
+    def interval_ns(self, message_id: int) -> int:
+        """The present interval of a stream; 0 = not running."""
+        return self._intervals_ns.get(message_id, 0)
+
+    def of_group(self, group: int) -> list[int]:
+        """Message ids of a MAV_DATA_STREAM group; group 0 is all groups."""
+        return [
+            message_id
+            for message_id, stream in self._streams.items()
+            if stream.group is not None and group in (0, stream.group)
+        ]
+
+    def running(self) -> list[int]:
+        """Message ids of the streams that run."""
+        return list(self._intervals_ns)
+
+    def start_defaults(self, t_ns: int) -> None:
+        """Starts what is sent without being asked for."""
+        for message_id, stream in self._streams.items():
+            if stream.default_hz > 0.0:
+                self.set_interval(t_ns, message_id, round(SECOND_NS / stream.default_hz))
+
+    def set_interval(self, t_ns: int, message_id: int, interval_ns: int) -> None:
+        """Sets a stream's interval from `t_ns` on; 0 stops it."""
+        self._intervals_ns.pop(message_id, None)
+        self._current.pop(message_id, None)
+        if interval_ns > 0:
+            self._intervals_ns[message_id] = interval_ns
+            self._push(t_ns + interval_ns, message_id)
+
+    def stop_all(self) -> None:
+        """No stream runs any more."""
+        self._intervals_ns.clear()
+        self._current.clear()
+        self._due.clear()
+
+    def skip_to(self, t_ns: int) -> None:
+        """Leaves out what should have been sent before `t_ns`."""
+        for message_id, interval_ns in list(self._intervals_ns.items()):
+            self.set_interval(t_ns, message_id, interval_ns)
+
+    def has_room(self, t_ns: int) -> bool:
+        """Whether the line takes another message at `t_ns`."""
+        return self._line_free_ns - t_ns <= _LINE_BUFFER_NS
+
+    def occupy(self, t_ns: int, size_bytes: int) -> None:
+        """Puts a message of this size on the line."""
+        self._line_free_ns = max(self._line_free_ns, t_ns) + size_bytes * self._ns_per_byte
+
+    def pop_due(self, t_ns: int) -> Stream | None:
+        """Takes the stream that is due (see `next_deadline_ns`) and plans its next turn.
+
+        Returns:
+            None if the line is full at `t_ns`. Streams that are put off queue for the line, so
+            that all of them get slower alike.
+        """
+        message_id = heapq.heappop(self._due)[2]
+        if not self.has_room(t_ns):
+            self.put_off += 1
+            self._push(round(self._line_free_ns) - _LINE_BUFFER_NS + 1, message_id)
+            return None
+        self._push(t_ns + self._intervals_ns[message_id], message_id)
+        return self._streams[message_id]
+
+    def _push(self, due_ns: int, message_id: int) -> None:
+        self._order += 1
+        self._current[message_id] = self._order
+        heapq.heappush(self._due, (due_ns, self._order, message_id))

@@ -1,0 +1,228 @@
+"""The simulated vehicle at one instant: truth, sensors, clocks, the autopilot's own estimate."""
+
+import math
+import random
+from typing import NamedTuple
+
+from h2nav.attitude.samples import EarthField, ImuSample, Vec3
+from h2nav.maths import quaternion
+from h2nav.sim.faults import FaultSchedule
+from h2nav.sim.imu_model import DEG, ImuModel, ImuParameters
+from h2nav.sim.rigid_motion import Motion
+from h2nav.sim.scenarios import Scenario
+from h2nav.sim.sensor_faults import SensorFaults
+
+
+class Place(NamedTuple):
+    """Where on earth a scenario starts."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    field: EarthField
+
+
+# ArduPilot's home, a model airfield near Canberra; its field after the World Magnetic Model 2025
+# at the end of 2026.
+HOME = Place(
+    -35.363262,
+    149.165237,
+    584.0,
+    EarthField(norm_ut=58.07, dip_rad=-66.05 * DEG, declination_rad=12.69 * DEG),
+)
+UNIX_AT_START_US = 1_790_000_000_000_000
+EARTH_RADIUS_M = 6_371_000.0
+WRAP = 1 << 32
+# Of the gyro bias that is left after the calibration at power-on, per axis.
+LEFT_BIAS_DEG_S = 0.1
+BOTH_IMUS = (0, 1)
+
+
+class Estimate(NamedTuple):
+    """What the autopilot itself believes."""
+
+    roll: float
+    pitch: float
+    yaw: float
+    w_b: Vec3
+
+
+class Vehicle:
+    """A vehicle on its scenario, looked at with `go_to`; all else is of the latest instant.
+
+    Args:
+        scenario: the flight.
+        sensor: every IMU on board is of this kind.
+        schedule: faults of the sensors and of the clock.
+        seed: of all random numbers.
+        stamp_jitter_us: the largest delay between a sample and its time stamp.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        sensor: ImuParameters,
+        schedule: FaultSchedule,
+        seed: int,
+        stamp_jitter_us: int,
+    ) -> None:
+        self.scenario = scenario
+        self.home = HOME
+        self.random = random.Random(f"vehicle {seed}")
+        self._schedule = schedule
+        self._imus = [self._new_imu(sensor, seed, index) for index in BOTH_IMUS]
+        self._faults = SensorFaults(schedule)
+        self._own_error = _SlowError(random.Random(f"estimate {seed}"))
+        self._has_short_clock = any(f.argument == "us" for f in schedule.starts("clock-wrap"))
+        self._stamp_jitter_us = stamp_jitter_us
+        self._start_ns: int | None = None
+        self._boot_ns = 0
+        self._t_ns: int | None = None
+        self._motion: Motion | None = None
+        self._samples: dict[int, ImuSample] = {}
+        self.t_s = 0.0  # of the scenario; goes on through a reboot
+        self.boot_us = 0
+        self.stamp_us = 0  # what IMU messages of this instant are stamped with
+
+    def switch_on(self, t_ns: int) -> None:
+        """The autopilot starts, or starts again, at host time `t_ns`; its clock begins at zero."""
+        self._boot_ns = t_ns
+        if self._start_ns is None:
+            self._start_ns = t_ns
+            self._boot_ns -= _age_ns(self._schedule)
+        self.go_to(t_ns)
+
+    def go_to(self, t_ns: int) -> None:
+        """Looks at host time `t_ns`, never earlier than the time before."""
+        if t_ns == self._t_ns:
+            return
+        assert self._start_ns is not None
+        self._t_ns = t_ns
+        self.t_s = (t_ns - self._start_ns) * 1e-9
+        self.boot_us = (t_ns - self._boot_ns) // 1000
+        self.stamp_us = self.boot_us + self.random.randint(0, self._stamp_jitter_us)
+        self._motion = None
+        self._samples.clear()
+
+    @property
+    def boot_ms(self) -> int:
+        """time_boot_ms of messages."""
+        return (self.boot_us // 1000) % WRAP
+
+    @property
+    def stamp_ms(self) -> int:
+        """time_boot_ms of IMU messages."""
+        return (self.stamp_us // 1000) % WRAP
+
+    @property
+    def time_usec(self) -> int:
+        """time_usec of messages that are not IMU samples."""
+        return self._usec(self.boot_us)
+
+    @property
+    def stamp_usec(self) -> int:
+        """time_usec of IMU messages."""
+        return self._usec(self.stamp_us)
+
+    @property
+    def unix_us(self) -> int:
+        """The vehicle's idea of UNIX time: the same in every run."""
+        return UNIX_AT_START_US + round(self.t_s * 1e6)
+
+    @property
+    def motion(self) -> Motion:
+        """The truth."""
+        if self._motion is None:
+            self._motion = self.scenario.motion(self.t_s)
+        return self._motion
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the motors are armed."""
+        return self.scenario.is_armed(self.t_s)
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether the vehicle flies."""
+        return self.scenario.is_airborne(self.t_s)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The autopilot's own estimate: the truth with a small, slow error."""
+        roll, pitch, yaw = quaternion.to_euler(self.motion.q_nb)
+        e_roll, e_pitch, e_yaw = self._own_error.at(self.t_s)
+        turned = math.remainder(yaw + e_yaw, math.tau)
+        return Estimate(roll + e_roll, pitch + e_pitch, turned, self.motion.w_b)
+
+    def imu(self, index: int) -> ImuSample:
+        """The sample of IMU 0 (which has the faults) or 1."""
+        sample = self._samples.get(index)
+        if sample is None:
+            calm = self._imus[index].sample
+            if index == 0:
+                disturbance = self._faults.disturbance(self.t_s)
+                sample = calm(self.boot_us, self.motion, disturbance)
+                sample = self._faults.apply(self.t_s, sample)
+            else:
+                sample = calm(self.boot_us, self.motion)
+            self._samples[index] = sample
+        return sample
+
+    def gyro_bias(self, index: int) -> Vec3:
+        """The true gyro bias of an IMU, rad/s."""
+        return self._imus[index].gyro_bias
+
+    def fault(self, name: str) -> float | None:
+        """The argument of a fault that acts now."""
+        return self._schedule.number(name, self.t_s)
+
+    def denies(self, message_name: str) -> bool:
+        """Whether a fault denies this message now."""
+        return message_name in self._schedule.words("deny", self.t_s)
+
+    def geographic(self) -> tuple[int, int, float]:
+        """Latitude and longitude, 1e-7 deg, and altitude above sea level, m."""
+        north, east, down = self.motion.p_n
+        latitude = self.home.latitude_deg + north / EARTH_RADIUS_M / DEG
+        parallel_m = EARTH_RADIUS_M * math.cos(self.home.latitude_deg * DEG)
+        longitude = self.home.longitude_deg + east / parallel_m / DEG
+        return round(latitude * 1e7), round(longitude * 1e7), self.home.altitude_m - down
+
+    def _usec(self, since_boot_us: int) -> int:
+        if self.fault("epoch") is not None:
+            return UNIX_AT_START_US + since_boot_us
+        return since_boot_us % WRAP if self._has_short_clock else since_boot_us
+
+    def _new_imu(self, sensor: ImuParameters, seed: int, index: int) -> ImuModel:
+        bias = random.Random(f"bias {seed} {index}")
+        x, y, z = (b + bias.gauss(0.0, LEFT_BIAS_DEG_S) for b in sensor.gyro_bias_deg_s)
+        own = sensor._replace(gyro_bias_deg_s=(x, y, z))
+        return ImuModel(own, self.home.field, 1000 * seed + index)
+
+
+class _SlowError:
+    """The error of the autopilot's own attitude: 0.1 deg of tilt and 0.4 deg of yaw, wandering."""
+
+    _SIZES = (0.1 * DEG, 0.1 * DEG, 0.4 * DEG)
+
+    def __init__(self, source: random.Random) -> None:
+        self._waves = [
+            [(source.uniform(0.1, 0.8), source.uniform(0.0, math.tau)) for _ in range(2)]
+            for _ in self._SIZES
+        ]
+
+    def at(self, t_s: float) -> Vec3:
+        """Errors of roll, pitch and yaw, rad."""
+        x, y, z = (
+            size * sum(math.sin(omega * t_s + phase) for omega, phase in waves)
+            for size, waves in zip(self._SIZES, self._waves, strict=True)
+        )
+        return (x, y, z)
+
+
+def _age_ns(schedule: FaultSchedule) -> int:
+    """How long the autopilot has been running when the simulation starts."""
+    for fault in schedule.starts("clock-wrap"):
+        unit_ns = 1_000 if fault.argument == "us" else 1_000_000
+        return WRAP * unit_ns - round(fault.start_s * 1e9)
+    return 0
