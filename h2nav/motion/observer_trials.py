@@ -29,7 +29,6 @@ BIAS_W: Vec3 = (0.05, -0.03, 0.02)  # rad/s
 BIAS_V: Vec3 = (0.10, -0.20, 0.15)  # m/s
 START_OFF_RAD = math.radians(170.0)
 START_OFF_M = 3.0
-THRESHOLDS = (1e-2, 1e-4, 1e-6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +66,8 @@ class Course(NamedTuple):
     Attributes:
         t_s: (n,) time.
         bias: (n,) length of the bias error, all six axes, rad/s and m/s alike.
+        bias_w: (n,) of the gyro's part, rad/s.
+        bias_v: (n,) of the velocity's part, m/s.
         attitude: (n,) rad.
         position: (n,) m.
         energy: (n,) Lyapunov function.
@@ -74,6 +75,8 @@ class Course(NamedTuple):
 
     t_s: Array
     bias: Array
+    bias_w: Array
+    bias_v: Array
     attitude: Array
     position: Array
     energy: Array
@@ -124,9 +127,9 @@ def time_to(course: Course, threshold: float) -> float:
     return float(course.t_s[above[-1] + 1])
 
 
-def rms_after(course: Course, t_s: float) -> float:
-    """Root mean square of the bias error's length from a time on."""
-    return float(np.sqrt(np.mean(course.bias[course.t_s >= t_s] ** 2)))
+def rms_after(values: Array, t_s: Array, start_s: float) -> float:
+    """Root mean square of an error from a time on."""
+    return float(np.sqrt(np.mean(values[t_s >= start_s] ** 2)))
 
 
 def _start_off() -> RigidState:
@@ -186,6 +189,8 @@ def _errors(
     return (
         truth.t_us * 1e-6,
         math.hypot(*f_w, *f_v),
+        math.hypot(*f_w),
+        math.hypot(*f_v),
         math.hypot(*e_r),
         math.hypot(*e_p),
         gains.energy(e_r, f_w) + gains.energy(e_p, f_v),

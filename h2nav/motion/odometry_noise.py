@@ -32,9 +32,7 @@ class Slip(NamedTuple):
         side = self.side_m_rtm**2 * math.hypot(*chassis.motion(ways)[:2])
 
         def element(i: int, j: int) -> float:
-            total = sum(
-                a * b * v for a, b, v in zip(rows[i], rows[j], variances, strict=True)
-            )
+            total = sum(a * b * v for a, b, v in zip(rows[i], rows[j], variances, strict=True))
             return total + side if i == j == 1 else total
 
         xx, xy, xt = element(0, 0), element(0, 1), element(0, 2)
@@ -66,7 +64,9 @@ def propagate(before: Matrix3, pose: Planar, after: Planar, motion: Planar, Q: M
     return ((a, b, c2), (b, d, e), (c2, e, f))
 
 
-def sample_ends(chassis: Chassis, steps: Sequence[Sequence[float]], slip: Slip, seeds: range) -> Any:
+def sample_ends(
+    chassis: Chassis, steps: Sequence[Sequence[float]], slip: Slip, seeds: range
+) -> Any:
     """Where noisy runs of the same wheel ways end; the deterministic step stays untouched.
 
     The wheels roll `steps`; what the chassis really does differs by random slip.

@@ -144,8 +144,3 @@ class OdometryRecord(NamedTuple):
     pose_covariance: tuple[float, ...]
     velocity_covariance: tuple[float, ...]
     reset_counter: int
-
-
-def upper_triangle(rows: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
-    """The 21 numbers that MAVLink sends of a symmetric 6 x 6 matrix."""
-    return tuple(rows[i][j] for i in range(6) for j in range(i, 6))

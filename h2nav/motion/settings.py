@@ -7,7 +7,7 @@ from typing import Annotated
 from h2nav.errors import BadInput
 from h2nav.maths.se2 import Matrix3
 from h2nav.motion.finite_time import FiniteTimeGains
-from h2nav.motion.wheels import Chassis, DifferentialDrive, OmniDrive
+from h2nav.motion.wheels import Chassis, CorrectedChassis, DifferentialDrive, OmniDrive
 from h2nav.validation import OneOf, Within
 
 Gain = Annotated[float, Within(1e-3, 1e3)]
@@ -65,6 +65,7 @@ class TwistObserverSettings:
         return FiniteTimeGains(self.k1, self.k2, self.a1)
 
 
+UNIT: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 RadiusM = Annotated[float, Within(1e-4, 1e3)]
 AngleDeg = Annotated[float, Within(-360.0, 360.0)]
 Correction = Annotated[float, Within(-1e3, 1e3)]
@@ -144,7 +145,11 @@ class OdometrySettings:
             BadInput: a singular layout of omni wheels.
         """
         if self.layout == "differential":
-            return DifferentialDrive(self.track_m)
-        angles = (self.angle_1_deg, self.angle_2_deg, self.angle_3_deg)
-        a, b, c = (math.radians(angle) for angle in angles)
-        return OmniDrive((a, b, c), self.arm_m)
+            nominal: Chassis = DifferentialDrive(self.track_m)
+        else:
+            angles = (self.angle_1_deg, self.angle_2_deg, self.angle_3_deg)
+            a, b, c = (math.radians(angle) for angle in angles)
+            nominal = OmniDrive((a, b, c), self.arm_m)
+        if self.correction == UNIT:
+            return nominal
+        return CorrectedChassis(nominal, self.correction)

@@ -17,7 +17,7 @@ SINGULAR = 1e-6
 
 
 class Chassis(Protocol):
-    """What dead reckoning asks of a layout of wheels."""
+    """What dead reckoning asks of a layout of wheels: a linear map to body motion."""
 
     @property
     def wheel_count(self) -> int:
@@ -25,9 +25,6 @@ class Chassis(Protocol):
 
     def motion(self, wheels: Sequence[float]) -> Planar:
         """Body motion of the wheels' ways."""
-
-    def wheels(self, motion: Planar) -> tuple[float, ...]:
-        """Ways of the wheels for a body motion."""
 
     def jacobian(self) -> tuple[tuple[float, ...], ...]:
         """(3, wheel_count) derivative of `motion`."""
@@ -148,3 +145,35 @@ class OmniDrive:
         """Determinant of the rows (-sin, cos, 1): 2.6 for 0/120/240 deg, 0 if two coincide."""
         a, b, c = self.wheel_angles_rad
         return math.sin(b - a) + math.sin(c - b) + math.sin(a - c)
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectedChassis:
+    """A chassis whose body increments are multiplied by a matrix from calibration.
+
+    Attributes:
+        nominal: the chassis as it was drawn.
+        correction: (3, 3) on (ahead, left, turn).
+    """
+
+    nominal: Chassis
+    correction: Matrix3
+
+    @property
+    def wheel_count(self) -> int:
+        """See `Chassis`."""
+        return self.nominal.wheel_count
+
+    def motion(self, wheels: Sequence[float]) -> Planar:
+        """Corrected body motion of the wheels' ways."""
+        a, b, c = self.nominal.motion(wheels)
+        x, y, turn = (row[0] * a + row[1] * b + row[2] * c for row in self.correction)
+        return (x, y, turn)
+
+    def jacobian(self) -> tuple[tuple[float, ...], ...]:
+        """(3, wheel_count) derivative of `motion`."""
+        columns = list(zip(*self.nominal.jacobian(), strict=True))
+        return tuple(
+            tuple(row[0] * c[0] + row[1] * c[1] + row[2] * c[2] for c in columns)
+            for row in self.correction
+        )

@@ -1,0 +1,158 @@
+"""``h2nav odometry calibrate``: wheel parameters from increments or a recording."""
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from h2nav.errors import BadInput
+
+if TYPE_CHECKING:
+    from h2nav.apps.odometry_tables import Increments
+    from h2nav.motion.odometry_calibration import Calibration
+
+MODELS = ("diff", "omni", "matrix")
+SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
+UNITS = {"track_m": "m", "arm_m": "m"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command's arguments."""
+    parser.add_argument(
+        "data",
+        type=Path,
+        help="CSV of increments (phi_left_rad,phi_right_rad | phi_1_rad..phi_3_rad | "
+        "odo_dx_m,odo_dy_m,odo_dtheta_rad, with dx_m,dy_m,dtheta_rad), or a tlog or MCAP with "
+        "WHEEL_DISTANCE and a pose",
+    )
+    parser.add_argument("--model", choices=MODELS, help="default: what the data's columns say")
+    parser.add_argument("--solver", choices=SOLVERS, default="qr", help="default: qr")
+    parser.add_argument(
+        "--wheel-angles-deg",
+        default="0,120,240",
+        metavar="A,B,C",
+        help="omni: where the wheels stand, counter-clockwise from ahead (default 0,120,240)",
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into DIR")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Calibrates and prints the parameters with a configuration block for the daemon."""
+    from h2nav.motion import odometry_calibration as calibration
+
+    angles = _angles_rad(args.wheel_angles_deg)
+    data = _read(args.data, args.model)
+    if data.model == "diff":
+        result = calibration.calibrate_differential(data.readings, data.motion, args.solver)
+    elif data.model == "omni":
+        result = calibration.calibrate_omni(data.readings, data.motion, angles, args.solver)
+    else:
+        result = calibration.calibrate_matrix(data.readings, data.motion, args.solver)
+    if args.json:
+        print(json.dumps(_document(result, data, angles), indent=1))
+    else:
+        _print_text(result, data, angles)
+    if args.plots is not None:
+        from h2nav.apps import odometry_plots
+
+        for path in odometry_plots.write(args.plots, result, data, angles):
+            print(f"wrote {path}", file=sys.stderr)
+    return 0
+
+
+def _read(path: Path, model: str | None) -> "Increments":
+    from h2nav.apps import odometry_recordings, odometry_tables
+
+    if path.suffix.lower() in (".csv", ".txt"):
+        return odometry_tables.read_increments(path, model)
+    if model == "matrix":
+        raise BadInput(f"{path}: a recording holds wheel distances; the model matrix needs a CSV")
+    return odometry_recordings.read_increments(path, model)
+
+
+def _angles_rad(text: str) -> tuple[float, float, float]:
+    try:
+        a, b, c = (math.radians(float(part)) for part in text.split(","))
+    except ValueError:
+        raise BadInput(
+            f"--wheel-angles-deg {text}: expected three numbers, such as 0,120,240"
+        ) from None
+    return (a, b, c)
+
+
+def configuration(result: "Calibration", angles_rad: tuple[float, ...]) -> dict[str, Any] | None:
+    """The daemon's section `odometry`; None when the data do not determine it."""
+    if not result.determined:
+        return None
+    parameters = {name: _shown(v) for name, v in zip(result.names, result.values, strict=True)}
+    if result.model == "diff":
+        return {"layout": "differential", **parameters}
+    if result.model == "omni":
+        degrees = {f"angle_{i}_deg": _shown(math.degrees(a)) for i, a in enumerate(angles_rad, 1)}
+        return {"layout": "omni", **degrees, **parameters}
+    return parameters
+
+
+def _document(
+    result: "Calibration", data: "Increments", angles_rad: tuple[float, ...]
+) -> dict[str, Any]:
+    rms_m, rms_rad = result.residual_rms
+    values = [_finite(value) for value in result.values.tolist()]
+    if result.model == "matrix":
+        parameters: dict[str, Any] = {"matrix": [values[0:3], values[3:6], values[6:9]]}
+    else:
+        parameters = dict(zip(result.names, values, strict=True))
+    return {
+        **parameters,
+        "parameters": list(result.names),
+        "covariance": [[_finite(c) for c in row] for row in result.covariance.tolist()],
+        "rank": result.solution.rank,
+        "unknowns": int(result.solution.x.size),
+        "condition": _finite(result.solution.condition),
+        "residual_rms": math.sqrt((2.0 * rms_m**2 + rms_rad**2) / 3.0),
+        "residual_rms_m": rms_m,
+        "residual_rms_rad": rms_rad,
+        "determined": result.determined,
+        "notes": list(result.notes),
+        "model": result.model,
+        "solver": result.solution.solver,
+        "reference_read_as": result.reading,
+        "increments": len(result.residuals),
+        "configuration": configuration(result, angles_rad),
+    }
+
+
+def _print_text(result: "Calibration", data: "Increments", angles_rad: tuple[float, ...]) -> None:
+    rms_m, rms_rad = result.residual_rms
+    solution = result.solution
+    print(f"{result.model} from {data.source}; reference read as {result.reading}")
+    for i, (name, value) in enumerate(zip(result.names, result.values.tolist(), strict=True)):
+        sigma = math.sqrt(result.covariance[i, i])
+        shown = "not determined" if math.isnan(value) else f"{value:.6g} +- {sigma:.2g}"
+        print(f"  {name:16} {shown}")
+    print(
+        f"  rank {solution.rank} of {solution.x.size}, condition {solution.condition:.3g}, "
+        f"solver {solution.solver}, residual rms {rms_m * 1e3:.3g} mm, {rms_rad * 1e3:.3g} mrad"
+    )
+    for note in result.notes:
+        print(f"  note: {note}")
+    block = configuration(result, angles_rad)
+    if block is None:
+        print("no configuration block: the data do not determine every parameter")
+        return
+    print("\nodometry:")
+    for key, value in block.items():
+        print(f"  {key}: {value}")
+
+
+def _shown(value: float) -> float:
+    """Six significant digits: far below the accuracy of any calibration."""
+    return float(f"{float(value):.6g}")
+
+
+def _finite(value: float) -> float | None:
+    """JSON knows no NaN and no infinity."""
+    return float(value) if math.isfinite(value) else None

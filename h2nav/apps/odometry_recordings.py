@@ -1,0 +1,187 @@
+"""Increments for the calibration from WHEEL_DISTANCE and a pose in a recording."""
+
+import bisect
+import itertools
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from h2nav.apps.odometry_tables import Increments
+from h2nav.errors import BadInput
+from h2nav.io.codec import decode
+from h2nav.io.deframer import Deframer
+from h2nav.io.recordings import open_recording
+from h2nav.maths import frames, quaternion, se2
+from h2nav.maths.se2 import Planar
+
+WHEEL_DISTANCE = 9000
+ATTITUDE = 30
+LOCAL_POSITION_NED = 32
+# Long enough that the reference's noise is small against the way, short against a manoeuvre.
+INCREMENT_S = 0.5
+# Poses farther apart than this are not interpolated.
+MAX_POSE_GAP_S = 0.5
+MIN_INCREMENTS = 3
+
+
+class TimedPose(NamedTuple):
+    """A planar pose of the vehicle, x ahead, y left, counter-clockwise."""
+
+    t_us: int
+    pose: Planar
+
+
+class TimedWays(NamedTuple):
+    """One reading of the wheel counters, m."""
+
+    t_us: int
+    ways: tuple[float, ...]
+
+
+def _planar(t_us: int, north: float, east: float, yaw: float) -> TimedPose:
+    x, y, _ = frames.flu_from_frd((north, east, 0.0))
+    _, _, heading = frames.flu_from_frd((0.0, 0.0, yaw))
+    return TimedPose(t_us, (x, y, heading))
+
+
+def _of_quaternion(fields: Any) -> TimedPose:
+    _, _, yaw = quaternion.to_euler(fields.q)
+    return _planar(fields.time_usec, fields.x, fields.y, yaw)
+
+
+def _of_vision(fields: Any) -> TimedPose:
+    return _planar(fields.usec, fields.x, fields.y, fields.yaw)
+
+
+# The messages that carry a whole pose, best first.
+POSE_MESSAGES: dict[int, tuple[str, Callable[[Any], TimedPose]]] = {
+    138: ("ATT_POS_MOCAP", _of_quaternion),
+    102: ("VISION_POSITION_ESTIMATE", _of_vision),
+    331: ("ODOMETRY", _of_quaternion),
+}
+
+
+def read_increments(path: Path, model: str | None) -> Increments:
+    """Increments between readings of WHEEL_DISTANCE, the reference interpolated to their times.
+
+    Args:
+        path: a tlog, raw stream or MCAP log.
+        model: `diff` or `omni`; None = by the number of wheels.
+
+    Raises:
+        BadInput: no wheel distances, no pose, or too little of both at the same time.
+    """
+    streams = _streams(path)
+    wheels = _longest(streams, WHEEL_DISTANCE)
+    if not wheels:
+        raise BadInput(f"{path}: no WHEEL_DISTANCE; record it, or give a CSV of increments")
+    name, poses = _poses(path, streams)
+    count = min(fields.count for fields in wheels)
+    model = model or ("omni" if count == 3 else "diff")
+    used = 3 if model == "omni" else 2
+    if count < used:
+        raise BadInput(f"{path}: WHEEL_DISTANCE of {count} wheel(s); the model {model} has {used}")
+    readings = [TimedWays(f.time_usec, tuple(f.distance[:used])) for f in wheels]
+    pairs = list(increments(readings, poses))
+    if len(pairs) < MIN_INCREMENTS:
+        raise BadInput(
+            f"{path}: {len(pairs)} increment(s) with wheels and {name} at the same time; expected "
+            f"at least {MIN_INCREMENTS} of {INCREMENT_S} s on one clock"
+        )
+    ways, motion = zip(*pairs, strict=True)
+    source = f"{len(pairs)} increments of {path} ({name}; wheel unit: metres reported)"
+    return Increments(model, np.array(ways), np.array(motion), source)
+
+
+def increments(
+    readings: Sequence[TimedWays], poses: Sequence[TimedPose]
+) -> Iterator[tuple[tuple[float, ...], Planar]]:
+    """Pairs of (wheels' ways, displacement in the body of the start), `INCREMENT_S` apart.
+
+    Readings that go back in time or have no pose around them begin a new increment.
+    """
+    times = [pose.t_us for pose in poses]
+    start: tuple[TimedWays, Planar] | None = None
+    for reading in readings:
+        pose = _pose_at(reading.t_us, times, poses)
+        if pose is None or (start is not None and reading.t_us <= start[0].t_us):
+            start = None
+        if pose is None:
+            continue
+        if start is None:
+            start = (reading, pose)
+        elif reading.t_us - start[0].t_us >= INCREMENT_S * 1e6:
+            ways = tuple(b - a for a, b in zip(start[0].ways, reading.ways, strict=True))
+            yield ways, se2.compose(se2.inverse(start[1]), pose)
+            start = (reading, pose)
+
+
+def _pose_at(t_us: int, times: list[int], poses: Sequence[TimedPose]) -> Planar | None:
+    """The reference pose at a time, along the constant twist between its neighbours."""
+    after = bisect.bisect_left(times, t_us)
+    if after < len(times) and times[after] == t_us:
+        return poses[after].pose
+    if after == 0 or after == len(times):
+        return None
+    a, b = poses[after - 1], poses[after]
+    if b.t_us - a.t_us > MAX_POSE_GAP_S * 1e6:
+        return None
+    share = (t_us - a.t_us) / (b.t_us - a.t_us)
+    x, y, turn = se2.log(se2.compose(se2.inverse(a.pose), b.pose))
+    return se2.compose(a.pose, se2.exp((share * x, share * y, share * turn)))
+
+
+Streams = dict[tuple[int, int, int], list[Any]]
+
+
+def _streams(path: Path) -> Streams:
+    """Finite messages by (message id, system, component)."""
+    wanted = {WHEEL_DISTANCE, ATTITUDE, LOCAL_POSITION_NED, *POSE_MESSAGES}
+    streams: Streams = defaultdict(list)
+    deframer = Deframer()
+    chunks = (deframer.feed(data) for _, data in open_recording(path).received())
+    for frame in itertools.chain.from_iterable(chunks):
+        if frame.msg_id in wanted:
+            streams[frame.msg_id, frame.sysid, frame.compid].append(decode(frame))
+    return streams
+
+
+def _longest(streams: Streams, message_id: int) -> list[Any]:
+    """The messages of the component that sent most of a kind."""
+    return max((s for key, s in streams.items() if key[0] == message_id), key=len, default=[])
+
+
+def _poses(path: Path, streams: Streams) -> tuple[str, list[TimedPose]]:
+    for message_id, (name, convert) in POSE_MESSAGES.items():
+        messages = _longest(streams, message_id)
+        if messages:
+            return name, _sound(convert(fields) for fields in messages)
+    positions = _longest(streams, LOCAL_POSITION_NED)
+    attitudes = _longest(streams, ATTITUDE)
+    if positions and attitudes:
+        return "LOCAL_POSITION_NED with ATTITUDE", _sound(_joined(positions, attitudes))
+    names = ", ".join(name for name, _ in POSE_MESSAGES.values())
+    raise BadInput(f"{path}: no pose; expected {names}, or LOCAL_POSITION_NED with ATTITUDE")
+
+
+def _joined(positions: list[Any], attitudes: list[Any]) -> Iterator[TimedPose]:
+    """Positions with the heading that was sent nearest in time, turned on by its rate."""
+    times = [a.time_boot_ms for a in attitudes]
+    for p in positions:
+        after = bisect.bisect_left(times, p.time_boot_ms)
+        near = attitudes[max(after - 1, 0) : after + 1]
+        a = min(near, key=lambda one: abs(one.time_boot_ms - p.time_boot_ms))
+        yaw = a.yaw + 1e-3 * (p.time_boot_ms - a.time_boot_ms) * a.yawspeed
+        yield _planar(p.time_boot_ms * 1000, p.x, p.y, yaw)
+
+
+def _sound(poses: Iterator[TimedPose]) -> list[TimedPose]:
+    """Finite poses with rising times: an out-of-order or repeated one is left out."""
+    kept: list[TimedPose] = []
+    for pose in poses:
+        if np.isfinite(pose.pose).all() and (not kept or pose.t_us > kept[-1].t_us):
+            kept.append(pose)
+    return kept

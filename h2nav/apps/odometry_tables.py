@@ -1,0 +1,122 @@
+"""CSV tables of wheel odometry, read strictly: every bad row is named, nothing is guessed."""
+
+import csv
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.errors import BadInput
+
+Array = NDArray[np.float64]
+
+REFERENCE = ("dx_m", "dy_m", "dtheta_rad")
+READINGS = {
+    "diff": ("phi_left_rad", "phi_right_rad"),
+    "omni": ("phi_1_rad", "phi_2_rad", "phi_3_rad"),
+    "matrix": ("odo_dx_m", "odo_dy_m", "odo_dtheta_rad"),
+}
+MAX_ERRORS = 20
+
+
+class Increments(NamedTuple):
+    """Increments to calibrate from.
+
+    Attributes:
+        model: `diff`, `omni` or `matrix`.
+        readings: (m, 2 or 3) of the wheels or of the odometry.
+        motion: (m, 3) reference: ahead m, left m, turn rad.
+        source: what they were read from, for the user.
+    """
+
+    model: str
+    readings: Array
+    motion: Array
+    source: str
+
+
+def read_increments(path: Path, model: str | None) -> Increments:
+    """Increments from a CSV file with a header.
+
+    Args:
+        path: the file.
+        model: which columns to take; None = the model whose columns the header has.
+
+    Raises:
+        BadInput: no such columns, or rows that are not complete finite numbers, each named.
+    """
+    header, rows = _cells(path)
+    if model is None:
+        model = _model_of(path, header)
+    wanted = READINGS[model] + REFERENCE
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise BadInput(
+            f"{path}:1: column(s) {', '.join(missing)} missing for the model {model}; expected "
+            f"the header {','.join(wanted)}"
+        )
+    values = _numbers(path, rows, [header.index(name) for name in wanted], header)
+    split = len(READINGS[model])
+    return Increments(model, values[:, :split], values[:, split:], f"{len(values)} rows of {path}")
+
+
+def _model_of(path: Path, header: list[str]) -> str:
+    for model, names in READINGS.items():
+        if all(name in header for name in names):
+            return model
+    forms = "; ".join(f"{model}: {','.join(names)}" for model, names in READINGS.items())
+    raise BadInput(
+        f"{path}:1: the header has no known columns; expected {','.join(REFERENCE)} with one of "
+        f"({forms})"
+    )
+
+
+def _cells(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header and the rows that are not empty, with their line numbers."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"{path}: cannot be read as CSV: {error}") from None
+    if not lines:
+        raise BadInput(f"{path}: empty; expected a header line and rows of numbers")
+    header = [name.strip() for name in lines[0][1]]
+    double = sorted({name for name in header if header.count(name) > 1})
+    if double:
+        raise BadInput(f"{path}:1: column(s) {', '.join(double)} stand twice")
+    return header, lines[1:]
+
+
+def _numbers(
+    path: Path, rows: list[tuple[int, list[str]]], columns: list[int], header: list[str]
+) -> Array:
+    values: list[list[float]] = []
+    errors: list[str] = []
+    for line, row in rows:
+        if len(row) != len(header):
+            errors.append(f"{path}:{line}: {len(row)} cells, expected {len(header)} as the header")
+            continue
+        numbers = [_number(row[column]) for column in columns]
+        bad = [header[c] for c, n in zip(columns, numbers, strict=True) if not math.isfinite(n)]
+        if bad:
+            cells = ", ".join(f"{name} = {row[header.index(name)]!r}" for name in bad)
+            errors.append(f"{path}:{line}: {cells}: expected a finite number; mend or drop the row")
+        values.append(numbers)
+    if errors:
+        more = len(errors) - MAX_ERRORS
+        rest = [f"{path}: and {more} more bad rows"] if more > 0 else []
+        raise BadInput(*errors[:MAX_ERRORS], *rest)
+    if not values:
+        raise BadInput(f"{path}: a header without rows; expected at least one increment")
+    return np.array(values)
+
+
+def _number(cell: str) -> float:
+    """The cell's number; NaN for anything else."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
