@@ -238,7 +238,7 @@ class FakeAutopilot:
         self._outbox.append(Outgoing(self._now_ns, SYSTEM_ID, compid, message))
 
     def _send_other(self, message: Any) -> None:
-        if self.vehicle.fault("second-autopilot") is not None:
+        if self.vehicle.has_fault("second-autopilot"):
             other = of_other_vehicle(message)
             if other is not None:
                 self._outbox.append(

@@ -5,9 +5,12 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from h2nav.errors import BadInput
 
 AXES = tuple(f"{sensor}-{axis}" for sensor in ("gyro", "accel", "mag") for axis in "xyz")
+MESSAGE_NAMES = frozenset(message.msgname for message in mavlink.mavlink_map.values())
 _FORM = re.compile(
     r"(?P<name>[a-z-]+)(=(?P<value>[^@]+))?@(?P<start>[\d.]+)(\+(?P<length>[\d.]+))?"
 )
@@ -18,8 +21,9 @@ class FaultKind(NamedTuple):
 
     Attributes:
         summary: one line of help.
-        default: argument when none is given; None = an argument is required.
-        choices: the words allowed as argument; empty = a number, or any word if the default is "".
+        default: argument when none is given, "" where there is nothing to choose; None = one is
+            required, the name of a message.
+        choices: the words allowed as argument; empty = a number.
         low: smallest number.
         high: largest number.
     """
@@ -44,21 +48,21 @@ FAULT_KINDS: dict[str, FaultKind] = {
     "nan": FaultKind(
         "a sensor axis is not a number (HIGHRES_IMU; integers show 0)", "gyro-x", AXES
     ),
-    "zero-accel": FaultKind("the accelerometer reads exactly zero", 1.0),
-    "no-mag": FaultKind("the magnetometer reads exactly zero", 1.0),
+    "zero-accel": FaultKind("the accelerometer reads exactly zero", "", ("",)),
+    "no-mag": FaultKind("the magnetometer reads exactly zero", "", ("",)),
     "hard-iron": FaultKind("a magnet of this many microtesla along the nose", 30.0, low=-4000.0),
     "vibration": FaultKind("the accelerometer shakes by this many m/s^2", 20.0),
     "mag-million": FaultKind(
-        "HIGHRES_IMU's field is 10^6 too large (ArduPilot before 2026-02)", 1.0
+        "HIGHRES_IMU's field is 10^6 too large (ArduPilot before 2026-02)", "", ("",)
     ),
     "deny": FaultKind("the named message cannot be had", None),
     "rate": FaultKind("another station sets all running streams to this rate, Hz", 4.0, low=0.1),
-    "reboot": FaultKind("1 s of silence, time from zero, no streams", 1.0),
+    "reboot": FaultKind("1 s of silence, time from zero, no streams", "", ("",)),
     "clock-wrap": FaultKind(
         "the 32-bit clock of ms or us passes its end at START", "ms", ("ms", "us")
     ),
-    "epoch": FaultKind("time_usec counts from 1970 instead of from boot", 1.0),
-    "second-autopilot": FaultKind("another autopilot (system 2) speaks on the link", 1.0),
+    "epoch": FaultKind("time_usec counts from 1970 instead of from boot", "", ("",)),
+    "second-autopilot": FaultKind("another autopilot (system 2) speaks on the link", "", ("",)),
 }
 
 
@@ -97,10 +101,13 @@ def _argument(text: str, name: str, value: str | None) -> float | str:
             raise BadInput(f"fault {text!r}: {name} needs an argument: {kind.summary}")
         return kind.default
     if kind.default is None:
+        if value not in MESSAGE_NAMES:
+            raise BadInput(f"fault {text!r}: {value} is no MAVLink message")
         return value
     if kind.choices:
         if value not in kind.choices:
-            raise BadInput(f"fault {text!r}: expected one of {', '.join(kind.choices)}")
+            expected = ", ".join(kind.choices) or "no argument"
+            raise BadInput(f"fault {text!r}: expected {expected}")
         return value
     try:
         number = float(value)
@@ -122,6 +129,10 @@ class FaultSchedule:
     def __contains__(self, name: str) -> bool:
         """Whether a fault acts at any time at all."""
         return name in self._faults
+
+    def acts(self, name: str, t_s: float) -> bool:
+        """Whether the fault acts at `t_s`."""
+        return name in self._faults and bool(self.words(name, t_s))
 
     def number(self, name: str, t_s: float) -> float | None:
         """The argument of the fault if it acts at `t_s`, else None."""

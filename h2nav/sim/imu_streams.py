@@ -74,7 +74,7 @@ def highres_imu_px4(vehicle: Vehicle) -> Any:
 
 def _highres(vehicle: Vehicle, t_usec: int, w_b: Vec3, sample: ImuSample) -> Any:
     gauss_per_ut = 0.01
-    if vehicle.fault("mag-million") is not None:
+    if vehicle.has_fault("mag-million"):
         gauss_per_ut *= _UNSCALED_FIELD
     field = sample.m_b_ut or (0.0, 0.0, 0.0)
     altitude_m = vehicle.geographic()[2]

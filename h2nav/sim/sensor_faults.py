@@ -32,9 +32,9 @@ class SensorFaults:
         if not self._acts or sample.m_b_ut is None:
             return sample
         values = [*sample.w_b, *sample.f_b, *sample.m_b_ut]
-        if self._schedule.number("zero-accel", t_s) is not None:
+        if self._schedule.acts("zero-accel", t_s):
             values[3:6] = (0.0, 0.0, 0.0)
-        if self._schedule.number("no-mag", t_s) is not None:
+        if self._schedule.acts("no-mag", t_s):
             values[6:9] = (0.0, 0.0, 0.0)
         for axis in self._schedule.words("saturate", t_s):
             values[AXES.index(axis)] = math.copysign(_BEYOND_RANGE, values[AXES.index(axis)])

@@ -172,9 +172,9 @@ class Vehicle:
         """The true gyro bias of an IMU, rad/s."""
         return self._imus[index].gyro_bias
 
-    def fault(self, name: str) -> float | None:
-        """The argument of a fault that acts now."""
-        return self._schedule.number(name, self.t_s)
+    def has_fault(self, name: str) -> bool:
+        """Whether a fault acts now."""
+        return self._schedule.acts(name, self.t_s)
 
     def denies(self, message_name: str) -> bool:
         """Whether a fault denies this message now."""
@@ -189,7 +189,7 @@ class Vehicle:
         return round(latitude * 1e7), round(longitude * 1e7), self.home.altitude_m - down
 
     def _usec(self, since_boot_us: int) -> int:
-        if self.fault("epoch") is not None:
+        if self.has_fault("epoch"):
             return UNIX_AT_START_US + since_boot_us
         return since_boot_us % WRAP if self._has_short_clock else since_boot_us
 

@@ -1,0 +1,77 @@
+"""The fake autopilot as bytes: encoded, and sent over a line that may be bad; still without I/O."""
+
+from h2nav.io.codec import Encoder, decode
+from h2nav.io.deframer import Deframer
+from h2nav.sim.autopilot import FakeAutopilot, Outgoing
+from h2nav.sim.delivery import Delivery
+
+
+class AutopilotBytes:
+    """Wires a fake autopilot to codec and delivery.
+
+    Args:
+        autopilot: new.
+        start_ns: host time at which its power goes on.
+    """
+
+    def __init__(self, autopilot: FakeAutopilot, start_ns: int) -> None:
+        self._autopilot = autopilot
+        self._delivery = Delivery(autopilot.schedule, autopilot.options.seed, start_ns)
+        self._deframer = Deframer()
+        self._encoders: dict[tuple[int, int], Encoder] = {}
+        self._sent: dict[str, int] = {}
+        self._heard = 0
+        self._frames = 0
+        self._bytes = 0
+        # The power goes on now, even if the link is not up yet.
+        self._collect(autopilot.advance(start_ns))
+
+    @property
+    def next_deadline_ns(self) -> int:
+        """When `advance` has something to give next."""
+        arrival_ns = self._delivery.next_deadline_ns
+        due_ns = self._autopilot.next_deadline_ns
+        return due_ns if arrival_ns is None else min(arrival_ns, due_ns)
+
+    @property
+    def reboots(self) -> int:
+        """How often the autopilot has rebooted."""
+        return self._autopilot.reboots
+
+    def received(self, t_ns: int, data: bytes) -> None:
+        """Takes bytes from the link at host time `t_ns`."""
+        for frame in self._deframer.feed(data):
+            self._heard += 1
+            self._autopilot.on_message(t_ns, frame.sysid, frame.compid, frame.msg_id, decode(frame))
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Frames (and other bytes) that reach the link until `t_ns`, in order."""
+        self._collect(self._autopilot.advance(t_ns))
+        arrived = self._delivery.take(t_ns)
+        self._frames += len(arrived)
+        self._bytes += sum(map(len, arrived))
+        return arrived
+
+    def counts(self) -> dict[str, object]:
+        """What has happened so far, for people and tests."""
+        return {
+            "messages": dict(sorted(self._sent.items())),
+            "frames_sent": self._frames,
+            "bytes_sent": self._bytes,
+            "frames_heard": self._heard,
+            "reboots": self._autopilot.reboots,
+            "streams_put_off": self._autopilot.streams.put_off,
+            **self._delivery.counts,
+        }
+
+    def _collect(self, outgoing: list[Outgoing]) -> None:
+        for item in outgoing:
+            if isinstance(item.message, bytes):
+                self._delivery.put(item.t_ns, item.message)
+                continue
+            sender = (item.sysid, item.compid)
+            if sender not in self._encoders:
+                self._encoders[sender] = Encoder(*sender)
+            name = item.message.get_type()
+            self._sent[name] = self._sent.get(name, 0) + 1
+            self._delivery.put(item.t_ns, self._encoders[sender].encode(item.message))

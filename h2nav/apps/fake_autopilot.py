@@ -1,0 +1,133 @@
+"""``h2nav fake-autopilot``: a SITL-style autopilot on a UDP port, TCP port or pseudo-terminal."""
+
+import argparse
+import json
+import select
+import socket
+import sys
+import time
+
+from h2nav.apps.autopilot_bytes import AutopilotBytes
+from h2nav.apps.daemon import StopSignals
+from h2nav.errors import BadInput
+from h2nav.io.link_urls import FORMS
+from h2nav.io.links import Link
+from h2nav.io.server_links import FORMS as SERVER_FORMS
+from h2nav.io.server_links import open_server_link
+from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
+from h2nav.sim.faults import FAULT_KINDS, parse_fault
+from h2nav.sim.personalities import PERSONALITIES, personality
+from h2nav.sim.scenarios import SCENARIOS, scenario
+
+LONGEST_WAIT_S = 0.1
+BITS_PER_BYTE_ON_A_LINE = 10
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command line."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _tables()
+    parser.add_argument(
+        "--connect", required=True, metavar="URL", help=f"one of {FORMS}, {SERVER_FORMS}"
+    )
+    parser.add_argument("--scenario", default="flight", metavar="NAME", help="default: flight")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all random numbers")
+    parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
+    parser.add_argument(
+        "--autopilot", default="ardupilot", metavar="MAKE", help="ardupilot (default) or px4"
+    )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME[=ARG]@START[+DURATION]",
+        help="what goes wrong, times in seconds; may be repeated",
+    )
+    parser.add_argument(
+        "--baud", type=float, metavar="BAUD", help="be as slow as a serial line of this speed"
+    )
+    parser.add_argument(
+        "--boot-text", action="store_true", help="plain text at power-on, as on a serial port"
+    )
+    parser.add_argument("--json", action="store_true", help="the counts as JSON, at the end")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Flies until the time is over or a signal comes."""
+    options = _options(args)
+    link = open_server_link(args.connect)
+    try:
+        with StopSignals().installed() as stop:
+            _wait_for(link, stop.wake)
+            start_ns = time.monotonic_ns()
+            end_ns = None if args.seconds is None else start_ns + round(args.seconds * 1e9)
+            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns)
+            while not stop.stopped and (end_ns is None or time.monotonic_ns() < end_ns):
+                _turn(vehicle, link, stop.wake)
+    finally:
+        link.close()
+    counts = vehicle.counts()
+    if args.json:
+        print(json.dumps({"seconds": (time.monotonic_ns() - start_ns) * 1e-9, **counts}))
+    else:
+        for name, count in counts.items():
+            print(f"{name:18} {count}", file=sys.stderr)
+    return 0
+
+
+def _wait_for(link: Link, wake: socket.socket) -> None:
+    """Gives the link a second to open, so that the first heartbeat is not lost."""
+    for _ in range(100):
+        link.maintain(time.monotonic_ns())
+        if link.is_up or select.select([wake], [], [], 0.01)[0]:
+            return
+
+
+def _turn(vehicle: AutopilotBytes, link: Link, wake: socket.socket) -> None:
+    """Waits for the link or the vehicle's next deadline, then does what is due."""
+    now_ns = time.monotonic_ns()
+    link.maintain(now_ns)
+    descriptor = link.fileno()
+    waiting: list[int | socket.socket] = [wake]
+    if descriptor is not None:
+        waiting.append(descriptor)
+    wait_s = (vehicle.next_deadline_ns - now_ns) * 1e-9
+    readable, _, _ = select.select(waiting, [], [], min(max(wait_s, 0.0), LONGEST_WAIT_S))
+    now_ns = time.monotonic_ns()
+    if descriptor is not None and descriptor in readable:
+        for data in link.read():
+            vehicle.received(now_ns, data)
+    reboots = vehicle.reboots
+    for data in vehicle.advance(now_ns):
+        link.write(data)
+    if vehicle.reboots != reboots and link.url.startswith("udpout"):
+        # A rebooted autopilot comes back from another port.
+        link.close()
+
+
+def _options(args: argparse.Namespace) -> AutopilotOptions:
+    if args.seconds is not None and not args.seconds >= 0.0:
+        raise BadInput("--seconds: expected a number of 0 or more")
+    if args.baud is not None and not 300 <= args.baud <= 12e6:
+        raise BadInput("--baud: expected a number from 300 to 12000000")
+    return AutopilotOptions(
+        scenario=scenario(args.scenario),
+        personality=personality(args.autopilot),
+        seed=args.seed,
+        faults=tuple(parse_fault(text) for text in args.fault),
+        boot_text=args.boot_text,
+        line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
+    )
+
+
+def _tables() -> str:
+    """The names that --help lists."""
+    scenarios = "".join(f"  {item.name:18}{item.summary}\n" for item in SCENARIOS.values())
+    faults = ""
+    for name, kind in FAULT_KINDS.items():
+        default = "" if kind.default in (None, "") else f" (default {kind.default})"
+        faults += f"  {name:18}{kind.summary}{default}\n"
+    return (
+        f"scenarios:\n{scenarios}\nfaults, such as drop=0.2@10+5 or reboot@8:\n{faults}\n"
+        f"autopilots: {', '.join(PERSONALITIES)}\n"
+    )
