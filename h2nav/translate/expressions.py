@@ -1,0 +1,320 @@
+"""Kind and range of one expression; comparisons narrow the ranges of what they compare."""
+
+import ast
+from collections.abc import Callable
+
+from h2nav.translate import intervals
+from h2nav.translate.facts import FLOAT, Array, Facts, Float, Scalar, State, join_scalars, join_states
+from h2nav.translate.intervals import INT32, INT64, Interval
+from h2nav.translate.source import Kernel, Refused
+
+FLOAT_FUNCTIONS = {"sqrt": 1, "sin": 1, "cos": 1, "fabs": 1, "atan2": 2, "asin": 1, "exp": 1}
+_INTEGER_OPERATIONS: dict[type[ast.operator], Callable[[Interval, Interval], Interval]] = {
+    ast.Add: intervals.add,
+    ast.Sub: intervals.subtract,
+    ast.Mult: intervals.multiply,
+    ast.BitAnd: intervals.bit_and,
+    ast.BitOr: intervals.bit_or,
+    ast.BitXor: intervals.bit_xor,
+}
+_FLOAT_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+_OPPOSITE: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.GtE,
+    ast.GtE: ast.Lt,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}
+_MIRROR: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.Gt,
+    ast.Gt: ast.Lt,
+    ast.LtE: ast.GtE,
+    ast.GtE: ast.LtE,
+    ast.Eq: ast.Eq,
+    ast.NotEq: ast.NotEq,
+}
+
+# Calls a kernel function: (place, name, argument expressions, state) -> result.
+Caller = Callable[[ast.Call, str, State], "Scalar | None"]
+
+
+class Expressions:
+    """Evaluates the expressions of one function call.
+
+    Args:
+        kernel: constants and functions.
+        facts: collects the hull of every expression.
+        path: file of the function, for refusals.
+        arrays: array variables of the function.
+        call: runs a call of another kernel function.
+    """
+
+    def __init__(
+        self, kernel: Kernel, facts: Facts, path: str, arrays: dict[str, Array], call: Caller
+    ) -> None:
+        self._kernel = kernel
+        self._facts = facts
+        self._path = path
+        self._arrays = arrays
+        self._call = call
+
+    def refuse(self, node: ast.AST, reason: str) -> Refused:
+        """The refusal of `node`, to be raised."""
+        return Refused(self._path, node, reason)
+
+    def scalar(self, node: ast.expr, state: State) -> Scalar:
+        """Kind and range of `node`; integers must fit 64 bits.
+
+        Raises:
+            Refused: outside the subset, unset, or wider than 64 bits.
+        """
+        value = self._evaluate(node, state)
+        if isinstance(value, Interval) and not value.within(INT64):
+            raise self.refuse(node, f"may need {value.bits} bits (reaches {value.lo}..{value.hi})")
+        known = self._facts.nodes.get(node)
+        joined = value if known is None else join_scalars(known, value)
+        if joined is None:
+            raise self.refuse(node, "is sometimes an integer, sometimes a float")
+        self._facts.nodes[node] = joined
+        return value
+
+    def integer(self, node: ast.expr, state: State) -> Interval:
+        """Range of an expression that must be an integer."""
+        value = self.scalar(node, state)
+        if isinstance(value, Float):
+            raise self.refuse(node, "an integer is needed here")
+        return value
+
+    def exact(self, node: ast.expr, value: Scalar) -> None:
+        """Refuses an integer that a double does not hold exactly."""
+        if isinstance(value, Interval) and not value.fits(54):
+            raise self.refuse(node, "too wide to become a float exactly")
+
+    def _evaluate(self, node: ast.expr, state: State) -> Scalar:
+        match node:
+            case ast.Constant(value=bool()):
+                raise self.refuse(node, "truth values are not numbers")
+            case ast.Constant(value=int() as value):
+                return intervals.exactly(value)
+            case ast.Constant(value=float()):
+                return FLOAT
+            case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
+                return FLOAT
+            case ast.Name(id=name):
+                return self._name(node, name, state)
+            case ast.Subscript():
+                return self._element(node, state)
+            case ast.UnaryOp(op=operator, operand=operand):
+                return self._unary(node, operator, operand, state)
+            case ast.BinOp(left=left, op=operator, right=right):
+                return self._binary(node, left, operator, right, state)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return self._choice(node, test, body, orelse, state)
+            case ast.Call():
+                return self._called(node, state)
+        raise self.refuse(node, f"{type(node).__name__} is outside the subset")
+
+    def _name(self, node: ast.expr, name: str, state: State) -> Scalar:
+        if name in state.scalars:
+            return state.scalars[name]
+        constant = self._kernel.constants.get(name)
+        if constant is None or isinstance(constant.value, tuple):
+            raise self.refuse(node, f"{name} is not a number that is set on every path to here")
+        self._facts.constants.add(name)
+        return FLOAT if isinstance(constant.value, float) else intervals.exactly(constant.value)
+
+    def element_of(self, node: ast.Subscript, state: State) -> tuple[Array, Interval]:
+        """The array that `node` subscripts and the range of the index, which must lie inside."""
+        if not isinstance(node.value, ast.Name) or node.value.id not in self._arrays:
+            raise self.refuse(node, "only arrays may be subscripted")
+        array = self._arrays[node.value.id]
+        index = self.integer(node.slice, state)
+        limit = INT32.hi if array.length is None else array.length - 1
+        if index.lo < 0 or index.hi > limit:
+            raise self.refuse(node, f"index {index.lo}..{index.hi} leaves 0..{limit}")
+        return array, index
+
+    def _element(self, node: ast.Subscript, state: State) -> Scalar:
+        array, index = self.element_of(node, state)
+        if array.is_float:
+            return FLOAT
+        cells = state.cells[array.key]
+        if array.length is None and index.lo != index.hi:
+            return INT32
+        hull = cells.get(index.lo, INT32)
+        for i in range(index.lo + 1, index.hi + 1):
+            hull = hull.hull(cells.get(i, INT32))
+        return hull
+
+    def _unary(
+        self, node: ast.expr, operator: ast.unaryop, operand: ast.expr, state: State
+    ) -> Scalar:
+        value = self.scalar(operand, state)
+        if isinstance(operator, ast.USub):
+            return FLOAT if isinstance(value, Float) else intervals.negate(value)
+        if isinstance(operator, ast.Invert) and isinstance(value, Interval):
+            return intervals.invert(value)
+        raise self.refuse(node, f"{type(operator).__name__} is outside the subset here")
+
+    def _binary(
+        self,
+        node: ast.expr,
+        left: ast.expr,
+        operator: ast.operator,
+        right: ast.expr,
+        state: State,
+    ) -> Scalar:
+        a, b = self.scalar(left, state), self.scalar(right, state)
+        if isinstance(a, Float) or isinstance(b, Float):
+            if isinstance(operator, _FLOAT_OPERATORS):
+                self.exact(left, a)
+                self.exact(right, b)
+                return FLOAT
+            raise self.refuse(node, f"{type(operator).__name__} is outside the subset of floats")
+        if isinstance(operator, ast.LShift | ast.RShift):
+            return self._shifted(node, a, operator, b)
+        operation = _INTEGER_OPERATIONS.get(type(operator))
+        if operation is None:
+            raise self.refuse(node, f"{type(operator).__name__} is outside the subset of integers")
+        if isinstance(operator, ast.Mult) and ast.dump(left) == ast.dump(right):
+            return intervals.square(a)
+        return operation(a, b)
+
+    def _shifted(
+        self, node: ast.expr, a: Interval, operator: ast.operator, n: Interval
+    ) -> Interval:
+        if isinstance(operator, ast.LShift):
+            if n.lo < 0 or n.hi > (30 if n.lo != n.hi else 62):
+                raise self.refuse(node, f"shift by {n.lo}..{n.hi}")
+            return intervals.shift_left(a, n)
+        if n.lo < 0 or n.hi > (31 if a.fits(32) else 63):
+            raise self.refuse(node, f"shift of a {a.bits}-bit value by {n.lo}..{n.hi}")
+        return intervals.shift_right(a, n)
+
+    def _choice(
+        self, node: ast.expr, test: ast.expr, body: ast.expr, orelse: ast.expr, state: State
+    ) -> Scalar:
+        values = [
+            self.scalar(branch, narrowed)
+            for branch, truth in ((body, True), (orelse, False))
+            if (narrowed := self.narrow(test, state, truth)) is not None
+        ]
+        joined = values[0] if len(values) == 1 else join_scalars(values[0], values[1])
+        if joined is None:
+            raise self.refuse(node, "is sometimes an integer, sometimes a float")
+        for branch in (body, orelse):  # a branch that is never taken still needs a type
+            self._facts.nodes.setdefault(branch, joined)
+        return joined
+
+    def _called(self, node: ast.Call, state: State) -> Scalar:
+        match node:
+            case ast.Call(keywords=[_, *_]):
+                raise self.refuse(node, "keyword arguments are outside the subset")
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr=name)):
+                return self._float_call(node, name, state)
+            case ast.Call(func=ast.Name(id="float"), args=[value]):
+                self.scalar(value, state)
+                return FLOAT
+            case ast.Call(func=ast.Name(id="abs"), args=[value]):
+                return intervals.magnitude(self.integer(value, state))
+            case ast.Call(func=ast.Name(id="clamp"), args=[value, lo, hi]):
+                return self._clamped(node, value, lo, hi, state)
+            case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
+                return self._clamped(node, value, lo, hi, state)
+            case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
+                return self._clamped(node, value, lo, hi, state)
+            case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
+                return self._clamped(node, value, lo, hi, state)
+            case ast.Call(func=ast.Name(id=name)) if name in self._kernel.functions:
+                result = self._call(node, name, state)
+                if result is None:
+                    raise self.refuse(node, f"{name} returns nothing")
+                return result
+        raise self.refuse(node, f"call of {ast.unparse(node.func)} is outside the subset")
+
+    def _float_call(self, node: ast.Call, name: str, state: State) -> Scalar:
+        if FLOAT_FUNCTIONS.get(name) != len(node.args):
+            raise self.refuse(node, f"math.{name} with {len(node.args)} arguments is not known")
+        if any(isinstance(self.scalar(value, state), Interval) for value in node.args):
+            raise self.refuse(node, f"math.{name} of an integer")
+        return FLOAT
+
+    def _clamped(
+        self, node: ast.Call, value: ast.expr, lo: ast.expr, hi: ast.expr, state: State
+    ) -> Interval:
+        x, low, high = (self.integer(part, state) for part in (value, lo, hi))
+        if low.hi > high.lo:
+            raise self.refuse(node, "clamp: the lower limit may lie above the upper")
+        return intervals.clamp(x, low, high)
+
+    def narrow(self, test: ast.expr, state: State, truth: bool) -> State | None:
+        """The state in which `test` has the given truth; None when it never has."""
+        match test:
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return self.narrow(operand, state, not truth)
+            case ast.BoolOp(op=operator, values=[first, *rest]):
+                remaining = rest[0] if len(rest) == 1 else ast.BoolOp(operator, rest)
+                if isinstance(operator, ast.And) == truth:
+                    partly = self.narrow(first, state, truth)
+                    return None if partly is None else self.narrow(remaining, partly, truth)
+                short, other = self.narrow(first, state, truth), self.narrow(first, state, not truth)
+                late = None if other is None else self.narrow(remaining, other, truth)
+                return join_states(short, late)
+            case ast.Compare(left=left, ops=operators, comparators=operands):
+                return self._compared(test, left, operators, operands, state, truth)
+        raise self.refuse(test, "a test is a comparison, or comparisons joined by and, or, not")
+
+    def _compared(
+        self,
+        test: ast.expr,
+        left: ast.expr,
+        operators: list[ast.cmpop],
+        operands: list[ast.expr],
+        state: State,
+        truth: bool,
+    ) -> State | None:
+        narrowed: State | None = state
+        for operator, right in zip(operators, operands, strict=True):
+            if type(operator) not in _MIRROR:
+                raise self.refuse(test, f"{type(operator).__name__} is outside the subset")
+            a, b = self.scalar(left, state), self.scalar(right, state)
+            if isinstance(a, Float) or isinstance(b, Float):
+                self.exact(left, a)
+                self.exact(right, b)
+            elif truth or len(operators) == 1:
+                relation = type(operator) if truth else _OPPOSITE[type(operator)]
+                narrowed = self._restrict(narrowed, left, a, relation, b)
+                narrowed = self._restrict(narrowed, right, b, _MIRROR[relation], a)
+            left = right
+        return narrowed
+
+    def _restrict(
+        self,
+        state: State | None,
+        node: ast.expr,
+        value: Interval,
+        relation: type[ast.cmpop],
+        bound: Interval,
+    ) -> State | None:
+        """`state` with the variable `node` limited to what stands in `relation` to `bound`."""
+        if state is None:
+            return None
+        lo, hi = value
+        if relation in (ast.Lt, ast.LtE, ast.Eq):
+            hi = min(hi, bound.hi - (relation is ast.Lt))
+        if relation in (ast.Gt, ast.GtE, ast.Eq):
+            lo = max(lo, bound.lo + (relation is ast.Gt))
+        if relation is ast.NotEq and bound.lo == bound.hi:
+            lo, hi = lo + (lo == bound.lo), hi - (hi == bound.lo)
+        if lo > hi:
+            return None
+        if isinstance(node, ast.Name) and node.id in state.scalars:
+            state = state.copy()
+            state.scalars[node.id] = Interval(lo, hi)
+        elif isinstance(node, ast.Subscript):
+            array, index = self.element_of(node, state)
+            if index.lo == index.hi and not array.is_float:
+                state = state.copy()
+                state.cells[array.key][index.lo] = Interval(lo, hi)
+        return state

@@ -1,0 +1,98 @@
+"""What the analysis knows while it runs through a kernel, and what it has found at the end."""
+
+import ast
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from h2nav.translate.intervals import Interval
+
+
+class Float(NamedTuple):
+    """The kind of every floating-point value; their ranges are not followed."""
+
+
+FLOAT: Final = Float()
+Scalar = Interval | Float
+
+
+class Array(NamedTuple):
+    """A flat array: an argument, a local list or a constant table.
+
+    Attributes:
+        key: number of its memory.
+        is_float: elements are doubles, else 32-bit integers.
+        length: number of elements; None for an argument of undeclared length.
+        writable: False for constant tables.
+    """
+
+    key: int
+    is_float: bool
+    length: int | None
+    writable: bool
+
+
+@dataclass(slots=True)
+class State:
+    """Scalars by name and array elements by array key, at one point of the program.
+
+    Elements missing from an array of integers hold any 32-bit value.
+    """
+
+    scalars: dict[str, Scalar] = field(default_factory=dict)
+    cells: dict[int, dict[int, Interval]] = field(default_factory=dict)
+
+    def copy(self) -> "State":
+        """An independent copy."""
+        return State(dict(self.scalars), {key: dict(cells) for key, cells in self.cells.items()})
+
+
+def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
+    """What holds for both; None when one is a float and the other an integer."""
+    if isinstance(a, Interval) and isinstance(b, Interval):
+        return a.hull(b)
+    return FLOAT if isinstance(a, Float) and isinstance(b, Float) else None
+
+
+def join_states(a: State | None, b: State | None) -> State | None:
+    """What holds after either path; a name that only one path sets is unset afterwards."""
+    if a is None or b is None:
+        return a or b
+    joined = State()
+    for name in a.scalars.keys() & b.scalars.keys():
+        scalar = join_scalars(a.scalars[name], b.scalars[name])
+        if scalar is not None:
+            joined.scalars[name] = scalar
+    for key in a.cells.keys() & b.cells.keys():
+        first, second = a.cells[key], b.cells[key]
+        joined.cells[key] = {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+    return joined
+
+
+@dataclass(slots=True)
+class FunctionFacts:
+    """What is true of one function over all its calls.
+
+    Attributes:
+        scalars: hull of every scalar variable, arguments included.
+        arrays: every array variable, arguments included.
+        result: hull of the returned values; None when nothing is returned.
+    """
+
+    scalars: dict[str, Scalar] = field(default_factory=dict)
+    arrays: dict[str, Array] = field(default_factory=dict)
+    result: Scalar | None = None
+
+
+@dataclass(slots=True)
+class Facts:
+    """The outcome of the analysis, from which the C types follow.
+
+    Attributes:
+        nodes: hull of every expression over all visits.
+        functions: in an order in which callees come before their callers.
+        constants: names of the module constants that are used.
+    """
+
+    nodes: dict[ast.expr, Scalar] = field(default_factory=dict)
+    functions: dict[str, FunctionFacts] = field(default_factory=dict)
+    constants: set[str] = field(default_factory=set)

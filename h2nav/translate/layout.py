@@ -1,0 +1,94 @@
+"""Where C declares a variable, which array arguments are const, how long lines break."""
+
+import ast
+from collections.abc import Iterator, Sequence
+
+Block = Sequence[ast.stmt]
+_WIDTH = 100
+_BREAKS = (" + ", " - ", ", ", " && ", " || ", " ? ", " : ", " * ", " & ")
+
+
+def inner_blocks(statement: ast.stmt) -> list[Block]:
+    """The blocks directly inside a compound statement."""
+    if isinstance(statement, ast.If):
+        return [statement.body, statement.orelse] if statement.orelse else [statement.body]
+    return [statement.body] if isinstance(statement, ast.For) else []
+
+
+def home_blocks(body: Block) -> dict[str, int]:
+    """For every name the id of the innermost block that holds all its occurrences."""
+    homes: dict[str, tuple[int, ...]] = {}
+    for name, path in _occurrences(body, (id(body),)):
+        known = homes.get(name, path)
+        same = 0
+        while same < min(len(known), len(path)) and known[same] == path[same]:
+            same += 1
+        homes[name] = path[:same]
+    return {name: path[-1] for name, path in homes.items()}
+
+
+def _occurrences(body: Block, path: tuple[int, ...]) -> Iterator[tuple[str, tuple[int, ...]]]:
+    for statement in body:
+        inner = inner_blocks(statement)
+        for node in _own_nodes(statement):
+            if isinstance(node, ast.Name):
+                yield node.id, path
+        for block in inner:
+            yield from _occurrences(block, (*path, id(block)))
+
+
+def _own_nodes(statement: ast.stmt) -> Iterator[ast.AST]:
+    """The nodes of a statement without those of the blocks inside it."""
+    if isinstance(statement, ast.If):
+        yield from ast.walk(statement.test)
+    elif isinstance(statement, ast.For):
+        yield from ast.walk(statement.iter)
+    else:
+        yield from ast.walk(statement)
+
+
+def mentioned(statement: ast.stmt) -> set[str]:
+    """All names inside a statement, inner blocks included."""
+    return {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
+
+
+def written_arrays(function: ast.FunctionDef, writers: dict[str, list[bool]]) -> set[str]:
+    """Names of the arrays that a function writes, itself or through the functions it calls.
+
+    Args:
+        function: the function.
+        writers: for each function already seen, which of its arguments it writes.
+    """
+    written = set()
+    for node in ast.walk(function):
+        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+            if isinstance(node.value, ast.Name):
+                written.add(node.value.id)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            flags = writers.get(node.func.id, [])
+            for argument, writes in zip(node.args, flags, strict=False):
+                if writes and isinstance(argument, ast.Name):
+                    written.add(argument.id)
+    return written
+
+
+def broken(line: str) -> Iterator[str]:
+    """A long line of C, broken after operators, continued with a deeper indent."""
+    indent = line[: len(line) - len(line.lstrip())]
+    while len(line) > _WIDTH:
+        found = ((line.rfind(mark, len(indent) + 8, _WIDTH), len(mark)) for mark in _BREAKS)
+        cut = max(start + length - 1 if start >= 0 else -1 for start, length in found)
+        if cut < 0:
+            break
+        yield line[:cut].rstrip()
+        line = f"{indent}    {line[cut:].lstrip()}"
+    yield line
+
+
+def comment_lines(text: str, indent: str) -> list[str]:
+    """A C comment of one or several lines."""
+    lines = [line.rstrip() for line in text.replace("*/", "* /").strip().splitlines()]
+    if len(lines) == 1:
+        return [f"{indent}/* {lines[0]} */"]
+    rest = [f"{indent} * {line}".rstrip() for line in lines[1:]]
+    return [f"{indent}/* {lines[0]}", *rest, f"{indent} */"]

@@ -1,0 +1,374 @@
+"""Runs a kernel on intervals: every path, every loop pass, every call; proves what it can reach.
+
+Loops have constant bounds and are run pass by pass; functions are run anew for each call; at a
+join the hull of both paths holds. Arguments named ``x`` whose module declares ``X_RANGES`` start
+inside these ranges, and every entry point must leave them inside: the declaration is thereby an
+invariant of any sequence of calls, proved by induction.
+"""
+
+import ast
+from collections.abc import Sequence
+
+from h2nav.translate import intervals
+from h2nav.translate.expressions import Expressions
+from h2nav.translate.facts import (
+    FLOAT,
+    Array,
+    Facts,
+    Float,
+    FunctionFacts,
+    Scalar,
+    State,
+    join_scalars,
+    join_states,
+)
+from h2nav.translate.intervals import INT16, INT32, INT64, UINT16, Interval
+from h2nav.translate.source import Function, Kernel, Refused
+
+_ANNOTATED = {"int": INT32, "I16": INT16, "U16": UINT16, "I32": INT32, "I64": INT64}
+_LOOP_LIMIT = 4096
+
+
+def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] = ()) -> Facts:
+    """Runs every entry point from all inputs it may meet.
+
+    Args:
+        kernel: the translated modules.
+        entries: functions that find and leave every declared array inside its ranges.
+        initialisers: functions that find anything and leave the arrays inside their ranges.
+
+    Raises:
+        Refused: outside the subset, wider than 64 bits, or a declared range is left.
+    """
+    analysis = _Analysis(kernel)
+    for name in (*initialisers, *entries):
+        analysis.run_entry(kernel.functions[name], trust_arrays=name in entries)
+    return analysis.facts
+
+
+class _Analysis:
+    def __init__(self, kernel: Kernel) -> None:
+        self.facts = Facts()
+        self._kernel = kernel
+        self._calls: list[str] = []
+        self._arrays = 0
+        self._tables: dict[str, tuple[Array, dict[int, Interval]]] = {}
+        for name, constant in kernel.constants.items():
+            if isinstance(constant.value, tuple) and constant.value:
+                self._add_table(name, constant.value)
+
+    def _add_table(self, name: str, values: tuple[object, ...]) -> None:
+        if all(isinstance(value, int) for value in values):
+            cells = {i: intervals.exactly(v) for i, v in enumerate(values) if isinstance(v, int)}
+            array = self.new_array(is_float=False, length=len(values), writable=False)
+            self._tables[name] = (array, cells)
+        elif all(isinstance(value, float) for value in values):
+            array = self.new_array(is_float=True, length=len(values), writable=False)
+            self._tables[name] = (array, {})
+
+    def new_array(self, is_float: bool, length: int | None, writable: bool = True) -> Array:
+        self._arrays += 1
+        return Array(self._arrays, is_float, length, writable)
+
+    def run_entry(self, function: Function, trust_arrays: bool) -> None:
+        state = State(cells={array.key: dict(cells) for array, cells in self._tables.values()})
+        arguments: dict[str, Scalar | Array] = {}
+        for argument in function.node.args.args:
+            kind = _annotation(function, argument)
+            if isinstance(kind, bool):
+                declared = self._declared(argument.arg)
+                length = len(declared) if declared else None
+                array = self.new_array(kind, length)
+                state.cells[array.key] = dict(enumerate(declared)) if trust_arrays else {}
+                arguments[argument.arg] = array
+            else:
+                arguments[argument.arg] = kind
+        _, after = self.run(function, arguments, state)
+        for name, array in arguments.items():
+            if isinstance(array, Array) and after is not None:
+                self._check_declared(function, name, array, after)
+
+    def _declared(self, name: str) -> list[Interval]:
+        """The declared ranges of the elements of an array argument."""
+        constant = self._kernel.constants.get(f"{name.upper()}_RANGES")
+        if constant is None or not isinstance(constant.value, tuple):
+            return []
+        ranges = []
+        for pair in constant.value:
+            assert isinstance(pair, tuple)
+            lo, hi = (int(end) for end in pair if isinstance(end, int))
+            ranges.append(Interval(lo, hi))
+        return ranges
+
+    def _check_declared(self, function: Function, name: str, array: Array, after: State) -> None:
+        for i, allowed in enumerate(self._declared(name)):
+            reached = after.cells[array.key].get(i, INT32)
+            if not reached.within(allowed):
+                raise Refused(
+                    function.path,
+                    function.node,
+                    f"{function.name} may leave {name}[{i}] at {reached.lo}..{reached.hi}, "
+                    f"declared {allowed.lo}..{allowed.hi}",
+                )
+
+    def run(
+        self, function: Function, arguments: dict[str, Scalar | Array], state: State
+    ) -> tuple[Scalar | None, State | None]:
+        """Runs one call; returns what it returns and the state of the arrays afterwards."""
+        if function.name in self._calls:
+            raise Refused(function.path, function.node, f"{function.name} calls itself")
+        self._calls.append(function.name)
+        frame = _Frame(self, self._kernel, function, arguments, self._tables)
+        result = frame.run(State({}, state.cells))
+        self._calls.pop()
+        return result
+
+    def remember(self, function: Function, found: FunctionFacts) -> None:
+        """Joins what one call found with the calls before."""
+        known = self.facts.functions.setdefault(function.name, FunctionFacts())
+        for name, scalar in found.scalars.items():
+            joined = join_scalars(known.scalars.get(name, scalar), scalar)
+            if joined is None:
+                reason = f"{name} is sometimes an integer, sometimes a float"
+                raise Refused(function.path, function.node, reason)
+            known.scalars[name] = joined
+        known.arrays.update(found.arrays)
+        if found.result is not None:
+            known.result = join_scalars(known.result or found.result, found.result)
+
+
+class _Frame:
+    """One call of one function."""
+
+    def __init__(
+        self,
+        analysis: _Analysis,
+        kernel: Kernel,
+        function: Function,
+        arguments: dict[str, Scalar | Array],
+        tables: dict[str, tuple[Array, dict[int, Interval]]],
+    ) -> None:
+        self._analysis = analysis
+        self._kernel = kernel
+        self._function = function
+        self._found = FunctionFacts()
+        self._arrays = {name: array for name, (array, _) in tables.items()}
+        self._scalars: dict[str, Scalar] = {}
+        for name, value in arguments.items():
+            if isinstance(value, Array):
+                self._arrays[name] = self._found.arrays[name] = value
+            else:
+                self._scalars[name] = self._found.scalars[name] = value
+        self._expressions = Expressions(
+            kernel, analysis.facts, function.path, self._arrays, self._call
+        )
+        self._returned: State | None = None
+
+    def run(self, state: State) -> tuple[Scalar | None, State | None]:
+        state.scalars = dict(self._scalars)
+        end = self._block(self._function.node.body, state)
+        returns = self._function.node.returns
+        gives = not (isinstance(returns, ast.Constant) and returns.value is None)
+        if end is not None and (gives or self._found.result is not None):
+            raise self._refuse(self._function.node, "may end without returning a value")
+        self._analysis.remember(self._function, self._found)
+        return self._found.result, join_states(self._returned, end)
+
+    def _refuse(self, node: ast.AST, reason: str) -> Refused:
+        return Refused(self._function.path, node, reason)
+
+    def _block(self, body: Sequence[ast.stmt], state: State | None) -> State | None:
+        for statement in body:
+            if state is None:
+                raise self._refuse(statement, "is never reached")
+            state = self._statement(statement, state)
+        return state
+
+    def _statement(self, node: ast.stmt, state: State) -> State | None:
+        match node:
+            case ast.Assign(targets=[target], value=value):
+                self._assign(target, value, state)
+            case ast.AnnAssign(target=target, value=ast.expr() as value):
+                self._assign(target, value, state)
+            case ast.AugAssign(target=target, op=operator, value=value):
+                self._assign(target, joined_operation(node, target, operator, value), state)
+            case ast.If():
+                return self._if(node, state)
+            case ast.For():
+                return self._for(node, state)
+            case ast.Return(value=value):
+                self._return(value, state)
+                return None
+            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+                pass
+            case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
+                if name not in self._kernel.functions:
+                    raise self._refuse(node, f"call of {name} is outside the subset")
+                self._call(call, name, state)
+            case _:
+                raise self._refuse(node, f"{type(node).__name__} is outside the subset")
+        return state
+
+    def _assign(self, target: ast.expr, value: ast.expr, state: State) -> None:
+        if isinstance(target, ast.Name):
+            elements = list_elements(value)
+            if elements is not None:
+                self._new_list(target, elements, state)
+                return
+            if target.id in self._arrays or target.id in self._kernel.constants:
+                raise self._refuse(target, f"{target.id} already names something else")
+            scalar = self._expressions.scalar(value, state)
+            state.scalars[target.id] = scalar
+            known = self._found.scalars.get(target.id, scalar)
+            joined = join_scalars(known, scalar)
+            if joined is None:
+                raise self._refuse(target, "is sometimes an integer, sometimes a float")
+            self._found.scalars[target.id] = joined
+        elif isinstance(target, ast.Subscript):
+            self._store(target, self._expressions.scalar(value, state), state)
+        else:
+            raise self._refuse(target, "only names and elements may be assigned")
+
+    def _new_list(self, target: ast.Name, elements: list[ast.expr], state: State) -> None:
+        values = [self._expressions.scalar(element, state) for element in elements]
+        is_float = any(isinstance(value, Float) for value in values)
+        known = self._found.arrays.get(target.id)
+        if known is not None and (known.is_float, known.length) != (is_float, len(values)):
+            raise self._refuse(target, f"{target.id} changes its kind or length")
+        array = known or self._analysis.new_array(is_float, len(values))
+        self._arrays[target.id] = self._found.arrays[target.id] = array
+        if is_float and any(isinstance(value, Interval) for value in values):
+            raise self._refuse(target, "mixes integers and floats")
+        cells = {i: value for i, value in enumerate(values) if isinstance(value, Interval)}
+        if any(not value.within(INT32) for value in cells.values()):
+            raise self._refuse(target, "an array of integers holds 32-bit values")
+        state.cells[array.key] = cells
+
+    def _store(self, target: ast.Subscript, value: Scalar, state: State) -> None:
+        array, index = self._expressions.element_of(target, state)
+        if not array.writable:
+            raise self._refuse(target, "a constant table is written")
+        if array.is_float:
+            self._expressions.exact(target, value)
+            return
+        if isinstance(value, Float):
+            raise self._refuse(target, "a float is stored in an array of integers")
+        if not value.within(INT32):
+            raise self._refuse(target, f"stores {value.lo}..{value.hi} in a 32-bit element")
+        cells = state.cells[array.key]
+        if index.lo == index.hi:
+            cells[index.lo] = value
+        else:
+            for i in range(index.lo, index.hi + 1):
+                cells[i] = cells.get(i, INT32).hull(value)
+
+    def _if(self, node: ast.If, state: State) -> State | None:
+        taken = self._expressions.narrow(node.test, state, True)
+        other = self._expressions.narrow(node.test, state, False)
+        after = [
+            None if start is None else self._block(body, start.copy())
+            for body, start in ((node.body, taken), (node.orelse, other))
+        ]
+        return join_states(after[0], after[1])
+
+    def _for(self, node: ast.For, state: State) -> State | None:
+        match node:
+            case ast.For(
+                target=ast.Name(id=name),
+                iter=ast.Call(func=ast.Name(id="range"), args=[*bounds], keywords=[]),
+                orelse=[],
+            ) if 1 <= len(bounds) <= 2:
+                ends = [self._expressions.integer(bound, state) for bound in bounds]
+            case _:
+                raise self._refuse(node, "a loop runs over range(constant)")
+        if any(end.lo != end.hi for end in ends):
+            raise self._refuse(node, "the bounds of a loop are constant")
+        start, stop = (0, ends[0].lo) if len(ends) == 1 else (ends[0].lo, ends[1].lo)
+        if stop - start > _LOOP_LIMIT:
+            raise self._refuse(node, f"more than {_LOOP_LIMIT} passes")
+        after: State | None = state
+        for i in range(start, stop):
+            if after is None:
+                break
+            after.scalars[name] = intervals.exactly(i)
+            hull = self._found.scalars.get(name, intervals.exactly(i))
+            assert isinstance(hull, Interval)
+            # the C loop variable also reaches the bound
+            self._found.scalars[name] = hull.hull(Interval(i, i + 1))
+            after = self._block(node.body, after)
+        if after is not None:
+            after.scalars.pop(name, None)
+        return after
+
+    def _return(self, value: ast.expr | None, state: State) -> None:
+        if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
+            scalar = self._expressions.scalar(value, state)
+            self._found.result = join_scalars(self._found.result or scalar, scalar)
+            if self._found.result is None:
+                raise self._refuse(value, "returns sometimes an integer, sometimes a float")
+        self._returned = join_states(self._returned, state)
+
+    def _call(self, node: ast.Call, name: str, state: State) -> Scalar | None:
+        function = self._kernel.functions[name]
+        parameters = function.node.args.args
+        if len(parameters) != len(node.args) or node.keywords:
+            raise self._refuse(node, f"{name} takes {len(parameters)} plain arguments")
+        arguments: dict[str, Scalar | Array] = {}
+        for parameter, value in zip(parameters, node.args, strict=True):
+            kind = _annotation(function, parameter)
+            if isinstance(kind, bool):
+                array = self._arrays.get(value.id) if isinstance(value, ast.Name) else None
+                if array is None or array.is_float != kind:
+                    raise self._refuse(value, f"{name} needs an array for {parameter.arg}")
+                arguments[parameter.arg] = array
+                continue
+            scalar = self._expressions.scalar(value, state)
+            if isinstance(scalar, Float) != isinstance(kind, Float):
+                raise self._refuse(value, f"wrong kind of number for {parameter.arg} of {name}")
+            if isinstance(scalar, Interval) and isinstance(kind, Interval):
+                if not scalar.within(kind):
+                    raise self._refuse(
+                        value,
+                        f"{parameter.arg} of {name} may be {scalar.lo}..{scalar.hi}, "
+                        f"outside its annotation",
+                    )
+            arguments[parameter.arg] = scalar
+        result, after = self._analysis.run(function, arguments, state)
+        if after is not None:
+            state.cells = after.cells
+        return result
+
+
+def joined_operation(
+    node: ast.stmt, target: ast.expr, operator: ast.operator, value: ast.expr
+) -> ast.BinOp:
+    """The binary operation of an augmented assignment, one node per statement."""
+    known: ast.BinOp | None = getattr(node, "h2nav_operation", None)
+    if known is None:
+        known = ast.copy_location(ast.BinOp(target, operator, value), node)
+        node.h2nav_operation = known  # type: ignore[attr-defined]
+    return known
+
+
+def list_elements(value: ast.expr) -> list[ast.expr] | None:
+    """The elements of a list display such as ``[a, b]`` or ``[0.0] * 3``; None for others."""
+    match value:
+        case ast.List(elts=elements):
+            return elements
+        case ast.BinOp(
+            left=ast.List(elts=[element]), op=ast.Mult(), right=ast.Constant(value=int() as n)
+        ):
+            return [element] * n
+    return None
+
+
+def _annotation(function: Function, argument: ast.arg) -> Scalar | bool:
+    """Range of an annotated scalar; for an array whether it holds floats."""
+    match argument.annotation:
+        case ast.Name(id="float"):
+            return FLOAT
+        case ast.Name(id=name) if name in _ANNOTATED:
+            return _ANNOTATED[name]
+        case ast.Subscript(value=ast.Name(id="list" | "Sequence"), slice=ast.Name(id=name)):
+            return name == "float"
+    raise Refused(function.path, argument, f"{argument.arg} needs an annotation of the subset")

@@ -1,0 +1,57 @@
+"""The C forms of the integer operations that C does not define for negative numbers.
+
+They are the counterparts of Python's ``>>``, ``abs`` and `h2nav.maths.fixedpoint.clamp`. None of
+them branches on most compilers, so that a step costs the same number of instructions whatever the
+samples are.
+"""
+
+from typing import Final
+
+# name -> text; the arguments stay within what the range analysis has proved
+RUNTIME: Final[dict[str, str]] = {
+    f"{name}_{bits}": text.replace("BITS", str(bits)).replace("TOP", str(bits - 1))
+    for bits in (32, 64)
+    for name, text in {
+        "shift_right": """\
+/* x / 2^n, rounded towards minus infinity; compilers make one arithmetic shift of it. */
+static inline intBITS_t shift_right_BITS(intBITS_t x, int32_t n)
+{
+    return x < 0 ? ~(~x >> n) : x >> n;
+}
+""",
+        "magnitude": """\
+/* Absolute value, without a branch. */
+static inline intBITS_t magnitude_BITS(intBITS_t x)
+{
+    const intBITS_t sign = x < 0 ? ~(~x >> TOP) : x >> TOP;
+    return (x ^ sign) - sign;
+}
+""",
+        "at_most": """\
+/* The lesser, without a branch; x - high fits BITS bits. */
+static inline intBITS_t at_most_BITS(intBITS_t x, intBITS_t high)
+{
+    const intBITS_t above = x - high;
+    return high + (above & (above < 0 ? ~(~above >> TOP) : above >> TOP));
+}
+""",
+        "at_least": """\
+/* The greater, without a branch; x - low fits BITS bits. */
+static inline intBITS_t at_least_BITS(intBITS_t x, intBITS_t low)
+{
+    const intBITS_t over = x - low;
+    return low + (over & ~(over < 0 ? ~(~over >> TOP) : over >> TOP));
+}
+""",
+        "clamp": """\
+/* x moved into [low, high], without a branch; x - low and x - high fit BITS bits. */
+static inline intBITS_t clamp_BITS(intBITS_t x, intBITS_t low, intBITS_t high)
+{
+    const intBITS_t above = x - high;
+    const intBITS_t limited = high + (above & (above < 0 ? ~(~above >> TOP) : above >> TOP));
+    const intBITS_t over = limited - low;
+    return low + (over & ~(over < 0 ? ~(~over >> TOP) : over >> TOP));
+}
+""",
+    }.items()
+}

@@ -1,0 +1,213 @@
+"""Reading of kernel modules: constants, functions and comments of Python text."""
+
+import ast
+import io
+import math
+import tokenize
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from h2nav.errors import BadInput
+
+Number = int | float
+ConstantValue = Number | tuple["ConstantValue", ...]
+
+# Modules whose functions the translator knows itself.
+INTRINSIC_MODULES = ("math", "collections.abc", "h2nav.maths.fixedpoint")
+
+
+class Source(NamedTuple):
+    """Text of one kernel module.
+
+    Attributes:
+        path: how errors name the file.
+        text: the Python source.
+    """
+
+    path: str
+    text: str
+
+
+class Refused(BadInput):
+    """The kernel holds something that the translator does not understand or cannot prove."""
+
+    def __init__(self, path: str, node: ast.AST, reason: str) -> None:
+        super().__init__(f"{path}:{getattr(node, 'lineno', 0)}: {reason}")
+
+
+class Comment(NamedTuple):
+    """A comment of the source and whether it stands on a line of its own."""
+
+    text: str
+    alone: bool
+
+
+class Constant(NamedTuple):
+    """A module constant, its value and the comment beside it."""
+
+    name: str
+    value: ConstantValue
+    remark: str
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A kernel function with the file and the comments it came with."""
+
+    name: str
+    path: str
+    node: ast.FunctionDef
+    comments: Mapping[int, Comment]
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """One name space made of all given modules, in order of definition."""
+
+    constants: dict[str, Constant] = field(default_factory=dict)
+    functions: dict[str, Function] = field(default_factory=dict)
+
+
+def read_kernel(sources: Sequence[Source]) -> Kernel:
+    """The constants and functions of `sources`, each of which may import from those before it.
+
+    Raises:
+        Refused: a statement outside the subset, or a name defined twice.
+    """
+    kernel = Kernel()
+    for source in sources:
+        comments = _comments(source.text)
+        for node in ast.parse(source.text).body:
+            _read_statement(kernel, source.path, node, comments)
+    return kernel
+
+
+def _read_statement(
+    kernel: Kernel, path: str, node: ast.stmt, comments: Mapping[int, Comment]
+) -> None:
+    if isinstance(node, ast.FunctionDef):
+        if node.name in kernel.functions or node.name in kernel.constants:
+            raise Refused(path, node, f"{node.name} is defined twice")
+        kernel.functions[node.name] = Function(node.name, path, node, comments)
+    elif isinstance(node, ast.Assign | ast.AnnAssign):
+        for name, value in _definitions(kernel, path, node):
+            remark = comments.get(node.lineno, Comment("", alone=True))
+            text = "" if remark.alone else remark.text
+            kernel.constants[name] = Constant(name, value, text)
+    elif isinstance(node, ast.ImportFrom):
+        for alias in node.names:
+            known = alias.name in kernel.constants or alias.name in kernel.functions
+            if alias.asname or not (known or node.module in (*INTRINSIC_MODULES, "typing")):
+                raise Refused(path, node, f"import of {alias.name} from a module not translated")
+    elif isinstance(node, ast.Import):
+        if any(alias.name != "math" or alias.asname for alias in node.names):
+            raise Refused(path, node, "only math may be imported as a module")
+    elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
+        raise Refused(path, node, f"a kernel module may not hold {type(node).__name__}")
+
+
+def _definitions(
+    kernel: Kernel, path: str, node: ast.Assign | ast.AnnAssign
+) -> list[tuple[str, ConstantValue]]:
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    if node.value is None or len(targets) != 1:
+        raise Refused(path, node, "a constant needs one name and a value")
+    target, value = targets[0], constant_value(kernel.constants, path, node.value)
+    if isinstance(target, ast.Name):
+        return [(target.id, value)]
+    if isinstance(target, ast.Tuple) and isinstance(value, tuple):
+        names = [element.id for element in target.elts if isinstance(element, ast.Name)]
+        if len(names) == len(target.elts) == len(value):
+            return list(zip(names, value, strict=True))
+    raise Refused(path, node, "a constant is assigned to a name")
+
+
+def constant_value(
+    constants: Mapping[str, Constant], path: str, node: ast.expr
+) -> ConstantValue:
+    """The value of a constant expression.
+
+    Raises:
+        Refused: the expression is not made of numbers, known constants and arithmetic.
+    """
+    match node:
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            return value
+        case ast.Name(id=name) if name in constants:
+            return constants[name].value
+        case ast.Attribute(value=ast.Name(id="math"), attr="pi" | "inf" | "tau" as name):
+            return {"pi": math.pi, "inf": math.inf, "tau": math.tau}[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_number(constants, path, operand)
+        case ast.Tuple(elts=elements) | ast.List(elts=elements):
+            return _tuple_value(constants, path, elements)
+        case ast.Call(func=ast.Name(id="range"), args=[stop]):
+            return tuple(range(int(_number(constants, path, stop))))
+        case ast.Call(func=ast.Name(id="range"), args=[start, stop]):
+            bounds = (_number(constants, path, start), _number(constants, path, stop))
+            return tuple(range(int(bounds[0]), int(bounds[1])))
+        case ast.BinOp(left=left, op=ast.Mult(), right=right) if isinstance(left, ast.Tuple):
+            return _tuple_value(constants, path, left.elts) * int(_number(constants, path, right))
+        case ast.BinOp(left=left, op=operator, right=right):
+            return _binary(
+                path, node, operator, _number(constants, path, left), _number(constants, path, right)
+            )
+    raise Refused(path, node, "not a constant expression of numbers and earlier constants")
+
+
+def _tuple_value(
+    constants: Mapping[str, Constant], path: str, elements: Sequence[ast.expr]
+) -> tuple[ConstantValue, ...]:
+    values: list[ConstantValue] = []
+    for element in elements:
+        if isinstance(element, ast.Starred):
+            inner = constant_value(constants, path, element.value)
+            values.extend(inner if isinstance(inner, tuple) else (inner,))
+        else:
+            values.append(constant_value(constants, path, element))
+    return tuple(values)
+
+
+def _number(constants: Mapping[str, Constant], path: str, node: ast.expr) -> Number:
+    value = constant_value(constants, path, node)
+    if isinstance(value, tuple):
+        raise Refused(path, node, "a number is needed here")
+    return value
+
+
+def _binary(path: str, node: ast.expr, operator: ast.operator, a: Number, b: Number) -> Number:
+    match operator:
+        case ast.Add():
+            return a + b
+        case ast.Sub():
+            return a - b
+        case ast.Mult():
+            return a * b
+        case ast.Div():
+            return a / b
+    if isinstance(a, int) and isinstance(b, int):
+        match operator:
+            case ast.FloorDiv():
+                return a // b
+            case ast.LShift():
+                return a << b
+            case ast.RShift():
+                return a >> b
+            case ast.BitOr():
+                return a | b
+            case ast.Pow() if b >= 0:
+                return int(a**b)
+    raise Refused(path, node, f"constants may not be joined by {type(operator).__name__}")
+
+
+def _comments(text: str) -> dict[int, Comment]:
+    found = {}
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            words = token.string.lstrip("#").strip()
+            if not words.startswith(("noqa", "type:", "fmt:")):
+                words = words.split("  # noqa")[0]
+                alone = token.line[: token.start[1]].strip() == ""
+                found[token.start[0]] = Comment(words, alone)
+    return found
