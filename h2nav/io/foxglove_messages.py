@@ -8,6 +8,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import DecodeError
 
 from h2nav.attitude.samples import Quat
 
@@ -60,6 +61,27 @@ def log_message(unix_ns: int, level: LogLevel, text: str) -> bytes:
     message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
     serialized: bytes = message.SerializeToString()
     return serialized
+
+
+def flat_fields(schema_name: str, data: bytes) -> dict[str, Any] | None:
+    """Column -> value of a message of this module; None for any other schema.
+
+    Raises:
+        ValueError: the bytes are no such message.
+    """
+    kinds: dict[str, Any] = {k.DESCRIPTOR.full_name: k for k in (FrameTransform, PoseInFrame, Log)}
+    kind = kinds.get(schema_name)
+    if kind is None:
+        return None
+    message = kind()
+    try:
+        message.ParseFromString(data)
+    except DecodeError as error:
+        raise ValueError(f"damaged {schema_name}") from error
+    if kind is Log:
+        return {"level": LogLevel(message.level).name, "message": message.message}
+    rotation = message.rotation if kind is FrameTransform else message.pose.orientation
+    return {f"q_{axis}": getattr(rotation, axis) for axis in "wxyz"}
 
 
 def _descriptor_set(message_type: Any) -> bytes:

@@ -107,6 +107,13 @@ def time_object(t_ns: int) -> dict[str, int]:
     return {"sec": sec, "nsec": nsec}
 
 
+def time_from_object(value: Any) -> Any:
+    """The nanoseconds of a `time_object`; any other value as it is."""
+    if isinstance(value, dict) and value.keys() == {"sec", "nsec"}:
+        return value["sec"] * NS_PER_S + value["nsec"]
+    return value
+
+
 def _property(record_type: type[Any], name: str, hint: Any, text: str) -> dict[str, Any]:
     optional = typing.get_origin(hint) in (typing.Union, types.UnionType)
     members = [m for m in typing.get_args(hint) if m is not type(None)] if optional else [hint]
