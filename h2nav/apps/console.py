@@ -21,6 +21,8 @@ class Console:
         stream: where people read.
     """
 
+    message_ids: frozenset[int] = frozenset()
+
     def __init__(self, events_as_json: bool = False, stream: TextIO = sys.stderr) -> None:
         self._events_as_json = events_as_json
         self._stream = stream

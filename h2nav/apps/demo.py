@@ -64,6 +64,7 @@ class _Watcher:
 
     def __init__(self) -> None:
         self.reference = Reference()
+        self.message_ids = self.reference.message_ids
         self._console = Console()
 
     def frame(self, t_ns: int, frame: Frame) -> None:

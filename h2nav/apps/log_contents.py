@@ -80,14 +80,14 @@ def inputs_of(recording: Recording) -> RecordedInputs | None:
     Raises:
         BadInput: the log holds a configuration that this version cannot use.
     """
-    text = recording.attachments.get(CONFIGURATION_NAME)
-    if text is None:
+    attachment = recording.attachments.get(CONFIGURATION_NAME)
+    if attachment is None:
         return None
     place = f"{recording.path}: {CONFIGURATION_NAME}"
-    mapping = strict_yaml.parse_mapping(text.decode(), place)
+    mapping = strict_yaml.parse_mapping(attachment.data.decode(), place)
     gain_texts = {
-        name.removeprefix(GAINS_FOLDER): content.decode()
-        for name, content in recording.attachments.items()
+        name.removeprefix(GAINS_FOLDER): found.data.decode()
+        for name, found in recording.attachments.items()
         if name.startswith(GAINS_FOLDER)
     }
     metadata = recording.metadata.get(RUN_METADATA, {})

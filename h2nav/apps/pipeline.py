@@ -51,10 +51,16 @@ def link_record(counters: DeframerCounters) -> LinkRecord:
 
 
 class Watcher(Protocol):
-    """Somebody who looks on: the status line, the error table of a replay."""
+    """Somebody who looks on: the status line, the error table of a replay.
+
+    Attributes:
+        message_ids: the messages that it wants to see.
+    """
+
+    message_ids: frozenset[int]
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """A good frame came, whatever its message."""
+        """A good frame of `message_ids` came."""
 
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
         """An estimate was made."""
@@ -97,6 +103,7 @@ class Pipeline:
         self._encoder = codec.Encoder(self._system_id, component_id)
         self._unix_ns, self._send, self._recorder, self._watcher = outlets
         self._message_ids = service.message_ids
+        self._watched_ids = self._watcher.message_ids
         self._timer_ns = 0
 
     @property
@@ -109,7 +116,8 @@ class Pipeline:
         if self._recorder is not None:
             self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
         for frame in self.deframer.feed(data):
-            self._watcher.frame(t_ns, frame)
+            if frame.msg_id in self._watched_ids:
+                self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
                 sender = (frame.sysid, frame.compid)
                 fields = codec.decode(frame)

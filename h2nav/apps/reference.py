@@ -67,7 +67,13 @@ class _Attitudes:
 
 
 class Reference:
-    """Collects estimates and references while a recording runs; compares them at its end."""
+    """Collects estimates and references while a recording runs; compares them at its end.
+
+    Attributes:
+        message_ids: the messages that say something of the attitude.
+    """
+
+    message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
         self._by_arrival = _Attitudes()
@@ -76,11 +82,11 @@ class Reference:
         self._autopilot = _Attitudes()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """Takes what a frame says of the attitude, if it says anything."""
+        """Takes what a frame of `message_ids` says of the attitude."""
         if frame.msg_id == SIMSTATE:
             fields: Any = codec.decode(frame)
             self._truth.add(t_ns // 1000, fields.roll, fields.pitch, fields.yaw)
-        elif frame.msg_id == ATTITUDE and frame.compid == mavlink.MAV_COMP_ID_AUTOPILOT1:
+        elif frame.compid == mavlink.MAV_COMP_ID_AUTOPILOT1:
             fields = codec.decode(frame)
             t_us = fields.time_boot_ms * 1000
             self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)

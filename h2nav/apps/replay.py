@@ -80,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
     if output is not None:
         recorder = Recorder.to_file(output, recording.unix_offset_ns)
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
-    watcher = _Watcher(recording if inputs.is_original else None)
+    # A second pass over the file, beside the first one, gives the estimates to compare with.
+    watcher = _Watcher(open_recording(args.log) if inputs.is_original else None)
     started_s = time.perf_counter()
     try:
         pipeline, span_ns = _play(recording, inputs, recorder, watcher)
@@ -104,16 +105,17 @@ def _play(
 ) -> tuple[Pipeline, int]:
     """Sends everything through the service; also returns the recording's span, ns."""
     offset_ns = recording.unix_offset_ns
+    settings = inputs.configuration.service
+    asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
     service = Service(
-        inputs.configuration.service,
+        dataclasses.replace(settings, autopilot=asks_nobody),
         Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s),
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
     pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)
     first_ns = last_ns = None
-    with tqdm(
-        total=recording.total_bytes, unit="B", unit_scale=True, disable=not sys.stderr.isatty()
-    ) as bar:
+    total = recording.progress[1]
+    with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
         for t_ns, data in recording.received():
             if first_ns is None:
                 first_ns = t_ns
@@ -121,7 +123,7 @@ def _play(
             pipeline.tick(t_ns)
             pipeline.received(t_ns, data)
             last_ns = t_ns
-            bar.update(recording.bytes_read - bar.n)
+            bar.update(recording.progress[0] - bar.n)
     return pipeline, 0 if first_ns is None or last_ns is None else last_ns - first_ns
 
 
@@ -147,7 +149,10 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
         )
         return Inputs(chosen, filters, recorded.unix_s, is_original=True)
     filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
-    unix_s = recorded.unix_s if recorded else recording.unix_start_ns * 1e-9
+    if recorded is not None:
+        unix_s = recorded.unix_s
+    else:
+        unix_s = time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
     return Inputs(chosen, filters, unix_s, is_original=False)
 
 
@@ -156,10 +161,11 @@ class _Watcher:
 
     def __init__(self, original: Recording | None) -> None:
         self.reference = Reference()
+        self.message_ids = self.reference.message_ids
         self.compared = 0
         self.equal = 0
         self.compares = original is not None
-        self._recorded: Iterator[Any] = iter(())
+        self._recorded: Iterator[tuple[int, dict[str, Any]]] = iter(())
         if original is not None:
             self._recorded = original.records(ESTIMATE_TOPIC)
 
@@ -169,16 +175,15 @@ class _Watcher:
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
         self.reference.estimate(t_ns, record)
         recorded = next(self._recorded, None)
-        if recorded is None:
-            return
-        self.compared += 1
-        self.equal += _is_equal(recorded, record)
+        if recorded is not None:
+            self.compared += 1
+            self.equal += _is_equal(recorded[1], record)
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         print(f"{severity.name.lower()}: {text}", file=sys.stderr)
 
 
-def _is_equal(recorded: Any, record: EstimateRecord) -> bool:
+def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
     """Bit for bit; a log writes NaN as null."""
     return all(
         recorded[name] == value or (recorded[name] is None and math.isnan(value))

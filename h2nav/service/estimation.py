@@ -1,4 +1,4 @@
-"""From IMU messages to estimates: choose, check, time, filter. Nothing that is not finite passes."""
+"""From IMU messages to estimates: choose, check, time, filter; nothing non-finite passes."""
 
 import math
 from collections import Counter
@@ -89,7 +89,7 @@ class Estimation:
 
     def take(self, t_ns: int, message_id: int, fields: Any) -> Outcome:
         """Takes an IMU message of the bound autopilot."""
-        if self._filter is None or self._choice is None:
+        if self._choice is None or not self._choice.considers(message_id, t_ns):
             return REFUSED
         row = IMU_MESSAGES[message_id]
         raw = row.read(fields)

@@ -168,27 +168,28 @@ class ImuChoice:
         """The message in use."""
         return None if self._chosen is None else IMU_MESSAGES[self._chosen]
 
-    def takes(self, message_id: int, raw: RawSample, t_ns: int) -> bool:
-        """Whether this message is the one to use now.
-
-        A message whose specific force is exactly zero (SCALED_IMU3 of a vehicle with two IMUs and
-        three compasses) is never chosen.
-        """
+    def considers(self, message_id: int, t_ns: int) -> bool:
+        """Whether this message could be the one to use now, before it is even read."""
+        if message_id == self._chosen:
+            return True
         if message_id not in self._rank:
             return False
-        if message_id == self._chosen:
-            self._used += 1
-            self._last_ns = t_ns
-            return True
-        if raw.f_b == (0.0, 0.0, 0.0) or not self._may_take_over(message_id, t_ns):
-            return False
-        self._chosen = message_id
-        self._used = 1
-        self._last_ns = t_ns
-        return True
-
-    def _may_take_over(self, message_id: int, t_ns: int) -> bool:
         if self._chosen is None or t_ns - self._last_ns > self.SILENT_NS:
             return True
         better = self._rank[message_id] < self._rank[self._chosen]
         return better and self._used < self.SETTLED
+
+    def takes(self, message_id: int, raw: RawSample, t_ns: int) -> bool:
+        """Whether a message that is considered is the one to use now; if so, it is used.
+
+        A message whose specific force is exactly zero (SCALED_IMU3 of a vehicle with two IMUs and
+        three compasses) is never chosen.
+        """
+        if message_id != self._chosen:
+            if raw.f_b == (0.0, 0.0, 0.0):
+                return False
+            self._chosen = message_id
+            self._used = 0
+        self._used += 1
+        self._last_ns = t_ns
+        return True

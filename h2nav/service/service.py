@@ -104,9 +104,10 @@ class Service:
     @property
     def message_ids(self) -> frozenset[int]:
         """The messages that the service understands; others need not be decoded."""
-        return frozenset(
-            {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *IMU_MESSAGES, *self._handlers, *self._questions}
-        )
+        heard = {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *IMU_MESSAGES, *self._handlers, *self._questions}
+        if self._settings.autopilot.simulation_truth:
+            heard.add(mavlink.MAVLINK_MSG_ID_SIMSTATE)  # its rate is measured like any other
+        return frozenset(heard)
 
     @property
     def system_id(self) -> int:
@@ -167,7 +168,8 @@ class Service:
             return self._on_question(question, fields, sender)
         if not self._autopilot.owns(*sender):
             if message_id in IMU_MESSAGES:
-                self._estimation.rejected["other_sender"] += 1
+                bound = self._autopilot.identity is not None
+                self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
             return []
         if self._streams is not None:
             self._streams.arrived(message_id)
@@ -299,6 +301,7 @@ class Service:
         identity = self._autopilot.identity
         if identity is None or self._streams is None or not self._link_is_up:
             return []
+        self._streams.measure(t_ns)
         if not self._settings.autopilot.request_streams:
             return []
         request = self._streams.next_request(t_ns, (identity.system_id, identity.component_id))

@@ -114,6 +114,20 @@ class StreamRequests:
         if result not in ANSWERED_WELL:
             stream.refuse()
 
+    def measure(self, t_ns: int) -> None:
+        """Turns the counts of a finished window into rates; call it several times a second."""
+        if self._window_start_ns is None:
+            self._window_start_ns = t_ns
+        elif t_ns - self._window_start_ns >= WINDOW_NS:
+            seconds = (t_ns - self._window_start_ns) * 1e-9
+            for stream in self._streams:
+                stream.measured_hz = stream.count / seconds
+            self._window_start_ns = t_ns
+        else:
+            return
+        for stream in self._streams:
+            stream.count = 0
+
     def measured_hz(self, message_id: int) -> float | None:
         """Achieved rate of a wished stream over the last window; None before the first."""
         for stream in self._streams:
@@ -135,7 +149,6 @@ class StreamRequests:
             t_ns: host monotonic time.
             target: system and component id of the autopilot.
         """
-        self._close_window(t_ns)
         if self._waiting is not None:
             if t_ns - self._waiting_since_ns < ACK_WAIT_NS:
                 return None
@@ -146,6 +159,8 @@ class StreamRequests:
                 continue
             if stream.measured_hz is None and stream.asked_ns is not None:
                 continue
+            if stream.measured_hz == 0.0 and stream.asked_ns is not None:
+                stream.refuse()
             return self._ask(t_ns, stream, target)
         return None
 
@@ -174,17 +189,3 @@ class StreamRequests:
             0.0,
             0.0,
         )
-
-    def _close_window(self, t_ns: int) -> None:
-        """Turns the counts of a finished window into rates."""
-        if self._window_start_ns is None:
-            self._window_start_ns = t_ns
-        elif t_ns - self._window_start_ns >= WINDOW_NS:
-            seconds = (t_ns - self._window_start_ns) * 1e-9
-            for stream in self._streams:
-                stream.measured_hz = stream.count / seconds
-            self._window_start_ns = t_ns
-        else:
-            return
-        for stream in self._streams:
-            stream.count = 0

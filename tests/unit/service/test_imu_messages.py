@@ -63,28 +63,32 @@ def test_px4_avoids_the_message_whose_bias_its_estimator_removed():
     assert mavlink.MAV_AUTOPILOT_PX4 in IMU_MESSAGES[HIGHRES].bias_removed_by
 
 
+def uses(choice, message_id, raw, t_ns):
+    return choice.considers(message_id, t_ns) and choice.takes(message_id, raw, t_ns)
+
+
 def test_a_better_message_takes_over_at_the_start_only():
     choice = ImuChoice((HIGHRES, RAW))
-    assert choice.takes(RAW, raw_imu(), 0)
-    assert choice.takes(HIGHRES, highres(), 1)
-    assert not choice.takes(RAW, raw_imu(), 2)
+    assert uses(choice, RAW, raw_imu(), 0)
+    assert uses(choice, HIGHRES, highres(), 1)
+    assert not uses(choice, RAW, raw_imu(), 2)
     settled = ImuChoice((HIGHRES, RAW))
     for i in range(ImuChoice.SETTLED):
-        assert settled.takes(RAW, raw_imu(), i)
-    assert not settled.takes(HIGHRES, highres(), ImuChoice.SETTLED)
+        assert uses(settled, RAW, raw_imu(), i)
+    assert not uses(settled, HIGHRES, highres(), ImuChoice.SETTLED)
 
 
 def test_a_silent_message_is_replaced():
     choice = ImuChoice((HIGHRES, RAW))
-    choice.takes(HIGHRES, highres(), 0)
-    assert not choice.takes(RAW, raw_imu(), SECOND_NS // 4)
-    assert choice.takes(RAW, raw_imu(), SECOND_NS)
+    uses(choice, HIGHRES, highres(), 0)
+    assert not uses(choice, RAW, raw_imu(), SECOND_NS // 4)
+    assert uses(choice, RAW, raw_imu(), SECOND_NS)
 
 
 def test_scaled_imu3_with_only_a_compass_is_never_chosen():
     choice = ImuChoice((SCALED3,))
     dead = IMU_MESSAGES[RAW].read(RawImu(1, 0, 0, 0, 0, 0, 0, 224, 80, -528))
-    assert not choice.takes(SCALED3, dead, 0)
+    assert not uses(choice, SCALED3, dead, 0)
     assert choice.chosen is None
 
 

@@ -19,6 +19,7 @@ def asks(requests, seconds, until=1.0, arriving=None, ack=None):
         for message_id, period in (arriving or {}).items():
             if i % period == 0:
                 requests.arrived(message_id)
+        requests.measure(round(t_s * SECOND_NS))
         message = requests.next_request(round(t_s * SECOND_NS), TARGET)
         if message is not None:
             asked.append((t_s, message))

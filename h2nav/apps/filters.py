@@ -1,0 +1,132 @@
+"""Makes the filter that a configuration and a vehicle ask for; knows where its gains come from."""
+
+import math
+from collections.abc import Callable, Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps.configuration import FilterSettings
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.gain_seal import check_seal
+from h2nav.attitude.gains import GainFile, parse_gain_file
+from h2nav.errors import BadInput
+from h2nav.io import gain_files, strict_yaml
+from h2nav.service.autopilot import Identity
+
+FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
+ROVERS = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
+SHIPPED_RATES_HZ = (50, 100, 200, 400)
+VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
+
+
+def vehicle_class(vehicle_type: int) -> str:
+    """The class of a MAV_TYPE: what moves like a multirotor is taken for one."""
+    if vehicle_type in FIXED_WINGS:
+        return "fixed-wing"
+    return "rover" if vehicle_type in ROVERS else "multirotor"
+
+
+def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str]:
+    """Vehicle class -> gain file (path or shipped name) for a configuration.
+
+    The shipped rate nearest to the IMU's is taken; the filters step with the samples' true times.
+    """
+    classes = VEHICLE_CLASSES
+    if settings.vehicle_class != "auto":
+        classes = (settings.vehicle_class,)
+    if settings.gains != "auto":
+        return dict.fromkeys(classes, settings.gains)
+    rate_hz = min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / imu_rate_hz)))
+    if settings.name == "two_stage":
+        return dict.fromkeys(classes, f"{settings.sensor}_{rate_hz}hz")
+    return {name: f"{name}_{rate_hz}hz" for name in classes}
+
+
+class FilterFactory:
+    """Filters for vehicles, from gain files that were read and checked beforehand.
+
+    Args:
+        settings: which filter.
+        names: vehicle class -> name of its gain file.
+        files: the gain files by name.
+
+    Raises:
+        BadInput: a gain file is for another filter.
+    """
+
+    def __init__(
+        self, settings: FilterSettings, names: Mapping[str, str], files: Mapping[str, GainFile]
+    ) -> None:
+        wanted = "two_stage" if settings.name == "two_stage" else "shaped"
+        for name, file in files.items():
+            if file.kind != wanted:
+                raise BadInput(
+                    f"{name}: gains of kind {file.kind}, but filter.name {settings.name} needs "
+                    f"{wanted}; choose another filter.gains or filter.name"
+                )
+        self._settings = settings
+        self._names = names
+        self._files = files
+
+    @classmethod
+    def shipped(cls, settings: FilterSettings, imu_rate_hz: float) -> "FilterFactory":
+        """Reads the files that the configuration names, all of them now, before any flight.
+
+        Raises:
+            BadInput: a file is missing, changed, or not certified.
+        """
+        names = shipped_names(settings, imu_rate_hz)
+        files = {name: gain_files.load(name) for name in sorted(set(names.values()))}
+        return cls(settings, names, files)
+
+    @classmethod
+    def recorded(
+        cls, settings: FilterSettings, imu_rate_hz: float, texts: Mapping[str, str]
+    ) -> "FilterFactory":
+        """The gain files that a log carries.
+
+        Raises:
+            BadInput: one is missing, changed, or not certified.
+        """
+        names = shipped_names(settings, imu_rate_hz)
+        files = {}
+        for name in sorted(set(names.values())):
+            if name not in texts:
+                raise BadInput(
+                    f"{name}: the log does not hold this gain file; replay with --config"
+                )
+            file = parse_gain_file(strict_yaml.parse_mapping(texts[name], name), name)
+            check_seal(file, name)
+            files[name] = file
+        return cls(settings, names, files)
+
+    def gain_texts(self) -> dict[str, str]:
+        """The files' contents by name, for the log."""
+        return {name: gain_files.text_of(file) for name, file in self._files.items()}
+
+    def filter_for(self, identity: Identity) -> AttitudeFilter:
+        """A new filter for this vehicle."""
+        wanted = self._settings.vehicle_class
+        name = vehicle_class(identity.vehicle_type) if wanted == "auto" else wanted
+        file = self._files[self._names[name]]
+        return _MAKERS[self._settings.name, self._settings.arithmetic](file, self._settings)
+
+
+def _default(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.shaped import ShapedFilter
+    from h2nav.attitude.shaped_gains import shaped_gains
+
+    return ShapedFilter(shaped_gains(file, file.name))
+
+
+def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.gains import two_stage_gains
+    from h2nav.attitude.two_stage import TwoStageFilter
+
+    return TwoStageFilter(two_stage_gains(file, file.name), settings.gyro_sampling)
+
+
+_MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {
+    ("default", "float"): _default,
+    ("two_stage", "float"): _two_stage,
+}

@@ -1,0 +1,153 @@
+"""The fake autopilot and the whole pipeline on one manual clock, without sockets or threads.
+
+Everything between the two is bytes: the autopilot's frames pass its faulty line, the deframer and
+the codec; what the service sends is deframed and goes back to the autopilot.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.apps.reference import ErrorTable, Reference
+from h2nav.io import codec
+from h2nav.io.deframer import Deframer, Frame
+from h2nav.io.earth_field import earth_field_at
+from h2nav.service.effects import Severity
+from h2nav.service.records import EstimateRecord, HealthRecord
+from h2nav.service.service import Service, Surroundings
+from h2nav.service.settings import AutopilotSettings
+from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
+from h2nav.sim.delivery import Delivery
+from h2nav.sim.faults import parse_fault
+from h2nav.sim.personalities import ARDUPILOT, Personality
+from h2nav.sim.scenarios import scenario
+
+START_NS = 1_000_000_000_000
+STEP_NS = 1_000_000
+UNIX_S = 1_795_000_000.0
+SIMULATED = Configuration(autopilot=AutopilotSettings(simulation_truth=True))
+
+
+@dataclass
+class Seen:
+    """What came out of the service, in order, with its time in seconds."""
+
+    estimates: list[tuple[float, EstimateRecord]] = field(default_factory=list)
+    notices: list[tuple[float, Severity, str]] = field(default_factory=list)
+    sent: list[tuple[float, Any]] = field(default_factory=list)
+    states: list[tuple[float, str]] = field(default_factory=list)
+
+
+class SimulatedFlight:
+    """A flight that can be run on and looked at in between.
+
+    Args:
+        scenario_name: of `h2nav.sim.scenarios`.
+        faults: in the form of ``h2nav fake-autopilot --fault``.
+        personality: of the autopilot.
+        configuration: of the daemon.
+        seed: of sensors and line.
+    """
+
+    def __init__(
+        self,
+        scenario_name: str = "hover",
+        *,
+        faults: tuple[str, ...] = (),
+        personality: Personality = ARDUPILOT,
+        configuration: Configuration = SIMULATED,
+        seed: int = 1,
+    ) -> None:
+        options = AutopilotOptions(
+            scenario(scenario_name),
+            personality,
+            seed,
+            tuple(parse_fault(text) for text in faults),
+        )
+        self.autopilot = FakeAutopilot(options)
+        self.seen = Seen()
+        self.reference = Reference()
+        self.message_ids = self.reference.message_ids
+        self.t_ns = START_NS
+        self._encoders: dict[tuple[int, int], codec.Encoder] = {}
+        self._line = Delivery(self.autopilot.schedule, seed, START_NS)
+        self._back = Deframer()
+        filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
+        service = Service(
+            configuration.service, Surroundings(filters.filter_for, earth_field_at, UNIX_S)
+        )
+        outlets = Outlets(lambda t_ns: t_ns, self._hears, None, self)
+        self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
+        self.pipeline.link(self.t_ns, True)
+
+    @property
+    def t_s(self) -> float:
+        """Seconds since the start."""
+        return (self.t_ns - START_NS) * 1e-9
+
+    @property
+    def health(self) -> HealthRecord:
+        """The service's state now."""
+        return self.pipeline.service.health
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """Refused samples by reason."""
+        return self.pipeline.service.rejected
+
+    def run(self, until_s: float) -> "SimulatedFlight":
+        """Lets time pass until `until_s` after the start."""
+        end_ns = START_NS + round(until_s * 1e9)
+        while self.t_ns < end_ns:
+            self.t_ns += STEP_NS
+            for outgoing in self.autopilot.advance(self.t_ns):
+                self._line.put(outgoing.t_ns, self._encoded(outgoing))
+            for data in self._line.take(self.t_ns):
+                self.pipeline.received(self.t_ns, data)
+            self.pipeline.tick(self.t_ns)
+            state = self.health.state
+            if not self.seen.states or self.seen.states[-1][1] != state:
+                self.seen.states.append((self.t_s, state))
+        return self
+
+    def errors(self) -> ErrorTable:
+        """Against the simulator's truth, so far."""
+        return self.reference.table()
+
+    def first(self, text: str) -> float | None:
+        """When a notice that contains `text` was first given."""
+        return next((t_s for t_s, _, said in self.seen.notices if text in said), None)
+
+    def estimates_between(self, start_s: float, end_s: float) -> list[EstimateRecord]:
+        """The estimates of a stretch of time."""
+        return [record for t_s, record in self.seen.estimates if start_s <= t_s < end_s]
+
+    # --- the watcher's side -------------------------------------------------------------------
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        self.reference.frame(t_ns, frame)
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        self.reference.estimate(t_ns, record)
+        self.seen.estimates.append((self.t_s, record))
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        self.seen.notices.append((self.t_s, severity, text))
+
+    # --- the autopilot's side -----------------------------------------------------------------
+
+    def _encoded(self, outgoing: Any) -> bytes:
+        if isinstance(outgoing.message, bytes):
+            return outgoing.message
+        sender = (outgoing.sysid, outgoing.compid)
+        if sender not in self._encoders:
+            self._encoders[sender] = codec.Encoder(*sender)
+        return self._encoders[sender].encode(outgoing.message)
+
+    def _hears(self, data: bytes) -> None:
+        for frame in self._back.feed(data):
+            fields = codec.decode(frame)
+            self.seen.sent.append((self.t_s, fields))
+            self.autopilot.on_message(self.t_ns, frame.sysid, frame.compid, frame.msg_id, fields)

@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import pytest
+from needs import REPOSITORY
+
+from h2nav.apps import configuration
+from h2nav.errors import BadInput
+
+CONFIGS = sorted((REPOSITORY / "configs").glob("*.yaml"))
+
+
+def errors(text, tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    with pytest.raises(BadInput) as caught:
+        configuration.read(path)
+    return caught.value.lines
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_shipped_configuration_is_valid(path):
+    configuration.read(path)
+
+
+def test_an_empty_file_means_the_defaults(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text("")
+    assert configuration.read(path) == configuration.Configuration()
+
+
+def test_the_mapping_gives_the_configuration_back():
+    chosen = configuration.read(REPOSITORY / "configs" / "sitl.yaml")
+    assert configuration.build(chosen.as_mapping(), "again") == chosen
+
+
+def test_an_imu_rate_beyond_the_baud_rate_names_the_rate_that_fits(tmp_path):
+    text = "link: {url: 'serial:/dev/ttyAMA0:57600'}\nautopilot: {imu_rate_hz: 100}\n"
+    (line,) = errors(text, tmp_path)
+    assert "autopilot.imu_rate_hz" in line
+    assert "lower it to 70" in line
+
+
+def test_outputs_beyond_the_baud_rate_are_refused(tmp_path):
+    text = (
+        "link: {url: '/dev/ttyAMA0,57600'}\nautopilot: {imu_rate_hz: 50}\n"
+        "output: {attitude_rate_hz: 200}\n"
+    )
+    (line,) = errors(text, tmp_path)
+    assert "output.attitude_rate_hz" in line
+
+
+@pytest.mark.parametrize("url", ["carrier-pigeon:1", "udpin:nowhere", "serial:/dev/x", ""])
+def test_a_bad_url_names_the_key_and_the_forms(tmp_path, url):
+    (line,) = errors(f"link: {{url: '{url}'}}\n", tmp_path)
+    assert "config.yaml: link.url" in line
+    assert "udpin:HOST:PORT" in line
+
+
+def test_a_misspelt_section_is_an_error(tmp_path):
+    (line,) = errors("autopliot: {imu_rate_hz: 100}\n", tmp_path)
+    assert "did you mean autopilot?" in line
+    assert str(Path(tmp_path)) in line
