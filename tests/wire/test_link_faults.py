@@ -171,6 +171,7 @@ def test_noise_flood_over_serial_costs_no_frame(stack: ExitStack, tmp_path: Path
         with contextlib.suppress(BlockingIOError):
             stream = stream[device.send(stream[:3000]) :]
         loop.turn(1)
+        assert loop.link.is_up
     loop.until(300)
     assert loop.times == list(range(300))
 

@@ -69,6 +69,17 @@ def test_signature_that_lost_bytes_does_not_cost_the_next_frame(
     assert deframer.counters.skipped_bytes == 0
 
 
+def test_frame_shorter_than_a_lost_signature_waits_for_the_signed_one(make: FrameMaker) -> None:
+    signed = make.raw_imu(1, signed=True)
+    short = make.frame(mavlink.MAVLink_log_erase_message(1, 1), version=1)
+    assert len(short) < 13
+    stream = signed[:-13] + short + make.raw_imu(2)
+    deframer = Deframer()
+    piecewise = [frame for byte in stream for frame in deframer.feed(bytes([byte]))]
+    assert piecewise == Deframer().feed(stream)
+    assert [frame.msg_id for frame in piecewise] == [RAW_IMU, 121, RAW_IMU]
+
+
 def test_payload_longer_than_known_is_a_newer_dialect(make: FrameMaker) -> None:
     body = bytes(range(1, 34))
     newer = with_checksum(
@@ -202,6 +213,22 @@ def test_memory_is_bounded_and_the_next_good_frame_is_kept(make: FrameMaker, uni
         assert deframer.pending_bytes < LONGEST_FRAME
     good = make.raw_imu(1)
     assert [frame.raw for frame in deframer.feed(good)] == [good]
+
+
+@pytest.mark.parametrize(("marker", "reason"), [(0xFD, "unknown_flags"), (0xFE, "bad_length")])
+def test_runs_of_start_markers_are_counted_one_by_one(
+    make: FrameMaker, marker: int, reason: str
+) -> None:
+    flood = bytes([marker]) * 1000
+    good = make.raw_imu(1)
+    for parts in ([flood + good], [bytes([byte]) for byte in flood + good]):
+        deframer = Deframer()
+        frames = [frame for part in parts for frame in deframer.feed(part)]
+        assert [frame.raw for frame in frames] == [good]
+        counters = deframer.counters
+        assert getattr(counters, reason) + counters.unknown_id + counters.bad_crc == 1000
+        assert getattr(counters, reason) > 990
+        assert counters.skipped_bytes == 1000
 
 
 def test_work_per_byte_does_not_grow_with_the_amount_of_noise(
