@@ -26,6 +26,8 @@ def run(args: argparse.Namespace) -> int:
         found = survey(args.log, progress)
     if args.json:
         document = found._asdict()
+        # As a number it would exceed what JSON's readers keep exactly.
+        document["start_utc"] = _utc(document.pop("start_unix_ns")).isoformat()
         document["topics"] = [topic._asdict() for topic in found.topics]
         document["gaps"] = [gap._asdict() for gap in found.gaps]
         json.dump(document, sys.stdout)
@@ -35,12 +37,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _utc(unix_ns: int) -> datetime:
+    return datetime.fromtimestamp(unix_ns / 1e9, UTC)
+
+
 def _text(found: "LogSurvey") -> str:
-    start = datetime.fromtimestamp(found.start_unix_ns // 1_000_000_000, UTC)
     state = "closed" if found.closed else "not closed (h2nav log recover repairs it)"
     lines = [
         f"{found.path}: {found.file_bytes / 1e6:.2f} MB, {state}",
-        f"from {start:%Y-%m-%d %H:%M:%S} UTC, {found.duration_s:.2f} s",
+        f"from {_utc(found.start_unix_ns):%Y-%m-%d %H:%M:%S} UTC, {found.duration_s:.2f} s",
     ]
     if found.damaged_records:
         places = f"{found.damaged_records} damaged place" + "s" * (found.damaged_records > 1)

@@ -143,7 +143,7 @@ def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -
     """Copies all intact records into a new, complete log. The source is only read.
 
     Raises:
-        BadInput: `output` exists (the source itself included).
+        BadInput: `output` exists (the source itself included) or cannot be made.
         TaskFailed: nothing could be recovered; no output is left.
         OSError: the output could not be written; none is left.
     """
@@ -151,6 +151,8 @@ def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -
         stream = output.open("xb")
     except FileExistsError:
         raise BadInput(f"{output}: exists; name another output with -o") from None
+    except OSError as error:
+        raise BadInput(f"{output}: {error.strerror}; name another output with -o") from error
     try:
         with stream, source.open("rb") as damaged:
             recovery = _Copy(source, stream).run(LogScan(damaged), pause)

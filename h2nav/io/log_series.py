@@ -90,19 +90,32 @@ class SingleTarget:
 class LogSeries:
     """The files of one run. Lives on the recorder's thread, except for what the notes name.
 
+    Args:
+        target: where the files are made.
+        unix_offset_ns: written into each file for its readers.
+        monotonic_s: the clock of flushes, rotation and retries.
+
     Attributes:
         trouble: why nothing is being recorded, None while all is well (read from any thread).
         notices: events for the operator, oldest first (taken from any thread).
         path: the name that the present (or last) file has once it is closed.
+        repairing: the thread that repairs left-over files; None when there were none.
     """
 
-    def __init__(self, target: FolderTarget | SingleTarget, unix_offset_ns: int) -> None:
+    def __init__(
+        self,
+        target: FolderTarget | SingleTarget,
+        unix_offset_ns: int,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.trouble: str | None = None
         self.notices: deque[Notice] = deque(maxlen=100)
         self.path: Path | None = None
+        self.repairing: threading.Thread | None = None
         self.opened = self.lost = self.rejected = 0
         self._written_before = 0
         self._target = target
+        self._monotonic_s = monotonic_s
         self._unix_offset_ns = unix_offset_ns
         self._name = ""
         self._file: LogFile | None = None
@@ -132,9 +145,10 @@ class LogSeries:
         left_over = self._target.left_over()
         self._open()
         if left_over:
-            threading.Thread(
+            self.repairing = threading.Thread(
                 target=self._repair, args=(left_over,), name="h2nav-log-repair", daemon=True
-            ).start()
+            )
+            self.repairing.start()
 
     def write(self, write: Write) -> None:
         """Writes one message, or counts why it could not be written."""
@@ -153,7 +167,7 @@ class LogSeries:
 
     def tend(self) -> None:
         """What is due by time: new attachments, flush to the disk, rotation, another try."""
-        now_s = time.monotonic()
+        now_s = self._monotonic_s()
         if self._new_headers:
             self._adopt_headers()
         if self._file is None:
@@ -171,7 +185,7 @@ class LogSeries:
         self._close()
 
     def _open(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._monotonic_s()
         try:
             file = self._target.open()
         except OSError as error:
@@ -249,12 +263,12 @@ class LogSeries:
         # Without room for an index streaming readers still read it, and the next start repairs it.
         with contextlib.suppress(OSError, DamagedLog):
             complete_in_place(file.active_path)
-        if time.monotonic() - self._opened_at_s >= SOUND_AGE_S:
+        if self._monotonic_s() - self._opened_at_s >= SOUND_AGE_S:
             self._retry_s = 0.0
         self._suffer(error)
 
     def _suffer(self, error: OSError) -> None:
-        self._retry_at_s = time.monotonic() + self._retry_s
+        self._retry_at_s = self._monotonic_s() + self._retry_s
         self._retry_s = min(max(2 * self._retry_s, RETRY_FIRST_S), RETRY_LAST_S)
         place = error.filename or self._target.folder
         text = f"{place}: {error.strerror or error}"

@@ -86,6 +86,7 @@ class Recorder:
         self._refused = 0
         self._lossless = lossless
         self._wake, self._room = threading.Event(), threading.Event()
+        self._begun = threading.Event()
         self._closing = False
         self._series = series
         self._thread = threading.Thread(target=self._run, name="h2nav-recorder", daemon=True)
@@ -123,6 +124,12 @@ class Recorder:
         """What has happened since the last call; each event appears once."""
         waiting = self._series.notices
         return [waiting.popleft() for _ in range(len(waiting))]
+
+    def wait_for_repair(self) -> None:
+        """Waits until logs left over from earlier runs have been repaired."""
+        self._begun.wait()
+        if self._series.repairing is not None:
+            self._series.repairing.join()
 
     def raw(self, link_name: str, unix_ns: int, data: bytes) -> None:
         """Records bytes as they arrived, one call per datagram or read."""
@@ -197,6 +204,7 @@ class Recorder:
     def _run(self) -> None:
         series = self._series
         series.begin()
+        self._begun.set()
         while True:
             closing = self._closing  # read before draining: nothing is queued after it is set
             self._drain()
