@@ -1,0 +1,272 @@
+"""The default filter: velocity stays bounded, and measured levels pick gains made for that.
+
+Around the kernel (`kernels/shaped.py`) stands only what is not arithmetic of one sample: start,
+bad samples, long gaps, and which velocity holds the filter. Equations: docs/filter.md.
+"""
+
+import math
+from collections.abc import Sequence
+
+from h2nav.attitude import alignment
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.shaped_gains import ShapedGains
+from h2nav.attitude.velocity_aiding import VelocityAiding
+from h2nav.maths.quaternion import Quat, multiply
+
+# A field is waited for so long; the forces are averaged at least so long.
+FIELD_WAIT_S = 0.25
+ALIGN_S = 0.02
+# Beyond this gap the attitude is found anew; the bias is kept.
+LONGEST_GAP_S = 1.0
+# Larger inputs are no sensor's.
+MOST_RATE = 200.0
+MOST_FORCE = 4000.0
+MOST_FIELD = 1e6
+# After this time of running the start-up transient is over.
+CONVERGED_S = 10.0
+# Heading counts as referenced below this predicted deviation.
+REFERENCED_RAD = 15.0 * math.pi / 180.0
+
+_BITS = (
+    (kernel.FORCE_USED, Trust.FORCE_USED),
+    (kernel.FIELD_USED, Trust.FIELD_USED),
+    (kernel.REST, Trust.REST),
+    (kernel.VELOCITY_USED, Trust.VELOCITY_USED),
+    (kernel.RESTARTED, Trust.RESTARTED),
+    (kernel.SATURATED, Trust.SATURATED),
+)
+# By number: making an IntFlag costs more than the rest of an estimate.
+_ALL_TRUST = tuple(Trust(number) for number in range(512))
+_TRUST = tuple(
+    int(Trust.ALIGNED) + sum(int(flag) for bit, flag in _BITS if bits & bit) for bits in range(64)
+)
+
+
+class ShapedFilter:
+    """The disturbance-shaped filter with precomputed gain sets.
+
+    Args:
+        gains: of a gain file of kind shaped.
+    """
+
+    def __init__(self, gains: ShapedGains) -> None:
+        self._gains = gains
+        self._g = gains.g
+        self._x = [0.0] * kernel.X_SIZE
+        self._z = [0.0] * kernel.Z_SIZE
+        self._t_us: int | None = None
+        self._aligned = False
+        self._window: alignment.Alignment | None = None
+        self._aiding = VelocityAiding()
+        self._x[kernel.X_T_NO_FIELD] = -1.0
+        for axis in (0, 4, 7):
+            self._x[kernel.X_P + axis] = self._g[kernel.G_BIAS_VAR]
+        self.use_vehicle(VehicleState())
+
+    @property
+    def name(self) -> str:
+        """The name in configurations and tables."""
+        return "default"
+
+    @property
+    def gain_set(self) -> int:
+        """Number of the gain set in use, 0 the slowest."""
+        return int(self._x[kernel.X_SET])
+
+    @property
+    def field_latency_s(self) -> float:
+        """How late the magnetometer's samples are, as learnt so far."""
+        lag = self._x[kernel.X_LAG_NUM] / (self._x[kernel.X_LAG_DEN] + self._g[kernel.G_LAG_PRIOR])
+        return min(max(lag, 0.0), self._g[kernel.G_LAG_MOST])
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Takes one sample; see `AttitudeFilter`.
+
+        A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
+        is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
+        force of exactly zero or a clipped sample is integrated but corrects nothing.
+        """
+        if not _is_plausible(sample):
+            return self._estimate(sample.t_us, kernel.SATURATED) if self._aligned else None
+        if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
+            self._aligned = False
+        if not self._aligned:
+            return self._align(sample)
+        z = self._z
+        z[0] = (sample.t_us - (self._t_us or 0)) * 1e-6
+        z[1], z[2], z[3] = sample.w_b
+        z[4], z[5], z[6] = sample.f_b
+        z[10] = 0.0
+        if sample.m_b_ut is not None:
+            z[7], z[8], z[9] = sample.m_b_ut
+            z[10] = 1.0 if abs(z[7]) + abs(z[8]) + abs(z[9]) < MOST_FIELD else 0.0
+        z[11] = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
+        self._aiding.fill(sample.t_us, self._x, z)
+        bits = kernel.step(self._x, self._g, z)
+        self._t_us = sample.t_us
+        self._aiding.remember(sample.t_us, self._x)
+        return self._estimate(sample.t_us, bits)
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
+        handheld = self._gains.vehicle_class == "handheld"
+        may_rest = handheld if vehicle.on_ground is None else vehicle.on_ground
+        nose = 0.0
+        if self._gains.cruise_speed_m_s > 0.0 and not vehicle.on_ground:
+            airspeed = vehicle.airspeed_m_s
+            nose = self._gains.cruise_speed_m_s if airspeed is None else airspeed
+        self._z[kernel.Z_REST] = 1.0 if may_rest else 0.0
+        self._z[kernel.Z_NOSE] = nose if math.isfinite(nose) else self._gains.cruise_speed_m_s
+
+    def use_field(self, field: EarthField) -> None:
+        """Norm and dip become the gate's reference; see `AttitudeFilter`."""
+        x = self._x
+        change = field.declination_rad - x[kernel.X_DECLINATION]
+        x[kernel.X_DECLINATION] = field.declination_rad
+        x[kernel.X_REF_NORM] = field.norm_ut
+        x[kernel.X_REF_DIP] = field.dip_rad
+        x[kernel.X_REF_GIVEN] = 1.0
+        x[kernel.X_NEW_T] = 0.0
+        if self._aligned and x[kernel.X_T_NO_FIELD] >= 0.0 and x[kernel.X_AIDED] == 0.0:
+            kernel.turn_heading(x, self._g, change)
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Takes a fix for the next sample; see `AttitudeFilter`."""
+        if self._aligned and self._t_us is not None:
+            self._aiding.offer(fix, self._t_us)
+
+    def restart(self) -> None:
+        """Forgets time and attitude; bias, field and what is known of the sensors stay."""
+        self._aligned = False
+        self._t_us = None
+        self._window = None
+        self._aiding.clear()
+
+    def state(self) -> FilterState:
+        """The complete memory of the filter."""
+        w = self._window
+        window: tuple[float, ...] = ()
+        if w is not None:
+            window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
+        head = (self._t_us, int(self._aligned), len(window))
+        values = (*head, *self._x, *self._z, *window, *self._aiding.values())
+        return FilterState(self.name, values)
+
+    def restore(self, state: FilterState) -> None:
+        """Continues exactly where `state` was taken; ValueError for another filter's state."""
+        start = 3 + kernel.X_SIZE + kernel.Z_SIZE
+        if state.filter_name != self.name or len(state.values) < start:
+            raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
+        t_us = state.values[0]
+        self._t_us = None if t_us is None else int(t_us)
+        numbers = [0.0 if value is None else float(value) for value in state.values]
+        self._aligned = numbers[1] > 0.0
+        self._x = numbers[3 : 3 + kernel.X_SIZE]
+        self._z = numbers[3 + kernel.X_SIZE : start]
+        end = start + int(numbers[2])
+        self._window = _window_of(numbers[start:end]) if end > start else None
+        self._aiding.load(numbers[end:])
+
+    def _align(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Collects samples; the first estimate comes from their mean force and field."""
+        if sample.clipped or sample.f_b == (0.0, 0.0, 0.0):
+            return None
+        if self._window is None or sample.t_us - self._window.t_us > LONGEST_GAP_S * 1e6:
+            self._window = alignment.begin(sample)
+        else:
+            bias = (self._x[kernel.X_BIAS], self._x[kernel.X_BIAS + 1], self._x[kernel.X_BIAS + 2])
+            self._window = alignment.extend(self._window, sample, bias)
+        window = self._window
+        wait = ALIGN_S if window.fields else FIELD_WAIT_S
+        if window.length_s < wait:
+            return None
+        self._begin(sample, alignment.attitude(window), window.fields > 0)
+        self._window = None
+        return self._estimate(sample.t_us, kernel.RESTARTED)
+
+    def _begin(self, sample: ImuSample, q_mb: Quat, has_field: bool) -> None:
+        """Everything but bias, bias covariance, latency and references starts anew."""
+        x, g = self._x, self._g
+        half = 0.5 * x[kernel.X_DECLINATION]
+        q_nb = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
+        for i in range(4):
+            x[kernel.X_Q + i] = q_nb[i]
+        for i in range(kernel.X_UN, kernel.X_P):
+            x[i] = 0.0
+        for i in (3, 6, 8):
+            x[kernel.X_P + i] = 0.0
+        x[kernel.X_P + 9] = g[kernel.G_HEADING_VAR]
+        for i in range(kernel.X_TURNING, kernel.X_REF_NORM):
+            x[i] = 0.0
+        for i in range(3):
+            x[kernel.X_RATE_LP + i] = sample.w_b[i]
+            x[kernel.X_FORCE_LP + i] = sample.f_b[i]
+        nose = self._z[kernel.Z_NOSE] / g[kernel.G_GRAVITY]
+        w, p, q, r = q_nb
+        x[kernel.X_S] = nose * (1.0 - 2.0 * (q * q + r * r))
+        x[kernel.X_S + 1] = nose * 2.0 * (p * q + w * r)
+        x[kernel.X_T_NO_FIELD] = 0.0 if has_field else -1.0
+        x[kernel.X_FIELD_AGE] = 0.0
+        x[kernel.X_NEW_T] = 0.0
+        x[kernel.X_AIDED] = 0.0
+        self._t_us = sample.t_us
+        self._aligned = True
+
+    def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
+        x, z = self._x, self._z
+        bias = (x[kernel.X_BIAS], x[kernel.X_BIAS + 1], x[kernel.X_BIAS + 2])
+        trust = _TRUST[bits]
+        if x[kernel.X_T_RUN] > CONVERGED_S:
+            trust |= 2
+        if x[kernel.X_P + 9] < REFERENCED_RAD * REFERENCED_RAD:
+            trust |= 16
+        return AttitudeEstimate(
+            t_us,
+            (x[0], x[1], x[2], x[3]),
+            (z[1] - bias[0], z[2] - bias[1], z[3] - bias[2]),
+            bias,
+            (x[kernel.X_INNOVATION], x[kernel.X_INNOVATION + 1], x[kernel.X_INNOVATION + 2]),
+            _tilt_sigma(x),
+            _ALL_TRUST[trust],
+        )
+
+
+def _is_plausible(sample: ImuSample) -> bool:
+    """False for what no sensor can have measured; a NaN makes every comparison false."""
+    w, f = sample.w_b, sample.f_b
+    return (
+        abs(w[0]) + abs(w[1]) + abs(w[2]) < MOST_RATE
+        and abs(f[0]) + abs(f[1]) + abs(f[2]) < MOST_FORCE
+    )
+
+
+def _tilt_sigma(x: Sequence[float]) -> float:
+    """Predicted one-sigma tilt error, rad: of the gain set, and of the bias through it.
+
+    Source: docs/filter.md Eq. (11), (27).
+    """
+    u0, u1, u2 = x[kernel.X_UN], x[kernel.X_UN + 1], x[kernel.X_UN + 2]
+    v0, v1, v2 = x[kernel.X_UE], x[kernel.X_UE + 1], x[kernel.X_UE + 2]
+    bias = (
+        x[kernel.X_P] * (u0 * u0 + v0 * v0)
+        + x[kernel.X_P + 4] * (u1 * u1 + v1 * v1)
+        + x[kernel.X_P + 7] * (u2 * u2 + v2 * v2)
+    )
+    return math.sqrt(2.0 * x[kernel.X_KT] * x[kernel.X_KV] * x[kernel.X_NV2] + bias)
+
+
+def _window_of(numbers: Sequence[float]) -> alignment.Alignment:
+    t_us, length_s, w, x, y, z, *rest = numbers
+    force, field = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5])
+    return alignment.Alignment(
+        int(t_us), length_s, (w, x, y, z), force, field, int(rest[6]), int(rest[7])
+    )
