@@ -5,6 +5,8 @@ from h2nav.io.deframer import Deframer
 from h2nav.sim.autopilot import FakeAutopilot, Outgoing
 from h2nav.sim.delivery import Delivery
 
+LONGEST_CATCH_UP_NS = 500_000_000
+
 
 class AutopilotBytes:
     """Wires a fake autopilot to codec and delivery.
@@ -51,6 +53,11 @@ class AutopilotBytes:
         self._frames += len(arrived)
         self._bytes += sum(map(len, arrived))
         return arrived
+
+    def skip_if_late(self, t_ns: int) -> None:
+        """Leaves out what is overdue by more than `LONGEST_CATCH_UP_NS`, instead of a burst."""
+        if t_ns - self._autopilot.next_deadline_ns > LONGEST_CATCH_UP_NS:
+            self._autopilot.skip_to(t_ns)
 
     def counts(self) -> dict[str, object]:
         """What has happened so far, for people and tests."""

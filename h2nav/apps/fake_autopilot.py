@@ -94,6 +94,7 @@ def _turn(vehicle: AutopilotBytes, link: Link, wake: socket.socket) -> None:
     wait_s = (vehicle.next_deadline_ns - now_ns) * 1e-9
     readable, _, _ = select.select(waiting, [], [], min(max(wait_s, 0.0), LONGEST_WAIT_S))
     now_ns = time.monotonic_ns()
+    vehicle.skip_if_late(now_ns)
     if descriptor is not None and descriptor in readable:
         for data in link.read():
             vehicle.received(now_ns, data)

@@ -81,8 +81,10 @@ class PtyTransport:
         except BlockingIOError:
             return b""
         except OSError:  # EIO: the far end was closed
-            self.close()
+            # The old terminal goes only after the new one has come, so that their names differ.
+            old = self._descriptor
             self.start()
+            os.close(old)
             return b""
 
     def send(self, data: bytes) -> int:

@@ -26,8 +26,6 @@ SYSTEM_ID = 1
 IDENTITY = (SYSTEM_ID, AUTOPILOT_COMPONENT)
 REBOOT_SILENCE_NS = SECOND_NS
 TIMESYNC_EVERY = 10
-# A process that was stopped for longer leaves out what it missed instead of sending it in a burst.
-LONGEST_CATCH_UP_NS = SECOND_NS // 2
 _FRAME_OVERHEAD = 12
 
 
@@ -125,6 +123,11 @@ class FakeAutopilot:
         sent, self._outbox = self._outbox, []
         return sent
 
+    def skip_to(self, t_ns: int) -> None:
+        """Leaves out what should have been sent before `t_ns`, when its process was stopped."""
+        self.streams.skip_to(t_ns)
+        self._heartbeat_ns = max(self._heartbeat_ns, t_ns)
+
     def on_message(self, t_ns: int, sysid: int, compid: int, msg_id: int, fields: Any) -> None:
         """Takes a message that arrived at host time `t_ns`; its answers come with `advance`.
 
@@ -163,9 +166,6 @@ class FakeAutopilot:
             self.vehicle.switch_on(t_ns)
             self._boot()
         while (due_ns := self._next_event_ns()) <= t_ns:
-            if t_ns - due_ns > LONGEST_CATCH_UP_NS:
-                due_ns = t_ns
-                self.streams.skip_to(t_ns)
             self._now_ns = max(self._now_ns, due_ns)
             self._work()
         self._now_ns = max(self._now_ns, t_ns)

@@ -24,7 +24,7 @@ def of_other_vehicle(message: Any) -> Any | None:
     if isinstance(message, mavlink.MAVLink_simstate_message) or not hasattr(message, "xgyro"):
         return None
     is_si = isinstance(message, mavlink.MAVLink_highres_imu_message)
-    unit, number = (GRAVITY_M_S2, float) if is_si else (1000.0, int)
+    unit, number = (GRAVITY_M_S2, float) if is_si else (1000.0, round)
     other.xacc, other.yacc = number(unit * math.sin(_PITCH)), number(0)
     other.zacc = number(-unit * math.cos(_PITCH))
     other.xgyro = other.ygyro = other.zgyro = number(0)

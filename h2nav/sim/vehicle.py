@@ -82,7 +82,7 @@ class Vehicle:
         self._samples: dict[int, ImuSample] = {}
         self.t_s = 0.0  # of the scenario; goes on through a reboot
         self.boot_us = 0
-        self.stamp_us = 0  # what IMU messages of this instant are stamped with
+        self._stamp_us: int | None = None
 
     def switch_on(self, t_ns: int) -> None:
         """The autopilot starts, or starts again, at host time `t_ns`; its clock begins at zero."""
@@ -100,9 +100,16 @@ class Vehicle:
         self._t_ns = t_ns
         self.t_s = (t_ns - self._start_ns) * 1e-9
         self.boot_us = (t_ns - self._boot_ns) // 1000
-        self.stamp_us = self.boot_us + self.random.randint(0, self._stamp_jitter_us)
+        self._stamp_us = None
         self._motion = None
         self._samples.clear()
+
+    @property
+    def stamp_us(self) -> int:
+        """What IMU messages of this instant are stamped with, since boot."""
+        if self._stamp_us is None:
+            self._stamp_us = self.boot_us + self.random.randint(0, self._stamp_jitter_us)
+        return self._stamp_us
 
     @property
     def boot_ms(self) -> int:
