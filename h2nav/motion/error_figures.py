@@ -8,6 +8,8 @@ from h2nav.motion.finite_time import FiniteTimeGains
 
 # The innovations' statistics remember about this many poses.
 MEMORY_POSES = 30.0
+# 95 % of chi-square with three degrees of freedom, per degree.
+CHANCE = 2.6
 # A pose source is never believed to be better than this (rad or m, one sigma per axis).
 FLOOR = 1e-4
 
@@ -52,6 +54,9 @@ class Innovations(NamedTuple):
         """
         spread = max(self.mean_square, FLOOR * FLOOR)
         mean_square = (self.mean[0] ** 2 + self.mean[1] ** 2 + self.mean[2] ** 2) / 3.0
+        # Noise alone leaves this much in an exponential mean; only the rest is bias of the mean.
+        chance = CHANCE * spread / max(min(float(self.poses), 2.0 * MEMORY_POSES - 1.0), 1.0)
+        mean_square = max(mean_square - chance, 0.0)
         length = math.sqrt(3.0 * (spread + mean_square))
         k1 = gains.k1 * length ** (gains.a1 - 1.0)
         k2 = gains.k2 * length ** (gains.a2 - 1.0)

@@ -71,6 +71,7 @@ class Course(NamedTuple):
         attitude: (n,) rad.
         position: (n,) m.
         energy: (n,) Lyapunov function.
+        stated: (n, 4) one-sigma figures per axis: attitude, position, rate, velocity.
     """
 
     t_s: Array
@@ -80,6 +81,7 @@ class Course(NamedTuple):
     attitude: Array
     position: Array
     energy: Array
+    stated: Array
 
 
 def twist(t_s: float) -> tuple[Vec3, Vec3]:
@@ -113,8 +115,9 @@ def run(trial: Trial) -> Course:
         while late and late[0].t_us <= truth.t_us - round(trial.delay_samples * 1e6 / trial.imu_hz):
             observer.use_pose(late.popleft())
         if estimate is not None:
-            rows.append(_errors(gains, truth, observer))
-    return Course(*np.array(rows).T)
+            rows.append((*_errors(gains, truth, observer), *estimate[9:13]))
+    t_s, bias, bias_w, bias_v, attitude, position, energy, *stated = np.array(rows).T
+    return Course(t_s, bias, bias_w, bias_v, attitude, position, energy, np.stack(stated, axis=1))
 
 
 def time_to(course: Course, threshold: float) -> float:

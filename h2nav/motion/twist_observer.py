@@ -73,6 +73,11 @@ class TwistObserver:
         self.counts: Counter[str] = Counter()
         self._renew_sigmas()
 
+    @property
+    def velocity(self) -> str:
+        """`integrated` (feed `use_inertial`) or `measured` (feed `use_twist`)."""
+        return self._settings.velocity
+
     def use_inertial(self, sample: InertialSample) -> TwistEstimate | None:
         """Takes one inertial sample (settings: velocity integrated).
 

@@ -1,0 +1,50 @@
+"""The one-sigma figures against the errors of simulated runs."""
+
+import math
+
+import numpy as np
+import pytest
+
+from h2nav.motion.error_figures import FLOOR, Innovations
+from h2nav.motion.finite_time import FiniteTimeGains
+from h2nav.motion.observer_trials import Trial, run
+
+
+def settled(gains, imu_hz, every, delay):
+    """Ratio of true to stated rms errors (attitude, position, gyro bias, velocity bias)."""
+    trial = Trial(
+        gains, 40.0, imu_hz, every, delay,
+        sigma_r_rad=2e-3, sigma_p_m=5e-3, starts_off=False, seed=5,
+    )  # fmt: skip
+    course = run(trial)
+    late = course.t_s > 20.0
+    errors = (course.attitude, course.position, course.bias_w, course.bias_v)
+    truth = np.array([np.sqrt(np.mean(error[late] ** 2) / 3.0) for error in errors])
+    return truth / np.sqrt(np.mean(course.stated[late] ** 2, axis=0))
+
+
+@pytest.mark.parametrize("a1", [1.0, 0.85])
+@pytest.mark.parametrize(("imu_hz", "every", "delay"), [(200.0, 1, 0), (300.0, 10, 15)])
+def test_stated_sigmas_are_within_a_factor_of_two_of_the_errors(a1, imu_hz, every, delay):
+    ratios = settled(FiniteTimeGains(3.0, 3.0, a1), imu_hz, every, delay)
+    assert np.all(ratios < 2.0), ratios
+    assert np.all(ratios > 0.5), ratios
+
+
+def test_an_error_that_has_not_converged_shows():
+    gains = FiniteTimeGains(3.0, 3.0, 0.85)
+    innovations = Innovations()
+    for _ in range(60):
+        innovations = innovations.seen((0.3, 0.0, 0.0), 0.03)
+    pose, rate = innovations.sigmas(gains)
+    assert pose > 0.3 / math.sqrt(3.0)
+    assert rate > 0.1
+
+
+def test_perfect_poses_are_not_believed_to_be_perfect():
+    innovations = Innovations()
+    for _ in range(10):
+        innovations = innovations.seen((0.0, 0.0, 0.0), 0.03)
+    pose, rate = innovations.sigmas(FiniteTimeGains(3.0, 3.0, 1.0))
+    assert 0.1 * FLOOR < pose < FLOOR
+    assert rate > 0.0
