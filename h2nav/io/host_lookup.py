@@ -16,7 +16,7 @@ class HostLookup:
     """Looks a host up; literal addresses at once, names on a thread of their own.
 
     Args:
-        host: a name or a literal IPv4 or IPv6 address.
+        host: a name or a literal IPv4 or IPv6 address, in ASCII.
         port: goes into the addresses.
     """
 
@@ -26,8 +26,13 @@ class HostLookup:
         self._outcome: list[SocketAddress] | OSError | None = None
         try:
             self._outcome = self._resolve(socket.AI_NUMERICHOST)
-        except (OSError, UnicodeError):
+        except OSError:
             self._start_thread()
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the outcome is still open."""
+        return self._outcome is None
 
     def addresses(self) -> list[SocketAddress] | None:
         """The addresses, IPv4 first; None while the lookup is under way.
@@ -48,11 +53,13 @@ class HostLookup:
     def _run(self) -> None:
         try:
             self._outcome = self._resolve(0)
-        except (OSError, UnicodeError) as error:
+        except OSError as error:
             self._outcome = OSError(f"host {self._host!r} cannot be resolved: {error}")
 
     def _resolve(self, flags: int) -> list[SocketAddress]:
-        found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM, flags=flags)
+        # As bytes: a str would need the module of the IDNA codec, whose import may fail (EMFILE).
+        host = self._host.encode("ascii")
+        found = socket.getaddrinfo(host, self._port, type=socket.SOCK_STREAM, flags=flags)
         # Autopilots and simulators listen on IPv4 far more often, whatever localhost resolves to.
         found.sort(key=lambda entry: entry[0] != socket.AF_INET)
         return [SocketAddress(entry[0], entry[4]) for entry in found]

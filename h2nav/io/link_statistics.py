@@ -10,8 +10,9 @@ class LinkStatistics(NamedTuple):
         bytes_in: bytes received and passed on.
         bytes_out: bytes given to the kernel.
         chunks_in: datagrams, or pieces of a byte stream, received and passed on.
-        frames_out: frames accepted for sending.
-        frames_dropped: frames not sent: link down, no peer yet, or queue full.
+        frames_out: frames accepted for sending; those that waited may be dropped later.
+        frames_dropped: frames not sent: link down, no peer yet, queue full, or lost with the link
+            while they waited.
         opened: how often the link came up; all but the first are reconnects.
         errors: failed openings, losses of the link, failed sends.
         foreign_datagrams: datagrams from anyone but the peer, not passed on.

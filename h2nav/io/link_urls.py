@@ -13,7 +13,7 @@ FORMS = (
 
 _BAUD_RANGE = (300, 12_000_000)
 # The host is a name, an IPv4 address, or an IPv6 address in brackets.
-_HOST_AND_PORT = re.compile(r"(\[[0-9A-Fa-f:.%\w]+\]|[A-Za-z0-9._-]+):([0-9]{1,9})")
+_HOST_AND_PORT = re.compile(r"(\[[0-9A-Za-z:.%_-]+\]|[A-Za-z0-9._-]+):([0-9]{1,9})")
 _PATH_AND_BAUD = re.compile(r"(/.+)[:,]([0-9]{1,9})")
 
 

@@ -26,8 +26,9 @@ class TcpTransport:
         self._attempts = 0
 
     def start(self) -> None:
-        """Begins with the lookup of the host."""
-        self._lookup = HostLookup(self._url.host, self._url.port)
+        """Begins with the lookup of the host; one that outlasts an attempt serves the next."""
+        if self._lookup is None or not self._lookup.is_under_way:
+            self._lookup = HostLookup(self._url.host, self._url.port)
 
     def is_ready(self) -> bool:
         """Goes on from lookup to connection; raises OSError when one of them has failed."""
@@ -74,11 +75,10 @@ class TcpTransport:
             return 0
 
     def close(self) -> None:
-        """Closes the socket and forgets the lookup."""
+        """Closes the socket."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
-        self._lookup = None
 
 
 def _connecting(family: socket.AddressFamily) -> socket.socket:

@@ -51,11 +51,6 @@ class UdpLink:
         return self._socket is not None
 
     @property
-    def peer(self) -> tuple[str, int] | None:
-        """Address and port that frames are sent to; None while a listener has heard nobody."""
-        return None if self._peer is None else (self._peer[0], self._peer[1])
-
-    @property
     def local_port(self) -> int | None:
         """The port that the socket is bound to, None while it is closed or not bound yet."""
         return None if self._socket is None else int(self._socket.getsockname()[1]) or None
