@@ -2,7 +2,7 @@
 
 from h2nav.io.codec import Encoder, decode
 from h2nav.io.deframer import Deframer
-from h2nav.sim.autopilot import FakeAutopilot, Outgoing
+from h2nav.sim.autopilot import IDENTITY, FakeAutopilot, Outgoing
 from h2nav.sim.delivery import Delivery
 
 LONGEST_CATCH_UP_NS = 500_000_000
@@ -14,12 +14,13 @@ class AutopilotBytes:
     Args:
         autopilot: new.
         start_ns: host time at which its power goes on.
+        links: how many it is connected to; all of them get the same.
     """
 
-    def __init__(self, autopilot: FakeAutopilot, start_ns: int) -> None:
+    def __init__(self, autopilot: FakeAutopilot, start_ns: int, links: int = 1) -> None:
         self._autopilot = autopilot
         self._delivery = Delivery(autopilot.schedule, autopilot.options.seed, start_ns)
-        self._deframer = Deframer()
+        self._deframers = [Deframer() for _ in range(links)]
         self._encoders: dict[tuple[int, int], Encoder] = {}
         self._sent: dict[str, int] = {}
         self._heard = 0
@@ -40,11 +41,22 @@ class AutopilotBytes:
         """How often the autopilot has rebooted."""
         return self._autopilot.reboots
 
-    def received(self, t_ns: int, data: bytes) -> None:
-        """Takes bytes from the link at host time `t_ns`."""
-        for frame in self._deframer.feed(data):
+    def received(self, t_ns: int, data: bytes, link: int = 0) -> list[bytes]:
+        """Takes bytes from a link at host time `t_ns`.
+
+        Returns:
+            The frames among them that an autopilot forwards to its other links: all that are not
+            for itself.
+        """
+        forwarded = []
+        for frame in self._deframers[link].feed(data):
             self._heard += 1
-            self._autopilot.on_message(t_ns, frame.sysid, frame.compid, frame.msg_id, decode(frame))
+            fields = decode(frame)
+            self._autopilot.on_message(t_ns, frame.sysid, frame.compid, frame.msg_id, fields)
+            target = (getattr(fields, "target_system", 0), getattr(fields, "target_component", 0))
+            if target != IDENTITY:
+                forwarded.append(frame.raw)
+        return forwarded
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Frames (and other bytes) that reach the link until `t_ns`, in order."""

@@ -28,7 +28,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _tables()
     parser.add_argument(
-        "--connect", required=True, metavar="URL", help=f"one of {FORMS}, {SERVER_FORMS}"
+        "--connect",
+        required=True,
+        action="append",
+        metavar="URL",
+        help=f"one of {FORMS}, {SERVER_FORMS}. Given twice, each link hears the other, too",
     )
     parser.add_argument("--scenario", default="flight", metavar="NAME", help="default: flight")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all random numbers")
@@ -55,17 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Flies until the time is over or a signal comes."""
     options = _options(args)
-    link = open_server_link(args.connect)
+    links = [open_server_link(url) for url in args.connect]
     try:
         with StopSignals().installed() as stop:
-            _wait_for(link, stop.wake)
+            _wait_for(links, stop.wake)
             start_ns = time.monotonic_ns()
             end_ns = None if args.seconds is None else start_ns + round(args.seconds * 1e9)
-            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns)
+            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns, len(links))
             while not stop.stopped and (end_ns is None or time.monotonic_ns() < end_ns):
-                _turn(vehicle, link, stop.wake)
+                _turn(vehicle, links, stop.wake)
     finally:
-        link.close()
+        for link in links:
+            link.close()
     counts = vehicle.counts()
     if args.json:
         print(json.dumps({"seconds": (time.monotonic_ns() - start_ns) * 1e-9, **counts}))
@@ -75,35 +80,49 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _wait_for(link: Link, wake: socket.socket) -> None:
-    """Gives the link a second to open, so that the first heartbeat is not lost."""
+def _wait_for(links: list[Link], wake: socket.socket) -> None:
+    """Gives the links a second to open, so that the first heartbeat is not lost."""
     for _ in range(100):
-        link.maintain(time.monotonic_ns())
-        if link.is_up or select.select([wake], [], [], 0.01)[0]:
+        for link in links:
+            link.maintain(time.monotonic_ns())
+        if all(link.is_up for link in links) or select.select([wake], [], [], 0.01)[0]:
             return
 
 
-def _turn(vehicle: AutopilotBytes, link: Link, wake: socket.socket) -> None:
-    """Waits for the link or the vehicle's next deadline, then does what is due."""
+def _turn(vehicle: AutopilotBytes, links: list[Link], wake: socket.socket) -> None:
+    """Waits for a link or the vehicle's next deadline, then does what is due."""
     now_ns = time.monotonic_ns()
-    link.maintain(now_ns)
-    descriptor = link.fileno()
-    waiting: list[int | socket.socket] = [wake]
-    if descriptor is not None:
-        waiting.append(descriptor)
+    waiting: list[int] = [wake.fileno()]
+    for link in links:
+        link.maintain(now_ns)
+        descriptor = link.fileno()
+        if descriptor is not None:
+            waiting.append(descriptor)
     wait_s = (vehicle.next_deadline_ns - now_ns) * 1e-9
     readable, _, _ = select.select(waiting, [], [], min(max(wait_s, 0.0), LONGEST_WAIT_S))
     now_ns = time.monotonic_ns()
     vehicle.skip_if_late(now_ns)
-    if descriptor is not None and descriptor in readable:
-        for data in link.read():
-            vehicle.received(now_ns, data)
+    for number, link in enumerate(links):
+        if link.fileno() in readable:
+            _hear(vehicle, links, number, now_ns)
     reboots = vehicle.reboots
     for data in vehicle.advance(now_ns):
-        link.write(data)
-    if vehicle.reboots != reboots and link.url.startswith("udpout"):
-        # A rebooted autopilot comes back from another port.
-        link.close()
+        for link in links:
+            link.write(data)
+    if vehicle.reboots != reboots:
+        for link in links:
+            # A rebooted autopilot comes back from another port.
+            if link.url.startswith("udpout"):
+                link.close()
+
+
+def _hear(vehicle: AutopilotBytes, links: list[Link], number: int, now_ns: int) -> None:
+    """Passes what has come on one link to the vehicle, and what it forwards to the others."""
+    for data in links[number].read():
+        for frame in vehicle.received(now_ns, data, number):
+            for other, link in enumerate(links):
+                if other != number:
+                    link.write(frame)
 
 
 def _options(args: argparse.Namespace) -> AutopilotOptions:
