@@ -5,6 +5,7 @@ The two-stage gains also have a closed form, which serves places whose field dif
 one that the file was made for.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -312,7 +313,7 @@ def _level_errors(section: Mapping[str, object], place: str) -> list[str]:
         if len(column) != count or not column
     ]
     weights = columns["force_weight"]
-    falling = all(a > b > 0.0 for a, b in zip(weights, weights[1:], strict=False))
+    falling = all(a > b > 0.0 for a, b in itertools.pairwise(weights))
     if weights and not (falling and weights[0] == 1.0):
         errors.append(f"{place}: gains.force_weight: expected weights that fall from 1 towards 0")
     for key in ("k_nn_rad2", "k_ee_rad2", "k_dd_rad2"):

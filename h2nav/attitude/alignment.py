@@ -1,0 +1,115 @@
+"""Attitude from two directions (TRIAD, gravity first), averaged over a short window.
+
+The window is carried by the gyro: every sample's vectors are turned into the body axes of the
+window's start, so that a turning vehicle aligns as well as a still one.
+"""
+
+import math
+from typing import NamedTuple
+
+from h2nav.attitude.samples import ImuSample, Quat, Vec3
+from h2nav.maths.quaternion import IDENTITY, exp, from_matrix, multiply, rotate
+
+# Sine of the angle between force and field below which they name no heading.
+_LEAST_ANGLE = 0.02
+
+
+def triad(force_b: Vec3, field_b: Vec3 | None) -> Quat:
+    """q_nb with north as the field shows it: the force is exact, the field gives only heading.
+
+    Args:
+        force_b: specific force (any length), body frame; it points up at rest.
+        field_b: magnetic field (any length), body frame; None leaves the heading where a body
+            whose nose lies in the north-down plane has it (yaw 0 unless the nose points down).
+
+    Raises:
+        ValueError: no usable force.
+
+    Source: docs/derivation.md Eq. (3.17).
+    """
+    size = math.hypot(*force_b)
+    if not 0.0 < size < math.inf:
+        raise ValueError(f"force {force_b} has no direction")
+    down = (-force_b[0] / size, -force_b[1] / size, -force_b[2] / size)
+    east = None if field_b is None else _across(down, field_b)
+    if east is None:
+        east = _across(down, (1.0, 0.0, 0.0)) or _across(down, (0.0, 0.0, -down[0]))
+    if east is None:
+        raise ValueError(f"force {force_b} has no direction")
+    return from_matrix((_cross(east, down), east, down))
+
+
+class Alignment(NamedTuple):
+    """A window being averaged.
+
+    Attributes:
+        t_us: time of the newest sample.
+        length_s: time covered so far.
+        turn: attitude of the body against its attitude at the window's start.
+        force, field: sums of the vectors in the axes of the window's start.
+        forces, fields: how many of each.
+    """
+
+    t_us: int
+    length_s: float
+    turn: Quat
+    force: Vec3
+    field: Vec3
+    forces: int
+    fields: int
+
+
+def begin(sample: ImuSample) -> Alignment:
+    """A window with its first sample."""
+    empty = Alignment(sample.t_us, 0.0, IDENTITY, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, 0)
+    return _add(empty, sample)
+
+
+def extend(window: Alignment, sample: ImuSample, bias_b: Vec3) -> Alignment:
+    """The window with one more sample; `bias_b` is the gyro bias as far as it is known."""
+    dt_s = (sample.t_us - window.t_us) * 1e-6
+    w = sample.w_b
+    phi = (dt_s * (w[0] - bias_b[0]), dt_s * (w[1] - bias_b[1]), dt_s * (w[2] - bias_b[2]))
+    moved = window._replace(
+        t_us=sample.t_us,
+        length_s=window.length_s + dt_s,
+        turn=multiply(window.turn, exp(phi)),
+    )
+    return _add(moved, sample)
+
+
+def attitude(window: Alignment) -> Quat:
+    """q_nb at the newest sample.
+
+    Raises:
+        ValueError: the window's forces cancel.
+    """
+    start = triad(window.force, window.field if window.fields else None)
+    return multiply(start, window.turn)
+
+
+def _add(window: Alignment, sample: ImuSample) -> Alignment:
+    force = _plus(window.force, rotate(window.turn, sample.f_b))
+    if sample.m_b_ut is None:
+        return window._replace(force=force, forces=window.forces + 1)
+    field = _plus(window.field, rotate(window.turn, sample.m_b_ut))
+    return window._replace(
+        force=force, field=field, forces=window.forces + 1, fields=window.fields + 1
+    )
+
+
+def _across(down: Vec3, v: Vec3) -> Vec3 | None:
+    """The unit vector of down x v; None when they are as good as parallel."""
+    c = _cross(down, v)
+    sine = math.hypot(*c)
+    if not sine > _LEAST_ANGLE * math.hypot(*v):
+        return None
+    return (c[0] / sine, c[1] / sine, c[2] / sine)
+
+
+def _cross(u: Vec3, v: Vec3) -> Vec3:
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+def _plus(u: Vec3, v: Vec3) -> Vec3:
+    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])

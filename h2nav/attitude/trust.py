@@ -1,0 +1,150 @@
+"""Which measurements the two-stage filter believes: limits with physical meaning, and screening.
+
+The decisions themselves are arithmetic and live in `kernels/two_stage.py`; this module names what
+they are compared with.
+"""
+
+import math
+from typing import NamedTuple
+
+from h2nav.attitude.gains import TwoStageGains
+from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.samples import EarthField, ImuSample, Vec3
+
+_DEG = math.pi / 180.0
+
+# No sensor reads beyond these; a sample that does is a fault of the wire or of units.
+ABSURD_RATE_RAD_S = 100.0
+ABSURD_FORCE_M_S2 = 1000.0
+ABSURD_FIELD_UT = 1000.0
+# Bounds of the earth's field with room for badly scaled magnetometers.
+EARTH_FIELD_UT = (15.0, 90.0)
+
+
+class TrustLimits(NamedTuple):
+    """What measurements are compared with.
+
+    Attributes:
+        force_gate_m_s2: horizontal force that still counts as gravity; three times the force's
+            own jitter (noise, vibration) are added.
+        field_gate_share: distance from the reference field that still counts as the earth's, as
+            a share of its norm (0.15 = about 9 deg, or 15 % of norm).
+        norm_share: tolerated relative deviation of a norm.
+        dip_tolerance_deg: tolerated deviation of the angle between force and field, when both
+            are called as witnesses against the attitude.
+        still_force_m_s2: rms horizontal force below which a vehicle counts as not accelerating.
+        force_correlation_s: how long an acceleration lasts: rms acceleration a over it is noise
+            of density a sqrt(2 tau).
+        slowest_level: last gain level used; each doubles the time constant of the tilt.
+        residual_s, level_s: time constants of the force's low-pass and of its power.
+        converge_s: start-up during which no innovation gate closes.
+        hold_s: for so long a vehicle that has begun to accelerate flies by gyro alone; then its
+            force is believed again with the weight of its level.
+        field_out_s: for so long a field outside the gate is ignored.
+        heading_lost_s: without any believed field for so long, the heading starts anew.
+        wrong_s: for so long both sensors contradict the attitude before it is aligned again.
+        bias_start_deg_s: one-sigma gyro bias at the start.
+        bias_step_deg_s, bias_limit_deg_s: clamps of one bias step and of the bias.
+        align_s: length of the start-up window.
+    """
+
+    force_gate_m_s2: float = 0.2
+    field_gate_share: float = 0.15
+    norm_share: float = 0.1
+    dip_tolerance_deg: float = 6.0
+    still_force_m_s2: float = 0.05
+    force_correlation_s: float = 1.0
+    slowest_level: int = 4
+    residual_s: float = 0.15
+    level_s: float = 5.0
+    converge_s: float = 5.0
+    hold_s: float = 15.0
+    field_out_s: float = 25.0
+    heading_lost_s: float = 120.0
+    wrong_s: float = 1.0
+    bias_start_deg_s: float = 0.5
+    bias_step_deg_s: float = 0.2
+    bias_limit_deg_s: float = 10.0
+    align_s: float = 0.5
+
+
+def usable(sample: ImuSample) -> bool:
+    """Whether rate and force are finite, possible, and the force is not the zero of a dead sensor.
+
+    A zero rate is fine: autopilots truncate small rates to zero.
+    """
+    force_2 = _square(sample.f_b)
+    return _square(sample.w_b) < ABSURD_RATE_RAD_S**2 and 0.0 < force_2 < ABSURD_FORCE_M_S2**2
+
+
+def usable_field(m_b_ut: Vec3 | None) -> bool:
+    """Whether there is a field that is finite, possible and not zero."""
+    return m_b_ut is not None and 0.0 < _square(m_b_ut) < ABSURD_FIELD_UT**2
+
+
+def kernel_gains(
+    gains: TwoStageGains, reference: EarthField, limits: TrustLimits, *, mean_rate: bool
+) -> list[float]:
+    """The flat list `g` of the kernel.
+
+    Args:
+        gains: optimal for `reference`.
+        reference: the field to expect; its declination plays no part.
+        limits: what to believe.
+        mean_rate: gyro samples are means over the step before them, not instants.
+    """
+    n = gains.densities
+    g = [0.0] * kernel.G_SIZE
+    g[kernel.G_DT] = 1.0 / gains.rate_hz
+    g[kernel.G_GRAVITY] = n.gravity_m_s2
+    g[kernel.G_FIELD_N] = reference.norm_ut * math.cos(reference.dip_rad)
+    g[kernel.G_FIELD_D] = reference.norm_ut * math.sin(reference.dip_rad)
+    g[kernel.G_FORCE_INFO] = 1.0 / (n.accelerometer**2 * gains.rate_hz)
+    g[kernel.G_FIELD_INFO] = 1.0 / (n.magnetometer**2 * gains.rate_hz)
+    g[kernel.G_BIAS_WALK] = n.bias_walk**2
+    g[kernel.G_MEAN_RATE] = 1.0 if mean_rate else 0.0
+    g[kernel.G_FORCE_GATE] = limits.force_gate_m_s2
+    noise_ut = n.magnetometer * math.sqrt(gains.rate_hz)
+    g[kernel.G_FIELD_GATE] = limits.field_gate_share * reference.norm_ut + 3.0 * noise_ut
+    g[kernel.G_NORM_SHARE] = limits.norm_share
+    g[kernel.G_DIP_SHARE] = math.sin(limits.dip_tolerance_deg * _DEG)
+    g[kernel.G_T_RESIDUAL] = limits.residual_s
+    g[kernel.G_T_LEVEL] = limits.level_s
+    g[kernel.G_T_CONVERGE] = limits.converge_s
+    g[kernel.G_T_HOLD] = limits.hold_s
+    g[kernel.G_T_FIELD_OUT] = limits.field_out_s
+    g[kernel.G_T_WRONG] = limits.wrong_s
+    g[kernel.G_BIAS_STEP] = limits.bias_step_deg_s * _DEG
+    g[kernel.G_BIAS_LIMIT] = limits.bias_limit_deg_s * _DEG
+    # Two m/s^2 for a moment must not count as two m/s^2 for ever.
+    g[kernel.G_LEVEL_CAP] = 4.0
+    g[kernel.G_T_HEADING_LOST] = limits.heading_lost_s
+    for number in range(kernel.LEVELS):
+        # A file with fewer levels repeats its last.
+        level = gains.levels[min(number, len(gains.levels) - 1)]
+        start = kernel.G_LEVELS + kernel.LEVEL_SIZE * number
+        g[start] = _threshold(gains, limits, number)
+        g[start + 1 : start + kernel.LEVEL_SIZE] = level
+    return g
+
+
+def _threshold(gains: TwoStageGains, limits: TrustLimits, number: int) -> float:
+    """Low-passed square of the horizontal force above which level `number` serves, (m/s^2)^2.
+
+    A level begins half-way (in the logarithm) between its own weight and the one before.
+    Source: docs/derivation.md Eq. (3.15).
+    """
+    if number == 0:
+        return 0.0
+    if number >= len(gains.levels) or number > limits.slowest_level:
+        return math.inf
+    weight = math.sqrt(gains.levels[number].force_weight * gains.levels[number - 1].force_weight)
+    noise = gains.densities.accelerometer**2
+    return limits.still_force_m_s2**2 + noise * (1.0 / weight - 1.0) / (
+        2.0 * limits.force_correlation_s
+    )
+
+
+def _square(v: Vec3) -> float:
+    """|v|^2; NaN and infinity fail every comparison with a limit from above."""
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]

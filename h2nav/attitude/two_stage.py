@@ -1,0 +1,328 @@
+"""The two-stage attitude filter: constant gains for attitude, a small covariance for gyro bias.
+
+Works on the rotation group in magnetic NED and turns its result by the declination at the very
+end, so a new declination moves the heading at once and disturbs nothing. The arithmetic of a
+sample is in `kernels/two_stage.py`, what it is compared with in `trust.py`.
+"""
+
+import math
+from typing import Literal
+
+from h2nav.attitude import alignment
+from h2nav.attitude.alignment import Alignment
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.gains import TwoStageGains, gains_at
+from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Quat,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.trust import EARTH_FIELD_UT, TrustLimits, kernel_gains, usable, usable_field
+from h2nav.maths.quaternion import multiply, to_matrix
+
+GyroSampling = Literal["mean", "instant"]
+
+# A gap longer than this leaves nothing to propagate: align again.
+MAX_GAP_US = 1_000_000
+# A heading counts as tied to north for so long after the last believed field.
+REFERENCED_S = 5.0
+_NAN = math.nan
+_ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+class TwoStageFilter:
+    """Attitude from gyro, accelerometer and (if there is one) magnetometer; see `AttitudeFilter`.
+
+    Args:
+        gains: from a gain file or `design_two_stage`.
+        gyro_sampling: what a gyro sample is: the mean over the step before it (real sensors
+            integrate), or the rate at its instant.
+        limits: what to believe.
+    """
+
+    name = "two_stage"
+
+    def __init__(
+        self,
+        gains: TwoStageGains,
+        gyro_sampling: GyroSampling = "mean",
+        limits: TrustLimits | None = None,
+    ) -> None:
+        self._design = gains
+        self._mean_rate = gyro_sampling == "mean"
+        self._limits = TrustLimits() if limits is None else limits
+        self._told: EarthField | None = None
+        self._declination: Quat | None = None
+        self._window: Alignment | None = None
+        self._aligned = False
+        self._t_us: int | None = None
+        self._set_reference(gains.densities.field)
+        self._x = [0.0] * kernel.X_TOTAL
+        self._forget_bias()
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """See `AttitudeFilter`. None also for a sample that cannot be used at all."""
+        if not usable(sample):
+            return None
+        if self._t_us is not None and sample.t_us - self._t_us > MAX_GAP_US:
+            self.restart()
+        if sample.m_b_ut is not None and not usable_field(sample.m_b_ut):
+            sample = sample._replace(m_b_ut=None)
+        if not self._aligned:
+            self._collect(sample)
+            return self._estimate(sample, 0, Trust.RESTARTED) if self._aligned else None
+        x = self._x
+        assert self._t_us is not None
+        m = sample.m_b_ut
+        if m is not None and x[kernel.X_T_HEADING] < 0.0:
+            self._learn_norm(m)
+        dt_s = (sample.t_us - self._t_us) * 1e-6
+        z = [dt_s, *sample.w_b, *sample.f_b, *(m or _ZERO), m is not None, sample.clipped]
+        bits = kernel.step(x, self._g, z)
+        self._t_us = sample.t_us
+        if not 0.9 < x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] < 1.1:
+            # Cannot happen with usable samples; if it does, nothing in the memory is worth keeping.
+            self._forget_bias()
+            self.restart()
+            return None
+        if bits & kernel.WRONG:
+            self._align_again()
+            return self._estimate(sample, bits, Trust.RESTARTED)
+        return self._estimate(sample, bits, Trust(0))
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Ignored: this filter judges the vehicle's motion by its force alone."""
+
+    def use_field(self, field: EarthField) -> None:
+        """See `AttitudeFilter`; a new norm or dip also renews the gains."""
+        if field == self._told:
+            return
+        self._told = field
+        half = 0.5 * field.declination_rad
+        self._declination = (math.cos(half), 0.0, 0.0, math.sin(half)) if half else None
+        if (field.norm_ut, field.dip_rad) != self._reference:
+            self._set_reference(field)
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Ignored: this filter has no velocity aiding."""
+
+    def restart(self) -> None:
+        """See `AttitudeFilter`."""
+        self._aligned = False
+        self._window = None
+        self._t_us = None
+
+    def state(self) -> FilterState:
+        """See `AttitudeFilter`."""
+        window: tuple[float | int | None, ...] = (None,) * _WINDOW_SIZE
+        if self._window is not None:
+            w = self._window
+            window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
+        told = (None, None, None) if self._told is None else self._told
+        memory = self._x[: kernel.X_SIZE]
+        return FilterState(
+            self.name, (int(self._aligned), self._t_us, *told, *self._reference, *window, *memory)
+        )
+
+    def restore(self, state: FilterState) -> None:
+        """See `AttitudeFilter`."""
+        values = state.values
+        if state.filter_name != self.name or len(values) != _STATE_SIZE:
+            raise ValueError(
+                f"not a state of {self.name}: {state.filter_name}, {len(values)} values"
+            )
+        self._aligned = bool(values[0])
+        self._t_us = None if values[1] is None else int(values[1])
+        self._told, self._declination = None, None
+        numbers = [_NAN if v is None else float(v) for v in values]
+        if values[2] is not None:
+            self.use_field(EarthField(*numbers[2:5]))
+        self._set_reference(EarthField(numbers[5], numbers[6], 0.0))
+        w = numbers[7 : 7 + _WINDOW_SIZE]
+        self._window = None
+        if values[7] is not None:
+            t_us = int(values[7])
+            self._window = Alignment(
+                t_us, w[1], _quat(w[2:6]), _vec(w[6:9]), _vec(w[9:12]), int(w[12]), int(w[13])
+            )
+        self._x[: kernel.X_SIZE] = numbers[7 + _WINDOW_SIZE :]
+
+    def _collect(self, sample: ImuSample) -> None:
+        """Extends the start-up window; aligns when it is long enough."""
+        x = self._x
+        self._t_us = sample.t_us
+        if self._window is None:
+            self._window = alignment.begin(sample)
+            return
+        bias = _vec(x[kernel.X_BIAS : kernel.X_BIAS + 3])
+        self._window = alignment.extend(self._window, sample, bias)
+        window = self._window
+        if window.length_s < self._limits.align_s or not window.forces:
+            return
+        try:
+            q = alignment.attitude(window)
+        except ValueError:
+            self.restart()
+            return
+        x[kernel.X_Q : kernel.X_Q + 4] = q
+        self._begin(window.length_s, referenced=window.fields > 0)
+        x[kernel.X_RATE : kernel.X_RATE + 3] = sample.w_b
+        # The bias has turned the attitude since the window's middle.
+        for i, row in enumerate(to_matrix(q)):
+            for j, entry in enumerate(row):
+                x[kernel.X_U + 3 * i + j] = 0.5 * window.length_s * entry
+        if window.fields:
+            self._take_reference(window)
+        self._window = None
+        self._aligned = True
+
+    def _begin(self, known_s: float, *, referenced: bool) -> None:
+        """Clears everything but attitude and bias; `known_s` went into the alignment."""
+        x = self._x
+        for i in range(kernel.X_RES, kernel.X_RATE):
+            x[i] = 0.0
+        for i in range(kernel.X_U, kernel.X_U + 9):
+            x[i] = 0.0
+        for i in range(kernel.X_F, kernel.X_F + 3):
+            x[i] = 0.0
+        x[kernel.X_JITTER] = 2.0 / self._g[kernel.G_FORCE_INFO]
+        x[kernel.X_T_RUN] = known_s
+        x[kernel.X_T_HEADING] = known_s if referenced else -1.0
+        if not referenced:
+            x[kernel.X_T_NO_FIELD] = REFERENCED_S
+
+    def _align_again(self) -> None:
+        """TRIAD of what both sensors said while they contradicted the attitude."""
+        x = self._x
+        force = x[kernel.X_SUM_FORCE : kernel.X_SUM_FORCE + 3]
+        field = x[kernel.X_SUM_FIELD : kernel.X_SUM_FIELD + 3]
+        try:
+            turn = alignment.triad((-force[0], -force[1], -force[2]), _vec(field))
+        except ValueError:
+            self.restart()
+            return
+        x[kernel.X_Q : kernel.X_Q + 4] = multiply(turn, _quat(x[kernel.X_Q : kernel.X_Q + 4]))
+        self._begin(self._limits.wrong_s, referenced=True)
+
+    def _forget_bias(self) -> None:
+        x = self._x
+        variance = (self._limits.bias_start_deg_s * math.pi / 180.0) ** 2
+        x[kernel.X_BIAS : kernel.X_BIAS + 3] = _ZERO
+        x[kernel.X_P : kernel.X_P + 6] = [variance, 0.0, 0.0, variance, 0.0, variance]
+
+    def _set_reference(self, field: EarthField) -> None:
+        """The field to expect from now on; at the file's own place the file's own gains."""
+        own = self._design.densities.field
+        self._reference = (field.norm_ut, field.dip_rad)
+        near = abs(field.norm_ut / own.norm_ut - 1.0) < 0.01 and abs(
+            field.dip_rad - own.dip_rad
+        ) < math.radians(0.5)
+        gains = self._design if near else gains_at(self._design, field)
+        self._g = kernel_gains(gains, field, self._limits, mean_rate=self._mean_rate)
+
+    def _take_reference(self, window: Alignment) -> None:
+        """What the start shows of the field: all of it if nobody told, else a norm far off."""
+        field = _scaled(window.field, 1.0 / window.fields)
+        norm_ut = math.hypot(*field)
+        if self._told is None:
+            force = window.force
+            sine = -(force[0] * field[0] + force[1] * field[1] + force[2] * field[2]) / (
+                norm_ut * math.hypot(*force)
+            )
+            self._reference = (self._reference[0], math.asin(max(-1.0, min(1.0, sine))))
+            self._set_norm(norm_ut)
+        else:
+            self._learn_norm(field)
+
+    def _learn_norm(self, m_b_ut: Vec3) -> None:
+        """Believes the magnetometer's scale when it is far from the reference's."""
+        norm_ut = math.hypot(*m_b_ut)
+        if abs(norm_ut / self._reference[0] - 1.0) > self._limits.norm_share:
+            self._set_norm(norm_ut)
+
+    def _set_norm(self, norm_ut: float) -> None:
+        low, high = EARTH_FIELD_UT
+        limit = math.radians(89.0)
+        dip_rad = max(-limit, min(limit, self._reference[1]))
+        if low < norm_ut < high:
+            self._set_reference(EarthField(norm_ut, dip_rad, 0.0))
+
+    def _estimate(self, sample: ImuSample, bits: int, trust: Trust) -> AttitudeEstimate:
+        x = self._x
+        g = self._g
+        q: Quat = (x[0], x[1], x[2], x[3])
+        north, east = x[kernel.X_F], x[kernel.X_F + 1]
+        across = x[kernel.X_M + 1] if bits & kernel.FIELD_USED else 0.0
+        gravity = g[kernel.G_GRAVITY]
+        innovation = (east / gravity, -north / gravity, -across / g[kernel.G_FIELD_N])
+        if self._declination is not None:
+            q = multiply(self._declination, q)
+            c, _, _, s = self._declination
+            cosine, sine = c * c - s * s, 2.0 * c * s
+            a, b, down = innovation
+            innovation = (cosine * a - sine * b, sine * a + cosine * b, down)
+        w = sample.w_b
+        bias: Vec3 = (x[kernel.X_BIAS], x[kernel.X_BIAS + 1], x[kernel.X_BIAS + 2])
+        return AttitudeEstimate(
+            t_us=sample.t_us,
+            q_nb=q,
+            w_b=(w[0] - bias[0], w[1] - bias[1], w[2] - bias[2]),
+            bias_b=bias,
+            innovation_n=innovation,
+            sigma_tilt_rad=_NAN,
+            trust=trust | self._trust(bits, clipped=sample.clipped),
+        )
+
+    def _trust(self, bits: int, *, clipped: bool) -> Trust:
+        x = self._x
+        index = (
+            (1 if bits & kernel.FORCE_USED else 0)
+            + (2 if x[kernel.X_T_NO_FIELD] < 1.0 else 0)
+            + (4 if x[kernel.X_T_HEADING] >= 0.0 and x[kernel.X_T_NO_FIELD] < REFERENCED_S else 0)
+            + (8 if x[kernel.X_CONVERGED] > 0.0 else 0)
+            + (16 if clipped or bits & kernel.SATURATED else 0)
+        )
+        return _TRUST[index]
+
+
+_WINDOW_SIZE = 14
+_STATE_SIZE = 7 + _WINDOW_SIZE + kernel.X_SIZE
+_FLAGS = (
+    Trust.FORCE_USED,
+    Trust.FIELD_USED,
+    Trust.YAW_REFERENCED,
+    Trust.CONVERGED,
+    Trust.SATURATED,
+)
+
+
+def _combination(index: int) -> Trust:
+    trust = Trust.ALIGNED
+    for bit, flag in enumerate(_FLAGS):
+        if index >> bit & 1:
+            trust |= flag
+    return trust
+
+
+# Combining flags costs a microsecond each; there are only 32 combinations.
+_TRUST = tuple(_combination(index) for index in range(1 << len(_FLAGS)))
+
+
+def _scaled(v: Vec3, factor: float) -> Vec3:
+    return (factor * v[0], factor * v[1], factor * v[2])
+
+
+def _vec(values: list[float]) -> Vec3:
+    x, y, z = values
+    return (x, y, z)
+
+
+def _quat(values: list[float]) -> Quat:
+    w, x, y, z = values
+    return (w, x, y, z)
