@@ -28,7 +28,7 @@ check: $(VENV)/.$(EXTRAS)  ## lint, format, types, import rules
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.$(EXTRAS)  ## speed of parser, filter, live loop, next to their peers
-	$(BIN)/python tools/bench.py
+	for part in wire filter batch recording live; do $(BIN)/python tools/bench_$$part.py || exit 1; done
 
 bench-mcu: $(VENV)/.$(EXTRAS)  ## instructions, flash and memory of the exported filter on Cortex-M
 	$(BIN)/python tools/bench_mcu.py

@@ -10,6 +10,7 @@ from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
 
 REFRESH_NS = 200_000_000
+EVENT_NS = 1_000_000_000
 ERASE_LINE = "\r\x1b[K"
 
 
@@ -31,6 +32,7 @@ class Console:
         self._is_journal = "JOURNAL_STREAM" in os.environ
         self._latest: EstimateRecord | None = None
         self._shown_ns = 0
+        self._event_ns = 0
         self._line_is_open = False
 
     def frame(self, t_ns: int, frame: Frame) -> None:
@@ -50,7 +52,10 @@ class Console:
         print(f"{prefix}{text}", file=self._stream, flush=True)
 
     def status(self, t_ns: int, health: HealthRecord) -> None:
-        """Refreshes the live line, on a terminal, a few times a second."""
+        """Refreshes the live line a few times a second; as JSON, writes an event each second."""
+        if self._events_as_json and t_ns - self._event_ns >= EVENT_NS:
+            self._event_ns = t_ns
+            print(json.dumps({"event": "status", **health._asdict()}), flush=True)
         if not self._is_terminal or t_ns - self._shown_ns < REFRESH_NS:
             return
         self._shown_ns = t_ns

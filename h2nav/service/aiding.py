@@ -123,6 +123,8 @@ class Aiding:
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_landed_state,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps,
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_position,
+            mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._on_origin,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._on_origin,
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_autopilot_velocity,
             mavlink.MAVLINK_MSG_ID_VFR_HUD: self._on_airspeed,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
@@ -160,6 +162,9 @@ class Aiding:
 
     def _on_position(self, _t_ns: int, fields: Any) -> list[Effect]:
         return self._tell_field(fields.lat, fields.lon, fields.alt)
+
+    def _on_origin(self, _t_ns: int, fields: Any) -> list[Effect]:
+        return self._tell_field(fields.latitude, fields.longitude, fields.altitude)
 
     def _on_gps(self, _t_ns: int, fields: Any) -> list[Effect]:
         effects: list[Effect] = []

@@ -1,0 +1,99 @@
+"""The daemon and the fake autopilot as processes, as a user runs them."""
+
+import json
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+WAIT_S = 30.0
+H2NAV = [sys.executable, "-m", "h2nav"]
+
+
+def free_udp_port() -> int:
+    """A port that nobody has at the moment."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class DaemonProcess:
+    """``h2nav run --json`` and what it says.
+
+    Args:
+        arguments: further words of the command line.
+    """
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [*H2NAV, "run", "--json", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        self._buffer = b""
+
+    def wait_for(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The first event that `wanted` accepts."""
+        for event in self._events():
+            if wanted(event):
+                return event
+        raise AssertionError(f"the daemon ended: {self.process.stderr.read().decode()}")
+
+    def wait_for_samples(self, count: int) -> dict[str, Any]:
+        """Waits until so many samples were used."""
+        return self.wait_for(lambda event: event.get("samples_used", 0) >= count)
+
+    def stop(self, number: int = signal.SIGTERM) -> int:
+        """Sends a signal; the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(WAIT_S)
+
+    def _events(self) -> Iterator[dict[str, Any]]:
+        assert self.process.stdout is not None
+        end = time.monotonic() + WAIT_S
+        while (left := end - time.monotonic()) > 0:
+            if not select.select([self.process.stdout], [], [], left)[0]:
+                break
+            chunk = self.process.stdout.read1(65536)
+            if not chunk:
+                return
+            *lines, self._buffer = (self._buffer + chunk).split(b"\n")
+            for line in lines:
+                yield json.loads(line)
+        raise AssertionError(f"not seen within {WAIT_S:.0f} s")
+
+
+@contextmanager
+def daemon(*arguments: str) -> Iterator[DaemonProcess]:
+    """A daemon that is gone after the block, whatever happens in it."""
+    running = DaemonProcess(*arguments)
+    try:
+        yield running
+    finally:
+        if running.process.poll() is None:
+            running.process.kill()
+        running.process.communicate()
+
+
+@contextmanager
+def fake_autopilot(url: str, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A fake autopilot that is gone after the block."""
+    command = [*H2NAV, "fake-autopilot", "--connect", url, *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(WAIT_S)
+
+
+def the_log(folder: Path, suffix: str = ".mcap") -> Path:
+    """The one log of a folder."""
+    (path,) = folder.glob(f"*{suffix}")
+    return path
