@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     courses = {a1: _convergence(a1) for a1 in EXPONENTS}
     document = {
         "conditions": CONDITIONS,
-        "a1": {str(a1): _times(courses[a1]) | _noise(a1) for a1 in EXPONENTS},
+        "a1": {str(a1): {**_times(courses[a1]), **_noise(a1)} for a1 in EXPONENTS},
         "vision": {str(a1): _vision(a1) for a1 in VISION_EXPONENTS},
     }
     if args.json:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 CONDITIONS = {
-    "convergence": "start 170 deg and 3 m off, k = 4, 4, a pose with each sample, 1 kHz, no noise",
+    "convergence": "start 170 deg and 3 m off, k = 4, 4, a pose with each sample, 500 Hz, no noise",
     "noise": "pose noise 2 mrad and 5 mm per axis at 200 Hz, k = 2, 1; rms per axis after 30 s",
     "vision": "30 Hz, 50 ms late, 10 % lost, 2 mrad and 5 mm, IMU at 300 Hz, k = 3, 3, from the "
     "first pose; after 20 s",
@@ -51,7 +51,7 @@ def _convergence(a1: float) -> "Course":
     from h2nav.motion.finite_time import FiniteTimeGains
     from h2nav.motion.observer_trials import Trial, run
 
-    return run(Trial(FiniteTimeGains(4.0, 4.0, a1), 20.0, imu_hz=1000.0))
+    return run(Trial(FiniteTimeGains(4.0, 4.0, a1), 18.0, imu_hz=500.0))
 
 
 def _times(course: "Course") -> dict[str, float | None]:

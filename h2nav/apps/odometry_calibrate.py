@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from h2nav.motion.odometry_calibration import Calibration
 
 MODELS = ("diff", "omni", "matrix")
+FED_REMARK = "  # WHEEL_DISTANCE as in the data: set it if the autopilot multiplies by a radius"
 SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
-UNITS = {"track_m": "m", "arm_m": "m"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="A,B,C",
         help="omni: where the wheels stand, counter-clockwise from ahead (default 0,120,240)",
     )
+    parser.add_argument(
+        "--autopilot-radius-m",
+        type=float,
+        metavar="R",
+        help="wheel radius that the autopilot makes WHEEL_DISTANCE with (ArduPilot: WENC_RADIUS); "
+        "goes into the configuration block (default 1: the daemon is fed wheel angles)",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into DIR")
 
@@ -44,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from h2nav.motion import odometry_calibration as calibration
 
     angles = _angles_rad(args.wheel_angles_deg)
+    fed_radius_m = _fed_radius(args.autopilot_radius_m)
     data = _read(args.data, args.model)
     if data.model == "diff":
         result = calibration.calibrate_differential(data.readings, data.motion, args.solver)
@@ -51,10 +59,11 @@ def run(args: argparse.Namespace) -> int:
         result = calibration.calibrate_omni(data.readings, data.motion, angles, args.solver)
     else:
         result = calibration.calibrate_matrix(data.readings, data.motion, args.solver)
+    block = configuration(result, angles, fed_radius_m)
     if args.json:
-        print(json.dumps(_document(result, data, angles), indent=1))
+        print(json.dumps(_document(result, block), indent=1))
     else:
-        _print_text(result, data, angles)
+        _print_text(result, data, block)
     if args.plots is not None:
         from h2nav.apps import odometry_plots
 
@@ -83,22 +92,37 @@ def _angles_rad(text: str) -> tuple[float, float, float]:
     return (a, b, c)
 
 
-def configuration(result: "Calibration", angles_rad: tuple[float, ...]) -> dict[str, Any] | None:
-    """The daemon's section `odometry`; None when the data do not determine it."""
+def _fed_radius(radius_m: float | None) -> float:
+    if radius_m is None:
+        return 1.0
+    if not 1e-4 <= radius_m <= 1e3:
+        raise BadInput(f"--autopilot-radius-m {radius_m}: expected a number from 0.0001 to 1000")
+    return radius_m
+
+
+def configuration(
+    result: "Calibration", angles_rad: tuple[float, ...], fed_radius_m: float
+) -> dict[str, Any] | None:
+    """The daemon's section `odometry`; None when the data do not determine it.
+
+    Args:
+        result: of the calibration.
+        angles_rad: of the wheels, for an omni layout.
+        fed_radius_m: the radius that the autopilot turns wheel angles into distances with.
+    """
     if not result.determined:
         return None
     parameters = {name: _shown(v) for name, v in zip(result.names, result.values, strict=True)}
     if result.model == "diff":
-        return {"layout": "differential", **parameters}
+        return {"layout": "differential", **parameters, "autopilot_radius_m": fed_radius_m}
     if result.model == "omni":
         degrees = {f"angle_{i}_deg": _shown(math.degrees(a)) for i, a in enumerate(angles_rad, 1)}
-        return {"layout": "omni", **degrees, **parameters}
+        fed = {"autopilot_radius_m": fed_radius_m}
+        return {"layout": "omni", **degrees, **parameters, **fed}
     return parameters
 
 
-def _document(
-    result: "Calibration", data: "Increments", angles_rad: tuple[float, ...]
-) -> dict[str, Any]:
+def _document(result: "Calibration", block: dict[str, Any] | None) -> dict[str, Any]:
     rms_m, rms_rad = result.residual_rms
     values = [_finite(value) for value in result.values.tolist()]
     if result.model == "matrix":
@@ -121,11 +145,11 @@ def _document(
         "solver": result.solution.solver,
         "reference_read_as": result.reading,
         "increments": len(result.residuals),
-        "configuration": configuration(result, angles_rad),
+        "configuration": block,
     }
 
 
-def _print_text(result: "Calibration", data: "Increments", angles_rad: tuple[float, ...]) -> None:
+def _print_text(result: "Calibration", data: "Increments", block: dict[str, Any] | None) -> None:
     rms_m, rms_rad = result.residual_rms
     solution = result.solution
     print(f"{result.model} from {data.source}; reference read as {result.reading}")
@@ -139,13 +163,13 @@ def _print_text(result: "Calibration", data: "Increments", angles_rad: tuple[flo
     )
     for note in result.notes:
         print(f"  note: {note}")
-    block = configuration(result, angles_rad)
     if block is None:
         print("no configuration block: the data do not determine every parameter")
         return
     print("\nodometry:")
     for key, value in block.items():
-        print(f"  {key}: {value}")
+        remark = FED_REMARK if key == "autopilot_radius_m" and value == 1.0 else ""
+        print(f"  {key}: {value}{remark}")
 
 
 def _shown(value: float) -> float:

@@ -117,8 +117,8 @@ class OdometrySettings:
     turn_per_ahead: Correction = 0.0
     turn_per_left: Correction = 0.0
     turn_per_turn: Correction = 1.0
-    slip_wheel_m_rtm: Annotated[float, Within(0.0, 1.0)] = 0.02
-    slip_side_m_rtm: Annotated[float, Within(0.0, 1.0)] = 0.01
+    slip_wheel_m_rtm: Annotated[float, Within(0.0, 1.0)] = 0.005
+    slip_side_m_rtm: Annotated[float, Within(0.0, 1.0)] = 0.003
     max_wheel_speed_m_s: Annotated[float, Within(0.01, 100.0)] = 20.0
 
     @property
