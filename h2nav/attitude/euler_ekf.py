@@ -34,7 +34,9 @@ class EulerEkf:
         self._P = np.repeat(np.diag(initial)[None], runs, axis=0)
 
     def predict(self, rate: Matrix, dt_s: float) -> None:
-        """Moves all estimates by one step.
+        """Moves all estimates by one step, by the midpoint rule.
+
+        Euler's rule would lag by half a step in T as a held gyro sample does in w.
 
         Args:
             rate: (runs, 3) gyro, rad/s.
@@ -42,23 +44,22 @@ class EulerEkf:
 
         Source: docs/derivation.md Eq. (5.7).
         """
-        T = kinematics_matrix(self.angles)
-        turned = self.angles + dt_s * kinematics(self.angles, rate - self.bias)
+        unbiased = rate - self.bias
+        halfway = self.angles + dt_s / 2 * kinematics(self.angles, unbiased)
+        T = kinematics_matrix(halfway)
         F = np.tile(np.eye(6), (len(T), 1, 1))
         # d(T w)/dPhi by central differences: exact to 1e-10, and free of slips.
         for axis in range(3):
             nudge = np.zeros(3)
             nudge[axis] = 1e-5
-            change = kinematics(self.angles + nudge, rate - self.bias) - kinematics(
-                self.angles - nudge, rate - self.bias
-            )
+            change = kinematics(halfway + nudge, unbiased) - kinematics(halfway - nudge, unbiased)
             F[:, :3, axis] += dt_s * change / 2e-5
         F[:, :3, 3:] = -dt_s * T
         Q = np.zeros_like(F)
         Q[:, :3, :3] = (T * self._process[:3]) @ T.transpose(0, 2, 1) * dt_s
         Q[:, 3:, 3:] = np.diag(self._process[3:]) * dt_s
         self._P = F @ self._P @ F.transpose(0, 2, 1) + Q
-        self.angles = turned
+        self.angles = self.angles + dt_s * kinematics(halfway, unbiased)
 
     def correct(self, measured: Matrix) -> None:
         """Uses one measurement of both vectors, (runs, 6).

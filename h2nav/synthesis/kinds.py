@@ -3,11 +3,14 @@
 from collections.abc import Callable
 
 from h2nav.attitude.gains import GainFile
-from h2nav.synthesis import two_stage
+from h2nav.synthesis import shaped, two_stage
 from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
 # kind -> function from the file and its place (for errors) to the loops of its certificate.
-LOOPS: dict[str, Callable[[GainFile, str], list[Loop]]] = {"two_stage": two_stage.loops}
+LOOPS: dict[str, Callable[[GainFile, str], list[Loop]]] = {
+    "two_stage": two_stage.loops,
+    "shaped": shaped.loops,
+}
 
 
 def check(file: GainFile, place: str) -> Verdict:

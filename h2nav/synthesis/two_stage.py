@@ -69,7 +69,7 @@ class _Problem(NamedTuple):
 
 
 def synthesise(
-    model: SensorModel, rate_hz: float, place: str, lmi_solvers: Sequence[str] = ("CLARABEL", "SCS")
+    model: SensorModel, rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
     """The certified gains of a model at a rate.
 

@@ -1,0 +1,156 @@
+"""The slides' figures drawn from our runs, and where the paper's constant gain is stable."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from h2nav.apps.paper_trials import (
+    CASES,
+    DEG,
+    Assumptions,
+    Case,
+    Trials,
+    errors_deg,
+    make_trials,
+    paper_gain,
+    runners,
+)
+from h2nav.attitude.paper import spectral_abscissa
+from h2nav.attitude.plant import Matrix
+from h2nav.errors import BadInput
+from h2nav.sim.imu_model import field_vector
+
+ANGLES = ("roll", "pitch", "yaw")
+AXES = ("x", "y", "z")
+# Filters whose errors are drawn: as in the slides, and ours.
+SHOWN = (
+    ("ekf_unit", "EKF, unit weights"),
+    ("eh2_paper", "extended H2"),
+    ("two_stage", "two-stage"),
+)
+DPI = 75
+
+
+def draw_cases(assumptions: Assumptions, folder: Path) -> None:
+    """Writes true angles, sensor data, errors per case, and the stable region, as PNG.
+
+    Raises:
+        BadInput: matplotlib is not installed or the folder cannot be written.
+    """
+    plt = _pyplot()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for case in CASES[:2]:
+            trials = make_trials(case, assumptions, range(1))
+            _draw_motion(plt, case, trials, folder / f"{case.key}_motion.png")
+            _draw_errors(plt, case, trials, folder / f"{case.key}_errors.png")
+        _draw_stable_region(plt, assumptions, folder / "stable_region.png")
+    except OSError as error:
+        raise BadInput(f"--plots {folder}: cannot be written: {error}") from None
+
+
+def stable_share(assumptions: Assumptions, tilt_deg: float, samples: int = 20_000) -> float:
+    """Share of attitudes with |roll|, |pitch| <= `tilt_deg` and any heading that are stable."""
+    random = np.random.default_rng(0)
+    angles = random.uniform(-1.0, 1.0, (samples, 3)) * np.array([tilt_deg, tilt_deg, 180.0]) * DEG
+    return float(np.mean(_abscissa(assumptions, angles) < 0.0))
+
+
+def _abscissa(assumptions: Assumptions, angles: Matrix) -> Matrix:
+    field_n = np.array(field_vector(assumptions.field)) / assumptions.norm_ut
+    vectors = np.array([[0.0, 0.0, 1.0], field_n])
+    return spectral_abscissa(paper_gain(vectors), vectors, angles)
+
+
+def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
+    t_s = (trials.t_us[trials.scored :] - trials.t_us[trials.scored]) * 1e-6
+    figure, rows = plt.subplots(4, 1, figsize=(8, 9), sharex=True)
+    series = (
+        ("true angle (deg)", trials.truth / DEG, ANGLES),
+        ("gyro (deg/s)", trials.rate[0] / DEG, AXES),
+        ("force (m/s²)", trials.force[0], AXES),
+        ("field (µT)", trials.field[0], AXES),
+    )
+    for axes, (label, values, names) in zip(rows, series, strict=True):
+        for number, name in enumerate(names):
+            axes.plot(t_s, values[trials.scored :, number], linewidth=0.8, label=name)
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper right", ncols=3, fontsize=8)
+    rows[-1].set_xlabel("time (s)")
+    figure.suptitle(f"{_title(case)}: truth and sensor data")
+    _save(plt, figure, path)
+
+
+def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
+    t_s = (trials.t_us[trials.scored :] - trials.t_us[trials.scored]) * 1e-6
+    figure, rows = plt.subplots(3, 1, figsize=(8, 7), sharex=True)
+    all_runners = runners()
+    for name, label in SHOWN:
+        errors = errors_deg(trials, all_runners[name](trials))[0]
+        for number, axes in enumerate(rows):
+            axes.plot(t_s, errors[:, number], linewidth=0.9, label=label)
+    for axes, angle in zip(rows, ANGLES, strict=True):
+        axes.set_ylabel(f"{angle} error (deg)")
+        axes.grid(alpha=0.3)
+    rows[0].legend(loc="upper right", ncols=3, fontsize=8)
+    rows[-1].set_xlabel("time (s)")
+    figure.suptitle(f"{_title(case)}: estimation error")
+    _save(plt, figure, path)
+
+
+def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
+    """Three sections through (roll, pitch, heading); red where the error grows."""
+    sections = (
+        ("heading", "roll", "pitch"),
+        ("roll", "pitch", "heading"),
+        ("pitch", "roll", "heading"),
+    )
+    order = {"roll": 0, "pitch": 1, "heading": 2}
+    figure, columns = plt.subplots(1, 3, figsize=(12, 4.2))
+    for axes, (across, up, fixed) in zip(columns, sections, strict=True):
+        x = np.linspace(*_range(across), 121)
+        y = np.linspace(*_range(up), 121)
+        angles = np.zeros((x.size * y.size, 3))
+        angles[:, order[across]] = np.tile(x, y.size) * DEG
+        angles[:, order[up]] = np.repeat(y, x.size) * DEG
+        growth = _abscissa(assumptions, angles).reshape(y.size, x.size)
+        shown = axes.pcolormesh(
+            x, y, np.clip(growth, -0.6, 0.6), cmap="RdYlGn_r", vmin=-0.6, vmax=0.6, rasterized=True
+        )
+        axes.contour(x, y, growth, levels=[0.0], colors="black", linewidths=1.5)
+        axes.set_xlabel(f"{across} (deg)")
+        axes.set_ylabel(f"{up} (deg)")
+        axes.set_title(f"{fixed} 0")
+    figure.colorbar(shown, ax=list(columns), label="growth of the error (1/s)")
+    figure.suptitle("The paper's constant gain: stable inside the black line only")
+    figure.savefig(path, dpi=DPI)
+    plt.close(figure)
+
+
+def _range(angle: str) -> tuple[float, float]:
+    return (-89.0, 89.0) if angle == "pitch" else (-180.0, 180.0)
+
+
+def _title(case: Case) -> str:
+    return {"case_1": "Case I", "case_2": "Case II"}[case.key]
+
+
+def _save(plt: Any, figure: Any, path: Path) -> None:
+    figure.tight_layout()
+    figure.savefig(path, dpi=DPI)
+    plt.close(figure)
+
+
+def _pyplot() -> Any:
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        raise BadInput(
+            "--plots: matplotlib is not installed; remedy: pip install 'h2nav[plots]'"
+        ) from None
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt

@@ -1,0 +1,347 @@
+"""The source paper's two cases: truth, sensor data of many seeds, and every filter run on them.
+
+The slides name the sensor, the speed and the size of the motion, no more. What had to be assumed
+stands in `Assumptions` and is printed beside every table.
+"""
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.attitude.euler_ekf import EulerEkf
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.gains import SensorDensities, design_two_stage
+from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
+from h2nav.attitude.plant import Matrix
+from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
+from h2nav.maths import frames, quaternion
+from h2nav.sim.imu_model import (
+    MPU_9250,
+    GyroSampling,
+    ImuModel,
+    ImuParameters,
+    field_vector,
+    readings,
+)
+from h2nav.sim.rigid_motion import GRAVITY_M_S2
+from h2nav.sim.scenarios import scenario
+from h2nav.synthesis.riccati import solve_riccati
+
+DEG = math.pi / 180.0
+RATE_HZ = 100
+DT_S = 1.0 / RATE_HZ
+
+
+class Assumptions(NamedTuple):
+    """What the slides do not say.
+
+    Attributes:
+        dip_deg: of the earth's field.
+        norm_ut: of the earth's field.
+        run_in_s: the motion goes on for so long before the case begins; not scored.
+    """
+
+    dip_deg: float = 45.0
+    norm_ut: float = 50.0
+    run_in_s: float = 150.0
+
+    @property
+    def field(self) -> EarthField:
+        """The field of the simulation."""
+        return EarthField(self.norm_ut, self.dip_deg * DEG, 0.0)
+
+    @property
+    def sensor(self) -> ImuParameters:
+        """The MPU-9250 as the slides' simulation has it: instantaneous samples, steady bias."""
+        return MPU_9250._replace(gyro_sampling=GyroSampling.INSTANT, gyro_walk_deg_s_rts=0.0)
+
+
+class Case(NamedTuple):
+    """One of the slides' cases.
+
+    Attributes:
+        key: in the JSON result.
+        scenario: name of the motion.
+        duration_s: scored length.
+        averaged: adjacent gyro samples are averaged before our filters and the tuned EKF see them.
+    """
+
+    key: str
+    scenario: str
+    duration_s: float
+    averaged: bool
+
+
+CASES = (
+    Case("case_1", "case1", 50.0, averaged=True),
+    Case("case_2", "case2", 10.0, averaged=True),
+    Case("case_2_held", "case2", 10.0, averaged=False),
+)
+
+
+class Trials(NamedTuple):
+    """Sensor data of many seeds along one true motion; N samples, S seeds.
+
+    Attributes:
+        t_us: (N,) times.
+        rate: (S, N, 3) gyro as sampled, rad/s.
+        averaged: (S, N, 3) gyro, each sample averaged with the one before.
+        force: (S, N, 3) specific force, m/s^2.
+        field: (S, N, 3) magnetic field, microtesla.
+        truth: (N, 3) roll, pitch, yaw, rad.
+        scored: index of the first sample that counts.
+        assumptions: what the data were made with.
+        is_averaged: which gyro our filters take.
+    """
+
+    t_us: Matrix
+    rate: Matrix
+    averaged: Matrix
+    force: Matrix
+    field: Matrix
+    truth: Matrix
+    scored: int
+    assumptions: Assumptions
+    is_averaged: bool
+
+    @property
+    def measured(self) -> Matrix:
+        """(S, N, 6) the slides' measurements R g and R h, each divided by its length."""
+        down = -self.force / GRAVITY_M_S2
+        return np.concatenate((down, self.field / self.assumptions.norm_ut), axis=2)
+
+    @property
+    def vectors(self) -> Matrix:
+        """(2, 3) the unit vectors of gravity and field in NED."""
+        field_n = np.array(field_vector(self.assumptions.field))
+        return np.array([[0.0, 0.0, 1.0], field_n / self.assumptions.norm_ut])
+
+    @property
+    def own_rate(self) -> Matrix:
+        """(S, N, 3) the gyro samples that our filters take."""
+        return self.averaged if self.is_averaged else self.rate
+
+
+Runner = Callable[[Trials], Matrix]
+
+
+def make_trials(case: Case, assumptions: Assumptions, seeds: range) -> Trials:
+    """Simulates the sensors along a case's motion."""
+    run_in = round(assumptions.run_in_s * RATE_HZ)
+    count = run_in + round(case.duration_s * RATE_HZ) + 1
+    t_us = [round(k * 1e6 * DT_S) for k in range(count)]
+    motion_at = scenario(case.scenario).motion_at
+    ideal = readings(
+        lambda t_s: motion_at(t_s - run_in * DT_S),
+        t_us,
+        assumptions.field,
+        assumptions.sensor.gyro_sampling,
+    )
+    batches = [
+        ImuModel(assumptions.sensor, assumptions.field, seed, RATE_HZ).batch(ideal)
+        for seed in seeds
+    ]
+    rate = np.array([batch.w_b for batch in batches])
+    averaged = rate.copy()
+    averaged[:, 1:] = (rate[:, 1:] + rate[:, :-1]) / 2
+    return Trials(
+        t_us=ideal.t_us.astype(np.float64),
+        rate=rate,
+        averaged=averaged,
+        force=np.array([batch.f_b for batch in batches]),
+        field=np.array([batch.m_b_ut for batch in batches]),
+        truth=_angles_of(ideal.q_nb),
+        scored=run_in,
+        assumptions=assumptions,
+        is_averaged=case.averaged,
+    )
+
+
+def errors_deg(trials: Trials, estimates: Matrix) -> Matrix:
+    """(S, M, 3) scored errors of roll, pitch, yaw; NaN where a filter had no estimate yet."""
+    error = estimates - trials.truth
+    error = (error + np.pi) % (2 * np.pi) - np.pi
+    scored: Matrix = error[:, trials.scored :] / DEG
+    return scored
+
+
+def runners() -> dict[str, Runner]:
+    """Every filter that can run here, by its name in the results."""
+    found: dict[str, Runner] = {
+        "eh2_paper": lambda trials: _paper(trials, late=True),
+        "eh2_paper_prompt": lambda trials: _paper(trials, late=False),
+        "ekf_unit": lambda trials: _ekf_unit(trials, late=True),
+        "ekf_unit_prompt": lambda trials: _ekf_unit(trials, late=False),
+        "ekf_tuned": _ekf_tuned,
+        "two_stage": _two_stage,
+        "default": _default,
+    }
+    if _is_installed("vqf"):
+        found["vqf"] = _vqf
+    if _is_installed("imufusion"):
+        found["imufusion"] = _imufusion
+    return found
+
+
+def paper_gain(vectors: Matrix) -> Matrix:
+    """L0 of the slides: unit weights, linearised at zero; sign of `attitude.plant`."""
+    return solve_riccati(linearised_plant(vectors, Weights())).L
+
+
+def _paper(trials: Trials, late: bool) -> Matrix:
+    """The paper's filter; `late` compares the estimate after a step with the truth before it."""
+    measured = trials.measured
+    paper = PaperFilter(paper_gain(trials.vectors), trials.vectors, len(measured))
+    paper.angles = np.tile(trials.truth[0], (len(measured), 1))
+    estimates = np.empty_like(trials.rate)
+    for k in range(estimates.shape[1]):
+        if not late:
+            estimates[:, k] = paper.angles
+        paper.step(trials.rate[:, k], measured[:, k], DT_S)
+        if late:
+            estimates[:, k] = paper.angles
+    return estimates
+
+
+def _ekf_unit(trials: Trials, late: bool) -> Matrix:
+    """The EKF with unit matrices; `late` as for the paper's filter."""
+    measured = trials.measured
+    ones = np.ones(6)
+    ekf = EulerEkf(trials.vectors, ones, ones, ones, len(measured))
+    ekf.angles = np.tile(trials.truth[0], (len(measured), 1))
+    estimates = np.empty_like(trials.rate)
+    for k in range(estimates.shape[1]):
+        ekf.correct(measured[:, k])
+        if not late:
+            estimates[:, k] = ekf.angles
+        ekf.predict(trials.rate[:, k], DT_S)
+        if late:
+            estimates[:, k] = ekf.angles
+    return estimates
+
+
+def _ekf_tuned(trials: Trials) -> Matrix:
+    """The EKF with the sensors' own covariances."""
+    noise = densities(trials.assumptions)
+    measured = trials.measured
+    force = noise.accelerometer / GRAVITY_M_S2 / math.sqrt(DT_S)
+    field = noise.magnetometer / trials.assumptions.norm_ut / math.sqrt(DT_S)
+    ekf = EulerEkf(
+        trials.vectors,
+        np.repeat([noise.gyro**2, noise.bias_walk**2], 3),
+        np.repeat([force**2, field**2], 3),
+        np.repeat([(1.0 * DEG) ** 2, (0.1 * DEG) ** 2], 3),
+        len(measured),
+    )
+    ekf.angles = np.tile(trials.truth[0], (len(measured), 1))
+    rate = trials.own_rate
+    estimates = np.empty_like(rate)
+    for k in range(estimates.shape[1]):
+        if k > 0:
+            ekf.predict(rate[:, k], DT_S)
+        ekf.correct(measured[:, k])
+        estimates[:, k] = ekf.angles
+    return estimates
+
+
+def densities(assumptions: Assumptions) -> SensorDensities:
+    """The noise that tuned filters are told: the simulated sensor's own."""
+    sensor = assumptions.sensor
+    return SensorDensities(
+        gyro=sensor.gyro_noise_deg_s_rthz * DEG / math.sqrt(2.0),
+        # The simulated bias is steady; a little walk keeps the gains finite.
+        bias_walk=1e-5 * DEG,
+        accelerometer=sensor.accel_noise_ug_rthz * 1e-6 * GRAVITY_M_S2 / math.sqrt(2.0),
+        magnetometer=sensor.mag_noise_ut * math.sqrt(DT_S),
+        gravity_m_s2=GRAVITY_M_S2,
+        field=assumptions.field,
+    )
+
+
+def _two_stage(trials: Trials) -> Matrix:
+    from h2nav.attitude.two_stage import TwoStageFilter
+
+    gains = design_two_stage(densities(trials.assumptions), RATE_HZ, "paper")
+    return _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))
+
+
+def _default(trials: Trials) -> Matrix:
+    from h2nav.attitude.shaped import ShapedFilter
+    from h2nav.attitude.shaped_gains import shaped_gains
+    from h2nav.io import gain_files
+
+    name = f"multirotor_{RATE_HZ}hz"
+    gains = shaped_gains(gain_files.load(name), name)
+    return _one_by_one(trials, lambda: ShapedFilter(gains))
+
+
+def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:
+    """Runs a filter of h2nav sample by sample, one seed after the other."""
+    estimates = np.full_like(trials.rate, np.nan)
+    times = trials.t_us.astype(np.int64).tolist()
+    for run in range(len(trials.rate)):
+        estimator = make()
+        estimator.use_vehicle(VehicleState(on_ground=False))
+        estimator.use_field(trials.assumptions.field)
+        rows = zip(
+            times,
+            map(tuple, trials.own_rate[run].tolist()),
+            map(tuple, trials.force[run].tolist()),
+            map(tuple, trials.field[run].tolist()),
+            strict=True,
+        )
+        for k, (t_us, rate, force, field) in enumerate(rows):
+            estimate = estimator.update(ImuSample(t_us, rate, force, field))
+            if estimate is not None:
+                estimates[run, k] = quaternion.to_euler(estimate.q_nb)
+    return estimates
+
+
+def _vqf(trials: Trials) -> Matrix:
+    vqf = importlib.import_module("vqf")
+    estimates = np.empty_like(trials.rate)
+    for run in range(len(trials.rate)):
+        out = vqf.VQF(DT_S).updateBatch(
+            *(
+                np.ascontiguousarray(data[run])
+                for data in (trials.own_rate, trials.force, trials.field)
+            )
+        )
+        attitudes = (frames.attitude_ned_from_enu(tuple(q)) for q in out["quat9D"].tolist())
+        estimates[run] = _angles_of(np.array(list(attitudes)))
+    return estimates
+
+
+def _imufusion(trials: Trials) -> Matrix:
+    imufusion = importlib.import_module("imufusion")
+    estimates = np.empty_like(trials.rate)
+    for run in range(len(trials.rate)):
+        ahrs = imufusion.Ahrs()
+        ahrs.set_sample_period(DT_S)
+        attitudes = np.empty((len(trials.t_us), 4))
+        rows = zip(
+            trials.own_rate[run] / DEG,
+            trials.force[run] / GRAVITY_M_S2,
+            trials.field[run],
+            strict=True,
+        )
+        for k, (rate, force, field) in enumerate(rows):
+            ahrs.update(rate, force, field)
+            attitudes[k] = ahrs.get_quaternion()
+        # Its world is north-west-up whatever is asked for: half a turn about north.
+        w, x, y, z = attitudes.T
+        estimates[run] = _angles_of(np.stack((-x, w, -z, y), axis=1))
+    return estimates
+
+
+def _angles_of(q_nb: Matrix) -> Matrix:
+    """(N, 3) roll, pitch, yaw of (N, 4) attitudes."""
+    return np.array([quaternion.to_euler(tuple(q)) for q in q_nb.tolist()])
+
+
+def _is_installed(package: str) -> bool:
+    return importlib.util.find_spec(package) is not None
