@@ -42,7 +42,13 @@ class LogFile:
         if path.exists():
             raise FileExistsError(17, "a log of that name exists", str(path))
         self._disk = _Disk(self.active_path)
-        self._writer = Writer(self._disk, CHUNK_BYTES, CompressionType.ZSTD)  # type: ignore[arg-type]
+        self._writer = Writer(
+            self._disk,  # type: ignore[arg-type]
+            CHUNK_BYTES,
+            CompressionType.ZSTD,
+            # The library writes offsets of empty groups too, which is an error in the file.
+            use_summary_offsets=False,
+        )
         self._channels: dict[str, int] = {}
         self._formats: dict[tuple[str, type], tuple[int, RecordFormat]] = {}
         self._attitude = AttitudeMessages()

@@ -18,7 +18,6 @@ from mcap.records import (
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC
 
@@ -127,29 +126,16 @@ class LogSummary:
         """Everything from the end of the data section, which is at `offset`, to the end."""
         data_end = record_bytes(DataEnd(0))
         start = offset + len(data_end)
-        body, groups = RecordBuilder(), []
-        for opcode, records in self._groups():
-            group_start = body.count
-            for record in records:
-                record.write(body)
-            if records:
-                groups.append(
-                    SummaryOffset(
-                        group_opcode=opcode,
-                        group_start=start + group_start,
-                        group_length=body.count - group_start,
-                    )
-                )
-        offsets_start = start + body.count
-        for group in groups:
-            group.write(body)
+        body = RecordBuilder()
+        for record in self._records():
+            record.write(body)
         summary = _built(body)
-        footer = Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=0)
+        footer = Footer(summary_start=start, summary_offset_start=0, summary_crc=0)
         covered = summary + record_bytes(footer)[:-_SUMMARY_CRC_SIZE]
         footer.summary_crc = zlib.crc32(covered)
         return data_end + summary + record_bytes(footer) + MCAP0_MAGIC
 
-    def _groups(self) -> list[tuple[Opcode, list[McapRecord]]]:
+    def _records(self) -> list[McapRecord]:
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self.channels),
@@ -162,12 +148,12 @@ class LogSummary:
             schema_count=len(self.schemas),
         )
         return [
-            (Opcode.SCHEMA, list(self.schemas.values())),
-            (Opcode.CHANNEL, list(self.channels.values())),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, list(self._chunks)),
-            (Opcode.ATTACHMENT_INDEX, list(self._attachments)),
-            (Opcode.METADATA_INDEX, list(self._metadata)),
+            *self.schemas.values(),
+            *self.channels.values(),
+            statistics,
+            *self._chunks,
+            *self._attachments,
+            *self._metadata,
         ]
 
 

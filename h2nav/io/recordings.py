@@ -74,7 +74,8 @@ class Recording:
     @property
     def unix_start_ns(self) -> int:
         """UNIX time of the first arrival; 0 for a recording without arrivals or without times."""
-        first = next(self.arrivals(), None)
+        # A pass of its own: it must not disturb the progress and notes of one under way.
+        first = next(type(self)(self.path).arrivals(), None)
         return first.t_ns + self.unix_offset_ns if first else 0
 
     def arrivals(self) -> Iterator[Arrival]:
