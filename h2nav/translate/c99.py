@@ -87,7 +87,7 @@ def translate(
     for name in facts.functions:
         function = kernel.functions[name]
         writer = _FunctionWriter(kernel, facts, function, writers, runtime)
-        writer.entry = name in entries or name in initialisers
+        writer.inline = function.path == sources[-1].path and name not in (*entries, *initialisers)
         functions.append(writer.text())
     parts = [_constants(kernel, facts), *(RUNTIME[n] for n in RUNTIME if n in runtime), *functions]
     return Translation("\n".join(part for part in parts if part), kernel, facts)
@@ -168,7 +168,8 @@ class _FunctionWriter:
         self._runtime = runtime
         self._homes = home_blocks(function.node.body)
         self._lines: list[str] = []
-        self.entry = False
+        # Small functions of the entry's own module are meant to melt into it.
+        self.inline = False
         self._declared: set[str] = {argument.arg for argument in function.node.args.args}
         self._last_line = function.node.body[0].lineno - 1
 
@@ -182,7 +183,7 @@ class _FunctionWriter:
         docstring = ast.get_docstring(node)
         if docstring:
             self._lines.extend(comment_lines(docstring, ""))
-        inline = "" if self.entry else "inline "
+        inline = "inline " if self.inline else ""
         self._lines.append(f"static {inline}{returns} {node.name}({parameters or 'void'})")
         self._lines.append("{")
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}

@@ -32,7 +32,7 @@ static inline intBITS_t magnitude_BITS(intBITS_t x)
 static inline intBITS_t at_most_BITS(intBITS_t x, intBITS_t high)
 {
     const intBITS_t above = x - high;
-    return high + (above & (above < 0 ? ~(~above >> TOP) : above >> TOP));
+    return x - (above & ~(above < 0 ? ~(~above >> TOP) : above >> TOP));
 }
 """,
         "at_least": """\
@@ -40,7 +40,7 @@ static inline intBITS_t at_most_BITS(intBITS_t x, intBITS_t high)
 static inline intBITS_t at_least_BITS(intBITS_t x, intBITS_t low)
 {
     const intBITS_t over = x - low;
-    return low + (over & ~(over < 0 ? ~(~over >> TOP) : over >> TOP));
+    return x - (over & (over < 0 ? ~(~over >> TOP) : over >> TOP));
 }
 """,
         "clamp": """\
@@ -48,9 +48,9 @@ static inline intBITS_t at_least_BITS(intBITS_t x, intBITS_t low)
 static inline intBITS_t clamp_BITS(intBITS_t x, intBITS_t low, intBITS_t high)
 {
     const intBITS_t above = x - high;
-    const intBITS_t limited = high + (above & (above < 0 ? ~(~above >> TOP) : above >> TOP));
+    const intBITS_t limited = x - (above & ~(above < 0 ? ~(~above >> TOP) : above >> TOP));
     const intBITS_t over = limited - low;
-    return low + (over & ~(over < 0 ? ~(~over >> TOP) : over >> TOP));
+    return limited - (over & (over < 0 ? ~(~over >> TOP) : over >> TOP));
 }
 """,
     }.items()

@@ -34,7 +34,7 @@ void print_hex(uint32_t value)
 void paint_stack(void)
 {
     volatile uint32_t *word = stack_top - STACK_WORDS;
-    const volatile uint32_t here;
+    const volatile uint32_t here = 0;
     while (word < &here - 32)
         *word++ = STACK_PATTERN;
 }

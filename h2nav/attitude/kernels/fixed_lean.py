@@ -6,13 +6,14 @@ with magnetic north. Formats and the proof of the ranges: docs/fixed-point.md.
 Source: docs/fixed-point.md Eq. (1) to (9).
 """
 
-from h2nav.maths.fixedpoint import I32, clamp, known, known
+from h2nav.attitude.kernels.fixed_triad import Q_LIMIT, UNIT_Q14, VECTOR_LIMIT, triad
+from h2nav.maths.fixedpoint import I32, clamp, known
 
 # state
 Q_W, Q_X, Q_Y, Q_Z = range(4)  # attitude, Q2.29
 B_X, B_Y, B_Z = range(4, 7)  # gyro bias, half radians per microsecond, Q54
 C_X, C_Y, C_Z = range(7, 10)  # bias correction not yet applied
-T_X, T_Y, T_Z = range(10, 13)  # turn not yet applied, half radians, Q30
+T_X, T_Y, T_Z = range(10, 13)  # correction and rest of a turn for the next step, half radians, Q30
 AGE_US = 13  # time since the alignment; -1: not aligned
 DISAGREE_US = 14  # for how long both sensors have contradicted the attitude
 SATURATIONS = 15  # samples in which a limit was met
@@ -21,18 +22,18 @@ STATE_SIZE = 16
 # parameters
 FIELD_X, FIELD_Z = range(2)  # direction of the earth field, Q14
 WEIGHT_G, WEIGHT_FX, WEIGHT_FZ = range(2, 5)  # of gravity, of the field times its direction, Q14
-P_XX, P_XZ, P_YY, P_ZZ, P_SHIFT = range(5, 10)  # attitude gain, Q(14 + shift)
-I_XX, I_XZ, I_YY, I_ZZ, I_SHIFT = range(10, 15)  # bias gain, mantissa and shift
-FORCE_TOLERANCE, FIELD_TOLERANCE, DIP_TOLERANCE = range(15, 18)  # Q26, Q26, Q14
-BOOST_1_US, BOOST_2_US, BOOST_3_US = range(18, 21)  # until when the gain is 2, 4, 8 times as high
-PARAMS_SIZE = 21
+P_XX, P_XZ, P_YY, P_ZX, P_ZZ, P_SHIFT = range(5, 11)  # attitude gain, Q(14 + shift)
+I_XX, I_XZ, I_YY, I_ZX, I_ZZ, I_SHIFT = range(11, 17)  # bias gain, mantissas and shift
+FORCE_TOLERANCE, FIELD_TOLERANCE, DIP_TOLERANCE = range(17, 20)  # Q26, Q26, Q14
+BOOST_1_US, BOOST_2_US, BOOST_3_US = range(20, 23)  # until when the gain is 2, 4, 8 times as high
+PARAMS_SIZE = 23
 
 # sample
 W_X, W_Y, W_Z = range(3)  # angular rate, radians per microsecond, Q40
 G_X, G_Y, G_Z = range(3, 6)  # opposite of the specific force in units of gravity, Q14
 F_X, F_Y, F_Z = range(6, 9)  # magnetic field in units of its expected norm, Q14
 HAS_FIELD = 9  # -1 when the sample brings a new field, else 0
-DT_US = 10  # time since the sample before
+DT_US = 10  # time since the sample before, at most MOST_DT_US
 SAMPLE_SIZE = 11
 
 # bits of the result
@@ -40,21 +41,22 @@ FORCE_USED = 1
 FIELD_USED = 2
 ALIGNED = 4  # this sample has given a first attitude
 DISAGREES = 8  # both sensors have contradicted the attitude for a second: the next one aligns
-SATURATED = 16  # a rate, a turn or the bias met its limit
+SATURATED = 16  # a rate or the bias met its limit
 
 ONE_Q26 = 1 << 26
-Q_LIMIT = 32767 << 14  # Q29; the norm stays below one (Lemma 1)
 R_LIMIT = 32767  # Q15
-VECTOR_LIMIT = 20480  # 1.25 in Q14: longest vector that passes the gate
 RATE_LIMIT = 19241453  # 35 rad/s
 BIAS_LIMIT = 900719925  # 0.2 rad/s
 BIAS_BITS = 13  # of the bias below the resolution of the rate
 ZETA_LIMIT = 40960  # 1.25 in Q15
-GAIN_LIMIT = 8400  # two products with ZETA_LIMIT, brought to TURN_LIMIT
+GAIN_LIMIT = 8400  # two products with ZETA_LIMIT stay below TURN_LIMIT
 TURN_LIMIT = 21000  # three products with R_LIMIT and a remainder fit 32 bits
-STEP_LIMIT = 1 << 28  # half a radian per step
+MOST_DT_US = 15000  # with RATE_LIMIT 0.26 half radians per step
+CORRECTION_LIMIT = 33000000  # 0.03 half radians
+LEAST_SHIFT = 6
+LEAST_BIAS_SHIFT = 9
 NORM_Q26 = (1 << 26) - (1 << 15)  # the norm's target lies below one by what rounding may add
-THIRD_Q16 = 21845
+THIRD_Q15 = 10923
 AGREE_FORCE = 14189  # cosine of 30 degrees, Q14
 AGREE_FIELD = 12551 << 14  # cosine of 40 degrees, Q28
 DISAGREE_LIMIT_US = 1000000
@@ -67,7 +69,7 @@ STATE_RANGES = (
     *(((-Q_LIMIT, Q_LIMIT),) * 4),
     *(((-BIAS_LIMIT, BIAS_LIMIT),) * 3),
     *(((0, (1 << 26) - 1),) * 3),
-    *(((-8192, 8191),) * 3),
+    *(((-CORRECTION_LIMIT, CORRECTION_LIMIT),) * 3),
     (-1, AGE_LIMIT_US),
     (0, DISAGREE_LIMIT_US + 1),
     (0, SATURATIONS_LIMIT),
@@ -76,10 +78,10 @@ PARAMS_RANGES = (
     *(((-UNIT_Q14, UNIT_Q14),) * 2),
     (0, UNIT_Q14),
     *(((-UNIT_Q14, UNIT_Q14),) * 2),
-    *(((-GAIN_LIMIT, GAIN_LIMIT),) * 4),
-    (5, 24),
-    *(((-GAIN_LIMIT, GAIN_LIMIT),) * 4),
-    (4, 26),
+    *(((-GAIN_LIMIT, GAIN_LIMIT),) * 5),
+    (LEAST_SHIFT, 24),
+    *(((-GAIN_LIMIT, GAIN_LIMIT),) * 5),
+    (LEAST_BIAS_SHIFT, 26),
     (0, ONE_Q26 >> 1),
     (0, ONE_Q26 >> 1),
     (0, 1 << 16),
@@ -89,12 +91,12 @@ SAMPLE_RANGES = (
     *(((-(1 << 31), (1 << 31) - 1),) * 3),
     *(((-32768, 32767),) * 6),
     (-1, 0),
-    (0, 65535),
+    (0, MOST_DT_US),
 )
 
 
-def rotation(state: list[I32], q: list[I32], r: list[I32]) -> None:
-    """Writes the attitude in Q15 and its matrix from body to n, by rows, Q15.
+def rotation(state: list[I32], r: list[I32]) -> None:
+    """Writes the matrix that takes body coordinates to n, by rows, Q15.
 
     Source: docs/fixed-point.md Eq. (1).
     """
@@ -102,10 +104,6 @@ def rotation(state: list[I32], q: list[I32], r: list[I32]) -> None:
     x = (state[Q_X] + 8192) >> 14
     y = (state[Q_Y] + 8192) >> 14
     z = (state[Q_Z] + 8192) >> 14
-    q[0] = w
-    q[1] = x
-    q[2] = y
-    q[3] = z
     ww = w * w + 16384
     xx = x * x
     yy = y * y
@@ -185,11 +183,11 @@ def innovation(
     f_z &= f_used
     z_x = params[WEIGHT_G] * g_y + params[WEIGHT_FZ] * f_y
     z_y = params[WEIGHT_FX] * f_z - params[WEIGHT_FZ] * f_x - params[WEIGHT_G] * g_x
-    z_z = params[WEIGHT_FX] * f_y
     # the weights add up to one (Lemma 3)
     zeta[0] = known((z_x + 4096) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
     zeta[1] = known((z_y + 4096) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
-    zeta[2] = known((4096 - z_z) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
+    # only the field shows the heading, so this one has no weight
+    zeta[2] = (4096 - params[FIELD_X] * f_y) >> 13
     return (g_sane & FORCE_USED) | (f_used & FIELD_USED)
 
 
@@ -205,27 +203,26 @@ def watch(state: list[I32], sample: list[I32], contradicted: I32) -> None:
     state[DISAGREE_US] = clamp(duration, 0, DISAGREE_LIMIT_US + 1)
 
 
-def weighted(xx: I32, xz: I32, yy: I32, zz: I32, z: list[I32], e: list[I32]) -> None:
+def weighted(params: list[I32], gain: I32, z: list[I32], e: list[I32]) -> None:
     """Writes gain times disagreement; the gain couples x with z.
 
     Source: docs/fixed-point.md Eq. (5).
     """
-    e[0] = (xx * z[0] + xz * z[2] + 16384) >> 15
-    e[1] = (yy * z[1] + 16384) >> 15
-    e[2] = (xz * z[0] + zz * z[2] + 16384) >> 15
+    e[0] = (params[gain] * z[0] + params[gain + 1] * z[2] + 16384) >> 15
+    e[1] = (params[gain + 2] * z[1] + 16384) >> 15
+    e[2] = (params[gain + 3] * z[0] + params[gain + 4] * z[2] + 16384) >> 15
 
 
 def correct_bias(
-    state: list[I32], axis: I32, correction: I32, shift: I32, met: list[I32]
+    state: list[I32], axis: I32, correction: I32, shift: I32, boost: I32, met: list[I32]
 ) -> None:
     """Moves one axis of the bias; what is below its resolution is carried to the next step.
 
     Source: docs/fixed-point.md Eq. (6).
     """
-    mask = (1 << shift) - 1
-    due = correction + (state[C_X + axis] & mask)
-    state[C_X + axis] = due & mask
-    bias = state[B_X + axis] - (due >> shift)
+    due = correction + state[C_X + axis]
+    state[C_X + axis] = due & ((1 << shift) - 1)
+    bias = state[B_X + axis] - ((due >> shift) << (2 * boost))
     limited = clamp(bias, -BIAS_LIMIT, BIAS_LIMIT)
     state[B_X + axis] = limited
     met[0] |= bias - limited
@@ -236,44 +233,50 @@ def half_turn(rate: I32, dt_us: I32) -> I32:
     return (rate >> 10) * dt_us + (((rate & 1023) * dt_us + 512) >> 10)
 
 
-def limited_rate(sample: list[I32], axis: I32, met: list[I32]) -> I32:
-    """The angular rate of one axis, half radians per microsecond, Q40."""
-    rate = sample[W_X + axis] >> 1
-    limited = clamp(rate, -RATE_LIMIT, RATE_LIMIT)
-    met[0] |= rate - limited
-    return limited
-
-
-def limited_turn(rate: I32, dt_us: I32, correction: I32, met: list[I32]) -> I32:
-    """Half the angle of one axis in this step, Q30.
+def half_angle(state: list[I32], sample: list[I32], axis: I32, met: list[I32]) -> I32:
+    """Half the angle to turn about one axis in this step, Q30.
 
     Source: docs/fixed-point.md Eq. (7).
     """
-    angle = half_turn(rate, dt_us) + correction
-    limited = clamp(angle, -STEP_LIMIT, STEP_LIMIT)
-    met[0] |= angle - limited
-    return limited
+    raw = sample[W_X + axis] >> 1
+    rate = clamp(raw, -RATE_LIMIT, RATE_LIMIT)
+    met[0] |= raw - rate
+    return half_turn(rate - (state[B_X + axis] >> BIAS_BITS), sample[DT_US]) + state[T_X + axis]
 
 
-def carry(state: list[I32], axis: I32, h: I32, third: I32) -> I32:
+def tangent(state: list[I32], axis: I32, h: I32, third: I32) -> I32:
     """The tangent of the half angle `h`, Q16; what is below is carried to the next step.
 
     Source: docs/fixed-point.md Eq. (8).
     """
-    due = h + (((h >> 14) * third) >> 6) + state[T_X + axis] + 8192
+    due = h + (((h >> 14) * third) >> 6) + 8192
     state[T_X + axis] = (due & 16383) - 8192
     return due >> 14
 
 
-def turn(state: list[I32], q: list[I32], t_x: I32, t_y: I32, t_z: I32) -> None:
-    """Turns the attitude by tangents of half angles, Q16; one Newton step keeps its norm.
+def propagate(state: list[I32], sample: list[I32], met: list[I32]) -> None:
+    """Turns the attitude by the gyro and the last correction; one Newton step keeps its norm.
 
-    Source: docs/fixed-point.md Eq. (8) and (9).
+    Source: docs/fixed-point.md Eq. (7) to (9).
     """
-    q_w = state[Q_W] - ((q[1] * t_x + q[2] * t_y + q[3] * t_z + 2) >> 2)
-    q_x = state[Q_X] + ((q[0] * t_x + q[2] * t_z - q[3] * t_y + 2) >> 2)
-    q_y = state[Q_Y] + ((q[0] * t_y + q[3] * t_x - q[1] * t_z + 2) >> 2)
-    q_z = state[Q_Z] + ((q[0] * t_z + q[1] * t_y - q[2] * t_x + 2) >> 2)
+    h_x = half_angle(state, sample, 0, met)
+    h_y = half_angle(state, sample, 1, met)
+    h_z = half_angle(state, sample, 2, met)
+    third = (h_x >> 14) * (h_x >> 14) + (h_y >> 14) * (h_y >> 14) + (h_z >> 14) * (h_z >> 14)
+    third = ((third >> 13) * THIRD_Q15) >> 14
+    t_x = tangent(state, 0, h_x, third)
+    t_y = tangent(state, 1, h_y, third)
+    t_z = tangent(state, 2, h_z, third)
+
+    w = (state[Q_W] + 8192) >> 14
+    x = (state[Q_X] + 8192) >> 14
+    y = (state[Q_Y] + 8192) >> 14
+    z = (state[Q_Z] + 8192) >> 14
+    q_w = state[Q_W] - ((x * t_x + y * t_y + z * t_z + 2) >> 2)
+    q_x = state[Q_X] + ((w * t_x + y * t_z - z * t_y + 2) >> 2)
+    q_y = state[Q_Y] + ((w * t_y + z * t_x - x * t_z + 2) >> 2)
+    q_z = state[Q_Z] + ((w * t_z + x * t_y - y * t_x + 2) >> 2)
+
     w = (q_w + 32768) >> 16
     x = (q_x + 32768) >> 16
     y = (q_y + 32768) >> 16
@@ -288,49 +291,38 @@ def turn(state: list[I32], q: list[I32], t_x: I32, t_y: I32, t_z: I32) -> None:
     state[Q_Z] = known(q_z + ((z * scale) >> 1), -Q_LIMIT, Q_LIMIT)
 
 
-def boosted(state: list[I32], params: list[I32], dt_us: I32) -> I32:
-    """The shift of the attitude gain: the younger the attitude, the higher the gain."""
+def gain_boost(state: list[I32], params: list[I32], dt_us: I32) -> I32:
+    """0 to 3: by which power of two the gain is raised; the younger the attitude, the more."""
     age = state[AGE_US]
     state[AGE_US] = clamp(age + dt_us, 0, AGE_LIMIT_US)
     boost = ((age - params[BOOST_1_US]) >> 31) + ((age - params[BOOST_2_US]) >> 31)
-    return params[P_SHIFT] + boost + ((age - params[BOOST_3_US]) >> 31)
+    return -boost - ((age - params[BOOST_3_US]) >> 31)
 
 
 def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
     """Takes one sample of an aligned filter; returns what it rested on, as bits."""
-    q = [0, 0, 0, 0]
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     zeta = [0, 0, 0]
     e = [0, 0, 0]
     met = [0]
-    dt_us = sample[DT_US]
-    rotation(state, q, r)
+    propagate(state, sample, met)
+    rotation(state, r)
     used = innovation(state, params, sample, r, zeta)
 
-    # attitude
-    weighted(params[P_XX], params[P_XZ], params[P_YY], params[P_ZZ], zeta, e)
-    shift = boosted(state, params, dt_us)
-    rate = limited_rate(sample, 0, met) - (state[B_X] >> BIAS_BITS)
-    h_x = limited_turn(rate, dt_us, unrotated(r[0], r[3], r[6], e) >> shift, met)
-    rate = limited_rate(sample, 1, met) - (state[B_Y] >> BIAS_BITS)
-    h_y = limited_turn(rate, dt_us, unrotated(r[1], r[4], r[7], e) >> shift, met)
-    rate = limited_rate(sample, 2, met) - (state[B_Z] >> BIAS_BITS)
-    h_z = limited_turn(rate, dt_us, unrotated(r[2], r[5], r[8], e) >> shift, met)
-
-    # bias
-    weighted(params[I_XX], params[I_XZ], params[I_YY], params[I_ZZ], zeta, e)
+    boost = gain_boost(state, params, sample[DT_US])
+    # bias, whose gain grows with the square of the boost
+    weighted(params, I_XX, zeta, e)
     shift = params[I_SHIFT]
-    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, met)
-    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, met)
-    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, met)
+    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, boost, met)
+    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, boost, met)
+    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, boost, met)
 
-    # tangent of the half angle
-    third = (h_x >> 14) * (h_x >> 14) + (h_y >> 14) * (h_y >> 14) + (h_z >> 14) * (h_z >> 14)
-    third = ((third >> 13) * THIRD_Q16) >> 15
-    t_x = carry(state, 0, h_x, third)
-    t_y = carry(state, 1, h_y, third)
-    t_z = carry(state, 2, h_z, third)
-    turn(state, q, t_x, t_y, t_z)
+    # attitude, from the next step on
+    weighted(params, P_XX, zeta, e)
+    shift = clamp(params[P_SHIFT] - boost, LEAST_SHIFT, 24)
+    state[T_X] += unrotated(r[0], r[3], r[6], e) >> shift
+    state[T_Y] += unrotated(r[1], r[4], r[7], e) >> shift
+    state[T_Z] += unrotated(r[2], r[5], r[8], e) >> shift
 
     folded = (met[0] >> 16) | (met[0] & 65535)
     saturated = (folded | -folded) >> 31
@@ -345,7 +337,6 @@ def align(state: list[I32], sample: list[I32]) -> I32:
     """
     g = [0, 0, 0]
     f = [UNIT_Q14, 0, 0]
-    q = [0, 0, 0, 0]
     if sane(g, sample[G_X], sample[G_Y], sample[G_Z], ALIGN_TOLERANCE) == 0:
         return 0
     if sample[HAS_FIELD] != 0:
@@ -354,12 +345,11 @@ def align(state: list[I32], sample: list[I32]) -> I32:
     elif abs(g[0]) > NOSE_DOWN:
         f[0] = 0
         f[2] = UNIT_Q14
-    if triad(g, f, q) == 0:
+    if triad(g, f, state) == 0:
         return 0
-    for i in range(4):
-        state[Q_W + i] = clamp(q[i], -Q_LIMIT, Q_LIMIT)
-    for i in range(3):
-        state[T_X + i] = 0
+    state[T_X] = 0
+    state[T_Y] = 0
+    state[T_Z] = 0
     state[AGE_US] = 0
     state[DISAGREE_US] = 0
     return ALIGNED
@@ -367,10 +357,22 @@ def align(state: list[I32], sample: list[I32]) -> I32:
 
 def reset(state: list[I32]) -> None:
     """Forgets everything."""
-    for i in range(STATE_SIZE):
-        state[i] = 0
     state[Q_W] = Q_LIMIT - (1 << 19)
+    state[Q_X] = 0
+    state[Q_Y] = 0
+    state[Q_Z] = 0
+    state[B_X] = 0
+    state[B_Y] = 0
+    state[B_Z] = 0
+    state[C_X] = 0
+    state[C_Y] = 0
+    state[C_Z] = 0
+    state[T_X] = 0
+    state[T_Y] = 0
+    state[T_Z] = 0
     state[AGE_US] = -1
+    state[DISAGREE_US] = 0
+    state[SATURATIONS] = 0
 
 
 def restart(state: list[I32]) -> None:

@@ -3,12 +3,14 @@
 Source: docs/fixed-point.md Eq. (10) to (12).
 """
 
-from h2nav.maths.fixedpoint import I32, clamp
+from h2nav.maths.fixedpoint import I32, clamp, known
 
 UNIT_Q14 = 1 << 14
 LEAST_NORM_Q26 = 1 << 24  # a quarter: the least squared norm that is scaled to one
-NORMAL_LIMIT = 23170  # square root of 2 in Q14
-QUARTER_LIMIT = 23170
+VECTOR_LIMIT = 20480  # 1.25 in Q14
+UNIT_LIMIT = UNIT_Q14 + 64  # a unit vector after rounding
+Q_LIMIT = 32767 << 14  # Q29; rounds to 32767 in Q15
+FOURFOLD_LIMIT = 4 * UNIT_LIMIT
 
 
 def inverse_root(norm: I32) -> I32:
@@ -31,16 +33,17 @@ def squared(v: list[I32]) -> I32:
 
 
 def scaled(v: list[I32], root: I32) -> None:
-    """Multiplies a vector by `root`, Q14."""
+    """Brings a vector to length one; `root` is the inverse of its length, Q14."""
     for i in range(3):
-        v[i] = clamp((v[i] * root + 8192) >> 14, -UNIT_Q14, UNIT_Q14)
+        v[i] = known((v[i] * root + 8192) >> 14, -UNIT_LIMIT, UNIT_LIMIT)  # Lemma 4
 
 
 def cross(a: list[I32], b: list[I32], c: list[I32]) -> None:
-    """Writes a x b of Q14 vectors into c."""
-    c[0] = clamp((a[1] * b[2] - a[2] * b[1] + 8192) >> 14, -NORMAL_LIMIT, NORMAL_LIMIT)
-    c[1] = clamp((a[2] * b[0] - a[0] * b[2] + 8192) >> 14, -NORMAL_LIMIT, NORMAL_LIMIT)
-    c[2] = clamp((a[0] * b[1] - a[1] * b[0] + 8192) >> 14, -NORMAL_LIMIT, NORMAL_LIMIT)
+    """Writes a x b of Q14 vectors into c; one of them is a unit vector."""
+    # no longer than the longer of the two (Lemma 4)
+    c[0] = known((a[1] * b[2] - a[2] * b[1] + 8192) >> 14, -VECTOR_LIMIT, VECTOR_LIMIT)
+    c[1] = known((a[2] * b[0] - a[0] * b[2] + 8192) >> 14, -VECTOR_LIMIT, VECTOR_LIMIT)
+    c[2] = known((a[0] * b[1] - a[1] * b[0] + 8192) >> 14, -VECTOR_LIMIT, VECTOR_LIMIT)
 
 
 def triad(g: list[I32], f: list[I32], q: list[I32]) -> I32:
@@ -63,7 +66,7 @@ def triad(g: list[I32], f: list[I32], q: list[I32]) -> I32:
     for _ in range(5):
         if squared(east) < LEAST_NORM_Q26:
             for i in range(3):
-                east[i] = clamp(east[i] * 2, -NORMAL_LIMIT, NORMAL_LIMIT)
+                east[i] = known(east[i] * 2, -VECTOR_LIMIT, VECTOR_LIMIT)  # shorter than a half
     if squared(east) < LEAST_NORM_Q26:
         return 0
     scaled(east, inverse_root(squared(east)))
@@ -99,15 +102,16 @@ def quaternion(north: list[I32], east: list[I32], down: list[I32], q: list[I32])
 
 def normalised(w: I32, x: I32, y: I32, z: I32, q: list[I32]) -> None:
     """Writes four numbers of norm 2 to 4, Q14, as a quaternion of norm just below one, Q29."""
-    a = clamp(w, -(UNIT_Q14 << 2), UNIT_Q14 << 2) >> 2
-    b = clamp(x, -(UNIT_Q14 << 2), UNIT_Q14 << 2) >> 2
-    c = clamp(y, -(UNIT_Q14 << 2), UNIT_Q14 << 2) >> 2
-    d = clamp(z, -(UNIT_Q14 << 2), UNIT_Q14 << 2) >> 2
-    norm = (a * a + b * b + c * c + d * d + 2) >> 2
-    root = inverse_root(norm)
+    # four times a unit quaternion (Lemma 4)
+    q[0] = known(w, -FOURFOLD_LIMIT, FOURFOLD_LIMIT)
+    q[1] = known(x, -FOURFOLD_LIMIT, FOURFOLD_LIMIT)
+    q[2] = known(y, -FOURFOLD_LIMIT, FOURFOLD_LIMIT)
+    q[3] = known(z, -FOURFOLD_LIMIT, FOURFOLD_LIMIT)
+    norm = 0
+    for i in range(4):
+        norm += (q[i] >> 2) * (q[i] >> 2)
+    root = inverse_root(norm >> 2)
     # 2^-9 below one, so that rounding cannot bring it above
-    root -= (root >> 9) + 4
-    q[0] = clamp(w, -(UNIT_Q14 << 2), UNIT_Q14 << 2) * (root >> 1)
-    q[1] = clamp(x, -(UNIT_Q14 << 2), UNIT_Q14 << 2) * (root >> 1)
-    q[2] = clamp(y, -(UNIT_Q14 << 2), UNIT_Q14 << 2) * (root >> 1)
-    q[3] = clamp(z, -(UNIT_Q14 << 2), UNIT_Q14 << 2) * (root >> 1)
+    root = (root - (root >> 9)) >> 1
+    for i in range(4):
+        q[i] = known(q[i] * root, -Q_LIMIT, Q_LIMIT)

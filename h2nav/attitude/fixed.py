@@ -1,0 +1,191 @@
+"""The constant-gain filter in integers, behind the interface that every filter has.
+
+Floats enter and leave only here; between them run the integers of `kernels.fixed_lean`, which are
+the same bits in Python, in C on any computer and on a microcontroller.
+"""
+
+import math
+from collections.abc import Sequence
+
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.fixed_gains import BIAS_UNIT, constant_gains, lean_image
+from h2nav.attitude.gains import TwoStageGains
+from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.maths.fixedpoint import to_fixed
+from h2nav.maths.quaternion import conjugate, multiply, normalize
+
+# Vehicles accelerate: their force shows gravity worse than the sensor's own noise says.
+FORCE_WEIGHT = 1.0 / 16.0
+_INT16 = (-32768, 32767)
+_INT32 = (-(1 << 31), (1 << 31) - 1)
+_RATE_SCALE = 1e-6  # rad/s to rad/us
+_NO_VECTORS = (0, 0, 0, 0, 0, 0, 0)
+
+
+def sample_integers(
+    w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int
+) -> list[int]:
+    """One sample as the kernel takes it.
+
+    Args:
+        w_b: angular rate, rad/s.
+        gravity: opposite of the specific force in units of gravity.
+        field: magnetic field in units of its expected norm; None for no new field.
+        dt_us: time since the sample before, 0 to `kernels.fixed_lean.MOST_DT_US`.
+    """
+    rates = [to_fixed(w * _RATE_SCALE, 40, *_INT32) for w in w_b]
+    vectors = [to_fixed(part, 14, *_INT16) for part in (*gravity, *(field or (0.0, 0.0, 0.0)))]
+    return [*rates, *vectors, 0 if field is None else -1, dt_us]
+
+
+class FixedFilter:
+    """Attitude filter in integers.
+
+    Args:
+        gains: sensor densities and rate; the constant gains follow from them.
+        force_weight: factor on the accelerometer's information.
+    """
+
+    def __init__(self, gains: TwoStageGains, force_weight: float = FORCE_WEIGHT) -> None:
+        self._gains = gains
+        self._force_weight = force_weight
+        self._state = [0] * kernel.STATE_SIZE
+        kernel.reset(self._state)
+        self._t_us: int | None = None
+        self._field = gains.densities.field
+        self._params: Sequence[int] = ()
+        self._use_gains(gains.densities.field)
+
+    @property
+    def name(self) -> str:
+        """`fixed`."""
+        return "fixed"
+
+    def _use_gains(self, field: EarthField) -> None:
+        densities = self._gains.densities._replace(field=field)
+        gains = constant_gains(densities, self._gains.rate_hz, self._force_weight)
+        self._params = list(lean_image(gains, self._gains.name).params)
+        self._field = field
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Takes one sample; None until one has shown an attitude."""
+        dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
+        if dt_us < 0:
+            raise ValueError("samples go forward in time")
+        self._t_us = sample.t_us
+        integers = self._integers(sample)
+        if dt_us > kernel.MOST_DT_US:
+            dt_us = self._coast(integers, dt_us)
+        integers[kernel.DT_US] = dt_us
+        bits = kernel.update(self._state, self._params, integers)
+        if self._state[kernel.AGE_US] < 0 and not bits & kernel.DISAGREES:
+            return None
+        return self._estimate(sample, bits)
+
+    def _integers(self, sample: ImuSample) -> list[int]:
+        scale = -1.0 / self._gains.densities.gravity_m_s2
+        f_x, f_y, f_z = sample.f_b
+        field = None
+        if sample.m_b_ut is not None:
+            m_x, m_y, m_z = sample.m_b_ut
+            norm = self._field.norm_ut
+            field = (m_x / norm, m_y / norm, m_z / norm)
+        integers = sample_integers(sample.w_b, (f_x * scale, f_y * scale, f_z * scale), field, 0)
+        if sample.clipped:
+            # vectors of length zero pass no gate
+            integers[kernel.G_X : kernel.DT_US] = _NO_VECTORS
+        return integers
+
+    def _coast(self, integers: Sequence[int], dt_us: int) -> int:
+        """Turns by the gyro alone over the long part of a gap; returns what is left of it."""
+        alone = [*integers[: kernel.G_X], *_NO_VECTORS, kernel.MOST_DT_US]
+        while dt_us > kernel.MOST_DT_US:
+            if self._state[kernel.AGE_US] >= 0:
+                kernel.update(self._state, self._params, alone)
+            dt_us -= kernel.MOST_DT_US
+        return dt_us
+
+    def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
+        state = self._state
+        q = normalize((float(state[0]), float(state[1]), float(state[2]), float(state[3])))
+        half = 0.5 * self._field.declination_rad
+        bias = (
+            state[kernel.B_X] / BIAS_UNIT,
+            state[kernel.B_Y] / BIAS_UNIT,
+            state[kernel.B_Z] / BIAS_UNIT,
+        )
+        w_x, w_y, w_z = sample.w_b
+        q_nb = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q)
+        return AttitudeEstimate(
+            t_us=sample.t_us,
+            q_nb=q_nb,
+            w_b=(w_x - bias[0], w_y - bias[1], w_z - bias[2]),
+            bias_b=bias,
+            innovation_n=self._correction(q_nb),
+            sigma_tilt_rad=math.nan,
+            trust=self._trust(bits, sample.clipped),
+        )
+
+    def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
+        """The correction that the next step will apply, as a rotation in n."""
+        t_x, t_y, t_z = (value * 2.0**-29 for value in self._state[kernel.T_X : kernel.T_Z + 1])
+        turned = multiply(multiply(q_nb, (0.0, t_x, t_y, t_z)), conjugate(q_nb))
+        return turned[1], turned[2], turned[3]
+
+    def _trust(self, bits: int, clipped: bool) -> Trust:
+        trust = Trust.ALIGNED
+        if self._state[kernel.AGE_US] > self._params[kernel.BOOST_1_US]:
+            trust |= Trust.CONVERGED
+        if bits & kernel.FORCE_USED:
+            trust |= Trust.FORCE_USED
+        if bits & kernel.FIELD_USED:
+            trust |= Trust.FIELD_USED | Trust.YAW_REFERENCED
+        if bits & (kernel.ALIGNED | kernel.DISAGREES):
+            trust |= Trust.RESTARTED
+        if bits & kernel.SATURATED or clipped:
+            trust |= Trust.SATURATED
+        return trust
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Ignored: the constant gains are the same on the ground."""
+
+    def use_field(self, field: EarthField) -> None:
+        """Takes the expected field; gains and gates follow it."""
+        if field._replace(declination_rad=0.0) != self._field._replace(declination_rad=0.0):
+            self._use_gains(field)
+        self._field = field
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Ignored: this filter has no velocity."""
+
+    def restart(self) -> None:
+        """Forgets time and attitude; keeps the bias."""
+        kernel.restart(self._state)
+        self._t_us = None
+
+    def state(self) -> FilterState:
+        """Time, field and the kernel's integers."""
+        return FilterState(self.name, (self._t_us, *self._field, *self._state))
+
+    def restore(self, state: FilterState) -> None:
+        """Continues where `state` was taken."""
+        t_us, *rest = state.values
+        if state.filter_name != self.name or len(rest) != 3 + kernel.STATE_SIZE:
+            raise ValueError(f"not a state of the filter {self.name}")
+        numbers = [value for value in rest if value is not None]
+        self.use_field(EarthField(*map(float, numbers[:3])))
+        integers = [int(value) for value in numbers[3:]]
+        for value, (lo, hi) in zip(integers, kernel.STATE_RANGES, strict=True):
+            if not lo <= value <= hi:
+                raise ValueError(f"the state holds {value}, outside {lo}..{hi}")
+        self._state = integers
+        self._t_us = None if t_us is None else int(t_us)

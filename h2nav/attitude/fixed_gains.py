@@ -1,0 +1,215 @@
+"""The integer image of the constant gains: what the lean fixed-point filter takes.
+
+The constant-gain filter is the steady state of attitude and bias together. In the eigenframe of
+the information matrix it falls apart into three problems of two states, solved here by their
+Riccati difference equation, so that the daemon needs no linear algebra.
+
+Source: docs/fixed-point.md Eq. (5), (6), (13).
+"""
+
+import math
+from typing import NamedTuple
+
+from h2nav.attitude.gains import SensorDensities, information
+from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.errors import BadInput
+
+# xx, xz, yy, zx, zz of a matrix; y is coupled with neither x nor z
+Matrix = tuple[float, float, float, float, float]
+Mantissas = tuple[int, int, int, int, int]
+
+BIAS_UNIT = 2.0**53 / 2.0e6  # units of the integer bias per rad/s
+FORCE_TOLERANCE = 0.2  # of the squared norm
+FIELD_TOLERANCE = 0.2
+DIP_TOLERANCE = 0.17  # of the vertical component over the norm: 10 deg
+LONGEST_BOOST_S = 500.0
+_PASSES = 1_000_000
+
+
+class ConstantGains(NamedTuple):
+    """Gains of the constant-gain filter on the weighted disagreement zeta.
+
+    x and y of zeta weigh gravity and field by their information; z comes from the field alone and
+    is not weighted, so that its column of the gains already holds the field's weight.
+
+    Attributes:
+        attitude: rotation per unit of zeta and sample, magnetic NED.
+        bias: rad/s per unit of zeta and sample.
+        gravity_weight: share of gravity in zeta; the field has the rest.
+        dip_rad: dip of the field.
+        rate_hz: samples per second.
+    """
+
+    attitude: Matrix
+    bias: Matrix
+    gravity_weight: float
+    dip_rad: float
+    rate_hz: float
+
+
+class LeanImage(NamedTuple):
+    """Integer parameters and what rounding has done to the gains.
+
+    Attributes:
+        params: the kernel's parameters.
+        rounded: the gains that the parameters stand for.
+        rounding_error: largest change of a gain, relative to the largest of its matrix.
+    """
+
+    params: tuple[int, ...]
+    rounded: ConstantGains
+    rounding_error: float
+
+
+def constant_gains(densities: SensorDensities, rate_hz: float, force_weight: float) -> ConstantGains:
+    """Steady-state gains of attitude and bias together.
+
+    Args:
+        densities: noise of the sensors and the field.
+        rate_hz: sample rate.
+        force_weight: factor on the accelerometer's information; less than one for a vehicle that
+            accelerates.
+
+    Source: docs/fixed-point.md Eq. (13).
+    """
+    force, field = information(densities, rate_hz)
+    force *= force_weight
+    total = force + field
+    sine, cosine = math.sin(densities.field.dip_rad), math.cos(densities.field.dip_rad)
+    m_xx, m_zz, m_xz = force + field * sine**2, field * cosine**2, -field * sine * cosine
+    turn = 0.5 * math.atan2(2.0 * m_xz, m_xx - m_zz)
+    c, s = math.cos(turn), math.sin(turn)
+    first = c * c * m_xx + 2.0 * c * s * m_xz + s * s * m_zz
+    second = force * m_zz / first
+    axes = [_axis(densities, rate_hz, mu) for mu in (first, second, total)]
+    attitude, bias = (
+        (
+            total * (c * c * axes[0][i] + s * s * axes[1][i]),
+            field * (c * s * (axes[0][i] - axes[1][i])),
+            total * axes[2][i],
+            total * (c * s * (axes[0][i] - axes[1][i])),
+            field * (s * s * axes[0][i] + c * c * axes[1][i]),
+        )
+        for i in (0, 1)
+    )
+    return ConstantGains(attitude, bias, force / total, densities.field.dip_rad, rate_hz)
+
+
+def _axis(densities: SensorDensities, rate_hz: float, mu: float) -> tuple[float, float]:
+    """Attitude and bias gain of one axis whose samples have the variance 1/mu.
+
+    Source: docs/fixed-point.md Eq. (13).
+    """
+    dt = 1.0 / rate_hz
+    gyro, walk = densities.gyro**2 * dt, densities.bias_walk**2 * dt
+    # the continuous solution is close
+    p12 = -densities.bias_walk / math.sqrt(mu * rate_hz) * rate_hz
+    p11 = math.sqrt((densities.gyro**2 - 2.0 * p12 / rate_hz) / (mu * rate_hz))
+    p22 = -p12 * p11 * mu * rate_hz
+    gain, bias_gain = 0.0, 0.0
+    for _ in range(_PASSES):
+        p11, p12, p22 = p11 - 2.0 * dt * p12 + dt * dt * p22 + gyro, p12 - dt * p22, p22 + walk
+        spread = 1.0 / (p11 + 1.0 / mu)
+        before, gain, bias_gain = (gain, bias_gain), p11 * spread, p12 * spread
+        p22 -= bias_gain * p12
+        p11, p12 = p11 * (1.0 - gain), p12 * (1.0 - gain)
+        if abs(gain - before[0]) <= 1e-14 * gain and abs(bias_gain - before[1]) <= 1e-14 * -bias_gain:
+            break
+    return gain / mu, -bias_gain / mu
+
+
+def lean_image(gains: ConstantGains, place: str) -> LeanImage:
+    """The integers that stand for `gains`.
+
+    Args:
+        gains: constant gains.
+        place: what to name in an error.
+
+    Raises:
+        BadInput: a gain is outside what the format holds.
+    """
+    cosine, sine = math.cos(gains.dip_rad), math.sin(gains.dip_rad)
+    force = _q14(gains.gravity_weight)
+    field = (_q14((1.0 - gains.gravity_weight) * cosine), _q14((1.0 - gains.gravity_weight) * sine))
+    attitude, shift = _mantissas(gains.attitude, 2.0**14, f"{place}: attitude gain")
+    bias, bias_shift = _mantissas(gains.bias, BIAS_UNIT / 2.0**15, f"{place}: bias gain")
+    if not kernel.LEAST_SHIFT <= shift <= 24 or not kernel.LEAST_BIAS_SHIFT <= bias_shift <= 26:
+        raise BadInput(
+            f"{place}: gains of {max(gains.attitude):g} per sample are outside the fixed-point "
+            "format; expected a sample rate nearer to the sensors' own"
+        )
+    boosts = _boosts(gains)
+    params = (
+        _q14(cosine),
+        _q14(sine),
+        force,
+        *field,
+        *attitude,
+        shift,
+        *bias,
+        bias_shift,
+        round(FORCE_TOLERANCE * 2**26),
+        round(FIELD_TOLERANCE * 2**26),
+        round(DIP_TOLERANCE * 2**14),
+        *boosts,
+    )
+    for value, (lo, hi) in zip(params, kernel.PARAMS_RANGES, strict=True):
+        assert lo <= value <= hi
+    rounded = ConstantGains(
+        _matrix(attitude, 2.0 ** -(14 + shift)),
+        _matrix(bias, 2.0 ** (15 - bias_shift) / BIAS_UNIT),
+        force / 2**14,
+        math.atan2(field[1], field[0]),
+        gains.rate_hz,
+    )
+    error = max(
+        abs(a - b) / max(map(abs, exact))
+        for exact, image in ((gains.attitude, rounded.attitude), (gains.bias, rounded.bias))
+        if any(exact)
+        for a, b in zip(exact, image, strict=True)
+    )
+    return LeanImage(params, rounded, error)
+
+
+def _q14(value: float) -> int:
+    return math.floor(value * 2**14 + 0.5)
+
+
+def _mantissas(
+    gain: Matrix, unit: float, what: str
+) -> tuple[Mantissas, int]:
+    """Integers up to the kernel's limit and the shift that makes them the gain."""
+    largest = max(map(abs, gain)) * unit
+    if not math.isfinite(largest):
+        raise BadInput(f"{what}: expected finite numbers")
+    shift = 26
+    while shift > 0 and largest * 2.0**shift > kernel.GAIN_LIMIT:
+        shift -= 1
+    xx, xz, yy, zx, zz = (math.floor(entry * unit * 2.0**shift + 0.5) for entry in gain)
+    return (xx, xz, yy, zx, zz), shift
+
+
+def _matrix(mantissas: Mantissas, unit: float) -> Matrix:
+    xx, xz, yy, zx, zz = mantissas
+    return xx * unit, xz * unit, yy * unit, zx * unit, zz * unit
+
+
+def _boosts(gains: ConstantGains) -> tuple[int, int, int]:
+    """Until when the gain is doubled, in microseconds: a young attitude averages, 1/n per sample."""
+    least = min(slowest_shares(gains))
+    whole_s = min(1.0 / (least * gains.rate_hz), LONGEST_BOOST_S)
+    once, twice, thrice = (round(1e6 * whole_s / 2.0**power) for power in range(3))
+    return once, twice, thrice
+
+
+def slowest_shares(gains: ConstantGains) -> tuple[float, float, float]:
+    """Share of an attitude error that one sample takes away, per eigenaxis."""
+    w, sine, cosine = gains.gravity_weight, math.sin(gains.dip_rad), math.cos(gains.dip_rad)
+    xx, xz, yy, zx, zz = gains.attitude
+    # zeta = M eps, with the rows of M weighted as zeta is
+    m_xx, m_xz = w + (1.0 - w) * sine * sine, -(1.0 - w) * sine * cosine
+    m_zx, m_zz = -sine * cosine, cosine * cosine
+    trace = xx * m_xx + xz * m_zx + zx * m_xz + zz * m_zz
+    determinant = (xx * zz - xz * zx) * (m_xx * m_zz - m_xz * m_zx)
+    root = math.sqrt(max(0.25 * trace * trace - determinant, 0.0))
+    return yy, 0.5 * trace + root, determinant / (0.5 * trace + root)
