@@ -18,6 +18,8 @@ from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import FAULT_KINDS, parse_fault
 from h2nav.sim.personalities import PERSONALITIES, personality
 from h2nav.sim.scenarios import SCENARIOS, scenario
+from h2nav.sim.streams import Stream
+from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
 
 LONGEST_WAIT_S = 0.1
 BITS_PER_BYTE_ON_A_LINE = 10
@@ -53,6 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--boot-text", action="store_true", help="plain text at power-on, as on a serial port"
     )
+    vision = parser.add_argument_group("poses of a visual odometry, forwarded by the autopilot")
+    vision.add_argument("--vision", choices=VISION_MESSAGES, help="send them as this message")
+    vision.add_argument("--vision-rate-hz", type=float, default=30.0, metavar="HZ")
+    vision.add_argument("--vision-delay-ms", type=float, default=0.0, metavar="MS")
+    vision.add_argument("--vision-drop-out", type=float, default=0.0, metavar="SHARE")
     parser.add_argument("--json", action="store_true", help="the counts as JSON, at the end")
 
 
@@ -130,11 +137,18 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         raise BadInput("--seconds: expected a number of 0 or more")
     if args.baud is not None and not 300 <= args.baud <= 12e6:
         raise BadInput("--baud: expected a number from 300 to 12000000")
+    vision: tuple[Stream, ...] = ()
+    if args.vision is not None:
+        source = VisionOptions(
+            args.vision, args.vision_rate_hz, args.vision_delay_ms * 1e-3, args.vision_drop_out
+        )
+        vision = (vision_stream(source, args.seed),)
     return AutopilotOptions(
         scenario=scenario(args.scenario),
         personality=personality(args.autopilot),
         seed=args.seed,
         faults=tuple(parse_fault(text) for text in args.fault),
+        extra_streams=vision,
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
     )

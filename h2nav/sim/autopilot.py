@@ -21,6 +21,7 @@ from h2nav.sim.scenarios import Scenario
 from h2nav.sim.stream_schedule import SECOND_NS, StreamSchedule
 from h2nav.sim.streams import AUTOPILOT_COMPONENT, Stream
 from h2nav.sim.vehicle import Vehicle
+from h2nav.sim.wheel_streams import wheel_stream
 
 SYSTEM_ID = 1
 IDENTITY = (SYSTEM_ID, AUTOPILOT_COMPONENT)
@@ -87,9 +88,10 @@ class FakeAutopilot:
             options.seed,
             options.personality.stamp_jitter_us,
         )
-        self.streams = StreamSchedule(
-            (*options.personality.streams, *options.extra_streams), options.line_bytes_per_s
-        )
+        streams = (*options.personality.streams, *options.extra_streams)
+        if options.scenario.wheels_at is not None:
+            streams += (wheel_stream(options.scenario.wheels_at, options.seed),)
+        self.streams = StreamSchedule(streams, options.line_bytes_per_s)
         self._parameters = ParameterServer(options.personality.parameters)
         self._commands = CommandServer(options.personality, self.streams, self.vehicle)
         self._replies: dict[int, Callable[[Any], list[Any]]] = {

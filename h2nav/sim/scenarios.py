@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
-from h2nav.sim import jets
+from h2nav.sim import drives, jets
+from h2nav.sim.drives import Drive, WheelsAt
 from h2nav.sim.jets import Jet
 from h2nav.sim.rigid_motion import ORIGIN, EulerAngles, Motion, Path, from_angles, of_multirotor
 
@@ -29,8 +30,9 @@ class Scenario(NamedTuple):
         duration_s: the length that shows all of it.
         motion_at: the truth at t seconds after the start.
         armed_s: when the motors are armed; None = never.
-        airborne_s: when the vehicle leaves the ground; None = never.
+        airborne_s: when the vehicle leaves the ground, or a rover its place; None = never.
         mav_type: MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover.
+        wheels_at: way of the left and right wheel, m, at t seconds; None without wheels.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Scenario(NamedTuple):
     armed_s: float | None = 0.0
     airborne_s: float | None = 0.0
     mav_type: int = QUADROTOR
+    wheels_at: WheelsAt | None = None
 
     def motion(self, t_s: float) -> Motion:
         """The truth at `t_s` seconds after the start."""
@@ -211,6 +214,19 @@ def _light_wind(since_s: float) -> Path:
     )
 
 
+def _rover(name: str, summary: str, drive: Drive) -> Scenario:
+    return Scenario(
+        name,
+        summary,
+        drive.duration_s,
+        drive.motion,
+        armed_s=drives.START_S - 1.0,
+        airborne_s=drives.START_S,
+        mav_type=ROVER,
+        wheels_at=drive.wheels,
+    )
+
+
 SCENARIOS: dict[str, Scenario] = {
     item.name: item
     for item in (
@@ -241,5 +257,8 @@ SCENARIOS: dict[str, Scenario] = {
         ),
         Scenario("spin", "turning at 360 deg/s with 10 deg of wobble, on the spot", 20.0, _spin),
         Scenario("loop", "looping at 90 deg/s through both pitch poles, on the spot", 20.0, _loop),
+        _rover("half-circle", "a rover: half a circle of 2 m radius", drives.HALF_CIRCLE),
+        _rover("figure-eight", "a rover: two circles of 2 m radius", drives.FIGURE_EIGHT),
+        _rover("square", "a rover: a square of 4 m, turning on the spot", drives.SQUARE),
     )
 }

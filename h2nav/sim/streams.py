@@ -142,9 +142,11 @@ def home_position(vehicle: Vehicle) -> Any:
 
 
 def extended_sys_state(vehicle: Vehicle) -> Any:
-    """Whether the vehicle has landed."""
+    """Whether the vehicle has landed; a rover never flies."""
     landed = (
-        mavlink.MAV_LANDED_STATE_IN_AIR
+        mavlink.MAV_LANDED_STATE_UNDEFINED
+        if vehicle.scenario.wheels_at is not None
+        else mavlink.MAV_LANDED_STATE_IN_AIR
         if vehicle.is_airborne
         else mavlink.MAV_LANDED_STATE_ON_GROUND
     )
