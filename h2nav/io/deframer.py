@@ -194,14 +194,15 @@ class Deframer:
                 msg_id, _, _, _, payload, version, signed, raw = found
                 at += len(raw)
                 decided = max(decided, at)
-                if version == 1 or signed or len(payload) > _KNOWN[msg_id][1]:
-                    if not self._admits(found):
-                        continue
-                    if signed:
-                        # The checksum does not cover the signature. If bytes of it were lost,
-                        # the next frame has begun where this one seems to go on.
-                        at -= SIGNATURE_SIZE
+                unusual = version == 1 or signed or len(payload) > _KNOWN[msg_id][1]
+                if unusual and not self._admits(found):
+                    continue
                 frames.append(found)
+                if signed or raw[-1] >= _MARKER_2:
+                    # The frame may have lost bytes here and borrowed them from the next one: the
+                    # checksum does not cover the signature, and the next marker may have stood in
+                    # for a last byte of its kind.
+                    at -= SIGNATURE_SIZE if signed else 1
                 continue
             rejects.append((at, found))
             if found <= _AWAITED:

@@ -102,7 +102,7 @@ def test_every_byte_is_accounted_for_and_every_frame_is_checked(parts: list[byte
     start = 0
     checker = mavlink.MAVLink(None)
     for frame in frames:
-        # A frame may begin inside the place where a lost signature should have stood.
+        # A frame may begin where the signature, or the last byte, of the one before was lost.
         at = stream.find(frame.raw, max(start - 13, 0))
         assert at >= 0
         covered |= set(range(at, at + len(frame.raw)))

@@ -69,6 +69,23 @@ def test_signature_that_lost_bytes_does_not_cost_the_next_frame(
     assert deframer.counters.skipped_bytes == 0
 
 
+@pytest.mark.parametrize("version", [1, 2])
+def test_last_byte_lost_that_equals_the_next_start_marker(make: FrameMaker, version: int) -> None:
+    marker = {1: 0xFE, 2: 0xFD}[version]
+    # Among some thousand frames there are several whose checksum ends like that.
+    candidates = (make.raw_imu(number, version=version) for number in range(5000))
+    frames = [raw for raw in candidates if raw[-1] == marker][:3]
+    assert len(frames) == 3
+    # The next start marker completes each frame, so both frames are there, with one byte in common.
+    stream = frames[0][:-1] + frames[1][:-1] + frames[2] + make.raw_imu(1)
+    deframer = Deframer()
+    assert [frame.raw for frame in deframer.feed(stream)][:3] == frames
+    assert deframer.counters.frames == 4
+    assert deframer.counters.skipped_bytes == 0
+    piecewise = Deframer()
+    assert sum(len(piecewise.feed(bytes([byte]))) for byte in stream) == 4
+
+
 def test_frame_shorter_than_a_lost_signature_waits_for_the_signed_one(make: FrameMaker) -> None:
     signed = make.raw_imu(1, signed=True)
     short = make.frame(mavlink.MAVLink_log_erase_message(1, 1), version=1)
