@@ -1,4 +1,4 @@
-"""Prints the table of docs/rotations.md: the first-order quaternion update against the exponential."""
+"""Prints the table of docs/rotations.md: first-order quaternion update against exponential."""
 
 from h2nav.maths import quaternion, rotation_derivatives
 
