@@ -145,8 +145,10 @@ class LogFile:
         return channel
 
     def _add(self, channel: int, data: bytes, unix_ns: int, publish_ns: int) -> None:
-        if not (0 <= unix_ns <= LATEST_NS and 0 <= publish_ns <= LATEST_NS):
-            raise ValueError(f"time {unix_ns} or {publish_ns} ns is outside MCAP's range")
+        if not 0 <= unix_ns <= LATEST_NS:
+            raise ValueError("time outside the range of MCAP")
+        if not 0 <= publish_ns <= LATEST_NS:
+            publish_ns = unix_ns  # a strange source clock must not cost the message
         self._sequence += 1
         self._writer.add_message(channel, unix_ns, data, publish_ns, self._sequence & 0xFFFFFFFF)
         if self._disk.position != self._saved_at:

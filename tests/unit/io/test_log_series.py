@@ -18,6 +18,7 @@ from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import MIB, LogLimits, our_logs
 from h2nav.io.log_series import RETRY_FIRST_S, SYNC_S, FolderTarget, LogSeries
 from h2nav.io.recordings import open_recording
+from h2nav.service.records import RejectionRecord
 
 LIMITS = LogLimits(file_bytes=64 * MIB, file_age_s=100.0, files=50, free_bytes=0)
 NOISE = bytes(range(256)) * 16
@@ -229,7 +230,22 @@ def test_messages_that_cannot_be_written_do_not_end_the_recording(
     series.end()
     assert numbers_in(our_logs(tmp_path)[0]) == [1, 2]
     assert series.rejected == 9
-    assert len(series.notices) == 3, "each kind is told once"
+    assert len(series.notices) == 2, "each kind is told once"
+
+
+def test_a_source_time_that_mcap_cannot_hold_gives_way_to_the_log_time(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    series = series_in(tmp_path, clock)
+    series.begin()
+    record = RejectionRecord("late", 1)
+    for publish_ns in (-1, 1 << 64, 3):
+        series.write(lambda file, p=publish_ns: file.add_record("/rejected", record, 7, p))
+    series.end()
+    with our_logs(tmp_path)[0].open("rb") as stream:
+        times = [message.publish_time for _, _, message in make_reader(stream).iter_messages()]
+    assert times == [7, 7, 3]
+    assert series.rejected == 0
 
 
 def test_left_over_files_are_repaired_at_the_next_start(tmp_path: Path, clock: ManualClock) -> None:
