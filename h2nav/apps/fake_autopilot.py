@@ -94,6 +94,9 @@ def _wait_for(links: list[Link], wake: socket.socket) -> None:
             link.maintain(time.monotonic_ns())
         if all(link.is_up for link in links) or select.select([wake], [], [], 0.01)[0]:
             return
+    for link in links:
+        if not link.is_up:
+            print(f"h2nav: {link.url} is not open yet: {link.last_error}", file=sys.stderr)
 
 
 def _turn(vehicle: AutopilotBytes, links: list[Link], wake: socket.socket) -> None:
