@@ -29,6 +29,8 @@ class TwistObserverSettings:
         pose_gate_m: a position error above this is a jump of the pose source.
         jump_poses: so many agreeing poses in a row beyond the gate restart the pose from them.
         pose_hold_ms: a pose corrects for at most so long a time since the one before.
+        pose_gap_ms: integrated velocity: a pause of the poses above this starts pose and velocity
+            anew from the next two.
         history_ms: how old a pose may be on arrival.
         imu_gap_ms: an IMU pause above this restarts from the next pose.
 
@@ -46,6 +48,7 @@ class TwistObserverSettings:
     pose_gate_m: Annotated[float, Within(0.01, 1e4)] = 1.0
     jump_poses: Annotated[int, Within(1, 100)] = 5
     pose_hold_ms: Annotated[float, Within(1.0, 1000.0)] = 150.0
+    pose_gap_ms: Annotated[float, Within(200.0, 60000.0)] = 2000.0
     history_ms: Annotated[float, Within(10.0, 2000.0)] = 500.0
     imu_gap_ms: Annotated[float, Within(10.0, 5000.0)] = 300.0
 

@@ -262,14 +262,17 @@ class TwistObserver:
         if pose.source_resets != self._source_resets:
             self._source_resets = pose.source_resets
             return self._reset_pose(predicted, q_ob, pose)
-        if fix.poses > 1 and self._is_jump(error, (pose.t_us - fix.t_us) * 1e-6):
+        step_s = (pose.t_us - fix.t_us) * 1e-6
+        if self._integrates and step_s > self._settings.pose_gap_ms * 1e-3:
+            self._fix = None  # velocity has drifted: the next pose sets it
+            return self._reset_pose(predicted, q_ob, pose)
+        if fix.poses > 1 and self._is_jump(error, step_s):
             rad = math.radians(self._settings.pose_gate_deg)
             self._streak = self._streak.and_then(error, rad, self._settings.pose_gate_m)
             if self._streak.poses < self._settings.jump_poses:
                 return PoseVerdict.JUMP
             return self._reset_pose(predicted, q_ob, pose)
         self._streak = JumpStreak()
-        step_s = (pose.t_us - fix.t_us) * 1e-6
         if fix.poses == 1 and self._integrates:
             return self._set_velocity(predicted, q_ob, pose, error.e_p, step_s)
         held_s = min(step_s, self._settings.pose_hold_ms * 1e-3)

@@ -316,6 +316,16 @@ def test_without_poses_memory_is_bounded_and_figures_grow():
     assert late.pose_age_s == pytest.approx(18.0, abs=0.1)
 
 
+def test_after_a_long_pause_of_the_camera_pose_and_velocity_start_anew():
+    pause = lambda i, pose: pose if not 600 < i < 2600 else None  # noqa: E731
+    observer = TwistObserver()
+    pairs = run(observer, 18.0, change=pause)
+    assert observer.counts[PoseVerdict.RESTARTED] == 1
+    assert observer.counts[PoseVerdict.JUMP] == 0
+    assert pairs[-1][1].reset_counter == 1
+    check(pairs[-1], 1e-3, 0.02, 1e-3)
+
+
 def test_waiting_poses_are_bounded():
     observer = TwistObserver(MEASURED)
     truth = run(observer, 1.0)[-1][0]
