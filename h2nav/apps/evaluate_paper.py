@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="unscored motion before each case, in which the filters settle (150)",
     )
     parser.add_argument(
-        "--dip-deg", type=float, default=45.0, metavar="DEG", help="dip of the 50 uT field (45)"
+        "--dip-deg", type=float, default=42.0, metavar="DEG", help="dip of the 50 uT field (42)"
     )
 
 

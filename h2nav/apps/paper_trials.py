@@ -45,7 +45,7 @@ class Assumptions(NamedTuple):
         run_in_s: the motion goes on for so long before the case begins; not scored.
     """
 
-    dip_deg: float = 45.0
+    dip_deg: float = 42.0
     norm_ut: float = 50.0
     run_in_s: float = 150.0
 

@@ -1,0 +1,94 @@
+"""The shipped gains, synthesised again from their own models by every method."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from h2nav.attitude.gains import GainFile, two_stage_gains
+from h2nav.io import gain_files
+from h2nav.synthesis import kinds, two_stage
+from h2nav.synthesis.certificate import accept
+from h2nav.synthesis.lmi import solve_lmi
+from h2nav.synthesis.method import relative_distance
+from h2nav.synthesis.model import model_from_values
+from h2nav.synthesis.riccati import solve_riccati
+
+TWO_STAGE = [
+    f"{sensor}_{rate}hz"
+    for sensor in ("mpu9250", "icm42688", "bmi088")
+    for rate in (50, 100, 200, 400)
+]
+
+
+@pytest.mark.parametrize("name", sorted(gain_files.shipped()))
+def test_certificate_holds(name: str) -> None:
+    file = gain_files.load(name)
+    verdict = kinds.check(file, name)
+    assert verdict.problems == ()
+    assert verdict.spectral_abscissa_per_s is not None
+    assert verdict.spectral_abscissa_per_s < 0.0
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+def test_closed_form_and_riccati_agree_with_the_file(name: str) -> None:
+    file = gain_files.load(name)
+    model = model_from_values(file.model, name)
+    again = two_stage.synthesise(model, file.rate_hz, name, lmi_solvers=()).file
+    ours, theirs = two_stage_gains(again, name), two_stage_gains(file, name)
+    for fresh, stored in zip(ours.levels, theirs.levels, strict=True):
+        assert fresh == pytest.approx(stored, rel=1e-9)
+    for loop in two_stage.loops(file, name):
+        assert relative_distance(loop.L, solve_riccati(loop.plant).L) <= 1e-9
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+def test_recorded_methods_agree(name: str) -> None:
+    """What the file says of its methods: LMI within 1e-5 of the closed form, Riccati 1e-9."""
+    for plant in (two_stage.WITH_BIAS, two_stage.WITHOUT_BIAS):
+        for time in ("continuous", "discrete"):
+            section = gain_files.load(name).methods[plant][time]  # type: ignore[index]
+            reference = np.array(section["closed_form"]["gain"])
+            for method, limit in (("lmi_clarabel", 1e-5), ("lmi_scs", 1e-5), ("riccati", 1e-9)):
+                gain = np.array(section[method]["gain"])
+                assert relative_distance(gain, reference) <= limit
+                norms = section[method]["h2_norm"], section["closed_form"]["h2_norm"]
+                assert norms[0] == pytest.approx(norms[1], rel=1e-9)
+            assert section["disagreement"] <= 1e-5
+
+
+@pytest.mark.parametrize(
+    ("name", "solver"),
+    [("mpu9250_100hz", "CLARABEL"), ("icm42688_400hz", "CLARABEL"), ("bmi088_50hz", "SCS")],
+)
+def test_lmi_solved_again_agrees(name: str, solver: str) -> None:
+    for loop in two_stage.loops(gain_files.load(name), name)[:2]:
+        candidate = solve_lmi(loop.plant, solver)
+        accept(loop.plant, candidate)
+        assert relative_distance(candidate.L, loop.L) <= 1e-5
+
+
+def tampered(file: GainFile) -> GainFile:
+    gains = {**file.gains, "k_ee_rad2": [1.001 * k for k in file.gains["k_ee_rad2"]]}  # type: ignore[attr-defined]
+    return dataclasses.replace(file, gains=gains)
+
+
+def test_tampered_file_is_caught_even_with_a_new_seal() -> None:
+    from h2nav.attitude.gain_seal import seal
+
+    file = tampered(gain_files.load("mpu9250_100hz"))
+    stale = kinds.check(file, "g.yaml").problems
+    assert any("stale" in problem for problem in stale)
+    resealed = dataclasses.replace(file, certificate={**file.certificate, "sha256": seal(file)})
+    problems = kinds.check(resealed, "g.yaml").problems
+    assert problems
+    assert not any("stale" in problem for problem in problems)
+    assert any("not optimal" in problem for problem in problems)
+
+
+def test_missing_loop_is_caught() -> None:
+    file = gain_files.load("mpu9250_100hz")
+    loops = dict(file.certificate["loops"])  # type: ignore[call-overload]
+    loops.pop("attitude_level_0")
+    less = dataclasses.replace(file, certificate={**file.certificate, "loops": loops})
+    assert any("expected exactly" in problem for problem in kinds.check(less, "g.yaml").problems)
