@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.apps.odometry_tables import Increments
+    from h2nav.apps.odometry_tracks import Drive, Increments
     from h2nav.motion.odometry_calibration import Calibration
 
 MODELS = ("diff", "omni", "matrix")
@@ -24,8 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data",
         type=Path,
         help="CSV of increments (phi_left_rad,phi_right_rad | phi_1_rad..phi_3_rad | "
-        "odo_dx_m,odo_dy_m,odo_dtheta_rad, with dx_m,dy_m,dtheta_rad), or a tlog or MCAP with "
-        "WHEEL_DISTANCE and a pose",
+        "odo_dx_m,odo_dy_m,odo_dtheta_rad, with dx_m,dy_m,dtheta_rad), CSV of a drive "
+        "(time_s,way_left_m,way_right_m | way_1_m..way_3_m, with x_m,y_m,heading_rad), or a tlog "
+        "or MCAP with WHEEL_DISTANCE and a pose",
     )
     parser.add_argument("--model", choices=MODELS, help="default: what the data's columns say")
     parser.add_argument("--solver", choices=SOLVERS, default="qr", help="default: qr")
@@ -60,10 +61,11 @@ def run(args: argparse.Namespace) -> int:
     else:
         result = calibration.calibrate_matrix(data.readings, data.motion, args.solver)
     block = configuration(result, angles, fed_radius_m)
+    driven = _driven(data, block)
     if args.json:
-        print(json.dumps(_document(result, block), indent=1))
+        print(json.dumps(_document(result, block, driven), indent=1))
     else:
-        _print_text(result, data, block)
+        _print_text(result, data, block, driven)
     if args.plots is not None:
         from h2nav.apps import odometry_plots
 
@@ -122,7 +124,20 @@ def configuration(
     return parameters
 
 
-def _document(result: "Calibration", block: dict[str, Any] | None) -> dict[str, Any]:
+def _driven(data: "Increments", block: dict[str, Any] | None) -> "Drive | None":
+    """The whole drive again, by the daemon's own odometry with the new section."""
+    from h2nav.apps.odometry_tracks import drive
+    from h2nav.motion.settings import OdometrySettings
+
+    if data.track is None or block is None:
+        return None
+    # The counters of the data are what the radii were fitted to, whatever the autopilot sends.
+    return drive(data.track, OdometrySettings(**{**block, "autopilot_radius_m": 1.0}))
+
+
+def _document(
+    result: "Calibration", block: dict[str, Any] | None, driven: "Drive | None"
+) -> dict[str, Any]:
     rms_m, rms_rad = result.residual_rms
     values = [_finite(value) for value in result.values.tolist()]
     if result.model == "matrix":
@@ -145,11 +160,17 @@ def _document(result: "Calibration", block: dict[str, Any] | None) -> dict[str, 
         "solver": result.solution.solver,
         "reference_read_as": result.reading,
         "increments": len(result.residuals),
+        "drive": driven and {key: _finite(value) for key, value in driven._asdict().items()},
         "configuration": block,
     }
 
 
-def _print_text(result: "Calibration", data: "Increments", block: dict[str, Any] | None) -> None:
+def _print_text(
+    result: "Calibration",
+    data: "Increments",
+    block: dict[str, Any] | None,
+    driven: "Drive | None",
+) -> None:
     rms_m, rms_rad = result.residual_rms
     solution = result.solution
     print(f"{result.model} from {data.source}; reference read as {result.reading}")
@@ -163,6 +184,11 @@ def _print_text(result: "Calibration", data: "Increments", block: dict[str, Any]
     )
     for note in result.notes:
         print(f"  note: {note}")
+    if driven is not None:
+        print(
+            f"  driven again: after {driven.length_m:.1f} m the odometry ends "
+            f"{driven.end_error_m:.3f} m off, {driven.end_error_sigmas:.2g} sigma of its covariance"
+        )
     if block is None:
         print("no configuration block: the data do not determine every parameter")
         return

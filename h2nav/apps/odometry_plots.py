@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from h2nav.apps.odometry_tables import Increments
+from h2nav.apps.odometry_tracks import Increments
 from h2nav.maths import se2
 from h2nav.motion import dead_reckoning
 from h2nav.motion.odometry_calibration import Calibration

@@ -3,42 +3,23 @@
 import bisect
 import itertools
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from h2nav.apps.odometry_tables import Increments
+from h2nav.apps.odometry_tracks import Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
 from h2nav.io.codec import decode
 from h2nav.io.deframer import Deframer
 from h2nav.io.recordings import open_recording
-from h2nav.maths import frames, quaternion, se2
-from h2nav.maths.se2 import Planar
+from h2nav.maths import frames, quaternion
+from h2nav.motion.samples import WheelSample
 
 WHEEL_DISTANCE = 9000
 ATTITUDE = 30
 LOCAL_POSITION_NED = 32
-# Long enough that the reference's noise is small against the way, short against a manoeuvre.
-INCREMENT_S = 0.5
-# Poses farther apart than this are not interpolated.
-MAX_POSE_GAP_S = 0.5
-MIN_INCREMENTS = 3
-
-
-class TimedPose(NamedTuple):
-    """A planar pose of the vehicle, x ahead, y left, counter-clockwise."""
-
-    t_us: int
-    pose: Planar
-
-
-class TimedWays(NamedTuple):
-    """One reading of the wheel counters, m."""
-
-    t_us: int
-    ways: tuple[float, ...]
 
 
 def _planar(t_us: int, north: float, east: float, yaw: float) -> TimedPose:
@@ -84,54 +65,8 @@ def read_increments(path: Path, model: str | None) -> Increments:
     used = 3 if model == "omni" else 2
     if count < used:
         raise BadInput(f"{path}: WHEEL_DISTANCE of {count} wheel(s); the model {model} has {used}")
-    readings = [TimedWays(f.time_usec, tuple(f.distance[:used])) for f in wheels]
-    pairs = list(increments(readings, poses))
-    if len(pairs) < MIN_INCREMENTS:
-        raise BadInput(
-            f"{path}: {len(pairs)} increment(s) with wheels and {name} at the same time; expected "
-            f"at least {MIN_INCREMENTS} of {INCREMENT_S} s on one clock"
-        )
-    ways, motion = zip(*pairs, strict=True)
-    source = f"{len(pairs)} increments of {path} ({name}; wheel unit: metres reported)"
-    return Increments(model, np.array(ways), np.array(motion), source)
-
-
-def increments(
-    readings: Sequence[TimedWays], poses: Sequence[TimedPose]
-) -> Iterator[tuple[tuple[float, ...], Planar]]:
-    """Pairs of (wheels' ways, displacement in the body of the start), `INCREMENT_S` apart.
-
-    Readings that go back in time or have no pose around them begin a new increment.
-    """
-    times = [pose.t_us for pose in poses]
-    start: tuple[TimedWays, Planar] | None = None
-    for reading in readings:
-        pose = _pose_at(reading.t_us, times, poses)
-        if pose is None or (start is not None and reading.t_us <= start[0].t_us):
-            start = None
-        if pose is None:
-            continue
-        if start is None:
-            start = (reading, pose)
-        elif reading.t_us - start[0].t_us >= INCREMENT_S * 1e6:
-            ways = tuple(b - a for a, b in zip(start[0].ways, reading.ways, strict=True))
-            yield ways, se2.compose(se2.inverse(start[1]), pose)
-            start = (reading, pose)
-
-
-def _pose_at(t_us: int, times: list[int], poses: Sequence[TimedPose]) -> Planar | None:
-    """The reference pose at a time, along the constant twist between its neighbours."""
-    after = bisect.bisect_left(times, t_us)
-    if after < len(times) and times[after] == t_us:
-        return poses[after].pose
-    if after == 0 or after == len(times):
-        return None
-    a, b = poses[after - 1], poses[after]
-    if b.t_us - a.t_us > MAX_POSE_GAP_S * 1e6:
-        return None
-    share = (t_us - a.t_us) / (b.t_us - a.t_us)
-    x, y, turn = se2.log(se2.compose(se2.inverse(a.pose), b.pose))
-    return se2.compose(a.pose, se2.exp((share * x, share * y, share * turn)))
+    readings = [WheelSample(f.time_usec, tuple(f.distance[:used])) for f in wheels]
+    return of_track(Track(readings, poses), model, f"{path} (reference {name})")
 
 
 Streams = dict[tuple[int, int, int], list[Any]]

@@ -3,14 +3,12 @@
 import csv
 import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from h2nav.apps.odometry_tracks import Array, Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
-
-Array = NDArray[np.float64]
+from h2nav.motion.samples import WheelSample
 
 REFERENCE = ("dx_m", "dy_m", "dtheta_rad")
 READINGS = {
@@ -18,27 +16,19 @@ READINGS = {
     "omni": ("phi_1_rad", "phi_2_rad", "phi_3_rad"),
     "matrix": ("odo_dx_m", "odo_dy_m", "odo_dtheta_rad"),
 }
+COUNTERS = {
+    "diff": ("way_left_m", "way_right_m"),
+    "omni": ("way_1_m", "way_2_m", "way_3_m"),
+}
+POSE = ("x_m", "y_m", "heading_rad")
 MAX_ERRORS = 20
 
 
-class Increments(NamedTuple):
-    """Increments to calibrate from.
-
-    Attributes:
-        model: `diff`, `omni` or `matrix`.
-        readings: (m, 2 or 3) of the wheels or of the odometry.
-        motion: (m, 3) reference: ahead m, left m, turn rad.
-        source: what they were read from, for the user.
-    """
-
-    model: str
-    readings: Array
-    motion: Array
-    source: str
-
-
 def read_increments(path: Path, model: str | None) -> Increments:
-    """Increments from a CSV file with a header.
+    """Increments from a CSV file with a header: of increments, or of a drive with counters.
+
+    A drive has ``time_s``, cumulative counters ``way_left_m,way_right_m`` (or ``way_1_m`` to
+    ``way_3_m``) and the reference ``x_m,y_m,heading_rad`` (y left, counter-clockwise).
 
     Args:
         path: the file.
@@ -48,6 +38,8 @@ def read_increments(path: Path, model: str | None) -> Increments:
         BadInput: no such columns, or rows that are not complete finite numbers, each named.
     """
     header, rows = _cells(path)
+    if "time_s" in header:
+        return _read_track(path, model, header, rows)
     if model is None:
         model = _model_of(path, header)
     wanted = READINGS[model] + REFERENCE
@@ -60,6 +52,33 @@ def read_increments(path: Path, model: str | None) -> Increments:
     values = _numbers(path, rows, [header.index(name) for name in wanted], header)
     split = len(READINGS[model])
     return Increments(model, values[:, :split], values[:, split:], f"{len(values)} rows of {path}")
+
+
+def _read_track(
+    path: Path, model: str | None, header: list[str], rows: list[tuple[int, list[str]]]
+) -> Increments:
+    if model is None:
+        model = "omni" if COUNTERS["omni"][0] in header else "diff"
+    if model not in COUNTERS:
+        raise BadInput(f"{path}:1: the model {model} needs increments, not counters over time_s")
+    wanted = ("time_s", *COUNTERS[model], *POSE)
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise BadInput(
+            f"{path}:1: column(s) {', '.join(missing)} missing for the model {model}; expected "
+            f"the header {','.join(wanted)}"
+        )
+    values = _numbers(path, rows, [header.index(name) for name in wanted], header)
+    falls = np.flatnonzero(np.diff(values[:, 0]) <= 0.0)
+    if falls.size:
+        line = rows[int(falls[0]) + 1][0]
+        raise BadInput(f"{path}:{line}: time_s does not rise; expected rows in the order of time")
+    readings, poses = [], []
+    for time_s, *rest in values.tolist():
+        x, y, heading = rest[-3:]
+        readings.append(WheelSample(round(time_s * 1e6), tuple(rest[:-3])))
+        poses.append(TimedPose(round(time_s * 1e6), (x, y, heading)))
+    return of_track(Track(readings, poses), model, str(path))
 
 
 def _model_of(path: Path, header: list[str]) -> str:

@@ -7,9 +7,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav import cli
-from h2nav.apps.odometry_recordings import TimedPose, TimedWays, increments
+from h2nav.apps.odometry_tracks import TimedPose, increments
 from h2nav.io.codec import Encoder
 from h2nav.maths import se2
+from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
 from h2nav.motion.wheels import DifferentialDrive, OmniDrive
 
@@ -241,6 +242,34 @@ def test_wheel_distance_with_a_pose_from_a_tlog(tmp_path, capsys, kind):
     assert OdometrySettings(**document["configuration"]).scales == pytest.approx(SCALES, rel=0.01)
 
 
+DRIVE = "time_s,way_left_m,way_right_m,x_m,y_m,heading_rad"
+
+
+def drive_rows():
+    return [(t_us * 1e-6, *counters, *pose) for t_us, pose, counters in drive()]
+
+
+def test_a_table_of_counters_and_poses(tmp_path, capsys):
+    path = write(tmp_path / "drive.csv", DRIVE, drive_rows())
+    status, out, _ = calibrate(capsys, path, "--json")
+    document = json.loads(out)
+    assert status == 0
+    assert document["track_m"] == pytest.approx(TRACK, rel=0.01)
+    assert document["radius_left_m"] == pytest.approx(SCALES[0], rel=0.01)
+    # The same counters through the daemon's odometry: 48 m, and nearly where the reference is.
+    assert document["drive"]["length_m"] == pytest.approx(0.8 * 60.0, rel=0.01)
+    assert document["drive"]["end_error_m"] < 0.1
+    assert document["drive"]["end_error_sigmas"] < 1.0
+
+
+def test_a_drive_that_goes_back_in_time_is_refused(tmp_path, capsys):
+    rows = drive_rows()
+    rows[100] = rows[3]
+    status, _, err = calibrate(capsys, write(tmp_path / "drive.csv", DRIVE, rows))
+    assert status == 2
+    assert ":102: time_s does not rise" in err
+
+
 @pytest.mark.parametrize(("kind", "words"), [("none", "no pose")])
 def test_a_recording_without_a_pose_is_refused(tmp_path, capsys, kind, words):
     status, _, err = calibrate(capsys, tlog(tmp_path / "rover.tlog", kind))
@@ -258,7 +287,7 @@ def test_a_recording_without_wheels_is_refused(tmp_path, capsys):
 
 
 def test_increments_do_not_bridge_gaps_or_time_going_back():
-    readings = [TimedWays(1_000_000 + 100_000 * i, (0.1 * i, 0.1 * i)) for i in range(40)]
+    readings = [WheelSample(1_000_000 + 100_000 * i, (0.1 * i, 0.1 * i)) for i in range(40)]
     readings[20:] = [r._replace(t_us=r.t_us - 2_500_000) for r in readings[20:]]
     poses = [TimedPose(1_000_000 + 100_000 * i, (0.1 * i, 0.0, 0.0)) for i in range(60)]
     for ways, motion in increments(readings, poses):
