@@ -59,6 +59,7 @@ class LogFile:
             self._writer.start("", f"h2nav {__version__}")
         except OSError:
             self.abandon()
+            self.active_path.unlink(missing_ok=True)
             raise
 
     @property
@@ -84,13 +85,14 @@ class LogFile:
 
     def describe(self, name: str, mapping: Mapping[str, str]) -> None:
         """Adds named texts to the log."""
-        self._writer.add_metadata(name, dict(mapping))
+        texts = {key: text.encode(errors="replace").decode() for key, text in mapping.items()}
+        self._writer.add_metadata(name, texts)
 
     def add_raw(self, topic: str, unix_ns: int, data: bytes) -> None:
         """Adds bytes of a link as they were."""
         channel = self._channels.get(topic)
         if channel is None:
-            channel = self._writer.register_channel(topic, RAW_ENCODING, 0)
+            channel = self._channel(topic, RAW_ENCODING, 0)
             self._channels[topic] = channel
         self._add(channel, data, unix_ns, unix_ns)
 
@@ -121,10 +123,11 @@ class LogFile:
     def close(self) -> Path:
         """Writes the index, waits for the disk, takes the suffix away; returns the log's path."""
         self._writer.finish()  # type: ignore[no-untyped-call]
+        self._saved = self._sequence
         self._disk.sync()
         os.rename(self.active_path, self.path)
-        self._disk.close()
         _sync_folder(self.path.parent)
+        self._disk.close()
         return self.path
 
     def abandon(self) -> None:
@@ -133,14 +136,18 @@ class LogFile:
 
     def _register(self, topic: str, form: RecordFormat) -> tuple[int, RecordFormat]:
         schema = self._writer.register_schema(form.name, "jsonschema", form.schema)
-        return self._writer.register_channel(topic, "json", schema), form
+        return self._channel(topic, "json", schema), form
+
+    def _channel(self, topic: str, encoding: str, schema: int) -> int:
+        topic.encode()  # raises here, not in the library between two halves of a record
+        return self._writer.register_channel(topic, encoding, schema)
 
     def _protobuf(self, topic: str) -> int:
         channel = self._channels.get(topic)
         if channel is None:
             name, descriptors = protobuf_schemas()[topic]
             schema = self._writer.register_schema(name, "protobuf", descriptors)
-            channel = self._writer.register_channel(topic, "protobuf", schema)
+            channel = self._channel(topic, "protobuf", schema)
             self._channels[topic] = channel
         return channel
 
@@ -167,8 +174,13 @@ class _Disk:
         flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC
         self._descriptor = os.open(path, flags, 0o644)
         self.position = 0
-        fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _sync_folder(path.parent)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _sync_folder(path.parent)
+        except OSError:
+            os.close(self._descriptor)
+            path.unlink(missing_ok=True)
+            raise
 
     def write(self, data: bytes) -> int:
         rest = memoryview(data)

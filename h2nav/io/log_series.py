@@ -184,6 +184,11 @@ class LogSeries:
         self._stop_repair.set()
         self._close()
 
+    def give_up(self, error: Exception) -> None:
+        """Says that nothing more will be recorded."""
+        self.trouble = f"{type(error).__name__}: {error}"
+        self.notices.append(Notice(LogLevel.ERROR, f"recording ended: {self.trouble}"))
+
     def _open(self) -> None:
         now_s = self._monotonic_s()
         try:

@@ -202,6 +202,14 @@ class Recorder:
         self._queue.append((write, size))
 
     def _run(self) -> None:
+        try:
+            self._record_until_closed()
+        except Exception as error:  # a fault of ours: attitude goes on, and the operator hears it
+            self._series.give_up(error)
+        finally:
+            self._begun.set()
+
+    def _record_until_closed(self) -> None:
         series = self._series
         series.begin()
         self._begun.set()

@@ -18,6 +18,7 @@ from h2nav.io import recorder as recorder_module
 from h2nav.io.foxglove_messages import LogLevel, flat_fields
 from h2nav.io.log_folder import LogLimits, our_logs
 from h2nav.io.log_reader import is_closed
+from h2nav.io.log_series import LogSeries
 from h2nav.io.recorder import Recorder, RecorderRecord
 from h2nav.io.recordings import open_recording
 
@@ -145,6 +146,24 @@ def test_no_folder_is_said_once_and_counted(tmp_path: Path) -> None:
     assert recorder.path is None
 
 
+def test_a_fault_in_the_recorder_itself_is_told_and_harms_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def faulty(series: LogSeries) -> None:
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setattr(LogSeries, "tend", faulty)
+    monkeypatch.setattr(recorder_module, "QUEUE_MESSAGES", 10)
+    recorder = Recorder(tmp_path, LIMITS)
+    recorder.close()
+    for number in range(20):
+        recorder.raw("a", number, b"")
+    assert recorder.dropped == 10
+    (notice,) = recorder.notices()
+    assert notice.text == "recording ended: RuntimeError: a fault of ours"
+    assert recorder.trouble is not None
+
+
 def test_kill_at_random_moments_loses_at_most_a_second(tmp_path: Path) -> None:
     """Fault 21: SIGKILL while writing; the next start repairs what it left."""
     random = Random(SEED)
@@ -182,6 +201,7 @@ def kill_a_writer(folder: Path, after_s: float) -> tuple[int, int]:
 WRITER = """
 import mmap, struct, sys, time
 from h2nav.io.log_folder import LogLimits
+from h2nav.io.log_series import LogSeries
 from h2nav.io.recorder import Recorder
 with open(sys.argv[2], "w+b") as mark:
     mark.write(bytes(16)); mark.flush()
