@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from h2nav.motion.odometry_calibration import Calibration
 
 MODELS = ("diff", "omni", "matrix")
-FED_REMARK = "  # WHEEL_DISTANCE as in the data: set it if the autopilot multiplies by a radius"
+FED_REMARK = "  # the wheel radius that the autopilot makes WHEEL_DISTANCE with"
 SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
 
 
@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="R",
         help="wheel radius that the autopilot makes WHEEL_DISTANCE with (ArduPilot: WENC_RADIUS); "
-        "goes into the configuration block (default 1: the daemon is fed wheel angles)",
+        "default 1: from increments, the daemon must be fed wheel angles; from counters, the "
+        "radii are metres rolled per metre reported",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into DIR")
@@ -54,12 +55,14 @@ def run(args: argparse.Namespace) -> int:
     angles = _angles_rad(args.wheel_angles_deg)
     fed_radius_m = _fed_radius(args.autopilot_radius_m)
     data = _read(args.data, args.model)
+    # Counters in metres are wheel angles times the autopilot's radius; increments are angles.
+    readings = data.readings if data.track is None else data.readings / fed_radius_m
     if data.model == "diff":
-        result = calibration.calibrate_differential(data.readings, data.motion, args.solver)
+        result = calibration.calibrate_differential(readings, data.motion, args.solver)
     elif data.model == "omni":
-        result = calibration.calibrate_omni(data.readings, data.motion, angles, args.solver)
+        result = calibration.calibrate_omni(readings, data.motion, angles, args.solver)
     else:
-        result = calibration.calibrate_matrix(data.readings, data.motion, args.solver)
+        result = calibration.calibrate_matrix(readings, data.motion, args.solver)
     block = configuration(result, angles, fed_radius_m)
     driven = _driven(data, block)
     if args.json:
@@ -69,7 +72,9 @@ def run(args: argparse.Namespace) -> int:
     if args.plots is not None:
         from h2nav.apps import odometry_plots
 
-        for path in odometry_plots.write(args.plots, result, data, angles):
+        for path in odometry_plots.write(
+            args.plots, result, data._replace(readings=readings), angles
+        ):
             print(f"wrote {path}", file=sys.stderr)
     return 0
 
@@ -131,8 +136,7 @@ def _driven(data: "Increments", block: dict[str, Any] | None) -> "Drive | None":
 
     if data.track is None or block is None:
         return None
-    # The counters of the data are what the radii were fitted to, whatever the autopilot sends.
-    return drive(data.track, OdometrySettings(**{**block, "autopilot_radius_m": 1.0}))
+    return drive(data.track, OdometrySettings(**block))
 
 
 def _document(

@@ -262,6 +262,15 @@ def test_a_table_of_counters_and_poses(tmp_path, capsys):
     assert document["drive"]["end_error_sigmas"] < 1.0
 
 
+def test_the_autopilots_radius_turns_counters_into_angles(tmp_path, capsys):
+    path = write(tmp_path / "drive.csv", DRIVE, drive_rows())
+    _, out, _ = calibrate(capsys, path, "--json", "--autopilot-radius-m", "0.05")
+    document = json.loads(out)
+    assert document["radius_left_m"] == pytest.approx(0.05 * SCALES[0], rel=0.01)
+    assert OdometrySettings(**document["configuration"]).scales == pytest.approx(SCALES, rel=0.01)
+    assert document["drive"]["end_error_m"] < 0.1
+
+
 def test_a_drive_that_goes_back_in_time_is_refused(tmp_path, capsys):
     rows = drive_rows()
     rows[100] = rows[3]
