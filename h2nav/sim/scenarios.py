@@ -88,46 +88,54 @@ def _sinusoidal(
     return motion_at
 
 
+REST_S = 3.0
+
+
+def _from_rest(path: Path, rise: Jet) -> Path:
+    """A path that grows out of its origin."""
+    return Path(*(jets.product(rise, axis) for axis in path))
+
+
 def _hover(t_s: float) -> Motion:
     """Holding a place in gusty wind: the tilt is that of leaning into the gusts."""
+    rise = jets.step(t_s, REST_S, 3.0)
     path = Path(
         jets.total((jets.sinusoid(t_s, 0.30, 0.9), jets.sinusoid(t_s, 0.015, 4.1, 1.0))),
         jets.total((jets.sinusoid(t_s, 0.25, 1.1, 0.5), jets.sinusoid(t_s, 0.01, 5.3))),
         jets.sinusoid(t_s, 0.12, 1.7, 0.2),
     )
-    return of_multirotor(path, _gusts(t_s), jets.sinusoid(t_s, 4.0 * DEG, 0.35), DRAG_PER_S)
+    yaw = jets.product(rise, jets.sinusoid(t_s, 4.0 * DEG, 0.35))
+    return of_multirotor(_from_rest(path, rise), _gusts(t_s), yaw, DRAG_PER_S)
 
 
 def _gusts(t_s: float) -> Path:
-    """The path of air that blows with 3 m/s from the north-west and gusts of 1 m/s."""
+    """The path of air that comes to blow with 3 m/s from the south-west, with gusts of 1 m/s."""
+    rise = jets.step(t_s, REST_S, 3.0)
+    steady = jets.scaled(jets.ramp(t_s, REST_S, 3.0), 2.1)
+    north = jets.total((jets.sinusoid(t_s, 1.4, 0.71), jets.sinusoid(t_s, 0.2, 2.9)))
+    east = jets.total((jets.sinusoid(t_s, 1.2, 0.83), jets.sinusoid(t_s, 0.2, 3.7)))
     return Path(
-        jets.total(
-            (
-                (2.1 * t_s, 2.1, 0.0, 0.0),
-                jets.sinusoid(t_s, 1.4, 0.71),
-                jets.sinusoid(t_s, 0.2, 2.9),
-            )
-        ),
-        jets.total(
-            (
-                (2.1 * t_s, 2.1, 0.0, 0.0),
-                jets.sinusoid(t_s, 1.2, 0.83),
-                jets.sinusoid(t_s, 0.2, 3.7),
-            )
-        ),
+        jets.total((steady, jets.product(rise, north))),
+        jets.total((steady, jets.product(rise, east))),
         jets.ZERO,
     )
 
 
 def _aggressive(t_s: float) -> Motion:
     """A Lissajous figure at up to 11 m/s and 60 deg of tilt, the nose turning all the while."""
+    rise = jets.step(t_s, REST_S, 6.0)
     path = Path(
         jets.total((jets.sinusoid(t_s, 9.0, 0.95), jets.sinusoid(t_s, 0.25, 3.1, 0.4))),
         jets.total((jets.sinusoid(t_s, 4.5, 1.3, 1.2), jets.sinusoid(t_s, 0.2, 3.7))),
         jets.sinusoid(t_s, 0.7, 1.6, 0.7),
     )
-    turning = jets.total(((0.4 * t_s, 0.4, 0.0, 0.0), jets.sinusoid(t_s, 0.7, 0.9)))
-    return of_multirotor(path, STILL_AIR, turning, DRAG_PER_S)
+    turning = jets.total(
+        (
+            jets.scaled(jets.ramp(t_s, REST_S, 6.0), 0.4),
+            jets.product(rise, jets.sinusoid(t_s, 0.7, 0.9)),
+        )
+    )
+    return of_multirotor(_from_rest(path, rise), STILL_AIR, turning, DRAG_PER_S)
 
 
 STILL_AIR = Path(jets.ZERO, jets.ZERO, jets.ZERO)
@@ -251,9 +259,21 @@ SCENARIOS: dict[str, Scenario] = {
             10.0,
             _sinusoidal(45.0, 40.0, 50.0, math.pi / 3.0),
         ),
-        Scenario("hover", "holding a place in gusty wind", 60.0, _hover),
         Scenario(
-            "aggressive", "a multirotor at up to 60 deg of tilt and 11 m/s", 60.0, _aggressive
+            "hover",
+            "3 s on the ground, then holding a place in gusty wind",
+            60.0,
+            _hover,
+            armed_s=REST_S - 1.0,
+            airborne_s=REST_S,
+        ),
+        Scenario(
+            "aggressive",
+            "3 s on the ground, then a multirotor at up to 60 deg of tilt and 11 m/s",
+            60.0,
+            _aggressive,
+            armed_s=REST_S - 1.0,
+            airborne_s=REST_S,
         ),
         Scenario("spin", "turning at 360 deg/s with 10 deg of wobble, on the spot", 20.0, _spin),
         Scenario("loop", "looping at 90 deg/s through both pitch poles, on the spot", 20.0, _loop),
