@@ -58,11 +58,11 @@ class TrustLimits(NamedTuple):
     residual_s: float = 0.15
     level_s: float = 5.0
     converge_s: float = 5.0
-    hold_s: float = 15.0
+    hold_s: float = 21.0
     field_out_s: float = 25.0
     heading_lost_s: float = 120.0
     wrong_s: float = 1.0
-    bias_start_deg_s: float = 0.5
+    bias_start_deg_s: float = 1.0
     bias_step_deg_s: float = 0.2
     bias_limit_deg_s: float = 10.0
     align_s: float = 0.5
@@ -119,6 +119,7 @@ def kernel_gains(
     # Two m/s^2 for a moment must not count as two m/s^2 for ever.
     g[kernel.G_LEVEL_CAP] = 4.0
     g[kernel.G_T_HEADING_LOST] = limits.heading_lost_s
+    g[kernel.G_GYRO_WALK] = n.gyro**2
     for number in range(kernel.LEVELS):
         # A file with fewer levels repeats its last.
         level = gains.levels[min(number, len(gains.levels) - 1)]

@@ -6,10 +6,9 @@ sample is in `kernels/two_stage.py`, what it is compared with in `trust.py`.
 """
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from h2nav.attitude import alignment
-from h2nav.attitude.alignment import Alignment
+from h2nav.attitude.alignment import triad
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.gains import TwoStageGains, gains_at
 from h2nav.attitude.kernels import two_stage as kernel
@@ -24,7 +23,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.trust import EARTH_FIELD_UT, TrustLimits, kernel_gains, usable, usable_field
-from h2nav.maths.quaternion import multiply, to_matrix
+from h2nav.maths.quaternion import multiply
 
 GyroSampling = Literal["mean", "instant"]
 
@@ -34,6 +33,23 @@ MAX_GAP_US = 1_000_000
 REFERENCED_S = 5.0
 _NAN = math.nan
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+class StartUp(NamedTuple):
+    """What the first samples say of the field, whatever the attitude.
+
+    Attributes:
+        length_s: time since the first sample.
+        fields: samples with a field.
+        force_2, field_2: their sums of |f|^2, (m/s^2)^2, and |m|^2, microtesla^2.
+        dot: their sum of -f.m.
+    """
+
+    length_s: float = 0.0
+    fields: int = 0
+    force_2: float = 0.0
+    field_2: float = 0.0
+    dot: float = 0.0
 
 
 class TwoStageFilter:
@@ -59,8 +75,7 @@ class TwoStageFilter:
         self._limits = TrustLimits() if limits is None else limits
         self._told: EarthField | None = None
         self._declination: Quat | None = None
-        self._window: Alignment | None = None
-        self._aligned = False
+        self._start: StartUp | None = None
         self._t_us: int | None = None
         self._set_reference(gains.densities.field)
         self._x = [0.0] * kernel.X_TOTAL
@@ -74,14 +89,13 @@ class TwoStageFilter:
             self.restart()
         if sample.m_b_ut is not None and not usable_field(sample.m_b_ut):
             sample = sample._replace(m_b_ut=None)
-        if not self._aligned:
-            self._collect(sample)
-            return self._estimate(sample, 0, Trust.RESTARTED) if self._aligned else None
+        if self._t_us is None:
+            self._begin_with(sample)
+            return None
         x = self._x
-        assert self._t_us is not None
         m = sample.m_b_ut
-        if m is not None and x[kernel.X_T_HEADING] < 0.0:
-            self._learn_norm(m)
+        if m is not None and x[kernel.X_HEADING] < 1.0:
+            self._learn_norm(math.hypot(*m))
         dt_s = (sample.t_us - self._t_us) * 1e-6
         z = [dt_s, *sample.w_b, *sample.f_b, *(m or _ZERO), m is not None, sample.clipped]
         bits = kernel.step(x, self._g, z)
@@ -94,6 +108,8 @@ class TwoStageFilter:
         if bits & kernel.WRONG:
             self._align_again()
             return self._estimate(sample, bits, Trust.RESTARTED)
+        if self._start is not None:
+            return self._finish_start(sample, bits, self._start, dt_s)
         return self._estimate(sample, bits, Trust(0))
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
@@ -114,21 +130,15 @@ class TwoStageFilter:
 
     def restart(self) -> None:
         """See `AttitudeFilter`."""
-        self._aligned = False
-        self._window = None
+        self._start = None
         self._t_us = None
 
     def state(self) -> FilterState:
         """See `AttitudeFilter`."""
-        window: tuple[float | int | None, ...] = (None,) * _WINDOW_SIZE
-        if self._window is not None:
-            w = self._window
-            window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
-        told = (None, None, None) if self._told is None else self._told
+        start = (None,) * len(StartUp._fields) if self._start is None else self._start
+        told = (None,) * len(EarthField._fields) if self._told is None else self._told
         memory = self._x[: kernel.X_SIZE]
-        return FilterState(
-            self.name, (int(self._aligned), self._t_us, *told, *self._reference, *window, *memory)
-        )
+        return FilterState(self.name, (self._t_us, *start, *told, *self._reference, *memory))
 
     def restore(self, state: FilterState) -> None:
         """See `AttitudeFilter`."""
@@ -137,53 +147,57 @@ class TwoStageFilter:
             raise ValueError(
                 f"not a state of {self.name}: {state.filter_name}, {len(values)} values"
             )
-        self._aligned = bool(values[0])
-        self._t_us = None if values[1] is None else int(values[1])
-        self._told, self._declination = None, None
+        self._t_us = None if values[0] is None else int(values[0])
         numbers = [_NAN if v is None else float(v) for v in values]
-        if values[2] is not None:
-            self.use_field(EarthField(*numbers[2:5]))
-        self._set_reference(EarthField(numbers[5], numbers[6], 0.0))
-        w = numbers[7 : 7 + _WINDOW_SIZE]
-        self._window = None
-        if values[7] is not None:
-            t_us = int(values[7])
-            self._window = Alignment(
-                t_us, w[1], _quat(w[2:6]), _vec(w[6:9]), _vec(w[9:12]), int(w[12]), int(w[13])
-            )
-        self._x[: kernel.X_SIZE] = numbers[7 + _WINDOW_SIZE :]
+        self._start = None
+        if values[1] is not None:
+            self._start = StartUp(numbers[1], int(numbers[2]), *numbers[3:6])
+        self._told, self._declination = None, None
+        if values[6] is not None:
+            self.use_field(EarthField(*numbers[6:9]))
+        self._set_reference(EarthField(numbers[9], numbers[10], 0.0))
+        self._x[: kernel.X_SIZE] = numbers[11:]
 
-    def _collect(self, sample: ImuSample) -> None:
-        """Extends the start-up window; aligns when it is long enough."""
+    def _begin_with(self, sample: ImuSample) -> None:
+        """TRIAD of the first sample; the start-up gains then average over the next ones."""
+        if sample.clipped:
+            return
         x = self._x
-        self._t_us = sample.t_us
-        if self._window is None:
-            self._window = alignment.begin(sample)
-            return
-        bias = _vec(x[kernel.X_BIAS : kernel.X_BIAS + 3])
-        self._window = alignment.extend(self._window, sample, bias)
-        window = self._window
-        if window.length_s < self._limits.align_s or not window.forces:
-            return
-        try:
-            q = alignment.attitude(window)
-        except ValueError:
-            self.restart()
-            return
-        x[kernel.X_Q : kernel.X_Q + 4] = q
-        self._begin(window.length_s, referenced=window.fields > 0)
+        x[kernel.X_Q : kernel.X_Q + 4] = triad(sample.f_b, sample.m_b_ut)
+        self._begin(referenced=sample.m_b_ut is not None)
         x[kernel.X_RATE : kernel.X_RATE + 3] = sample.w_b
-        # The bias has turned the attitude since the window's middle.
-        for i, row in enumerate(to_matrix(q)):
-            for j, entry in enumerate(row):
-                x[kernel.X_U + 3 * i + j] = 0.5 * window.length_s * entry
-        if window.fields:
-            self._take_reference(window)
-        self._window = None
-        self._aligned = True
+        self._t_us = sample.t_us
+        self._start = StartUp()
+        self._witness(sample, self._start, 0.0)
 
-    def _begin(self, known_s: float, *, referenced: bool) -> None:
-        """Clears everything but attitude and bias; `known_s` went into the alignment."""
+    def _finish_start(
+        self, sample: ImuSample, bits: int, start: StartUp, dt_s: float
+    ) -> AttitudeEstimate | None:
+        """Collects until the start-up is over; then the first estimate."""
+        start = self._witness(sample, start, dt_s)
+        if start.length_s < self._limits.align_s:
+            return None
+        self._start = None
+        if start.fields:
+            self._take_reference(start)
+        return self._estimate(sample, bits, Trust.RESTARTED)
+
+    def _witness(self, sample: ImuSample, start: StartUp, dt_s: float) -> StartUp:
+        f, m = sample.f_b, sample.m_b_ut
+        start = start._replace(length_s=start.length_s + dt_s)
+        if m is not None and not sample.clipped:
+            start = StartUp(
+                start.length_s,
+                start.fields + 1,
+                start.force_2 + f[0] * f[0] + f[1] * f[1] + f[2] * f[2],
+                start.field_2 + m[0] * m[0] + m[1] * m[1] + m[2] * m[2],
+                start.dot - f[0] * m[0] - f[1] * m[1] - f[2] * m[2],
+            )
+        self._start = start
+        return start
+
+    def _begin(self, *, referenced: bool) -> None:
+        """Clears everything but attitude and bias, after an alignment from single samples."""
         x = self._x
         for i in range(kernel.X_RES, kernel.X_RATE):
             x[i] = 0.0
@@ -191,11 +205,14 @@ class TwoStageFilter:
             x[i] = 0.0
         for i in range(kernel.X_F, kernel.X_F + 3):
             x[i] = 0.0
-        x[kernel.X_JITTER] = 2.0 / self._g[kernel.G_FORCE_INFO]
-        x[kernel.X_T_RUN] = known_s
-        x[kernel.X_T_HEADING] = known_s if referenced else -1.0
+        g = self._g
+        x[kernel.X_JITTER] = 2.0 / g[kernel.G_FORCE_INFO]
+        x[kernel.X_HEADING] = 1.0 if referenced else 0.0
         if not referenced:
             x[kernel.X_T_NO_FIELD] = REFERENCED_S
+        tilt = 1.0 / (g[kernel.G_GRAVITY] ** 2 * g[kernel.G_FORCE_INFO])
+        heading = 1.0 / (g[kernel.G_FIELD_N] ** 2 * g[kernel.G_FIELD_INFO])
+        x[kernel.X_VAR : kernel.X_VAR + 3] = [tilt, tilt, heading]
 
     def _align_again(self) -> None:
         """TRIAD of what both sensors said while they contradicted the attitude."""
@@ -203,12 +220,12 @@ class TwoStageFilter:
         force = x[kernel.X_SUM_FORCE : kernel.X_SUM_FORCE + 3]
         field = x[kernel.X_SUM_FIELD : kernel.X_SUM_FIELD + 3]
         try:
-            turn = alignment.triad((-force[0], -force[1], -force[2]), _vec(field))
+            turn = triad((-force[0], -force[1], -force[2]), _vec(field))
         except ValueError:
             self.restart()
             return
         x[kernel.X_Q : kernel.X_Q + 4] = multiply(turn, _quat(x[kernel.X_Q : kernel.X_Q + 4]))
-        self._begin(self._limits.wrong_s, referenced=True)
+        self._begin(referenced=True)
 
     def _forget_bias(self) -> None:
         x = self._x
@@ -226,23 +243,18 @@ class TwoStageFilter:
         gains = self._design if near else gains_at(self._design, field)
         self._g = kernel_gains(gains, field, self._limits, mean_rate=self._mean_rate)
 
-    def _take_reference(self, window: Alignment) -> None:
+    def _take_reference(self, start: StartUp) -> None:
         """What the start shows of the field: all of it if nobody told, else a norm far off."""
-        field = _scaled(window.field, 1.0 / window.fields)
-        norm_ut = math.hypot(*field)
+        norm_ut = math.sqrt(start.field_2 / start.fields)
         if self._told is None:
-            force = window.force
-            sine = -(force[0] * field[0] + force[1] * field[1] + force[2] * field[2]) / (
-                norm_ut * math.hypot(*force)
-            )
+            sine = start.dot / math.sqrt(start.force_2 * start.field_2)
             self._reference = (self._reference[0], math.asin(max(-1.0, min(1.0, sine))))
             self._set_norm(norm_ut)
         else:
-            self._learn_norm(field)
+            self._learn_norm(norm_ut)
 
-    def _learn_norm(self, m_b_ut: Vec3) -> None:
+    def _learn_norm(self, norm_ut: float) -> None:
         """Believes the magnetometer's scale when it is far from the reference's."""
-        norm_ut = math.hypot(*m_b_ut)
         if abs(norm_ut / self._reference[0] - 1.0) > self._limits.norm_share:
             self._set_norm(norm_ut)
 
@@ -284,15 +296,14 @@ class TwoStageFilter:
         index = (
             (1 if bits & kernel.FORCE_USED else 0)
             + (2 if x[kernel.X_T_NO_FIELD] < 1.0 else 0)
-            + (4 if x[kernel.X_T_HEADING] >= 0.0 and x[kernel.X_T_NO_FIELD] < REFERENCED_S else 0)
+            + (4 if x[kernel.X_HEADING] > 0.0 and x[kernel.X_T_NO_FIELD] < REFERENCED_S else 0)
             + (8 if x[kernel.X_CONVERGED] > 0.0 else 0)
             + (16 if clipped or bits & kernel.SATURATED else 0)
         )
         return _TRUST[index]
 
 
-_WINDOW_SIZE = 14
-_STATE_SIZE = 7 + _WINDOW_SIZE + kernel.X_SIZE
+_STATE_SIZE = 11 + kernel.X_SIZE
 _FLAGS = (
     Trust.FORCE_USED,
     Trust.FIELD_USED,
@@ -312,10 +323,6 @@ def _combination(index: int) -> Trust:
 
 # Combining flags costs a microsecond each; there are only 32 combinations.
 _TRUST = tuple(_combination(index) for index in range(1 << len(_FLAGS)))
-
-
-def _scaled(v: Vec3, factor: float) -> Vec3:
-    return (factor * v[0], factor * v[1], factor * v[2])
 
 
 def _vec(values: list[float]) -> Vec3:

@@ -23,21 +23,22 @@ X_LEVEL = 25  # low-passed square of X_RES: how much the vehicle accelerates
 X_T_RUN = 26  # time since alignment
 X_T_MOVING = 27  # time for which the gain level has not been 0
 X_T_NO_FIELD = 28  # time since a field sample was believed
-X_T_HEADING = 29  # time that the field has held the heading; < 0: it does not
+X_HEADING = 29  # 1: the heading is tied to north, 0: to nothing
 X_T_WRONG = 30  # time for which both sensors have contradicted the attitude
 X_SUM_FORCE = 31  # 3: sum of -force in NED over that time
 X_SUM_FIELD = 34  # 3: sum of the field in NED over that time
 X_T_FIELD_AGE = 37  # time since the last field sample, believed or not
 X_CONVERGED = 38  # 1 after the start-up transient
 X_RATE = 39  # 3: gyro sample before this one
-X_SIZE = 42
+X_VAR = 42  # 3: variance of the bias-free attitude error about north, east, down
+X_SIZE = 45
 # results that are not memory
-X_R = 42  # 9: attitude matrix before the correction, row by row
-X_F = 51  # 3: -force in NED
-X_M = 54  # 3: field in NED
-X_ZETA = 57  # 3: weighted innovation
-X_INFO = 60  # 4: its information: nn, ee, dd, nd
-X_TOTAL = 64
+X_R = 45  # 9: attitude matrix before the correction, row by row
+X_F = 54  # 3: -force in NED
+X_M = 57  # 3: field in NED
+X_ZETA = 60  # 3: weighted innovation
+X_INFO = 63  # 4: its information: nn, ee, dd, nd
+X_TOTAL = 67
 
 # --- z: sample ---
 Z_DT = 0
@@ -71,10 +72,11 @@ G_BIAS_STEP = 18  # limits of one bias step and of the bias
 G_BIAS_LIMIT = 19
 G_LEVEL_CAP = 20  # (m/s^2)^2
 G_T_HEADING_LOST = 21  # a heading without field for so long is none
-G_LEVELS = 22  # then per level: threshold of X_LEVEL, weight, k_nn, k_ee, k_dd, k_nd
+G_GYRO_WALK = 22  # variance of the attitude per second
+G_LEVELS = 23  # then per level: threshold of X_LEVEL, weight, k_nn, k_ee, k_dd, k_nd
 LEVELS = 7
 LEVEL_SIZE = 6
-G_SIZE = 64
+G_SIZE = 65
 
 # --- bits of the result ---
 FORCE_USED = 1
@@ -98,8 +100,8 @@ def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     level = track_force(x, g, z)
     if track_contradiction(x, g, z) == WRONG:
         return WRONG
-    if z[Z_HAS_FIELD] > 0.0 and x[X_T_HEADING] < 0.0 and field_sane(x, g) == 1:
-        take_heading(x)
+    if z[Z_HAS_FIELD] > 0.0 and x[X_HEADING] < 1.0 and field_sane(x, g) == 1:
+        take_heading(x, g)
         return FIELD_USED
     bits = weigh(x, g, z, level)
     if x[X_T_RUN] > g[G_T_CONVERGE] and force_near(x, g) == 1:
@@ -128,19 +130,19 @@ def propagate(x: list[float], g: Sequence[float], z: Sequence[float]) -> None:
     for i in range(9):
         x[X_U + i] += dt * x[X_R + i]
     if x[X_T_NO_FIELD] > g[G_T_HEADING_LOST]:
-        x[X_T_HEADING] = -1.0
-    if x[X_T_HEADING] < 0.0:
+        x[X_HEADING] = 0.0
+    if x[X_HEADING] < 1.0:
         # Nothing will ever compare this heading with another: its sensitivity has no use.
         for i in range(3):
             x[X_U + 6 + i] = 0.0
     x[X_P] += g[G_BIAS_WALK] * dt
     x[X_P + 3] += g[G_BIAS_WALK] * dt
     x[X_P + 5] += g[G_BIAS_WALK] * dt
+    for i in range(3):
+        x[X_VAR + i] += g[G_GYRO_WALK] * dt
     x[X_T_RUN] += dt
     x[X_T_NO_FIELD] += dt
     x[X_T_FIELD_AGE] += dt
-    if x[X_T_HEADING] >= 0.0:
-        x[X_T_HEADING] += dt
 
 
 def turn_body(x: list[float], phi_x: float, phi_y: float, phi_z: float) -> None:
@@ -208,8 +210,8 @@ def track_force(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     x[X_RES] += c * fast_n
     x[X_RES + 1] += c * fast_e
     c = dt / (g[G_T_LEVEL] + dt)
-    # One spike must not open the gate for the next.
-    most = 9.0 * x[X_JITTER] + 9.0 / g[G_FORCE_INFO]
+    # Jerks that fill less than half of the time must not open the gate for themselves.
+    most = 2.0 * x[X_JITTER] + 2.0 / g[G_FORCE_INFO]
     power = fast_n * fast_n + fast_e * fast_e
     if power > most:
         power = most
@@ -238,8 +240,8 @@ def force_sane(x: list[float], g: Sequence[float]) -> int:
 
 
 def force_near(x: list[float], g: Sequence[float]) -> int:
-    """1 when the force points down, within the gate and three times its own jitter."""
-    width = g[G_FORCE_GATE] + 3.0 * math.sqrt(x[X_JITTER])
+    """1 when the force points down, within the gate and 3.4 times its own jitter."""
+    width = g[G_FORCE_GATE] + 3.4 * math.sqrt(x[X_JITTER])
     if x[X_F + 2] > 0.0 and x[X_F] * x[X_F] + x[X_F + 1] * x[X_F + 1] < width * width:
         return 1
     return 0
@@ -330,7 +332,7 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
     return bits
 
 
-def take_heading(x: list[float]) -> None:
+def take_heading(x: list[float], g: Sequence[float]) -> None:
     """Turns a heading that was tied to nothing to where the field shows north.
 
     Source: docs/derivation.md Eq. (3.17).
@@ -340,7 +342,8 @@ def take_heading(x: list[float]) -> None:
         x[X_U + i] = 0.0
     x[X_RES] = 0.0
     x[X_RES + 1] = 0.0
-    x[X_T_HEADING] = 0.0
+    x[X_VAR + 2] = 1.0 / (g[G_FIELD_N] * g[G_FIELD_N] * g[G_FIELD_INFO])
+    x[X_HEADING] = 1.0
     x[X_T_NO_FIELD] = 0.0
     x[X_T_FIELD_AGE] = 0.0
 
@@ -377,15 +380,17 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
     m_ee = x[X_INFO + 1]
     m_dd = x[X_INFO + 2]
     m_nd = x[X_INFO + 3]
-    # Start-up: no gain below that of the running mean.
-    steps = 2.0 + x[X_T_RUN] / g[G_DT]
-    if k_nn * m_nn * steps < 1.0 and m_nn > 0.0:
-        k_nn = 1.0 / (m_nn * steps)
-    if k_ee * m_ee * steps < 1.0 and m_ee > 0.0:
-        k_ee = 1.0 / (m_ee * steps)
-    steps = 2.0 + x[X_T_HEADING] / g[G_DT]
-    if k_dd * m_dd * steps < 1.0 and m_dd > 0.0:
-        k_dd = 1.0 / (m_dd * steps)
+    # At the start and after a gap the attitude is worse than in steady state: the scalar variances
+    # then ask for more than the constant gains.
+    x[X_VAR] = x[X_VAR] / (1.0 + x[X_VAR] * m_nn)
+    x[X_VAR + 1] = x[X_VAR + 1] / (1.0 + x[X_VAR + 1] * m_ee)
+    x[X_VAR + 2] = x[X_VAR + 2] / (1.0 + x[X_VAR + 2] * m_dd)
+    if k_nn < x[X_VAR]:
+        k_nn = x[X_VAR]
+    if k_ee < x[X_VAR + 1]:
+        k_ee = x[X_VAR + 1]
+    if k_dd < x[X_VAR + 2]:
+        k_dd = x[X_VAR + 2]
     a_nn = 1.0 - k_nn * m_nn - k_nd * m_nd
     a_nd = -k_nn * m_nd - k_nd * m_dd
     a_ee = 1.0 - k_ee * m_ee
