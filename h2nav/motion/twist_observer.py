@@ -172,8 +172,6 @@ class TwistObserver:
         self.counts = Counter(dict(counts))
         self._renew_sigmas()
 
-    # --- IMU samples ---------------------------------------------------------------------------
-
     def _use(self, rates: Rates) -> TwistEstimate | None:
         if not rates.is_possible():
             self.counts[ObserverEvent.SAMPLE_NOT_FINITE] += 1
@@ -218,8 +216,6 @@ class TwistObserver:
             rates = samples.popleft()
             if self._anchor is not None:
                 self._anchor = self._step(self._anchor, rates.t_us, rates)
-
-    # --- poses ---------------------------------------------------------------------------------
 
     def _place(self, pose: PoseSample) -> PoseVerdict:
         """Finds a sound pose's place in time and uses it there."""
@@ -368,8 +364,6 @@ class TwistObserver:
             state = self._step(state, rates.t_us, rates)
         self._now = state
         self._renew_sigmas()
-
-    # --- results -------------------------------------------------------------------------------
 
     def _renew_sigmas(self) -> None:
         self._sigma_r, self._sigma_w = self._rotation.sigmas(self._gains)

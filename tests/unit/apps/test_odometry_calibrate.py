@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav import cli
 from h2nav.apps.odometry_tracks import TimedPose, increments
 from h2nav.io.codec import Encoder
+from h2nav.io.strict_yaml import into_record, parse_mapping
 from h2nav.maths import se2
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
@@ -65,9 +66,10 @@ def test_the_configuration_block_is_a_section_of_the_settings(tmp_path, capsys):
 def test_the_text_holds_the_block_too(tmp_path, capsys):
     path = write(tmp_path / "d.csv", DIFF, differential())
     _, out, _ = calibrate(capsys, path)
-    block = out[out.index("odometry:") :].splitlines()
-    assert block[1] == "  layout: differential"
-    assert block[2].startswith("  track_m: 0.30")
+    mapping = parse_mapping(out[out.index("odometry:") :], "the block")
+    settings = into_record(OdometrySettings, mapping["odometry"], "the block")
+    assert settings.layout == "differential"
+    assert settings.track_m == pytest.approx(0.305, rel=0.01)
 
 
 def test_omni_and_matrix_by_their_headers(tmp_path, capsys):
