@@ -24,37 +24,39 @@ X_VE = 21  # 4: ... of the velocity east
 X_P = 25  # 10: covariance of theta: 00, 01, 02, 03, 11, 12, 13, 22, 23, 33
 X_TURNING = 35  # level of rotation, (rad/s)^2
 X_MOVING = 36  # level of the velocity innovation, s^2
-X_NV2 = 37  # velocity noise density over g, squared, as last used
-X_KT = 38  # gain in use: tilt, 1/s^2, or 1/s at a fix
-X_KV = 39  # gain in use: velocity, 1/s, or a plain number at a fix
-X_SET = 40  # number of the gain set in use
-X_T_RUN = 41  # time since alignment
-X_RATE_LP = 42  # 3: low-passed angular rate
-X_FORCE_LP = 45  # 3: low-passed specific force
-X_T_REST = 48  # how long both have been steady
-X_REF_NORM = 49  # reference of the field's norm, 0: none yet
-X_REF_DIP = 50  # reference of its dip
-X_REF_GIVEN = 51  # 1: the reference comes from a model of the earth's field
-X_NEW_NORM = 52  # a field that contradicts the reference, but perhaps not itself
-X_NEW_DIP = 53
-X_NEW_T = 54  # for how long
-X_NEW_TURN = 55  # over how much turning, rad
-X_MAGNETIC = 56  # level of magnetic disturbance, rad^2 of heading
-X_LAG_NUM = 57  # sums that give the latency of the field's samples
-X_LAG_DEN = 58
-X_FIELD_AGE = 59  # time since the last new field
-X_FIELD = 60  # 3: that field
-X_T_NO_FIELD = 63  # time since a field was believed, < 0: never
-X_DECLINATION = 64
-X_AIDED = 65  # 1: a velocity from outside holds the filter
-X_MISSES = 66  # fixes refused in a row
-X_C = 67  # 2: velocity gained since aiding began, over g; nothing corrects it
+X_DRIFT = 37  # 2: slow mean of the velocity innovation
+X_SHAKING = 39  # level of the velocity innovation about that mean, s^2
+X_NV2 = 40  # velocity noise density over g, squared, as last used
+X_KT = 41  # gain in use: tilt, 1/s^2, or 1/s at a fix
+X_KV = 42  # gain in use: velocity, 1/s, or a plain number at a fix
+X_SET = 43  # number of the gain set in use
+X_T_RUN = 44  # time since alignment
+X_RATE_LP = 45  # 3: low-passed angular rate
+X_FORCE_LP = 48  # 3: low-passed specific force
+X_T_REST = 51  # how long both have been steady
+X_REF_NORM = 52  # reference of the field's norm, 0: none yet
+X_REF_DIP = 53  # reference of its dip
+X_REF_GIVEN = 54  # 1: the reference comes from a model of the earth's field
+X_NEW_NORM = 55  # a field that contradicts the reference, but perhaps not itself
+X_NEW_DIP = 56
+X_NEW_T = 57  # for how long
+X_NEW_TURN = 58  # over how much turning, rad
+X_MAGNETIC = 59  # level of magnetic disturbance, rad^2 of heading
+X_LAG_NUM = 60  # sums that give the latency of the field's samples
+X_LAG_DEN = 61
+X_FIELD_AGE = 62  # time since the last new field
+X_FIELD = 63  # 3: that field
+X_T_NO_FIELD = 66  # time since a field was believed, < 0: never
+X_DECLINATION = 67
+X_AIDED = 68  # 1: a velocity from outside holds the filter
+X_MISSES = 69  # fixes refused in a row
+X_C = 70  # 2: velocity gained since aiding began, over g; nothing corrects it
 # results that are not memory
-X_R = 69  # 9: attitude matrix, row by row
-X_D = 78  # 4: correction of theta
-X_INNOVATION = 82  # 3: rotation applied north, east; heading innovation
-X_M = 85  # 3: field in NED
-X_SIZE = 88
+X_R = 72  # 9: attitude matrix, row by row
+X_D = 81  # 4: correction of theta
+X_INNOVATION = 85  # 3: rotation applied north, east; heading innovation
+X_M = 88  # 3: field in NED
+X_SIZE = 91
 
 # --- z: sample ---
 Z_DT = 0
@@ -108,13 +110,14 @@ G_REST_RATE = 30  # squared
 G_REST_FORCE = 31  # squared
 G_T_REST = 32
 G_REST_NOISE = 33  # density squared of the low-passed rate at rest
-G_SETS = 34  # SETS times: upper bound of omega0^4, k_t, k_v
+G_T_DRIFT = 34
+G_SETS = 35  # SETS times: upper bound of omega0^4, k_t, k_v
 SETS = 12
 SET_SIZE = 3
-G_PERIODS = 70  # PERIODS times: longest period served, then SETS times k_t, k_v
+G_PERIODS = 71  # PERIODS times: longest period served, then SETS times k_t, k_v
 PERIODS = 4
 PERIOD_SIZE = 25
-G_SIZE = 170
+G_SIZE = 171
 
 # --- bits of the result ---
 FORCE_USED = 1
@@ -313,7 +316,20 @@ def use_bounded_velocity(x: list[float], g: Sequence[float], z: Sequence[float])
     time = g[G_T_LEVEL]
     if x[X_T_RUN] < time:
         time = x[X_T_RUN]
-    x[X_MOVING] = x[X_MOVING] + dt / time * (square - x[X_MOVING])
+    share = dt / time
+    x[X_MOVING] = x[X_MOVING] + share * (square - x[X_MOVING])
+    # An innovation that stays is a wrong bias rather than motion: it must not hide itself.
+    slow = dt / (g[G_T_DRIFT] + dt)
+    d = north - x[X_DRIFT]
+    x[X_DRIFT] = x[X_DRIFT] + slow * d
+    square = d * d
+    d = east - x[X_DRIFT + 1]
+    x[X_DRIFT + 1] = x[X_DRIFT + 1] + slow * d
+    x[X_SHAKING] = x[X_SHAKING] + share * (square + d * d - x[X_SHAKING])
+    density = g[G_FLOOR] + g[G_CORRELATION] * x[X_SHAKING]
+    if density > g[G_CEILING]:
+        density = g[G_CEILING]
+    noise = g[G_INFLATE] * density
     density = g[G_FLOOR] + g[G_CORRELATION] * x[X_MOVING]
     if density > g[G_CEILING]:
         density = g[G_CEILING]
@@ -325,7 +341,7 @@ def use_bounded_velocity(x: list[float], g: Sequence[float], z: Sequence[float])
     keep = dt
     if dt * x[X_KV] > 0.5:
         keep = 0.5 / x[X_KV]
-    noise = g[G_INFLATE] * density * (1.0 / dt + x[X_KV])
+    noise = noise * (1.0 / dt + x[X_KV])
     correct_velocity(x, north, east, noise, keep * x[X_KT], keep * x[X_KV])
     return FORCE_USED
 
@@ -514,8 +530,8 @@ def restart_tilt(x: list[float], g: Sequence[float], nose: float) -> None:
         x[X_UN + i] = 0.0
     x[X_S] = nose * x[X_R]
     x[X_S + 1] = nose * x[X_R + 3]
-    x[X_TURNING] = 0.0
-    x[X_MOVING] = 0.0
+    for i in range(5):
+        x[X_TURNING + i] = 0.0
     x[X_T_RUN] = 0.0
 
 
