@@ -212,7 +212,7 @@ class TwoStageFilter:
             x[kernel.X_T_NO_FIELD] = REFERENCED_S
         tilt = 1.0 / (g[kernel.G_GRAVITY] ** 2 * g[kernel.G_FORCE_INFO])
         heading = 1.0 / (g[kernel.G_FIELD_N] ** 2 * g[kernel.G_FIELD_INFO])
-        x[kernel.X_VAR : kernel.X_VAR + 3] = [tilt, tilt, heading]
+        x[kernel.X_VAR : kernel.X_VAR + 4] = [tilt, tilt, heading, 0.0]
 
     def _align_again(self) -> None:
         """TRIAD of what both sensors said while they contradicted the attitude."""

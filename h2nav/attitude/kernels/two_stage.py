@@ -30,15 +30,15 @@ X_SUM_FIELD = 34  # 3: sum of the field in NED over that time
 X_T_FIELD_AGE = 37  # time since the last field sample, believed or not
 X_CONVERGED = 38  # 1 after the start-up transient
 X_RATE = 39  # 3: gyro sample before this one
-X_VAR = 42  # 3: variance of the bias-free attitude error about north, east, down
-X_SIZE = 45
+X_VAR = 42  # 4: covariance of the bias-free attitude error: nn, ee, dd, nd
+X_SIZE = 46
 # results that are not memory
-X_R = 45  # 9: attitude matrix before the correction, row by row
-X_F = 54  # 3: -force in NED
-X_M = 57  # 3: field in NED
-X_ZETA = 60  # 3: weighted innovation
-X_INFO = 63  # 4: its information: nn, ee, dd, nd
-X_TOTAL = 67
+X_R = 46  # 9: attitude matrix before the correction, row by row
+X_F = 55  # 3: -force in NED
+X_M = 58  # 3: field in NED
+X_ZETA = 61  # 3: weighted innovation
+X_INFO = 64  # 4: its information: nn, ee, dd, nd
+X_TOTAL = 68
 
 # --- z: sample ---
 Z_DT = 0
@@ -77,6 +77,9 @@ G_LEVELS = 23  # then per level: threshold of X_LEVEL, weight, k_nn, k_ee, k_dd,
 LEVELS = 7
 LEVEL_SIZE = 6
 G_SIZE = 65
+
+# The constant gains serve once no variance is above its fixed point by more than this.
+STEADY = 1.02
 
 # --- bits of the result ---
 FORCE_USED = 1
@@ -343,6 +346,7 @@ def take_heading(x: list[float], g: Sequence[float]) -> None:
     x[X_RES] = 0.0
     x[X_RES + 1] = 0.0
     x[X_VAR + 2] = 1.0 / (g[G_FIELD_N] * g[G_FIELD_N] * g[G_FIELD_INFO])
+    x[X_VAR + 3] = 0.0
     x[X_HEADING] = 1.0
     x[X_T_NO_FIELD] = 0.0
     x[X_T_FIELD_AGE] = 0.0
@@ -380,17 +384,25 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
     m_ee = x[X_INFO + 1]
     m_dd = x[X_INFO + 2]
     m_nd = x[X_INFO + 3]
-    # At the start and after a gap the attitude is worse than in steady state: the scalar variances
-    # then ask for more than the constant gains.
-    x[X_VAR] = x[X_VAR] / (1.0 + x[X_VAR] * m_nn)
+    # The Riccati recursion whose fixed point the constant gain is. At the start and after a gap
+    # the attitude is worse than at the fixed point, and the recursion's own gain is taken.
+    p_nn = x[X_VAR]
+    p_dd = x[X_VAR + 2]
+    p_nd = x[X_VAR + 3]
+    b_nn = 1.0 + m_nn * p_nn + m_nd * p_nd
+    b_nd = m_nn * p_nd + m_nd * p_dd
+    b_dn = m_nd * p_nn + m_dd * p_nd
+    b_dd = 1.0 + m_nd * p_nd + m_dd * p_dd
+    scale = 1.0 / (b_nn * b_dd - b_nd * b_dn)
+    x[X_VAR] = scale * (p_nn * b_dd - p_nd * b_dn)
     x[X_VAR + 1] = x[X_VAR + 1] / (1.0 + x[X_VAR + 1] * m_ee)
-    x[X_VAR + 2] = x[X_VAR + 2] / (1.0 + x[X_VAR + 2] * m_dd)
-    if k_nn < x[X_VAR]:
+    x[X_VAR + 2] = scale * (p_dd * b_nn - p_nd * b_nd)
+    x[X_VAR + 3] = scale * (p_nd * b_nn - p_nn * b_nd)
+    if x[X_VAR] > STEADY * k_nn or x[X_VAR + 1] > STEADY * k_ee or x[X_VAR + 2] > STEADY * k_dd:
         k_nn = x[X_VAR]
-    if k_ee < x[X_VAR + 1]:
         k_ee = x[X_VAR + 1]
-    if k_dd < x[X_VAR + 2]:
         k_dd = x[X_VAR + 2]
+        k_nd = x[X_VAR + 3]
     a_nn = 1.0 - k_nn * m_nn - k_nd * m_nd
     a_nd = -k_nn * m_nd - k_nd * m_dd
     a_ee = 1.0 - k_ee * m_ee
