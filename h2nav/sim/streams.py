@@ -161,6 +161,9 @@ def sys_status(vehicle: Vehicle) -> Any:
         | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
         | mavlink.MAV_SYS_STATUS_SENSOR_GPS
         | mavlink.MAV_SYS_STATUS_AHRS
+        # Without these a ground station warns of a breached fence and of disabled checks.
+        | mavlink.MAV_SYS_STATUS_GEOFENCE
+        | mavlink.MAV_SYS_STATUS_PREARM_CHECK
     )
     return mavlink.MAVLink_sys_status_message(
         sensors, sensors, sensors, 250, 15_200, -1, 50, 0, 0, 0, 0, 0, 0
