@@ -1,0 +1,126 @@
+"""Other people's filters, run on the same samples; each only where its package is installed.
+
+All get evenly spaced samples at the trial's nominal rate and hold the last field, as they are made
+for. Their traps: imufusion's world is north-west-up whatever is asked for, and ahrs' Kalman filter
+wants the accelerometer's opposite.
+"""
+
+import importlib
+import importlib.util
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from h2nav.apps import dataset_filters as ours
+from h2nav.apps.dataset_filters import Array, Conditions, Track, held
+from h2nav.attitude import alignment
+from h2nav.errors import TaskFailed
+from h2nav.io.trials import Trial
+from h2nav.maths import frames
+
+GRAVITY_M_S2 = 9.80665
+_DEG = np.pi / 180.0
+Runner = Callable[[Trial, Conditions], Track]
+
+
+def installed() -> dict[str, Runner]:
+    """Name -> filter, ours first, then the peers that are installed."""
+    found: dict[str, Runner] = {
+        "default": ours.run_default,
+        "two_stage": ours.run_two_stage,
+        "paper": ours.run_paper,
+    }
+    peers: dict[str, dict[str, Runner]] = {
+        "vqf": {"vqf": _vqf},
+        "imufusion": {"imufusion": _imufusion},
+        "ahrs": {"ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf},
+    }
+    for package, runners in peers.items():
+        if importlib.util.find_spec(package) is not None:
+            found |= runners
+    return found
+
+
+def _vqf(trial: Trial, _: Conditions) -> Track:
+    vqf = importlib.import_module("vqf")
+    arrays = [np.ascontiguousarray(trial.w_s), np.ascontiguousarray(trial.f_s)]
+    if trial.m_s is not None:
+        arrays.append(np.ascontiguousarray(held(trial.m_s)))
+    started = time.process_time()
+    out = vqf.VQF(1.0 / trial.rate_hz).updateBatch(*arrays)
+    us_per_sample = (time.process_time() - started) * 1e6 / len(trial.w_s)
+    q_es = out["quat9D" if trial.m_s is not None else "quat6D"]
+    return Track(q_es, us_per_sample, bias=np.asarray(out["bias"]))
+
+
+def _imufusion(trial: Trial, _: Conditions) -> Track:
+    imufusion = importlib.import_module("imufusion")
+    chosen = imufusion.Ahrs()
+    chosen.set_sample_period(1.0 / trial.rate_hz)
+    q_nwu = np.empty((len(trial.w_s), 4))
+    rates, forces = trial.w_s / _DEG, trial.f_s / GRAVITY_M_S2
+    fields = None if trial.m_s is None else held(trial.m_s)
+    started = time.process_time()
+    for k in range(len(q_nwu)):
+        if fields is None:
+            chosen.update_no_magnetometer(rates[k], forces[k])
+        else:
+            chosen.update(rates[k], forces[k], fields[k])
+        q_nwu[k] = chosen.get_quaternion()
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
+    return Track(_enu_from_nwu(q_nwu), us_per_sample)
+
+
+def _madgwick(trial: Trial, _: Conditions) -> Track:
+    filters = importlib.import_module("ahrs.filters")
+    q_nwu = np.empty((len(trial.w_s), 4))
+    q_nwu[0] = _start_nwu(trial)
+    started = time.process_time()
+    if trial.m_s is None:
+        chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.033)
+        for k in range(1, len(q_nwu)):
+            q_nwu[k] = chosen.updateIMU(q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k])
+    else:
+        fields = held(trial.m_s)
+        chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.041)
+        for k in range(1, len(q_nwu)):
+            q_nwu[k] = chosen.updateMARG(
+                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], mag=fields[k]
+            )
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
+    return Track(_enu_from_nwu(q_nwu), us_per_sample)
+
+
+def _ekf(trial: Trial, _: Conditions) -> Track:
+    filters = importlib.import_module("ahrs.filters")
+    if trial.m_s is None:
+        raise TaskFailed(f"{trial.name}: ahrs.ekf is run with a magnetometer only")
+    fields = held(trial.m_s)
+    # It corrects towards the reference with the dip it is given; the first sample's serves.
+    down = -trial.f_s[0] / np.linalg.norm(trial.f_s[0])
+    dip_deg = float(np.degrees(np.arcsin(np.dot(down, fields[0]) / np.linalg.norm(fields[0]))))
+    chosen = filters.EKF(frequency=trial.rate_hz, frame="NED", magnetic_ref=dip_deg)
+    q_ns = np.empty((len(fields), 4))
+    q_ns[0] = alignment.triad(tuple(trial.f_s[0]), tuple(fields[0]))
+    started = time.process_time()
+    for k in range(1, len(q_ns)):
+        q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k])
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
+    return Track(ours.enu((w, x, y, z) for w, x, y, z in q_ns.tolist()), us_per_sample)
+
+
+def _start_nwu(trial: Trial) -> Array:
+    """The first samples' attitude against north-west-up."""
+    field = None if trial.m_s is None else tuple(held(trial.m_s)[0])
+    first = int(np.argmax(np.abs(trial.f_s).sum(axis=1) > 0.0))
+    w, x, y, z = alignment.triad(tuple(trial.f_s[first]), field)
+    # Half a turn about north, as between NED and NWU.
+    return np.array([-x, w, -z, y])
+
+
+def _enu_from_nwu(q_nwu: Array) -> Array:
+    """The world turned by a quarter about the vertical, by way of NED."""
+    w, x, y, z = q_nwu.T
+    q_ns = np.stack((-x, w, -z, y), axis=1)
+    return np.array([frames.attitude_enu_from_ned(tuple(q)) for q in q_ns.tolist()])

@@ -1,0 +1,55 @@
+"""One figure per run of `h2nav evaluate dataset --plots`: errors, bias, gain set, gate."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from h2nav.apps.dataset_filters import Track
+from h2nav.attitude.scoring import Errors
+from h2nav.errors import TaskFailed
+from h2nav.io.trials import Trial
+
+
+def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
+    """Writes the figure of one filter on one trial.
+
+    Raises:
+        TaskFailed: matplotlib is not installed.
+    """
+    try:
+        from matplotlib import use
+
+        use("Agg")
+        from matplotlib import pyplot
+    except ImportError:
+        raise TaskFailed("--plots needs matplotlib; install h2nav[plots]") from None
+    t_s = trial.t_us * 1e-6
+    figure, axes = pyplot.subplots(4, 1, sharex=True, figsize=(10, 10), constrained_layout=True)
+    for label, values in (("heading", found.heading), ("inclination", found.inclination)):
+        axes[0].plot(t_s, np.where(trial.mask, values, np.nan), label=label, linewidth=0.8)
+    axes[0].set_ylabel("error, deg")
+    axes[0].legend(loc="upper right")
+    if track.bias is not None:
+        axes[1].plot(t_s, np.degrees(track.bias), linewidth=0.8)
+        axes[1].legend(["x", "y", "z"], loc="upper right")
+    axes[1].set_ylabel("gyro bias, deg/s")
+    if track.gain_set is not None:
+        axes[2].plot(t_s, track.gain_set, linewidth=0.8)
+    axes[2].set_ylabel("gain set")
+    if track.field_used is not None and trial.m_s is not None:
+        _gate(axes[3], t_s, trial, track)
+    axes[3].set_ylabel("field believed")
+    axes[3].set_xlabel("s")
+    axes[0].set_title(f"{trial.name}: {path.stem.removeprefix(trial.name + '.')}")
+    figure.savefig(path, dpi=100)
+    pyplot.close(figure)
+
+
+def _gate(axis: Any, t_s: Any, trial: Trial, track: Track) -> None:
+    """Share of the field's samples that were believed, over one second."""
+    assert track.field_used is not None
+    width = max(1, round(trial.rate_hz))
+    share = np.convolve(track.field_used, np.ones(width) / width, mode="same")
+    axis.plot(t_s, share, linewidth=0.8)
+    axis.set_ylim(-0.05, 1.05)

@@ -1,0 +1,78 @@
+"""How far an estimated attitude is from the truth: total, heading and inclination.
+
+The split is that of the comparison papers: with e = q_est conj(q_true), both to east-north-up (or
+any frame with a vertical z axis), the inclination is the least rotation left when heading is free.
+Offline code: uses numpy; no filter imports it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+_DEG = 180.0 / np.pi
+
+
+class Errors(NamedTuple):
+    """Errors of every sample, degrees; heading with sign, the others >= 0."""
+
+    total: Array
+    heading: Array
+    inclination: Array
+
+
+class Rms(NamedTuple):
+    """Root mean squares over the scored samples, degrees."""
+
+    total: float
+    heading: float
+    inclination: float
+
+
+def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fixed: bool) -> Errors:
+    """Errors of every sample, also of those outside the mask.
+
+    Args:
+        q_est: (N, 4) estimate, sensor to earth, scalar first.
+        q_true: (N, 4) truth, the same.
+        mask: (N,) samples that decide a free heading offset.
+        heading_fixed: False removes the circular mean of the heading error first.
+
+    Source: docs/filter.md Eq. (29).
+    """
+    e = _product(q_est, q_true * np.array([1.0, -1.0, -1.0, -1.0]))
+    if not heading_fixed:
+        headings = 2.0 * np.arctan2(e[mask, 3], e[mask, 0])
+        offset = 0.5 * float(np.angle(np.mean(np.exp(1j * headings))))
+        turn = np.array([[np.cos(offset), 0.0, 0.0, -np.sin(offset)]])
+        e = _product(np.repeat(turn, len(e), axis=0), e)
+    size = np.linalg.norm(e, axis=1)
+    w, z = e[:, 0] / size, e[:, 3] / size
+    heading = 2.0 * np.arctan2(z, w)
+    heading = (heading + np.pi) % (2.0 * np.pi) - np.pi
+    return Errors(
+        total=2.0 * np.arccos(np.clip(np.abs(w), 0.0, 1.0)) * _DEG,
+        heading=heading * _DEG,
+        inclination=2.0 * np.arccos(np.clip(np.hypot(w, z), 0.0, 1.0)) * _DEG,
+    )
+
+
+def rms(found: Errors, mask: npt.NDArray[np.bool_]) -> Rms:
+    """Root mean squares over the samples of the mask."""
+    return Rms(*(float(np.sqrt(np.mean(values[mask] ** 2))) for values in found))
+
+
+def _product(p: Array, q: Array) -> Array:
+    """Hamilton products of rows."""
+    w, x, y, z = p.T
+    a, b, c, d = q.T
+    return np.stack(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ],
+        axis=1,
+    )

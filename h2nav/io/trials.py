@@ -1,0 +1,160 @@
+"""Recorded trials with truth, in the `.npz` form of public inertial data sets.
+
+Keys: `fs` Hz (or `t` s per sample), `gyr` rad/s (N, 3), `acc` m/s^2 (N, 3; specific force),
+optionally `mag` any unit (N, 3; NaN rows bring no new sample), `q` truth (N, 4) w, x, y, z from the
+sensor to east-north-up, `mask` (N,) samples that count, `heading_fixed` (False: a constant heading
+offset is removed before scoring), `gps` rows of time s, ground speed m/s, course deg, altitude m.
+"""
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from h2nav.errors import BadInput
+
+Array = npt.NDArray[np.float64]
+
+SUFFIX = ".npz"
+_VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
+
+
+class Trial(NamedTuple):
+    """One recording.
+
+    Attributes:
+        name: of the file, without suffix.
+        rate_hz: nominal sample rate.
+        t_us: (N,) sample times, microseconds from the first sample's.
+        w_s: (N, 3) angular rate, rad/s, in sensor axes.
+        f_s: (N, 3) specific force, m/s^2.
+        m_s: (N, 3) magnetic field, NaN rows where no new one came; None without magnetometer.
+        q_es: (N, 4) truth, sensor to east-north-up; None when there is none.
+        mask: (N,) samples that are scored.
+        heading_fixed: False when the truth's heading has an arbitrary constant offset.
+        gps: (M, 4) time s on the samples' clock, ground speed m/s, course deg, altitude m; None.
+    """
+
+    name: str
+    rate_hz: float
+    t_us: npt.NDArray[np.int64]
+    w_s: Array
+    f_s: Array
+    m_s: Array | None
+    q_es: Array | None
+    mask: npt.NDArray[np.bool_]
+    heading_fixed: bool
+    gps: Array | None
+
+
+def trial_paths(place: Path) -> list[Path]:
+    """The trials of a folder, or the one that is given.
+
+    Raises:
+        BadInput: there is none.
+    """
+    if place.is_file():
+        return [place]
+    if not place.is_dir():
+        raise BadInput(f"{place}: no such file or folder")
+    paths = sorted(place.glob(f"*{SUFFIX}"))
+    if not paths:
+        raise BadInput(f"{place}: no {SUFFIX} trials in this folder")
+    return paths
+
+
+def read_trial(path: Path) -> Trial:
+    """One trial.
+
+    Raises:
+        BadInput: one line per error, naming the file and the key.
+    """
+    arrays = _arrays(path)
+    errors = [
+        f"{path}: {key}: missing; the trial form needs it"
+        for key in ("gyr", "acc")
+        if key not in arrays
+    ]
+    if "fs" not in arrays and "t" not in arrays:
+        errors.append(f"{path}: fs: missing; give the rate in Hz, or the times t in s")
+    errors += _shape_errors(arrays, path)
+    if errors:
+        raise BadInput(*errors)
+    count = len(arrays["gyr"])
+    t_us, rate_hz = _times(arrays, count, path)
+    truth = _floats(arrays, "q")
+    mask = arrays["mask"].astype(bool) if "mask" in arrays else np.ones(count, dtype=bool)
+    if truth is not None:
+        mask = mask & np.isfinite(truth).all(axis=1)
+    gyr, acc = _floats(arrays, "gyr"), _floats(arrays, "acc")
+    assert gyr is not None
+    assert acc is not None
+    return Trial(
+        name=path.stem,
+        rate_hz=rate_hz,
+        t_us=t_us,
+        w_s=gyr,
+        f_s=acc,
+        m_s=_floats(arrays, "mag"),
+        q_es=truth,
+        mask=mask,
+        heading_fixed=bool(arrays["heading_fixed"]) if "heading_fixed" in arrays else True,
+        gps=_floats(arrays, "gps"),
+    )
+
+
+def _arrays(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {key: file[key] for key in file.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise BadInput(f"{path}: not a readable {SUFFIX} trial: {error}") from None
+
+
+def _shape_errors(arrays: Mapping[str, Any], path: Path) -> list[str]:
+    if "gyr" not in arrays or arrays["gyr"].ndim != 2:
+        return [f"{path}: gyr: expected an array of shape (N, 3)"] if "gyr" in arrays else []
+    count = len(arrays["gyr"])
+    shapes: dict[str, tuple[int, ...]] = {key: (count, size) for key, size in _VECTORS.items()}
+    shapes |= {"mask": (count,), "t": (count,)}
+    errors = [
+        f"{path}: {key}: expected numbers of shape {shape}, found {arrays[key].dtype} of shape "
+        f"{arrays[key].shape}"
+        for key, shape in shapes.items()
+        if key in arrays and (arrays[key].shape != shape or arrays[key].dtype.kind not in "fiub")
+    ]
+    if count < 2:
+        errors.append(f"{path}: gyr: expected at least 2 samples, found {count}")
+    gps = arrays.get("gps")
+    if gps is not None and (gps.ndim != 2 or gps.shape[1] != 4):
+        errors.append(f"{path}: gps: expected an array of shape (M, 4), found {gps.shape}")
+    return errors
+
+
+def _times(
+    arrays: Mapping[str, Any], count: int, path: Path
+) -> tuple[npt.NDArray[np.int64], float]:
+    """Sample times from `t`, or evenly from `fs`; and the nominal rate."""
+    if "t" in arrays:
+        t_s = np.asarray(arrays["t"], dtype=np.float64)
+        t_us = np.round((t_s - t_s[0]) * 1e6).astype(np.int64)
+        if not np.isfinite(t_s).all() or not np.all(np.diff(t_us) > 0):
+            raise BadInput(f"{path}: t: expected finite times in s that rise from sample to sample")
+        return t_us, 1e6 / float(np.median(np.diff(t_us)))
+    rate_hz = float(arrays["fs"]) if arrays["fs"].ndim == 0 else float("nan")
+    if not 1.0 <= rate_hz <= 100_000.0:
+        raise BadInput(f"{path}: fs: expected one rate from 1 to 100000 Hz, found {arrays['fs']}")
+    return np.round(np.arange(count) * (1e6 / rate_hz)).astype(np.int64), rate_hz
+
+
+def _floats(arrays: Mapping[str, Any], key: str) -> Array | None:
+    if key not in arrays:
+        return None
+    values = np.asarray(arrays[key], dtype=np.float64)
+    if key == "gps" and "t" in arrays:
+        # On the same clock as t_us.
+        values = values - np.array([float(arrays["t"][0]), 0.0, 0.0, 0.0])
+    return values
