@@ -50,8 +50,12 @@ def fly(name, seconds):
             yield motion, estimate
 
 
-@pytest.mark.parametrize(("name", "velocity_m_s"), [("hover", 0.1), ("aggressive", 0.4)])
-def test_twist_and_bias_come_right_within_5_s_and_stay(name, velocity_m_s):
+@pytest.mark.parametrize(
+    ("name", "velocity_m_s", "position_m"),
+    # Aggressive: 11 m/s; 1.7 deg of tilt error at its start are 0.3 m/s^2 that only poses correct.
+    [("hover", 0.1, 0.03), ("aggressive", 0.6, 0.2)],
+)
+def test_twist_and_bias_come_right_within_5_s_and_stay(name, velocity_m_s, position_m):
     bias = tuple(b * DEG for b in BIAS_DEG_S)
     pairs = list(fly(name, 12))
     settled = [pair for pair in pairs if pair[1].t_us > pairs[0][1].t_us + 5_000_000]
@@ -60,7 +64,7 @@ def test_twist_and_bias_come_right_within_5_s_and_stay(name, velocity_m_s):
         v_b = quaternion.rotate(quaternion.conjugate(motion.q_nb), motion.v_n)
         assert math.dist(estimate.v_b, v_b) < velocity_m_s
         assert math.dist(estimate.bias_w, bias) < 0.01
-        assert math.dist(estimate.p_o, motion.p_n) < 0.1
+        assert math.dist(estimate.p_o, motion.p_n) < position_m
         assert quaternion.angle(estimate.q_ob, motion.q_nb) < 0.5 * DEG
         assert estimate.reset_counter == 0
 
