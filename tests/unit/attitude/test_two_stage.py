@@ -1,0 +1,341 @@
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from needs import DEG
+from synthetic_imu import (
+    DENSITIES,
+    FIELD,
+    GRAVITY,
+    Disturbance,
+    Flight,
+    fly,
+    pitch_swing,
+    rms_deg,
+    slow,
+    still,
+    wild,
+)
+
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.gains import design_two_stage
+from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample, Quat, Trust
+from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.maths import quaternion
+
+GAINS = design_two_stage(DENSITIES, 100.0, "test")
+_MEMORY = -kernel.X_SIZE  # where the kernel's memory begins in a state
+
+
+def new_filter(field: EarthField | None = FIELD) -> TwoStageFilter:
+    filter_ = TwoStageFilter(GAINS)
+    if field is not None:
+        filter_.use_field(field)
+    return filter_
+
+
+def run(filter_: TwoStageFilter, flight: Flight) -> list[tuple[float, float, AttitudeEstimate]]:
+    """(time s, attitude error rad, estimate) wherever there is an estimate."""
+    rows = []
+    for sample, q in zip(flight.samples, flight.q_nb, strict=True):
+        estimate = filter_.update(sample)
+        if estimate is not None:
+            error = quaternion.angle(estimate.q_nb, q)
+            rows.append((sample.t_us * 1e-6, error, estimate))
+    return rows
+
+
+def with_attitude(filter_: TwoStageFilter, turn: Quat) -> None:
+    """Turns the filter's attitude about NED axes behind its back."""
+    state = filter_.state()
+    values = list(state.values)
+    q = quaternion.multiply(turn, tuple(values[_MEMORY : _MEMORY + 4]))
+    values[_MEMORY : _MEMORY + 4] = q
+    filter_.restore(FilterState(state.filter_name, tuple(values)))
+
+
+# --- accuracy -----------------------------------------------------------------------------------
+
+GRID = [
+    (roll, pitch, yaw)
+    for pitch in (-90.0, -45.0, 0.0, 60.0, 90.0)
+    for roll, yaw in ((0.0, 20.0), (180.0, 135.0))
+]
+
+
+@pytest.mark.parametrize(("roll", "pitch", "yaw"), GRID)
+def test_is_as_accurate_at_every_attitude_at_rest(roll: float, pitch: float, yaw: float) -> None:
+    start = quaternion.from_euler(roll * DEG, pitch * DEG, yaw * DEG)
+    rows = run(new_filter(), fly(still, 60.0, 7, start=start))
+    assert rms_deg([error for t, error, _ in rows if t > 30.0]) < 0.035
+
+
+def test_starts_within_a_degree_after_its_window_and_says_so() -> None:
+    rows = run(new_filter(), fly(slow, 2.0, 3))
+    first_t, first_error, first = rows[0]
+    assert first_t == pytest.approx(0.5, abs=0.02)
+    assert first_error < 1.0 * DEG
+    assert Trust.ALIGNED | Trust.RESTARTED | Trust.YAW_REFERENCED in first.trust
+    assert Trust.RESTARTED not in rows[1][2].trust
+
+
+def test_works_without_a_magnetometer_with_yaw_unreferenced() -> None:
+    flight = fly(slow, 20.0, 4)
+    samples = [sample._replace(m_b_ut=None) for sample in flight.samples]
+    rows = run(new_filter(), flight._replace(samples=samples))
+    for t, _, estimate in rows:
+        assert Trust.YAW_REFERENCED not in estimate.trust
+        if t > 10.0:
+            true_down = quaternion.rotate(
+                quaternion.conjugate(flight.q_nb[round(t * 100)]), (0.0, 0.0, 1.0)
+            )
+            down = quaternion.rotate(quaternion.conjugate(estimate.q_nb), (0.0, 0.0, 1.0))
+            assert math.dist(down, true_down) < 0.05 * DEG
+
+
+def test_a_magnetometer_that_comes_late_sets_the_heading_at_once() -> None:
+    flight = fly(slow, 12.0, 5, start=quaternion.from_euler(0.1, 0.2, 2.8))
+    samples = [
+        sample._replace(m_b_ut=None) if sample.t_us < 5_000_000 else sample
+        for sample in flight.samples
+    ]
+    rows = run(new_filter(), flight._replace(samples=samples))
+    assert next(error for t, error, _ in rows if t > 4.9) > 60.0 * DEG
+    assert max(error for t, error, _ in rows if t > 6.0) < 0.4 * DEG
+    assert Trust.YAW_REFERENCED in rows[-1][2].trust
+
+
+def test_a_slower_magnetometer_loses_little() -> None:
+    slower = run(new_filter(), fly(slow, 40.0, 6, field_every=5))
+    assert rms_deg([error for t, error, _ in slower if t > 10.0]) < 0.06
+
+
+def test_instantaneous_gyro_samples_are_averaged() -> None:
+    def swing(t: float) -> tuple[float, float, float]:
+        return (0.0, 3.0 * math.cos(3.0 * t), 0.0)
+
+    mean = fly(swing, 20.0, 8)
+    instants = [
+        s._replace(
+            w_b=(
+                s.w_b[0],
+                s.w_b[1] + swing(s.t_us * 1e-6)[1] - swing(s.t_us * 1e-6 - 0.005)[1],
+                s.w_b[2],
+            )
+        )
+        for s in mean.samples
+    ]
+    instant = mean._replace(samples=instants)
+    errors = {}
+    for sampling in ("mean", "instant"):
+        filter_ = TwoStageFilter(GAINS, sampling)  # type: ignore[arg-type]
+        filter_.use_field(FIELD)
+        errors[sampling] = rms_deg([e for t, e, _ in run(filter_, instant) if t > 5.0])
+    assert errors["instant"] < 0.06
+    assert errors["mean"] > 5.0 * errors["instant"]
+
+
+# --- time ----------------------------------------------------------------------------------------
+
+
+def test_lost_samples_cost_little_when_the_times_are_true() -> None:
+    flight = fly(wild, 20.0, 9)
+    kept = [i for i in range(len(flight.samples)) if not (i % 7 == 3 or i % 31 in (4, 5))]
+    thin = flight._replace(
+        samples=[flight.samples[i] for i in kept], q_nb=[flight.q_nb[i] for i in kept]
+    )
+    rows = run(new_filter(), thin)
+    assert rms_deg([error for t, error, _ in rows if t > 8.0]) < 0.3
+
+
+def test_a_long_gap_aligns_again_and_keeps_the_bias() -> None:
+    flight = fly(still, 30.0, 10)
+    samples = [s._replace(t_us=s.t_us + 3_000_000 * (s.t_us > 20_000_000)) for s in flight.samples]
+    filter_ = new_filter()
+    rows = run(filter_, flight._replace(samples=samples))
+    restarts = [t for t, _, estimate in rows if Trust.RESTARTED in estimate.trust]
+    assert restarts == pytest.approx([0.5, 23.5], abs=0.03)
+    after = next(estimate for t, _, estimate in rows if t > 23.4)
+    assert math.dist(after.bias_b, flight.bias_b) < 0.05 * DEG
+
+
+# --- trust ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("angle_deg", [60.0, 120.0, 179.9])
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, 0.0, 0.8), (0.0, 0.8, -0.6)])
+def test_a_wrong_attitude_is_recovered_within_two_seconds(
+    angle_deg: float, axis: tuple[float, float, float]
+) -> None:
+    filter_ = new_filter()
+    flight = fly(slow, 13.0, 11)
+    cut = 1000
+    run(filter_, flight._replace(samples=flight.samples[:cut], q_nb=flight.q_nb[:cut]))
+    with_attitude(filter_, quaternion.exp(tuple(angle_deg * DEG * a for a in axis)))  # type: ignore[arg-type]
+    rows = run(filter_, flight._replace(samples=flight.samples[cut:], q_nb=flight.q_nb[cut:]))
+    assert rows[0][1] > 50.0 * DEG
+    assert max(error for t, error, _ in rows if t > 12.0) < 1.0 * DEG
+
+
+def cost(disturbance: Disturbance, until_s: float) -> tuple[float, float]:
+    """(disturbed, undisturbed) rms error in deg from 30 s on, with the same noise."""
+    results = []
+    for case in (disturbance, Disturbance()):
+        rows = run(new_filter(), fly(slow, until_s, 12, disturbance=case))
+        results.append(rms_deg([error for t, error, _ in rows if t > 30.0]))
+    return results[0], results[1]
+
+
+def window(start_s: float, end_s: float) -> Callable[[float], float]:
+    return lambda t: 1.0 if start_s < t < end_s else 0.0
+
+
+def test_bursts_and_a_strong_field_cost_at_most_five_hundredths_of_a_degree() -> None:
+    on = window(30.0, 50.0)
+    disturbed, clean = cost(
+        Disturbance(
+            force=lambda t: (on(t) * 2.0 * (math.sin(2.0 * math.pi * t) > 0.5), 0.0, 0.0),
+            field=lambda t: (30.0 * on(t), 0.0, 0.0),
+        ),
+        60.0,
+    )
+    assert disturbed < clean + 0.05
+
+
+def test_a_steady_acceleration_of_ten_seconds_costs_at_most_a_tenth_of_a_degree() -> None:
+    on = window(30.0, 40.0)
+    disturbed, clean = cost(Disturbance(force=lambda t: (0.0, 0.8 * on(t), 0.0)), 50.0)
+    assert disturbed < clean + 0.1
+
+
+def test_a_bias_step_is_learnt() -> None:
+    flight = fly(still, 90.0, 13)
+    step = 0.05 * DEG
+    samples = [
+        s._replace(w_b=(s.w_b[0] + step, s.w_b[1], s.w_b[2])) if s.t_us > 20_000_000 else s
+        for s in flight.samples
+    ]
+    rows = run(new_filter(), flight._replace(samples=samples))
+    tilt = [abs(quaternion.to_euler(e.q_nb)[0]) for t, _, e in rows if t > 20.0]
+    assert max(tilt) < 0.3 * DEG
+    assert rms_deg(tilt[-1000:]) < 0.15
+
+
+def test_a_disturbed_field_leaves_the_tilt_alone_and_is_flagged() -> None:
+    on = window(20.0, 40.0)
+    flight = fly(still, 40.0, 14, disturbance=Disturbance(field=lambda t: (0.0, 30.0 * on(t), 0.0)))
+    rows = run(new_filter(), flight)
+    late = [estimate for t, _, estimate in rows if t > 26.0]
+    assert all(Trust.YAW_REFERENCED not in estimate.trust for estimate in late)
+    assert max(abs(quaternion.to_euler(e.q_nb)[0]) for e in late) < 0.1 * DEG
+
+
+def test_unusable_samples_leave_the_state_untouched() -> None:
+    filter_ = new_filter()
+    flight = fly(slow, 3.0, 15)
+    run(filter_, flight)
+    before = filter_.state()
+    good = flight.samples[-1]._replace(t_us=3_000_000)
+    for bad in (
+        good._replace(w_b=(math.nan, 0.0, 0.0)),
+        good._replace(f_b=(0.0, 0.0, 0.0)),
+        good._replace(f_b=(0.0, math.inf, 0.0)),
+        good._replace(w_b=(0.0, 0.0, 1e6)),
+    ):
+        assert filter_.update(bad) is None
+        assert filter_.state() == before
+    assert filter_.update(good._replace(m_b_ut=(math.nan, 0.0, 0.0))) is not None
+
+
+def test_clipped_samples_never_correct() -> None:
+    filter_ = new_filter()
+    flight = fly(still, 20.0, 16)
+    run(filter_, flight)
+    before = filter_.update(flight.samples[-1]._replace(t_us=20_000_000))
+    wrong = ImuSample(
+        20_010_000, flight.bias_b, (5.0, 0.0, -GRAVITY), (1.0, 40.0, 0.0), clipped=True
+    )
+    estimate = filter_.update(wrong)
+    assert before is not None
+    assert estimate is not None
+    assert Trust.SATURATED in estimate.trust
+    assert Trust.FORCE_USED not in estimate.trust
+    assert estimate.bias_b == before.bias_b
+    assert quaternion.angle(estimate.q_nb, before.q_nb) < 0.001 * DEG
+
+
+# --- interface -----------------------------------------------------------------------------------
+
+
+def test_a_new_declination_turns_the_heading_at_once_without_a_transient() -> None:
+    plain, turned = new_filter(), new_filter()
+    flight = fly(slow, 6.0, 17)
+    turn = quaternion.from_euler(0.0, 0.0, 12.0 * DEG)
+    for sample in flight.samples:
+        if sample.t_us == 3_000_000:
+            turned.use_field(FIELD._replace(declination_rad=12.0 * DEG))
+        a, b = plain.update(sample), turned.update(sample)
+        if a is None or b is None:
+            assert a is b
+            continue
+        expected = quaternion.multiply(turn, a.q_nb) if sample.t_us >= 3_000_000 else a.q_nb
+        assert quaternion.angle(b.q_nb, expected) < 1e-9
+        assert a.bias_b == b.bias_b
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(cut=st.integers(min_value=0, max_value=399), told=st.booleans())
+def test_a_run_split_anywhere_is_identical(cut: int, told: bool) -> None:
+    flight = fly(pitch_swing, 4.0, 18, field_every=2)
+    whole, first = new_filter(), new_filter(FIELD if told else None)
+    if not told:
+        whole = new_filter(None)
+    expected = [whole.update(sample) for sample in flight.samples]
+    for sample in flight.samples[:cut]:
+        first.update(sample)
+    second = TwoStageFilter(GAINS)
+    second.restore(first.state())
+    # repr: the tilt's sigma is NaN, which equals nothing.
+    assert [repr(second.update(s)) for s in flight.samples[cut:]] == [
+        repr(e) for e in expected[cut:]
+    ]
+    assert second.state() == whole.state()
+
+
+def test_a_foreign_state_is_refused() -> None:
+    with pytest.raises(ValueError, match="two_stage"):
+        new_filter().restore(FilterState("shaped", (1.0,)))
+
+
+finite = st.floats(min_value=-1e4, max_value=1e4) | st.sampled_from([math.nan, math.inf, -math.inf])
+vector = st.tuples(finite, finite, finite)
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    rows=st.lists(
+        st.tuples(
+            st.integers(min_value=1, max_value=2_000_000),
+            vector,
+            vector,
+            st.none() | vector,
+            st.booleans(),
+        ),
+        max_size=60,
+    )
+)
+def test_nothing_makes_it_publish_a_non_finite_attitude(rows: list[tuple]) -> None:  # type: ignore[type-arg]
+    filter_ = new_filter()
+    t_us = 0
+    flight = fly(slow, 1.0, 19)
+    run(filter_, flight)
+    for dt_us, w, f, m, clipped in rows:
+        t_us += dt_us
+        estimate = filter_.update(ImuSample(1_000_000 + t_us, w, f, m, clipped))
+        if estimate is not None:
+            assert abs(quaternion.norm(estimate.q_nb) - 1.0) < 1e-6
+            assert all(map(math.isfinite, (*estimate.w_b, *estimate.bias_b)))
+            assert max(map(abs, estimate.bias_b)) <= 10.0 * DEG + 1e-12
