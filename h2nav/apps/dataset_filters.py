@@ -27,6 +27,8 @@ Array = npt.NDArray[np.float64]
 
 DEG = math.pi / 180.0
 GPS_SIGMA_M_S = 0.1
+# Forward-right-down of forward-left-up, as a factor on rows of vectors.
+_FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))
 TWO_STAGE_SENSOR = "mpu9250"
 
 
@@ -127,28 +129,32 @@ def _stream(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Tra
 
 
 def run_paper(trial: Trial, _: Conditions) -> Track:
-    """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1."""
+    """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1.
+
+    It only works near level, so the sensor's axes are taken for forward-left-up.
+    """
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: the paper's filter needs a magnetometer")
-    field = held(trial.m_s)
-    forces = trial.f_s / np.maximum(np.linalg.norm(trial.f_s, axis=1), 1e-9)[:, None]
-    field = field / np.maximum(np.linalg.norm(field, axis=1), 1e-9)[:, None]
-    dip = math.pi / 2 - math.acos(float(np.clip(-np.dot(forces[0], field[0]), -1.0, 1.0)))
+    rates = trial.w_s * _FRD
+    forces = _unit(trial.f_s * _FRD)
+    fields = _unit(held(trial.m_s) * _FRD)
+    dip = math.asin(float(np.clip(-np.dot(forces[0], fields[0]), -1.0, 1.0)))
     vectors = np.array([[0.0, 0.0, 1.0], [math.cos(dip), 0.0, math.sin(dip)]])
     gain = solve_riccati(linearised_plant(vectors, Weights())).L
     chosen = PaperFilter(gain, vectors, 1)
-    start = alignment.triad(tuple(forces[0]), tuple(field[0]))
-    chosen.angles[0] = quaternion.to_euler(start)
+    chosen.angles[0] = quaternion.to_euler(alignment.triad(tuple(forces[0]), tuple(fields[0])))
     steps = np.diff(trial.t_us, prepend=trial.t_us[0]) * 1e-6
-    measured = np.hstack([-forces, field])
+    measured = np.hstack([-forces, fields])
     rows = []
     started = time.process_time()
     for k, dt_s in enumerate(steps.tolist()):
-        chosen.step(trial.w_s[k : k + 1], measured[k : k + 1], dt_s)
+        chosen.step(rates[k : k + 1], measured[k : k + 1], dt_s)
         rows.append(chosen.angles[0].tolist())
     us_per_sample = (time.process_time() - started) * 1e6 / len(rows)
     angles = np.where(np.isfinite(rows), rows, 0.0).tolist()
-    return Track(enu([quaternion.from_euler(*row) for row in angles]), us_per_sample)
+    attitudes = (quaternion.from_euler(*row) for row in angles)
+    q_ef = [frames.attitude_enu_flu_from_ned_frd(q_nb) for q_nb in attitudes]
+    return Track(np.array(q_ef), us_per_sample)
 
 
 def _fixes(trial: Trial, conditions: Conditions) -> list[VelocityFix]:
@@ -170,6 +176,11 @@ def _fixes(trial: Trial, conditions: Conditions) -> list[VelocityFix]:
 def enu(q_ns: Iterable[Quat]) -> Array:
     """(N, 4) q_es of attitudes against north-east-down."""
     return np.array([frames.attitude_enu_from_ned(q) for q in q_ns])
+
+
+def _unit(vectors: Array) -> Array:
+    result: Array = vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-9)[:, None]
+    return result
 
 
 def held(field: Array) -> Array:

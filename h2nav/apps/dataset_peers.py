@@ -38,8 +38,20 @@ def installed() -> dict[str, Runner]:
     }
     for package, runners in peers.items():
         if importlib.util.find_spec(package) is not None:
-            found |= runners
+            found |= {name: _guarded(name, runner) for name, runner in runners.items()}
     return found
+
+
+def _guarded(name: str, runner: Runner) -> Runner:
+    """A peer that fails on one trial must not take the others with it."""
+
+    def run(trial: Trial, conditions: Conditions) -> Track:
+        try:
+            return runner(trial, conditions)
+        except (ValueError, TypeError, ArithmeticError) as error:
+            raise TaskFailed(f"{name} failed: {error}") from error
+
+    return run
 
 
 def _vqf(trial: Trial, _: Conditions) -> Track:
@@ -101,6 +113,8 @@ def _ekf(trial: Trial, _: Conditions) -> Track:
     down = -trial.f_s[0] / np.linalg.norm(trial.f_s[0])
     dip_deg = float(np.degrees(np.arcsin(np.dot(down, fields[0]) / np.linalg.norm(fields[0]))))
     chosen = filters.EKF(frequency=trial.rate_hz, frame="NED", magnetic_ref=dip_deg)
+    # Its own `h` asks for this when it is fed sample by sample.
+    chosen.mag = fields
     q_ns = np.empty((len(fields), 4))
     q_ns[0] = alignment.triad(tuple(trial.f_s[0]), tuple(fields[0]))
     started = time.process_time()
