@@ -4,9 +4,11 @@ Only the log's disk writes happen elsewhere (the recorder's thread). Nothing in 
 bad input, blocks on a peer, or runs more often than there is work.
 """
 
+import gc
 import select
 import signal
 import socket
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +22,8 @@ from h2nav.io.service_manager import ServiceManager
 LONGEST_WAIT_NS = 100_000_000
 LINK_RECORD_NS = 1_000_000_000
 CLOCK_STEP_NS = 500_000_000
+# The recorder's thread shares the interpreter; with Python's 5 ms it could hold an attitude back.
+THREAD_SWITCH_S = 1e-4
 
 
 class StopSignals:
@@ -73,6 +77,8 @@ class Daemon:
 
     def turns(self, stop: StopSignals, until_ns: int | None = None) -> Iterator[int]:
         """Works until a stop signal or a monotonic time; gives the time after each round."""
+        sys.setswitchinterval(THREAD_SWITCH_S)
+        gc.freeze()  # what was loaded stays; a full collection over it would take milliseconds
         self._manager.ready()
         while not stop.stopped:
             now_ns = time.monotonic_ns()
@@ -88,7 +94,7 @@ class Daemon:
         self._pipeline.link(now_ns, self._link.is_up)
         wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
         descriptor = self._link.fileno()
-        readers = [wake] if descriptor is None else [wake, descriptor]
+        readers = [wake.fileno()] if descriptor is None else [wake.fileno(), descriptor]
         writers = [descriptor] if descriptor is not None and self._link.has_backlog else []
         readable, _, _ = select.select(readers, writers, [], wait_ns * 1e-9)
         if descriptor is not None and descriptor in readable:

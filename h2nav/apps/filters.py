@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -31,7 +32,7 @@ def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str
 
     The shipped rate nearest to the IMU's is taken; the filters step with the samples' true times.
     """
-    classes = VEHICLE_CLASSES
+    classes: tuple[str, ...] = VEHICLE_CLASSES
     if settings.vehicle_class != "auto":
         classes = (settings.vehicle_class,)
     if settings.gains != "auto":
@@ -123,7 +124,9 @@ def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     from h2nav.attitude.gains import two_stage_gains
     from h2nav.attitude.two_stage import TwoStageFilter
 
-    return TwoStageFilter(two_stage_gains(file, file.name), settings.gyro_sampling)
+    sampling: Literal["mean", "instant"]
+    sampling = "instant" if settings.gyro_sampling == "instant" else "mean"
+    return TwoStageFilter(two_stage_gains(file, file.name), sampling)
 
 
 _MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {

@@ -1,14 +1,14 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, DeframerCounters, Frame
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.recorder import Recorder
-from h2nav.service.effects import Effect, Notice, Record, Send, Severity
-from h2nav.service.records import EstimateRecord
+from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
+from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
 
 LINK_NAME = "autopilot"
@@ -149,27 +149,35 @@ class Pipeline:
 
     def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
         for effect in effects:
-            if isinstance(effect, Record):
-                self._record(t_ns, effect)
+            if isinstance(effect, Used):
+                self._log_used(t_ns, effect)
             elif isinstance(effect, Send):
                 self._send_message(t_ns, effect)
-            elif isinstance(effect, Notice):
-                self._watcher.notice(t_ns, effect.severity, effect.text)
-                if self._recorder is not None:
-                    unix_ns = self._unix_ns(t_ns)
-                    self._recorder.text(unix_ns, LOG_LEVELS[effect.severity], effect.text)
+            elif isinstance(effect, Record):
+                self._log(t_ns, effect.topic, effect.record, effect.t_us)
+            else:
+                self._say(t_ns, effect)
 
-    def _record(self, t_ns: int, effect: Record) -> None:
-        record = effect.record
-        if isinstance(record, EstimateRecord):
+    def _log_used(self, t_ns: int, effect: Used) -> None:
+        sample, estimate = effect
+        self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
+        if estimate is not None:
+            record = estimate_record(estimate)
             self._watcher.estimate(t_ns, record)
-        if self._recorder is None:
-            return
-        unix_ns = self._unix_ns(t_ns)
-        self._recorder.record(effect.topic, record, unix_ns, self._publish_ns(t_ns, effect.t_us))
-        if isinstance(record, EstimateRecord):
-            q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
-            self._recorder.transform(unix_ns, q_nb)
+            self._log(t_ns, "/estimate", record, estimate.t_us)
+            if self._recorder is not None:
+                self._recorder.transform(self._unix_ns(t_ns), estimate.q_nb)
+
+    def _say(self, t_ns: int, effect: Notice) -> None:
+        self._watcher.notice(t_ns, effect.severity, effect.text)
+        if self._recorder is not None:
+            level = LOG_LEVELS[effect.severity]
+            self._recorder.text(self._unix_ns(t_ns), level, effect.text)
+
+    def _log(self, t_ns: int, topic: str, record: Any, t_us: int | None) -> None:
+        if self._recorder is not None:
+            published_ns = self._publish_ns(t_ns, t_us)
+            self._recorder.record(topic, record, self._unix_ns(t_ns), published_ns)
 
     def _publish_ns(self, t_ns: int, t_us: int | None) -> int | None:
         """The autopilot's time as host UNIX time, once the clocks are related."""

@@ -3,6 +3,8 @@
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+
 
 class Severity(IntEnum):
     """MAV_SEVERITY, as far as the service uses it."""
@@ -40,6 +42,18 @@ class Record(NamedTuple):
     t_us: int | None = None
 
 
+class Used(NamedTuple):
+    """A sample went through the filter; log both, after everything that has to leave was sent.
+
+    Attributes:
+        sample: what went in.
+        estimate: what came out; None during the alignment.
+    """
+
+    sample: ImuSample
+    estimate: AttitudeEstimate | None
+
+
 class Notice(NamedTuple):
     """Tell people: journal, log, and (already sent separately) STATUSTEXT."""
 
@@ -47,4 +61,4 @@ class Notice(NamedTuple):
     text: str
 
 
-Effect = Send | Record | Notice
+Effect = Send | Record | Used | Notice

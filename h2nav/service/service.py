@@ -15,7 +15,7 @@ from h2nav.service import health, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.commands import Commands
-from h2nav.service.effects import Effect, Notice, Record, Send, Severity
+from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
 from h2nav.service.health import Signs, State
 from h2nav.service.imu_messages import IMU_MESSAGES, preference
@@ -217,14 +217,13 @@ class Service:
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
-        effects.append(Record("/imu", records.imu_record(sample), sample.t_us))
+        # The attitude leaves before anything is written down.
+        if estimate is not None:
+            effects += [self._send(message) for message in self._outputs.due(estimate)]
+        effects.append(Used(sample, estimate))
         if self._autopilot.on_ground and self._units.add(sample):
             for complaint in self._units.report.complaints:
                 effects += self._tell(t_ns, Severity.ERROR, complaint)
-        if estimate is not None:
-            record = records.estimate_record(estimate)
-            effects.append(Record("/estimate", record, estimate.t_us))
-            effects += [self._send(message) for message in self._outputs.due(estimate)]
         if self._state is not State.ACTIVE:
             effects += self._judge(t_ns)
         return effects
