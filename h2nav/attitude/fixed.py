@@ -8,8 +8,7 @@ import math
 from collections.abc import Sequence
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.fixed_gains import BIAS_UNIT, constant_gains, lean_image
-from h2nav.attitude.gains import TwoStageGains
+from h2nav.attitude.fixed_gains import BIAS_UNIT, FixedModel, constant_gains, lean_image
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -21,19 +20,15 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.maths.fixedpoint import to_fixed
-from h2nav.maths.quaternion import conjugate, multiply, normalize
+from h2nav.maths.quaternion import conjugate, multiply
 
-# Vehicles accelerate: their force shows gravity worse than the sensor's own noise says.
-FORCE_WEIGHT = 1.0 / 16.0
 _INT16 = (-32768, 32767)
 _INT32 = (-(1 << 31), (1 << 31) - 1)
-_RATE_SCALE = 1e-6  # rad/s to rad/us
+RATE_SCALE = 1e-6  # rad/s to rad/us
 _NO_VECTORS = (0, 0, 0, 0, 0, 0, 0)
 
 
-def sample_integers(
-    w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int
-) -> list[int]:
+def sample_integers(w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) -> list[int]:
     """One sample as the kernel takes it.
 
     Args:
@@ -42,7 +37,7 @@ def sample_integers(
         field: magnetic field in units of its expected norm; None for no new field.
         dt_us: time since the sample before, 0 to `kernels.fixed_lean.MOST_DT_US`.
     """
-    rates = [to_fixed(w * _RATE_SCALE, 40, *_INT32) for w in w_b]
+    rates = [to_fixed(w * RATE_SCALE, 40, *_INT32) for w in w_b]
     vectors = [to_fixed(part, 14, *_INT16) for part in (*gravity, *(field or (0.0, 0.0, 0.0)))]
     return [*rates, *vectors, 0 if field is None else -1, dt_us]
 
@@ -51,33 +46,50 @@ class FixedFilter:
     """Attitude filter in integers.
 
     Args:
-        gains: sensor densities and rate; the constant gains follow from them.
-        force_weight: factor on the accelerometer's information.
+        model: of a gain file; the constant gains follow from it, here and at every new field.
     """
 
-    def __init__(self, gains: TwoStageGains, force_weight: float = FORCE_WEIGHT) -> None:
-        self._gains = gains
-        self._force_weight = force_weight
+    def __init__(self, model: FixedModel) -> None:
+        self._model = model
         self._state = [0] * kernel.STATE_SIZE
         kernel.reset(self._state)
         self._t_us: int | None = None
-        self._field = gains.densities.field
-        self._params: Sequence[int] = ()
-        self._use_gains(gains.densities.field)
+        self._field = model.densities.field
+        self._params: list[int] = []
+        self._use_gains(model.densities.field)
 
     @property
     def name(self) -> str:
         """`fixed`."""
         return "fixed"
 
+    @property
+    def params(self) -> Sequence[int]:
+        """The kernel's parameters in use."""
+        return self._params
+
+    @property
+    def gravity_scale(self) -> float:
+        """From specific force to its opposite in units of gravity."""
+        return -1.0 / self._model.densities.gravity_m_s2
+
     def _use_gains(self, field: EarthField) -> None:
-        densities = self._gains.densities._replace(field=field)
-        gains = constant_gains(densities, self._gains.rate_hz, self._force_weight)
-        self._params = list(lean_image(gains, self._gains.name).params)
+        model = self._model
+        densities = model.densities._replace(field=field)
+        gains = constant_gains(densities, model.rate_hz, model.force_weight)
+        self._params = list(lean_image(gains, model.name).params)
         self._field = field
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes one sample; None until one has shown an attitude."""
+        """Takes one sample; None until one has shown an attitude.
+
+        Rates and forces that are not numbers leave the filter as it is: the attitude before comes
+        again with the sample's time and `Trust.SATURATED`.
+        """
+        if not all(map(math.isfinite, (*sample.w_b, *sample.f_b))):
+            if self._state[kernel.AGE_US] < 0:
+                return None
+            return self._estimate(sample._replace(w_b=self._bias()), kernel.SATURATED)
         dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
         if dt_us < 0:
             raise ValueError("samples go forward in time")
@@ -92,10 +104,10 @@ class FixedFilter:
         return self._estimate(sample, bits)
 
     def _integers(self, sample: ImuSample) -> list[int]:
-        scale = -1.0 / self._gains.densities.gravity_m_s2
+        scale = self.gravity_scale
         f_x, f_y, f_z = sample.f_b
         field = None
-        if sample.m_b_ut is not None:
+        if sample.m_b_ut is not None and all(map(math.isfinite, sample.m_b_ut)):
             m_x, m_y, m_z = sample.m_b_ut
             norm = self._field.norm_ut
             field = (m_x / norm, m_y / norm, m_z / norm)
@@ -116,15 +128,15 @@ class FixedFilter:
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
         state = self._state
-        q = normalize((float(state[0]), float(state[1]), float(state[2]), float(state[3])))
+        w, x, y, z = (float(word) for word in state[kernel.Q_W : kernel.Q_Z + 1])
+        length = math.sqrt(w * w + x * x + y * y + z * z)
         half = 0.5 * self._field.declination_rad
-        bias = (
-            state[kernel.B_X] / BIAS_UNIT,
-            state[kernel.B_Y] / BIAS_UNIT,
-            state[kernel.B_Z] / BIAS_UNIT,
-        )
+        bias = self._bias()
         w_x, w_y, w_z = sample.w_b
-        q_nb = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q)
+        q_nb = multiply(
+            (math.cos(half), 0.0, 0.0, math.sin(half)),
+            (w / length, x / length, y / length, z / length),
+        )
         return AttitudeEstimate(
             t_us=sample.t_us,
             q_nb=q_nb,
@@ -134,6 +146,10 @@ class FixedFilter:
             sigma_tilt_rad=math.nan,
             trust=self._trust(bits, sample.clipped),
         )
+
+    def _bias(self) -> Vec3:
+        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._state[kernel.B_X : kernel.B_Z + 1])
+        return b_x, b_y, b_z
 
     def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
         """The correction that the next step will apply, as a rotation in n."""

@@ -8,11 +8,24 @@ Source: docs/fixed-point.md Eq. (5), (6), (13).
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from h2nav.attitude.gains import SensorDensities, information
+from h2nav.attitude.gains import (
+    GainFile,
+    SensorDensities,
+    TwoStageGains,
+    information,
+    two_stage_gains,
+)
 from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.attitude.kernels import shaped
+from h2nav.attitude.samples import EarthField
+from h2nav.attitude.shaped_gains import GRAVITY_M_S2, shaped_gains
 from h2nav.errors import BadInput
+
+if TYPE_CHECKING:  # the daemon computes gains without numpy
+    import numpy as np
+    import numpy.typing as npt
 
 # xx, xz, yy, zx, zz of a matrix; y is coupled with neither x nor z
 Matrix = tuple[float, float, float, float, float]
@@ -24,6 +37,30 @@ FIELD_TOLERANCE = 0.2
 DIP_TOLERANCE = 0.17  # of the vertical component over the norm: 10 deg
 LONGEST_BOOST_S = 500.0
 _PASSES = 1_000_000
+
+
+# Vehicles accelerate: their force shows gravity worse than the sensor's own noise says.
+FORCE_WEIGHT = 1.0 / 16.0
+# Bandwidth of the tilt for a file that knows no accelerometer noise, rad/s.
+TILT_BANDWIDTH = 0.2
+# The field until the filter is told the place's own.
+COMMON_FIELD = EarthField(50.0, math.radians(60.0), 0.0)
+
+
+class FixedModel(NamedTuple):
+    """What the constant gains are computed from.
+
+    Attributes:
+        name: of the gain file.
+        rate_hz: nominal sample rate.
+        densities: noise of the sensors, and the field.
+        force_weight: factor on the accelerometer's information.
+    """
+
+    name: str
+    rate_hz: float
+    densities: SensorDensities
+    force_weight: float
 
 
 class ConstantGains(NamedTuple):
@@ -61,7 +98,60 @@ class LeanImage(NamedTuple):
     rounding_error: float
 
 
-def constant_gains(densities: SensorDensities, rate_hz: float, force_weight: float) -> ConstantGains:
+def fixed_model(file: GainFile, place: str) -> FixedModel:
+    """The model behind a gain file of either kind.
+
+    A file of kind shaped holds no accelerometer noise: what disturbs the tilt there is motion. Its
+    constant-gain image has the tilt bandwidth `TILT_BANDWIDTH`.
+
+    Raises:
+        BadInput: the file's gains are not usable.
+    """
+    if file.kind == "two_stage":
+        gains: TwoStageGains = two_stage_gains(file, place)
+        return FixedModel(gains.name, gains.rate_hz, gains.densities, FORCE_WEIGHT)
+    g = shaped_gains(file, place).g
+    gyro = math.sqrt(g[shaped.G_GYRO])
+    horizontal = COMMON_FIELD.norm_ut * math.cos(COMMON_FIELD.dip_rad)
+    densities = SensorDensities(
+        gyro=gyro,
+        bias_walk=math.sqrt(g[shaped.G_BIAS_WALK]),
+        accelerometer=gyro * GRAVITY_M_S2 / TILT_BANDWIDTH,
+        magnetometer=math.sqrt(g[shaped.G_FIELD]) * horizontal,
+        gravity_m_s2=GRAVITY_M_S2,
+        field=COMMON_FIELD,
+    )
+    return FixedModel(file.name, file.rate_hz, densities, 1.0)
+
+
+def fixed_image(file: GainFile, place: str) -> "LeanImage":
+    """The integers of a gain file.
+
+    Raises:
+        BadInput: the file's gains are not usable, or outside the fixed-point format.
+    """
+    model = fixed_model(file, place)
+    return lean_image(constant_gains(model.densities, model.rate_hz, model.force_weight), place)
+
+
+def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
+    """The `fixed_point` section of a gain file: image, rounding error, stability after rounding.
+
+    Raises:
+        BadInput: the file's gains are not usable, or outside the fixed-point format.
+    """
+    image = fixed_image(file, place)
+    return {
+        "format": "lean-1",
+        "params": list(image.params),
+        "rounding_error": image.rounding_error,
+        "spectral_radius": spectral_radius(image.rounded),
+    }
+
+
+def constant_gains(
+    densities: SensorDensities, rate_hz: float, force_weight: float
+) -> ConstantGains:
     """Steady-state gains of attitude and bias together.
 
     Args:
@@ -113,7 +203,10 @@ def _axis(densities: SensorDensities, rate_hz: float, mu: float) -> tuple[float,
         before, gain, bias_gain = (gain, bias_gain), p11 * spread, p12 * spread
         p22 -= bias_gain * p12
         p11, p12 = p11 * (1.0 - gain), p12 * (1.0 - gain)
-        if abs(gain - before[0]) <= 1e-14 * gain and abs(bias_gain - before[1]) <= 1e-14 * -bias_gain:
+        if (
+            abs(gain - before[0]) <= 1e-14 * gain
+            and abs(bias_gain - before[1]) <= 1e-14 * -bias_gain
+        ):
             break
     return gain / mu, -bias_gain / mu
 
@@ -135,8 +228,8 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
     bias, bias_shift = _mantissas(gains.bias, BIAS_UNIT / 2.0**15, f"{place}: bias gain")
     if not kernel.LEAST_SHIFT <= shift <= 24 or not kernel.LEAST_BIAS_SHIFT <= bias_shift <= 26:
         raise BadInput(
-            f"{place}: gains of {max(gains.attitude):g} per sample are outside the fixed-point "
-            "format; expected a sample rate nearer to the sensors' own"
+            f"{place}: gains of {max(gains.attitude):g} rad and {max(gains.bias):g} rad/s per sample "
+            "are outside the fixed-point format; expected a higher sample rate or a smaller bias walk"
         )
     boosts = _boosts(gains)
     params = (
@@ -175,9 +268,7 @@ def _q14(value: float) -> int:
     return math.floor(value * 2**14 + 0.5)
 
 
-def _mantissas(
-    gain: Matrix, unit: float, what: str
-) -> tuple[Mantissas, int]:
+def _mantissas(gain: Matrix, unit: float, what: str) -> tuple[Mantissas, int]:
     """Integers up to the kernel's limit and the shift that makes them the gain."""
     largest = max(map(abs, gain)) * unit
     if not math.isfinite(largest):
@@ -200,6 +291,36 @@ def _boosts(gains: ConstantGains) -> tuple[int, int, int]:
     whole_s = min(1.0 / (least * gains.rate_hz), LONGEST_BOOST_S)
     once, twice, thrice = (round(1e6 * whole_s / 2.0**power) for power in range(3))
     return once, twice, thrice
+
+
+def spectral_radius(gains: ConstantGains) -> float:
+    """Largest magnitude of an eigenvalue of the filter's error from sample to sample.
+
+    Below one: the filter with exactly these gains is stable. The error has six states, attitude
+    and bias; with a correction that acts one step later there are nine.
+
+    Source: docs/fixed-point.md Eq. (14).
+    """
+    import numpy as np
+
+    w, dip, dt = gains.gravity_weight, gains.dip_rad, 1.0 / gains.rate_hz
+    h = np.array([math.cos(dip), 0.0, math.sin(dip)])
+    down = np.array([0.0, 0.0, 1.0])
+    share = np.diag([1.0 - w, 1.0 - w, 1.0])
+    m = w * (np.eye(3) - np.outer(down, down)) + share @ (np.eye(3) - np.outer(h, h))
+    attitude, bias = _full(gains.attitude) @ m, _full(gains.bias) @ m
+    one, none = np.eye(3), np.zeros((3, 3))
+    # error, bias error, correction still to come
+    after_turn = np.block([[one, -dt * one, -one], [none, one, none], [none, none, none]])
+    use = np.block([[one, none, none], [bias, one, none], [attitude, none, none]])
+    return float(np.abs(np.linalg.eigvals(use @ after_turn)).max())
+
+
+def _full(matrix: Matrix) -> "npt.NDArray[np.float64]":
+    import numpy as np
+
+    xx, xz, yy, zx, zz = matrix
+    return np.array([[xx, 0.0, xz], [0.0, yy, 0.0], [zx, 0.0, zz]])
 
 
 def slowest_shares(gains: ConstantGains) -> tuple[float, float, float]:

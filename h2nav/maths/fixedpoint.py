@@ -3,6 +3,7 @@
 The annotations name the width of an argument; to Python they all are `int`.
 """
 
+import math
 from typing import TypeAlias
 
 I16: TypeAlias = int
@@ -19,17 +20,7 @@ def known(x: int, lo: int, hi: int) -> int:
     """`x`, of which a lemma of docs/fixed-point.md says that it lies in [lo, hi].
 
     The translator believes the bound where intervals alone are too coarse; it costs nothing in C.
-    The tests at the extremes run the kernels with `clamp` and a check in its place.
-    """
-    del lo, hi
-    return x
-
-
-def known(x: int, lo: int, hi: int) -> int:
-    """`x`, of which a lemma of docs/fixed-point.md says that it lies in [lo, hi].
-
-    The translator believes the bound where intervals alone are too coarse; it costs nothing in C.
-    The tests at the extremes run the kernels with `clamp` and a check in its place.
+    The tests at the extremes put a check in its place.
     """
     del lo, hi
     return x
@@ -48,7 +39,7 @@ def to_fixed(value: float, fraction_bits: int, lo: int, hi: int) -> int:
         ValueError: `value` is not a number.
     """
     scaled = value * 2.0**fraction_bits + 0.5
-    if scaled != scaled:
+    if math.isnan(scaled):
         raise ValueError("not a number")
     if scaled >= hi + 1:
         return hi

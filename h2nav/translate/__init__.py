@@ -1,1 +1,1 @@
-"""Translation of the filters' step functions from Python to freestanding C99, with proved ranges."""
+"""Translates the filters' step functions to freestanding C99 and proves their integer ranges."""

@@ -105,7 +105,7 @@ def c_number(value: Number) -> str:
 
 def _constants(kernel: Kernel, facts: Facts) -> str:
     """Definitions of the constants in use; tables and scalars keep their order."""
-    lines = []
+    lines: list[str] = []
     for constant in kernel.constants.values():
         if constant.name not in facts.constants:
             continue
@@ -216,7 +216,10 @@ class _FunctionWriter:
     def _declares(self, statement: ast.stmt, name: str) -> bool:
         """True when the statement itself can be the declaration of `name`."""
         match statement:
-            case ast.Assign(targets=[ast.Name(id=target)]) | ast.AnnAssign(target=ast.Name(id=target)):
+            case (
+                ast.Assign(targets=[ast.Name(id=target)])
+                | ast.AnnAssign(target=ast.Name(id=target))
+            ):
                 return target == name
         return False
 
@@ -363,7 +366,7 @@ class _FunctionWriter:
             self._facts.constants.add(name)
             array_type = c_type(self._kind(node)) if not store else INT32
         if isinstance(index, ast.Constant):
-            return _Text(f"{name}[{index.value}]", _ATOM, array_type)
+            return _Text(f"{name}[{index.value!r}]", _ATOM, array_type)
         return _Text(f"{name}[{self._expression(index).text}]", _ATOM, array_type)
 
     def _result(self, node: ast.expr, text: _Text) -> _Text:
@@ -476,8 +479,8 @@ class _FunctionWriter:
         match node:
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return f"!({self._test(operand)})"
-            case ast.BoolOp(op=operator, values=values):
-                word = " && " if isinstance(operator, ast.And) else " || "
+            case ast.BoolOp(op=junction, values=values):
+                word = " && " if isinstance(junction, ast.And) else " || "
                 parts = (self._test(value) for value in values)
                 return word.join(f"({p})" if "&&" in p or "||" in p else p for p in parts)
             case ast.Compare(left=left, ops=operators, comparators=operands):

@@ -4,7 +4,16 @@ import ast
 from collections.abc import Callable
 
 from h2nav.translate import intervals
-from h2nav.translate.facts import FLOAT, Array, Facts, Float, Scalar, State, join_scalars, join_states
+from h2nav.translate.facts import (
+    FLOAT,
+    Array,
+    Facts,
+    Float,
+    Scalar,
+    State,
+    join_scalars,
+    join_states,
+)
 from h2nav.translate.intervals import INT32, INT64, Interval
 from h2nav.translate.source import Kernel, Refused
 
@@ -258,7 +267,10 @@ class Expressions:
                 if isinstance(operator, ast.And) == truth:
                     partly = self.narrow(first, state, truth)
                     return None if partly is None else self.narrow(remaining, partly, truth)
-                short, other = self.narrow(first, state, truth), self.narrow(first, state, not truth)
+                short, other = (
+                    self.narrow(first, state, truth),
+                    self.narrow(first, state, not truth),
+                )
                 late = None if other is None else self.narrow(remaining, other, truth)
                 return join_states(short, late)
             case ast.Compare(left=left, ops=operators, comparators=operands):

@@ -84,9 +84,9 @@ class _Analysis:
             else:
                 arguments[argument.arg] = kind
         _, after = self.run(function, arguments, state)
-        for name, array in arguments.items():
-            if isinstance(array, Array) and after is not None:
-                self._check_declared(function, name, array, after)
+        for name, value in arguments.items():
+            if isinstance(value, Array) and after is not None:
+                self._check_declared(function, name, value, after)
 
     def _declared(self, name: str) -> list[Interval]:
         """The declared ranges of the elements of an array argument."""

@@ -123,9 +123,7 @@ def _definitions(
     raise Refused(path, node, "a constant is assigned to a name")
 
 
-def constant_value(
-    constants: Mapping[str, Constant], path: str, node: ast.expr
-) -> ConstantValue:
+def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr) -> ConstantValue:
     """The value of a constant expression.
 
     Raises:
@@ -151,7 +149,11 @@ def constant_value(
             return _tuple_value(constants, path, left.elts) * int(_number(constants, path, right))
         case ast.BinOp(left=left, op=operator, right=right):
             return _binary(
-                path, node, operator, _number(constants, path, left), _number(constants, path, right)
+                path,
+                node,
+                operator,
+                _number(constants, path, left),
+                _number(constants, path, right),
             )
     raise Refused(path, node, "not a constant expression of numbers and earlier constants")
 

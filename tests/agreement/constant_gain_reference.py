@@ -42,9 +42,7 @@ class ConstantGainReference:
         boosts_s: until when the attitude gain is 2, 4, 8 times as high.
     """
 
-    def __init__(
-        self, gains: ConstantGains, q: Sequence[float], boosts_s: Sequence[float]
-    ) -> None:
+    def __init__(self, gains: ConstantGains, q: Sequence[float], boosts_s: Sequence[float]) -> None:
         self.q = np.array(q) / np.linalg.norm(q)
         self.bias = np.zeros(3)
         self._pending = np.zeros(3)
@@ -61,13 +59,9 @@ class ConstantGainReference:
         """Takes one sample, vectors in units of their norms."""
         turn = (w_b - self.bias) * dt_s + self._pending
         angle = float(np.linalg.norm(turn))
-        half = np.concatenate(
-            [[math.cos(angle / 2)], 0.5 * np.sinc(angle / (2 * np.pi)) * turn]
-        )
+        half = np.concatenate([[math.cos(angle / 2)], 0.5 * np.sinc(angle / (2 * np.pi)) * turn])
         w, x, y, z = half
-        self.q = (
-            np.array([[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]]) @ self.q
-        )
+        self.q = np.array([[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]]) @ self.q
         r = rotation(self.q)
         zeta = np.zeros(3)
         if abs(gravity @ gravity - 1.0) <= FORCE_TOLERANCE:

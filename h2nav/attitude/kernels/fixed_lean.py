@@ -51,10 +51,10 @@ BIAS_BITS = 13  # of the bias below the resolution of the rate
 ZETA_LIMIT = 40960  # 1.25 in Q15
 GAIN_LIMIT = 8400  # two products with ZETA_LIMIT stay below TURN_LIMIT
 TURN_LIMIT = 21000  # three products with R_LIMIT and a remainder fit 32 bits
-MOST_DT_US = 15000  # with RATE_LIMIT 0.26 half radians per step
-CORRECTION_LIMIT = 33000000  # 0.03 half radians
-LEAST_SHIFT = 6
-LEAST_BIAS_SHIFT = 9
+MOST_DT_US = 12500  # with RATE_LIMIT 0.22 half radians per step
+CORRECTION_LIMIT = 65000000  # 0.06 half radians
+LEAST_SHIFT = 5
+LEAST_BIAS_SHIFT = 4
 NORM_Q26 = (1 << 26) - (1 << 15)  # the norm's target lies below one by what rounding may add
 THIRD_Q15 = 10923
 AGREE_FORCE = 14189  # cosine of 30 degrees, Q14
@@ -214,7 +214,7 @@ def weighted(params: list[I32], gain: I32, z: list[I32], e: list[I32]) -> None:
 
 
 def correct_bias(
-    state: list[I32], axis: I32, correction: I32, shift: I32, boost: I32, met: list[I32]
+    state: list[I32], axis: I32, correction: I32, shift: I32, met: list[I32]
 ) -> None:
     """Moves one axis of the bias; what is below its resolution is carried to the next step.
 
@@ -222,7 +222,7 @@ def correct_bias(
     """
     due = correction + state[C_X + axis]
     state[C_X + axis] = due & ((1 << shift) - 1)
-    bias = state[B_X + axis] - ((due >> shift) << (2 * boost))
+    bias = state[B_X + axis] - (due >> shift)
     limited = clamp(bias, -BIAS_LIMIT, BIAS_LIMIT)
     state[B_X + axis] = limited
     met[0] |= bias - limited
@@ -312,10 +312,10 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
     boost = gain_boost(state, params, sample[DT_US])
     # bias, whose gain grows with the square of the boost
     weighted(params, I_XX, zeta, e)
-    shift = params[I_SHIFT]
-    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, boost, met)
-    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, boost, met)
-    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, boost, met)
+    shift = clamp(params[I_SHIFT] - 2 * boost, LEAST_BIAS_SHIFT, 26)
+    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, met)
+    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, met)
+    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, met)
 
     # attitude, from the next step on
     weighted(params, P_XX, zeta, e)

@@ -1,0 +1,49 @@
+"""Builds the optional native batch extension; everything else stands in pyproject.toml.
+
+The C is translated from the Python kernels here, at build time. Without a compiler, or for a
+kernel that does not translate, the installation goes on without the extension.
+"""
+
+import sys
+from pathlib import Path
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError
+
+ROOT = Path(__file__).resolve().parent
+sys.path.insert(0, str(ROOT))
+
+from h2nav.errors import BadInput  # noqa: E402
+from h2nav.translate.batch import BATCH_KERNELS, batch_c  # noqa: E402
+from h2nav.translate.source import Source  # noqa: E402
+
+KERNELS = ROOT / "h2nav" / "attitude" / "kernels"
+
+
+class TranslateAndBuild(build_ext):
+    """Writes the kernels' C into the build folder before compiling it."""
+
+    def build_extension(self, ext: Extension) -> None:
+        """Translates every kernel of the extension, then compiles."""
+        folder = Path(self.build_temp) / "kernels"
+        folder.mkdir(parents=True, exist_ok=True)
+        for kernel in BATCH_KERNELS:
+            paths = [KERNELS / name for name in kernel.modules]
+            sources = [Source(str(path), path.read_text(encoding="utf-8")) for path in paths]
+            target = folder / f"{kernel.name}.c"
+            try:
+                target.write_text(batch_c(kernel, sources), encoding="utf-8")
+            except BadInput as error:
+                raise CompileError(str(error)) from error
+            ext.sources.append(str(target))
+        if self.compiler.compiler_type != "msvc":
+            # fused multiply-add would make the doubles differ from Python's
+            ext.extra_compile_args = ["-std=c99", "-O2", "-ffp-contract=off"]
+        super().build_extension(ext)
+
+
+setup(
+    ext_modules=[Extension("h2nav.attitude._native", ["native/module.c"], optional=True)],
+    cmdclass={"build_ext": TranslateAndBuild},
+)
