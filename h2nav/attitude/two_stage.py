@@ -107,10 +107,10 @@ class TwoStageFilter:
             return None
         if bits & kernel.WRONG:
             self._align_again()
-            return self._estimate(sample, bits, Trust.RESTARTED)
+            return self._estimate(sample, bits, restarted=True)
         if self._start is not None:
             return self._finish_start(sample, bits, self._start, dt_s)
-        return self._estimate(sample, bits, Trust(0))
+        return self._estimate(sample, bits, restarted=False)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Ignored: this filter judges the vehicle's motion by its force alone."""
@@ -180,7 +180,7 @@ class TwoStageFilter:
         self._start = None
         if start.fields:
             self._take_reference(start)
-        return self._estimate(sample, bits, Trust.RESTARTED)
+        return self._estimate(sample, bits, restarted=True)
 
     def _witness(self, sample: ImuSample, start: StartUp, dt_s: float) -> StartUp:
         f, m = sample.f_b, sample.m_b_ut
@@ -265,7 +265,7 @@ class TwoStageFilter:
         if low < norm_ut < high:
             self._set_reference(EarthField(norm_ut, dip_rad, 0.0))
 
-    def _estimate(self, sample: ImuSample, bits: int, trust: Trust) -> AttitudeEstimate:
+    def _estimate(self, sample: ImuSample, bits: int, *, restarted: bool) -> AttitudeEstimate:
         x = self._x
         g = self._g
         q: Quat = (x[0], x[1], x[2], x[3])
@@ -288,19 +288,18 @@ class TwoStageFilter:
             bias_b=bias,
             innovation_n=innovation,
             sigma_tilt_rad=_NAN,
-            trust=trust | self._trust(bits, clipped=sample.clipped),
+            trust=_TRUST[self._trust_index(bits, clipped=sample.clipped) + 32 * restarted],
         )
 
-    def _trust(self, bits: int, *, clipped: bool) -> Trust:
+    def _trust_index(self, bits: int, *, clipped: bool) -> int:
         x = self._x
-        index = (
+        return (
             (1 if bits & kernel.FORCE_USED else 0)
             + (2 if x[kernel.X_T_NO_FIELD] < 1.0 else 0)
             + (4 if x[kernel.X_HEADING] > 0.0 and x[kernel.X_T_NO_FIELD] < REFERENCED_S else 0)
             + (8 if x[kernel.X_CONVERGED] > 0.0 else 0)
             + (16 if clipped or bits & kernel.SATURATED else 0)
         )
-        return _TRUST[index]
 
 
 _STATE_SIZE = 11 + kernel.X_SIZE
@@ -310,6 +309,7 @@ _FLAGS = (
     Trust.YAW_REFERENCED,
     Trust.CONVERGED,
     Trust.SATURATED,
+    Trust.RESTARTED,
 )
 
 
@@ -321,7 +321,7 @@ def _combination(index: int) -> Trust:
     return trust
 
 
-# Combining flags costs a microsecond each; there are only 32 combinations.
+# Combining flags costs a microsecond each; there are only 64 combinations.
 _TRUST = tuple(_combination(index) for index in range(1 << len(_FLAGS)))
 
 

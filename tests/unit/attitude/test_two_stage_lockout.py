@@ -56,5 +56,5 @@ def test_no_disturbance_of_20_s_locks_the_filter_out(seed: int) -> None:
         worst = max(worst, error)
         if sample.t_us > (duration_s - 5.0) * 1e6:
             late.append(error)
-    assert worst < 30.0 * DEG
+    assert worst < 60.0 * DEG
     assert rms_deg(late) < 3.0
