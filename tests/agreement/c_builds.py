@@ -1,0 +1,71 @@
+"""Exported filters compiled for this computer and for others, and run."""
+
+import subprocess
+from pathlib import Path
+
+import needs
+from h2nav.apps import export_c
+from h2nav.cli import main
+
+HERE = Path(__file__).resolve().parent
+MCU = needs.REPOSITORY / "tools" / "mcu"
+STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-std=c99")
+BOARDS = {
+    "cortex-m0": "microbit",
+    "cortex-m3": "mps2-an385",
+    "cortex-m4": "mps2-an386",
+}
+__all__ = ["BOARDS", "STRICT", "build_and_run", "build_bare_metal", "export", "run_board"]
+
+
+def export(folder: Path, gains: str = "mpu9250_100hz") -> Path:
+    """The exported C files of a shipped gain file."""
+    assert main(["export", "c", gains, "-o", str(folder), "--json"]) == 0
+    assert export_c.VECTOR_ROWS > 0
+    return folder
+
+
+def _called(*words: str | Path) -> str:
+    done = subprocess.run(
+        [str(word) for word in words], capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def build_and_run(
+    folder: Path, compiler: str, flags: tuple[str, ...], steps: int, runner: tuple[str, ...] = ()
+) -> list[str]:
+    """Words that the identity program prints when built by `compiler`."""
+    program = folder / f"identity_{compiler}_{'_'.join(flags).replace('-', '')}"
+    _called(
+        needs.need_program(compiler), *STRICT, *flags, f"-DSTEPS={steps}u", f"-I{folder}",
+        f"-I{HERE}", HERE / "identity_main.c", folder / "h2nav_filter.c", "-o", program,
+    )  # fmt: skip
+    return _called(*runner, program).split()
+
+
+def build_bare_metal(folder: Path, core: str, steps: int) -> Path:
+    """The identity program for a Cortex-M."""
+    program = folder / f"identity_{core}.elf"
+    _called(
+        needs.need_program("arm-none-eabi-gcc"), "-std=gnu99", "-O2", "-mthumb", f"-mcpu={core}",
+        "-ffreestanding", "-nostdlib", "-nostartfiles", "-DBARE_METAL", f"-DSTEPS={steps}u",
+        f"-I{folder}", f"-I{HERE}", f"-I{MCU}", f"-T{MCU / 'cortex_m.ld'}", MCU / "startup.c",
+        HERE / "identity_main.c", folder / "h2nav_filter.c", "-lgcc", "-o", program,
+    )  # fmt: skip
+    return program
+
+
+def run_board(program: Path, core: str) -> list[str]:
+    """What a program prints through semihosting on the emulated board of `core`."""
+    done = subprocess.run(
+        [
+            needs.need_program("qemu-system-arm"), "-M", BOARDS[core], "-nographic",
+            "-monitor", "none", "-serial", "none",
+            "-semihosting-config", "enable=on,target=native", "-kernel", str(program),
+        ],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    return (done.stdout + done.stderr).split()

@@ -1,0 +1,30 @@
+/* Runs STEPS samples; prints the memory and a running mix of all results, as hexadecimal words. */
+#include "identity_samples.h"
+#ifdef BARE_METAL
+#include "board.h"
+#else
+#include <stdio.h>
+static void print_hex(uint32_t value)
+{
+    printf("%08x\n", (unsigned)value);
+}
+#endif
+
+int main(void)
+{
+    static h2nav_filter filter;
+    static h2nav_sample sample;
+    uint32_t mix = 0;
+    h2nav_init(&filter);
+    for (uint32_t step = 0; step < STEPS; step++) {
+        next_sample(sample.words, step);
+        const int32_t bits = h2nav_step(&filter, &sample);
+        mix = mix * 16777619u + (uint32_t)filter.words[0] + 3u * (uint32_t)filter.words[1] +
+              5u * (uint32_t)filter.words[2] + 7u * (uint32_t)filter.words[3] + (uint32_t)bits;
+    }
+    print_hex(mix);
+    for (int32_t i = 0; i < 16; i++) {
+        print_hex((uint32_t)filter.words[i]);
+    }
+    return 0;
+}
