@@ -19,7 +19,8 @@ class ImuSample(NamedTuple):
         w_b: angular rate, rad/s, gyro bias still in it.
         f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level.
         m_b_ut: magnetic field, microtesla; None when this sample brings no new field.
-        clipped: a sensor stands at the end of its range, so the sample's values are bounds.
+        clipped: a sensor stands at the end of its range, or is stuck: the values are no measure of
+            the motion, and nothing may be learnt from them.
     """
 
     t_us: int

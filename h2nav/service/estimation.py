@@ -16,6 +16,7 @@ from h2nav.attitude.samples import (
 from h2nav.service.autopilot import Identity
 from h2nav.service.imu_messages import IMU_MESSAGES, ImuChoice, ImuMessage, RawSample, preference
 from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.sensor_watch import SensorWatch
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 
@@ -54,6 +55,7 @@ class Estimation:
         self._newest_us: int | None = None
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
+        self._watch = SensorWatch()
         self.rejected: Counter[str] = Counter()
         self.used = 0
         self.last_used_ns: int | None = None
@@ -76,6 +78,11 @@ class Estimation:
     def imu_message(self) -> ImuMessage | None:
         """The message in use."""
         return self._choice.chosen if self._choice else None
+
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """Lasting objections to the samples, such as a stuck axis."""
+        return (self._watch.complaint,) if self._watch.complaint else ()
 
     @property
     def filter_name(self) -> str:
@@ -134,12 +141,15 @@ class Estimation:
             self._filter.restart()
         self._newest_us = None
         self.has_estimate = False
+        self._watch = SensorWatch()
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         assert self._filter is not None
         self._newest_us = sample.t_us
         self.used += 1
         self.last_used_ns = t_ns
+        if self._watch.suspects(sample):
+            sample = sample._replace(clipped=True)
         estimate = self._filter.update(sample)
         if estimate is not None and not all(map(math.isfinite, estimate.q_nb + estimate.w_b)):
             self.restart()

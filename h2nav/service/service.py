@@ -351,7 +351,7 @@ class Service:
             and not self._autopilot.is_lost(t_ns),
             last_sample_ns=self._estimation.last_used_ns,
             has_estimate=self._estimation.has_estimate,
-            complaint="; ".join(self._units.report.complaints),
+            complaint="; ".join((*self._units.report.complaints, *self._estimation.complaints)),
             rate_hz=self._imu_rate_hz(),
             wanted_rate_hz=self._settings.autopilot.imu_rate_hz,
         )

@@ -55,6 +55,7 @@ class _Stream:
         self.index = 0
         self.count = 0
         self.measured_hz: float | None = None
+        self.is_measured = False  # since it was last asked for
         self.asked_ns: int | None = None
         self.pause_ns = FIRST_PAUSE_NS
         self.refusals = 0
@@ -122,6 +123,7 @@ class StreamRequests:
             seconds = (t_ns - self._window_start_ns) * 1e-9
             for stream in self._streams:
                 stream.measured_hz = stream.count / seconds
+                stream.is_measured = True
             self._window_start_ns = t_ns
         else:
             return
@@ -138,9 +140,9 @@ class StreamRequests:
     def shortfalls(self) -> Iterator[tuple[int, float, float]]:
         """Streams that were asked for, yet arrive too slowly: (message id, achieved, asked) Hz."""
         for stream in self._streams:
-            if stream.asked_ns is None or stream.measured_hz is None or stream.is_enough():
-                continue
-            yield stream.message_id, stream.measured_hz, stream.wish.rate_hz
+            measured_hz = stream.measured_hz if stream.is_measured else None
+            if stream.asked_ns is not None and measured_hz is not None and not stream.is_enough():
+                yield stream.message_id, measured_hz, stream.wish.rate_hz
 
     def next_request(self, t_ns: int, target: tuple[int, int]) -> Any | None:
         """What to send now, at most one message.
@@ -157,9 +159,9 @@ class StreamRequests:
         for stream in self._streams:
             if stream.is_enough() or not stream.is_due(t_ns):
                 continue
-            if stream.measured_hz is None and stream.asked_ns is not None:
+            if stream.asked_ns is not None and not stream.is_measured:
                 continue
-            if stream.measured_hz == 0.0 and stream.asked_ns is not None:
+            if stream.asked_ns is not None and stream.measured_hz == 0.0:
                 stream.refuse()
             return self._ask(t_ns, stream, target)
         return None
@@ -168,7 +170,7 @@ class StreamRequests:
         if stream.asked_ns is not None:
             stream.pause_ns = min(2 * stream.pause_ns, LAST_PAUSE_NS)
         stream.asked_ns = t_ns
-        stream.measured_hz = None
+        stream.is_measured = False
         self._window_start_ns = None
         if self._unanswered >= UNANSWERED_BEFORE_FALLBACK and stream.message_id in DATA_STREAMS:
             return mavlink.MAVLink_request_data_stream_message(

@@ -153,6 +153,23 @@ def test_saturation(name, axis):
     assert math.hypot(last.roll_deg, last.pitch_deg) < 2.0
 
 
+@pytest.mark.parametrize("name", FILTERS)
+def test_stuck_gyro_axis(name):
+    """9: flagged within 1.5 s of motion, nothing is learnt from it, and all is well afterwards."""
+    configuration = filtered(name, "RAW_IMU")
+    faults = ("stuck=gyro-x@9+4",)
+    flight = SimulatedFlight("flight", faults=faults, configuration=configuration).run(30.0)
+    complained_s = next(
+        t_s for t_s, severity, text in flight.seen.notices if "gyro x is stuck" in text
+    )
+    assert complained_s < 9.0 + 1.5
+    assert ("degraded") in [state for _, state in flight.seen.states]
+    assert flight.seen.states[-1][1] == "active"
+    before, after = flight.estimates_between(8.9, 9.0)[-1], flight.estimates_between(12.9, 13.0)[-1]
+    assert abs(after.bias_x_rad_s - before.bias_x_rad_s) < math.radians(1.0)
+    assert all_finite(flight)
+
+
 def test_a_second_autopilot_is_told_and_not_used():
     """16 (in part): bound to the first; the other one's samples are counted and left alone."""
     flight = SimulatedFlight("rest", faults=("second-autopilot@3",)).run(10.0)

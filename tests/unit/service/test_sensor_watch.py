@@ -1,0 +1,43 @@
+import math
+
+from h2nav.attitude.samples import ImuSample
+from h2nav.service.sensor_watch import SensorWatch
+
+
+def samples(seconds, gyro_x=None, moving=True):
+    for i in range(round(seconds * 100)):
+        swing = math.sin(0.05 * i) if moving else 0.0
+        x = swing if gyro_x is None else gyro_x
+        force = (0.5 * swing, 3.0 * swing, -9.8 + 0.1 * swing)
+        yield ImuSample(i * 10_000, (x, 0.3 * swing, -0.2 * swing), force)
+
+
+def first_suspicion(stream):
+    watch = SensorWatch()
+    for sample in stream:
+        if watch.suspects(sample):
+            return sample.t_us, watch.complaint
+    return None
+
+
+def test_a_stuck_axis_is_named_within_a_bit_over_a_second():
+    t_us, complaint = first_suspicion(samples(5.0, gyro_x=0.123))
+    assert 1_000_000 <= t_us <= 1_300_000
+    assert complaint == "gyro x is stuck"
+
+
+def test_a_moving_vehicle_is_not_suspected():
+    assert first_suspicion(samples(20.0)) is None
+
+
+def test_a_vehicle_at_rest_may_repeat_its_integers_for_ever():
+    assert first_suspicion(samples(60.0, gyro_x=0.0, moving=False)) is None
+
+
+def test_a_sensor_that_comes_back_is_trusted_again():
+    watch = SensorWatch()
+    for sample in samples(3.0, gyro_x=0.5):
+        watch.suspects(sample)
+    assert watch.complaint
+    assert not watch.suspects(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7)))
+    assert watch.complaint == ""
