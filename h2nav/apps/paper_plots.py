@@ -29,6 +29,12 @@ SHOWN = (
     ("eh2_paper", "extended H2"),
     ("two_stage", "two-stage"),
 )
+# The stable region is drawn over (across, up) with the third angle 0.
+SECTIONS = (
+    ("heading", "roll", "pitch"),
+    ("heading", "pitch", "roll"),
+    ("roll", "pitch", "heading"),
+)
 DPI = 75
 
 
@@ -102,14 +108,9 @@ def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
 
 def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
     """Three sections through (roll, pitch, heading); red where the error grows."""
-    sections = (
-        ("heading", "roll", "pitch"),
-        ("roll", "pitch", "heading"),
-        ("pitch", "roll", "heading"),
-    )
     order = {"roll": 0, "pitch": 1, "heading": 2}
-    figure, columns = plt.subplots(1, 3, figsize=(12, 4.2))
-    for axes, (across, up, fixed) in zip(columns, sections, strict=True):
+    figure, columns = plt.subplots(1, 3, figsize=(12, 4.4), layout="constrained")
+    for axes, (across, up, fixed) in zip(columns, SECTIONS, strict=True):
         x = np.linspace(*_range(across), 121)
         y = np.linspace(*_range(up), 121)
         angles = np.zeros((x.size * y.size, 3))
@@ -120,11 +121,9 @@ def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
             x, y, np.clip(growth, -0.6, 0.6), cmap="RdYlGn_r", vmin=-0.6, vmax=0.6, rasterized=True
         )
         axes.contour(x, y, growth, levels=[0.0], colors="black", linewidths=1.5)
-        axes.set_xlabel(f"{across} (deg)")
-        axes.set_ylabel(f"{up} (deg)")
-        axes.set_title(f"{fixed} 0")
+        axes.set(xlabel=f"{across} (deg)", ylabel=f"{up} (deg)", title=f"{fixed} 0")
     figure.colorbar(shown, ax=list(columns), label="growth of the error (1/s)")
-    figure.suptitle("The paper's constant gain: stable inside the black line only")
+    figure.suptitle("The paper's constant gain: the error decays only where it is green")
     figure.savefig(path, dpi=DPI)
     plt.close(figure)
 

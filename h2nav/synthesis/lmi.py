@@ -6,6 +6,7 @@ form, in which it tends to the slides' continuous inequality as the step goes to
 
 import time
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import cvxpy
@@ -44,7 +45,8 @@ def solve_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
     """
     scaled, scaling = scale(plant, error_covariance(plant))
     started = time.perf_counter()
-    L, X, status = _solve(scaled, np.eye(plant.A.shape[0]), solver)
+    everything = np.eye(plant.A.shape[0])
+    L, X, status = _solve(scaled, everything, solver, SOLVER_OPTIONS[solver])
     wall_time_s = time.perf_counter() - started
     norm = scaling.z * _claimed_norm(scaled.C_z, X)
     return Candidate(
@@ -53,10 +55,13 @@ def solve_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
 
 
 def solve_raw_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
-    """The slides' programme as it stands, in physical units. Unsafe; for demonstration only."""
+    """The slides' programme in physical units with the solver's own tolerances.
+
+    Unsafe, for demonstration only: the result is far from optimal whatever the solver says.
+    """
     delta = delta_form(plant)
     started = time.perf_counter()
-    L, X, status = _solve(delta, plant.C_z, solver)
+    L, X, status = _solve(delta, plant.C_z, solver, {})
     wall_time_s = time.perf_counter() - started
     gain = L * plant.dt_s if plant.dt_s else L
     return Candidate(
@@ -64,7 +69,9 @@ def solve_raw_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
     )
 
 
-def _solve(plant: DeltaPlant, C_z: Matrix, solver: str) -> tuple[Matrix, Matrix, str]:
+def _solve(
+    plant: DeltaPlant, C_z: Matrix, solver: str, options: Mapping[str, float | int]
+) -> tuple[Matrix, Matrix, str]:
     """Gain, X and the solver's word for one programme."""
     n, p = plant.F.shape[0], plant.C.shape[0]
     X = cp.Variable((n, n), symmetric=True)
@@ -78,7 +85,7 @@ def _solve(plant: DeltaPlant, C_z: Matrix, solver: str) -> tuple[Matrix, Matrix,
         # "may be inaccurate" is what the certificate decides, not the solver.
         warnings.simplefilter("ignore")
         try:
-            problem.solve(solver=solver, **SOLVER_OPTIONS[solver])
+            problem.solve(solver=solver, **options)
         except cp.SolverError as error:
             raise SynthesisError(f"{solver} gave up: {error}") from None
     if X.value is None or W.value is None or not np.all(np.isfinite(X.value)):
