@@ -28,7 +28,7 @@ class TrustLimits(NamedTuple):
         force_gate_m_s2: horizontal force that still counts as gravity; three times the force's
             own jitter (noise, vibration) are added.
         field_gate_share: distance from the reference field that still counts as the earth's, as
-            a share of its norm (0.15 = about 9 deg, or 15 % of norm).
+            a share of its norm (0.1 = about 6 deg, or 10 % of norm).
         norm_share: tolerated relative deviation of a norm.
         dip_tolerance_deg: tolerated deviation of the angle between force and field, when both
             are called as witnesses against the attitude.
@@ -49,7 +49,7 @@ class TrustLimits(NamedTuple):
     """
 
     force_gate_m_s2: float = 0.2
-    field_gate_share: float = 0.15
+    field_gate_share: float = 0.1
     norm_share: float = 0.1
     dip_tolerance_deg: float = 6.0
     still_force_m_s2: float = 0.05
