@@ -1,40 +1,57 @@
 # Everything a user or a developer runs. Each target sets up what it needs in .venv.
 PYTHON ?= python3
+EXTRAS ?= dev
 VENV := .venv
 BIN := $(VENV)/bin
-EXTRAS ?= dev
+comma := ,
+# The installation follows its declaration and what its compiled part is made from.
+SOURCES := pyproject.toml setup.py $(wildcard native/*.c h2nav/attitude/kernels/*.py h2nav/translate/*.py)
+FOR_DEMO := $(VENV)/.installed
+FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: demo test check bench bench-mcu golden clean
+.PHONY: help demo test check install bench bench-mcu golden clean
+# Two targets at once would install into one environment; pytest uses all cores by itself.
+.NOTPARALLEL:
 
-$(VENV)/.run: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable .
-	touch $@
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-$(VENV)/.$(EXTRAS): $(VENV)/.run
-	$(BIN)/pip install --quiet --editable '.[$(EXTRAS)]'
-	touch $@
+demo: $(FOR_DEMO)  ## fake autopilot + daemon + log + error table; needs nothing but Python
+	@$(BIN)/h2nav demo --log-dir logs
 
-demo: $(VENV)/.run  ## fake autopilot + daemon + log + error table
-	$(BIN)/h2nav demo --log-dir logs
+test: $(FOR_TESTS)  ## every test
+	@$(BIN)/pytest -n auto
 
-test: $(VENV)/.$(EXTRAS)  ## every test
-	$(BIN)/pytest -n auto
+check: $(FOR_TESTS)  ## lint, format, types, import rules
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --quiet --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
 
-check: $(VENV)/.$(EXTRAS)  ## lint, format, types, import rules
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+install: $(FOR_TESTS)  ## .venv with the extras of EXTRAS=dev,...
 
-bench: $(VENV)/.$(EXTRAS)  ## speed of parser, filter, live loop, next to their peers
-	for part in wire filter batch recording live; do $(BIN)/python tools/bench_$$part.py || exit 1; done
+bench: $(FOR_TESTS)  ## speed of parser, filter, log, live loop, next to their peers
+	@for part in wire filter batch recording live; do $(BIN)/python tools/bench_$$part.py || exit 1; done
 
-bench-mcu: $(VENV)/.$(EXTRAS)  ## instructions, flash and memory of the exported filter on Cortex-M
-	$(BIN)/python tools/bench_mcu.py
+bench-mcu: $(FOR_TESTS)  ## instructions, flash and memory of the exported filter on Cortex-M
+	@$(BIN)/python tools/bench_mcu.py
 
-golden: $(VENV)/.$(EXTRAS)  ## rewrite the golden outputs; the data diff is the review
-	$(BIN)/pytest tests/replay --update-golden
+golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
+	@$(BIN)/pytest tests/replay --update-golden
 
-clean:
-	rm -rf $(VENV) build *.egg-info
+clean:  ## remove what the other targets made, logs excepted
+	@rm -rf $(VENV) build *.egg-info h2nav/attitude/_native*.so
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "h2nav needs Python 3.11 or newer; make PYTHON=python3.11")'
+	@$(PYTHON) -m venv $(VENV)
+
+$(FOR_DEMO): $(SOURCES) | $(BIN)/python
+	@echo "installing into $(VENV), a minute or two the first time"
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(FOR_TESTS): $(SOURCES) | $(BIN)/python
+	@echo "installing into $(VENV) with $(EXTRAS), a few minutes the first time"
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@touch $@ $(FOR_DEMO)
