@@ -1,23 +1,29 @@
 """Finds an axis that repeats its value while the vehicle moves: a sensor that is stuck.
 
 At rest an integer axis repeats its value rightly (ArduPilot's mrad/s read 0 for minutes), so an
-axis is called stuck only when the other two axes of its sensor vary clearly meanwhile.
+axis is called stuck only when the other two axes of its sensor vary clearly meanwhile; and near
+zero, where truncation makes a dead zone, only when they vary wildly.
 """
 
 from h2nav.attitude.samples import ImuSample, Vec3
 
 STUCK_US = 1_000_000
 # How far the other two axes must have gone meanwhile, both together.
-GYRO_SPAN_RAD_S = 0.1
+GYRO_SPAN_RAD_S = 0.3
 FORCE_SPAN_M_S2 = 1.0
+# Values below this may be the dead zone of truncated integers.
+GYRO_DEAD_ZONE_RAD_S = 0.02
+FORCE_DEAD_ZONE_M_S2 = 0.1
+DEAD_ZONE_FACTOR = 20.0
 _AXES = "xyz"
 
 
 class _Axes:
     """The three axes of one sensor: since when each is unchanged, and what the others did since."""
 
-    def __init__(self, span: float) -> None:
+    def __init__(self, span: float, dead_zone: float) -> None:
         self._span = span
+        self._dead_zone = dead_zone
         self._values: list[float | None] = [None, None, None]
         self._since_us = [0, 0, 0]
         # Per axis: lowest and highest of the other two, since this axis is unchanged.
@@ -38,7 +44,10 @@ class _Axes:
             for i in (0, 1):
                 low[i] = min(low[i], others[i])
                 high[i] = max(high[i], others[i])
-            moved = high[0] - low[0] + high[1] - low[1] > self._span
+            span = self._span
+            if abs(values[axis]) < self._dead_zone:
+                span *= DEAD_ZONE_FACTOR
+            moved = high[0] - low[0] + high[1] - low[1] > span
             if moved and t_us - self._since_us[axis] >= STUCK_US:
                 found = axis
         return found
@@ -48,8 +57,8 @@ class SensorWatch:
     """Watches gyro and accelerometer of one stream of samples."""
 
     def __init__(self) -> None:
-        self._gyro = _Axes(GYRO_SPAN_RAD_S)
-        self._force = _Axes(FORCE_SPAN_M_S2)
+        self._gyro = _Axes(GYRO_SPAN_RAD_S, GYRO_DEAD_ZONE_RAD_S)
+        self._force = _Axes(FORCE_SPAN_M_S2, FORCE_DEAD_ZONE_M_S2)
         self.complaint = ""
 
     def suspects(self, sample: ImuSample) -> bool:

@@ -34,6 +34,10 @@ def test_a_vehicle_at_rest_may_repeat_its_integers_for_ever():
     assert first_suspicion(samples(60.0, gyro_x=0.0, moving=False)) is None
 
 
+def test_truncated_integers_near_zero_are_not_suspected():
+    assert first_suspicion(samples(20.0, gyro_x=0.001)) is None
+
+
 def test_a_sensor_that_comes_back_is_trusted_again():
     watch = SensorWatch()
     for sample in samples(3.0, gyro_x=0.5):
