@@ -4,10 +4,13 @@ import argparse
 import json
 import random
 import sys
-from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from h2nav.errors import BadInput
+
+if TYPE_CHECKING:
+    from h2nav.translate.source import Source
 
 VECTOR_ROWS = 400
 
@@ -34,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     file = gain_files.load(path)
     image = fixed_image(file, str(path))
     facts = firmware.Firmware(__version__, file.name, seal(file), image.params, _parameter_names())
-    samples = test_samples()
+    samples = vector_samples()
     state = [0] * kernel.STATE_SIZE
     kernel.reset(state)
     params = list(image.params)
@@ -51,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def kernel_sources() -> list["Source"]:  # noqa: F821
+def kernel_sources() -> list["Source"]:
     """The modules of the lean kernel as text, imported ones first."""
     from h2nav.attitude import kernels
     from h2nav.translate.source import Source
@@ -61,7 +64,7 @@ def kernel_sources() -> list["Source"]:  # noqa: F821
     return [Source(f"kernels/{name}", (folder / name).read_text("utf-8")) for name in names]
 
 
-def test_samples(rows: int = VECTOR_ROWS, seed: int = 1) -> list[list[int]]:
+def vector_samples(rows: int = VECTOR_ROWS, seed: int = 1) -> list[list[int]]:
     """Samples for a test vector: ordinary motion first, then whatever the formats hold."""
     from h2nav.attitude.kernels import fixed_lean as kernel
 
@@ -121,6 +124,3 @@ def _report(
         return
     for file, size in sizes.items():
         sys.stdout.write(f"{args.output / file}  {size} bytes\n")
-
-
-__all__: Sequence[str] = ("add_arguments", "run")

@@ -162,7 +162,7 @@ def _run_shaped(
             first += 1
             continue
         rows = _ordinary(special, first)
-        _shaped_chunk(native, attitude_filter, state, samples, result, rows)
+        _shaped_chunk(native, attitude_filter, state, samples, result, rows=rows)
         first = rows.stop
 
 
@@ -190,6 +190,7 @@ def _shaped_chunk(
     state: FilterState,
     samples: _Samples,
     result: BatchResult,
+    *,
     rows: slice,
 ) -> None:
     start = _SHAPED_HEAD + shaped.X_SIZE
@@ -238,7 +239,7 @@ def _run_fixed(
             first += 1
             continue
         rows = _ordinary(special, first)
-        _fixed_chunk(native, attitude_filter, samples, result, rows, gaps[rows])
+        _fixed_chunk(native, attitude_filter, samples, result, rows=rows, gaps=gaps[rows])
         first = rows.stop
 
 
@@ -247,6 +248,7 @@ def _fixed_chunk(
     attitude_filter: FixedFilter,
     samples: _Samples,
     result: BatchResult,
+    *,
     rows: slice,
     gaps: npt.NDArray[np.int64],
 ) -> None:

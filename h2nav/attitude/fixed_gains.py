@@ -228,8 +228,8 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
     bias, bias_shift = _mantissas(gains.bias, BIAS_UNIT / 2.0**15, f"{place}: bias gain")
     if not kernel.LEAST_SHIFT <= shift <= 24 or not kernel.LEAST_BIAS_SHIFT <= bias_shift <= 26:
         raise BadInput(
-            f"{place}: gains of {max(gains.attitude):g} rad and {max(gains.bias):g} rad/s per sample "
-            "are outside the fixed-point format; expected a higher sample rate or a smaller bias walk"
+            f"{place}: gains of {max(gains.attitude):g} rad, {max(gains.bias):g} rad/s per sample "
+            "are outside the fixed-point format; expected a higher rate or a smaller bias walk"
         )
     boosts = _boosts(gains)
     params = (
@@ -286,7 +286,7 @@ def _matrix(mantissas: Mantissas, unit: float) -> Matrix:
 
 
 def _boosts(gains: ConstantGains) -> tuple[int, int, int]:
-    """Until when the gain is doubled, in microseconds: a young attitude averages, 1/n per sample."""
+    """Until when the gain is doubled, microseconds: a young attitude averages, 1/n per sample."""
     least = min(slowest_shares(gains))
     whole_s = min(1.0 / (least * gains.rate_hz), LONGEST_BOOST_S)
     once, twice, thrice = (round(1e6 * whole_s / 2.0**power) for power in range(3))

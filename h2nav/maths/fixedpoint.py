@@ -13,7 +13,7 @@ I32: TypeAlias = int
 
 def clamp(x: int, lo: int, hi: int) -> int:
     """`x` moved into [lo, hi]."""
-    return lo if x < lo else (hi if x > hi else x)
+    return lo if x < lo else (min(x, hi))
 
 
 def known(x: int, lo: int, hi: int) -> int:

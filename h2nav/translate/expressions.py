@@ -274,7 +274,7 @@ class Expressions:
                 late = None if other is None else self.narrow(remaining, other, truth)
                 return join_states(short, late)
             case ast.Compare(left=left, ops=operators, comparators=operands):
-                return self._compared(test, left, operators, operands, state, truth)
+                return self._compared(test, left, operators, operands, state, truth=truth)
         raise self.refuse(test, "a test is a comparison, or comparisons joined by and, or, not")
 
     def _compared(
@@ -284,6 +284,7 @@ class Expressions:
         operators: list[ast.cmpop],
         operands: list[ast.expr],
         state: State,
+        *,
         truth: bool,
     ) -> State | None:
         narrowed: State | None = state

@@ -212,9 +212,7 @@ int main(void)
 """
 
 
-def vectors(
-    samples: Sequence[Sequence[int]], bits: Sequence[int], final: Sequence[int]
-) -> str:
+def vectors(samples: Sequence[Sequence[int]], bits: Sequence[int], final: Sequence[int]) -> str:
     """Text of ``h2nav_vectors.h``: samples, the bits of each step, the memory at the end."""
     rows = "\n".join(f"    {{{', '.join(map(_literal, row))}}}," for row in samples)
     flags = ", ".join(map(str, bits))

@@ -325,13 +325,13 @@ class _Frame:
             scalar = self._expressions.scalar(value, state)
             if isinstance(scalar, Float) != isinstance(kind, Float):
                 raise self._refuse(value, f"wrong kind of number for {parameter.arg} of {name}")
-            if isinstance(scalar, Interval) and isinstance(kind, Interval):
-                if not scalar.within(kind):
-                    raise self._refuse(
-                        value,
-                        f"{parameter.arg} of {name} may be {scalar.lo}..{scalar.hi}, "
-                        f"outside its annotation",
-                    )
+            if (
+                isinstance(scalar, Interval)
+                and isinstance(kind, Interval)
+                and not (scalar.within(kind))
+            ):
+                reason = f"{parameter.arg} of {name} may be {scalar.lo}..{scalar.hi}"
+                raise self._refuse(value, f"{reason}, outside its annotation")
             arguments[parameter.arg] = scalar
         result, after = self._analysis.run(function, arguments, state)
         if after is not None:

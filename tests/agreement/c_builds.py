@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import needs
+
 from h2nav.apps import export_c
 from h2nav.cli import main
 

@@ -64,6 +64,7 @@ class ConstantGainReference:
         self.q = np.array([[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]]) @ self.q
         r = rotation(self.q)
         zeta = np.zeros(3)
+        f = np.zeros(3) if field is None else r @ field
         if abs(gravity @ gravity - 1.0) <= FORCE_TOLERANCE:
             zeta += self._weight * np.cross(r @ gravity, [0.0, 0.0, 1.0])
         if field is not None and abs(field @ field - 1.0) <= FIELD_TOLERANCE:

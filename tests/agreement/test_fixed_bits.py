@@ -3,11 +3,11 @@
 import subprocess
 from pathlib import Path
 
-import pytest
-
 import needs
+import pytest
 from agreement import c_builds
 from agreement.identity_samples import samples
+
 from h2nav.attitude.fixed_gains import fixed_image
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.io import gain_files

@@ -105,7 +105,7 @@ def test_solver_is_right_or_refused(solver: str) -> None:
     """Whatever the solver says of itself, what is accepted is within 1e-3 of the optimum."""
     random = np.random.default_rng(2023)
     accepted = 0
-    count = 24 if solver == "CLARABEL" else 6
+    count = 24 if solver == "CLARABEL" else 4
     for number in range(count):
         noise = random_densities(random)
         sensors = vector_sensors(noise)

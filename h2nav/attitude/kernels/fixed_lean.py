@@ -176,8 +176,14 @@ def innovation(
     f_used = f_sane & ~(dip_differs & settled)
     agreement = f_x * params[FIELD_X] + f_z * params[FIELD_Z]
     contradiction = (g_z - AGREE_FORCE) & (agreement - AGREE_FIELD)
-    watch(state, sample, g_sane & f_sane & (contradiction >> 31))
+    contradicted = g_sane & f_sane & (contradiction >> 31)
+    watch(state, sample, contradicted)
 
+    # an attitude that both contradict is not worth correcting, nor may it teach the bias
+    g_used = g_sane & ~contradicted
+    f_used &= ~contradicted
+    g_x &= g_used
+    g_y &= g_used
     f_x &= f_used
     f_y &= f_used
     f_z &= f_used
@@ -188,7 +194,7 @@ def innovation(
     zeta[1] = known((z_y + 4096) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
     # only the field shows the heading, so this one has no weight
     zeta[2] = (4096 - params[FIELD_X] * f_y) >> 13
-    return (g_sane & FORCE_USED) | (f_used & FIELD_USED)
+    return (g_used & FORCE_USED) | (f_used & FIELD_USED)
 
 
 def watch(state: list[I32], sample: list[I32], contradicted: I32) -> None:
@@ -213,9 +219,7 @@ def weighted(params: list[I32], gain: I32, z: list[I32], e: list[I32]) -> None:
     e[2] = (params[gain + 3] * z[0] + params[gain + 4] * z[2] + 16384) >> 15
 
 
-def correct_bias(
-    state: list[I32], axis: I32, correction: I32, shift: I32, met: list[I32]
-) -> None:
+def correct_bias(state: list[I32], axis: I32, correction: I32, shift: I32, met: list[I32]) -> None:
     """Moves one axis of the bias; what is below its resolution is carried to the next step.
 
     Source: docs/fixed-point.md Eq. (6).

@@ -1,0 +1,104 @@
+"""The integer filter against the same equations in floats: what integer arithmetic costs."""
+
+import math
+
+import numpy as np
+import pytest
+from agreement.constant_gain_reference import ConstantGainReference, rotation
+
+from h2nav.attitude.fixed import sample_integers
+from h2nav.attitude.fixed_gains import BIAS_UNIT, LeanImage, constant_gains, lean_image
+from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.attitude.samples import EarthField
+
+FIELD = EarthField(50.0, math.radians(60.0), 0.0)
+DENSITIES = SensorDensities(1e-3, 2e-5, 0.3, 5.0, 9.80665, FIELD)
+
+
+def image_at(rate_hz: int) -> LeanImage:
+    return lean_image(constant_gains(DENSITIES, rate_hz, 1.0), "test")
+
+
+def angle_deg(p: np.ndarray, q: np.ndarray) -> float:
+    q = q * np.sign(p @ q)
+    return math.degrees(4.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(p - q)))))
+
+
+def deviations(rate_hz: int, seconds: float, moving: float, seed: int) -> np.ndarray:
+    """Angle between both filters, deg, at every tenth sample of one flight."""
+    rng = np.random.default_rng(seed)
+    image, dt = image_at(rate_hz), 1.0 / rate_hz
+    h = np.array([math.cos(FIELD.dip_rad), 0.0, math.sin(FIELD.dip_rad)])
+    state, q = [0] * kernel.STATE_SIZE, np.array([1.0, 0.0, 0.0, 0.0])
+    kernel.reset(state)
+    reference, found = None, []
+    for i in range(int(seconds * rate_hz)):
+        t = i * dt
+        w = moving * np.array(
+            [0.8 * math.sin(0.7 * t), 0.6 * math.cos(0.45 * t), 0.5 * math.sin(0.31 * t + 1.0)]
+        )
+        x, y, z = 0.5 * dt * w
+        q = np.array([[1, -x, -y, -z], [x, 1, z, -y], [y, -z, 1, x], [z, y, -x, 1]]) @ q
+        q /= np.linalg.norm(q)
+        r = rotation(q)
+        rate = w + np.array([2e-3, -1e-3, 1.5e-3]) + rng.normal(0.0, 2e-3, 3)
+        gravity = r.T @ [0.0, 0.0, 1.0] + rng.normal(0.0, 0.01, 3)
+        field = r.T @ h + rng.normal(0.0, 0.01, 3) if i % 2 else None
+        dt_us = round(1e6 * dt) if i else 0
+        integers = sample_integers(
+            tuple(rate), tuple(gravity), None if field is None else tuple(field), dt_us
+        )
+        kernel.update(state, list(image.params), integers)
+        if state[kernel.AGE_US] <= 0:
+            start, boosts = state[:4], image.params[-3:]
+            reference = ConstantGainReference(image.rounded, start, [b * 1e-6 for b in boosts])
+        elif reference is not None:
+            reference.update(rate, gravity, field, dt)
+            if i % 10 == 0:
+                words = np.array(state[:4], dtype=float)
+                found.append(angle_deg(words / np.linalg.norm(words), reference.q))
+    assert state[kernel.SATURATIONS] == 0
+    assert np.abs(np.array(state[4:7]) / BIAS_UNIT - reference.bias).max() < 2e-5  # type: ignore[union-attr]
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("rate_hz", "seconds", "limit_deg"), [(100, 240, 4e-3), (400, 40, 8e-3)])
+def test_deviation_stays_within_the_sensors_resolution(
+    rate_hz: int, seconds: float, limit_deg: float
+) -> None:
+    found = deviations(rate_hz, seconds, moving=1.0, seed=1)
+    assert math.sqrt(np.mean(found**2)) < limit_deg
+    half = len(found) // 2
+    # no drift: the second half is no worse than noise allows
+    assert np.mean(found[half:]) < 2.0 * np.mean(found[:half]) + 1e-3
+
+
+def test_a_resting_vehicle_shows_no_limit_cycle() -> None:
+    """Exact, unchanging inputs: the integers settle and then do not move by a visible amount."""
+    image = image_at(100)
+    state = [0] * kernel.STATE_SIZE
+    kernel.reset(state)
+    roll, pitch = 0.3, -0.2
+    gravity = (-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch))
+    sample = sample_integers((1e-3, -2e-3, 5e-4), gravity, None, 10000)
+    downs = []
+    for i in range(60_000):
+        kernel.update(state, list(image.params), sample)
+        if i >= 50_000:
+            words = np.array(state[:4], dtype=float)
+            downs.append(rotation(words / np.linalg.norm(words))[2])
+    # the heading drifts freely; the tilt moves by less than one unit of the vectors
+    assert math.degrees(np.ptp(np.array(downs), axis=0).max()) < 3.5e-3
+    assert abs(state[kernel.B_X] / BIAS_UNIT - 1e-3) < 1e-4
+
+
+def test_small_bias_is_not_lost_in_a_dead_band() -> None:
+    """A bias that tilts by less than one unit of the vectors is still learnt, by the remainder."""
+    image = image_at(400)
+    state = [0] * kernel.STATE_SIZE
+    kernel.reset(state)
+    sample = sample_integers((2e-5, 0.0, 0.0), (0.0, 0.0, 1.0), None, 2500)
+    for _ in range(200_000):
+        kernel.update(state, list(image.params), sample)
+    assert state[kernel.B_X] / BIAS_UNIT == pytest.approx(2e-5, abs=1e-5)

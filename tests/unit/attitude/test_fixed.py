@@ -1,0 +1,243 @@
+"""The integer filter behind the common interface."""
+
+import math
+import random
+
+import pytest
+from needs import DEG
+
+from h2nav.attitude.fixed import FixedFilter, sample_integers
+from h2nav.attitude.fixed_gains import FixedModel, fixed_model
+from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.attitude.kernels import fixed_triad
+from h2nav.attitude.samples import EarthField, ImuSample, Trust
+from h2nav.io import gain_files
+from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
+
+FIELD = EarthField(50.0, 60.0 * DEG, 0.0)
+MODEL = FixedModel("test", 100.0, SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD), 1.0)
+Quat = tuple[float, float, float, float]
+
+
+def still(q_nb: Quat, t_us: int, field: bool = True) -> ImuSample:
+    """A sample of a resting sensor with this attitude (magnetic north)."""
+    up = rotate(conjugate(q_nb), (0.0, 0.0, -9.80665))
+    m_n = (50.0 * math.cos(FIELD.dip_rad), 0.0, 50.0 * math.sin(FIELD.dip_rad))
+    return ImuSample(t_us, (0.0, 0.0, 0.0), up, rotate(conjugate(q_nb), m_n) if field else None)
+
+
+ATTITUDES = [
+    from_euler(roll * DEG, pitch * DEG, yaw * DEG)
+    for roll, pitch, yaw in [
+        (0, 0, 0), (10, 20, 30), (180, 0, 0), (0, 0, 180), (179, 1, -179), (0, 90, 0), (0, -90, 40),
+        (90, 0, 90), (-120, 45, -60), (30, -80, 170),
+    ]
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("q_nb", ATTITUDES)
+def test_the_first_sample_gives_the_attitude(q_nb: Quat) -> None:
+    estimate = FixedFilter(MODEL).update(still(q_nb, 0))
+    assert estimate is not None
+    assert angle(estimate.q_nb, q_nb) < 0.05 * DEG
+    assert Trust.ALIGNED in estimate.trust
+
+
+@pytest.mark.parametrize("q_nb", ATTITUDES)
+def test_it_stays_there(q_nb: Quat) -> None:
+    attitude_filter = FixedFilter(MODEL)
+    for i in range(500):
+        estimate = attitude_filter.update(still(q_nb, 10_000 * i))
+    assert estimate is not None
+    assert angle(estimate.q_nb, q_nb) < 0.02 * DEG
+    assert Trust.FORCE_USED | Trust.FIELD_USED in estimate.trust
+
+
+def test_yaw_plus_90_degrees_from_the_gyro_sends_the_nose_east() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
+    for i in range(1, 101):
+        yaw = 0.9 * DEG * i
+        sample = still(from_euler(0.0, 0.0, yaw), 10_000 * i)
+        estimate = attitude_filter.update(sample._replace(w_b=(0.0, 0.0, 90.0 * DEG)))
+    assert estimate is not None
+    nose = rotate(estimate.q_nb, (1.0, 0.0, 0.0))
+    assert nose == pytest.approx((0.0, 1.0, 0.0), abs=0.1 * DEG)
+
+
+def test_without_a_field_the_nose_is_north_and_the_tilt_is_right() -> None:
+    q_nb = from_euler(20.0 * DEG, -35.0 * DEG, 0.0)
+    estimate = FixedFilter(MODEL).update(still(q_nb, 0, field=False))
+    assert estimate is not None
+    assert angle(estimate.q_nb, q_nb) < 0.05 * DEG
+    assert Trust.YAW_REFERENCED not in estimate.trust
+
+
+def test_nose_straight_down_without_a_field_still_aligns() -> None:
+    q_nb = from_euler(0.0, -90.0 * DEG, 0.0)
+    assert FixedFilter(MODEL).update(still(q_nb, 0, field=False)) is not None
+
+
+def test_declination_turns_the_heading_at_once() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
+    attitude_filter.use_field(FIELD._replace(declination_rad=10.0 * DEG))
+    estimate = attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 10_000))
+    assert estimate is not None
+    assert angle(estimate.q_nb, from_euler(0.0, 0.0, 10.0 * DEG)) < 0.02 * DEG
+
+
+def test_bias_is_learnt() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    bias = (0.5 * DEG, -0.3 * DEG, 0.2 * DEG)
+    for i in range(30_000):
+        estimate = attitude_filter.update(still(ATTITUDES[1], 10_000 * i)._replace(w_b=bias))
+    assert estimate is not None
+    assert estimate.bias_b == pytest.approx(bias, abs=0.02 * DEG)
+    assert estimate.w_b == pytest.approx((0.0, 0.0, 0.0), abs=0.02 * DEG)
+    assert Trust.CONVERGED in estimate.trust
+
+
+def test_split_and_restore_give_identical_estimates() -> None:
+    rng = random.Random(2)
+
+    def shaken(i: int) -> ImuSample:
+        w = (rng.gauss(0, 1), rng.gauss(0, 1), rng.gauss(0, 1))
+        return still(ATTITUDES[2], 10_000 * i, field=i % 3 == 0)._replace(w_b=w)
+
+    samples = [shaken(i) for i in range(600)]
+    whole, first, second = (FixedFilter(MODEL) for _ in range(3))
+    whole.use_field(FIELD._replace(norm_ut=49.0, declination_rad=0.1))
+    first.use_field(FIELD._replace(norm_ut=49.0, declination_rad=0.1))
+    expected = [whole.update(sample) for sample in samples]
+    got = [first.update(sample) for sample in samples[:300]]
+    second.restore(first.state())
+    got += [second.update(sample) for sample in samples[300:]]
+    assert [str(estimate) for estimate in got] == [str(estimate) for estimate in expected]
+
+
+def test_restore_refuses_what_is_not_its_state() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    state = attitude_filter.state()
+    with pytest.raises(ValueError, match="not a state"):
+        attitude_filter.restore(state._replace(filter_name="default"))
+    broken = (*state.values[:4], 1 << 31, *state.values[5:])
+    with pytest.raises(ValueError, match="outside"):
+        attitude_filter.restore(state._replace(values=broken))
+
+
+def test_a_gap_is_bridged_by_the_gyro() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
+    late = ImuSample(500_000, (0.0, 0.0, 60.0 * DEG), (0.0, 0.0, -9.80665))
+    estimate = attitude_filter.update(late)
+    assert estimate is not None
+    assert angle(estimate.q_nb, from_euler(0.0, 0.0, 30.0 * DEG)) < 0.05 * DEG
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_none_leave_the_filter_as_it_is(bad: float) -> None:
+    attitude_filter = FixedFilter(MODEL)
+    sample = still(ATTITUDES[1], 0)
+    assert FixedFilter(MODEL).update(sample._replace(w_b=(bad, 0.0, 0.0))) is None
+    attitude_filter.update(sample)
+    before = attitude_filter.state()
+    estimate = attitude_filter.update(sample._replace(t_us=10_000, f_b=(0.0, bad, 0.0)))
+    assert attitude_filter.state() == before
+    assert estimate is not None
+    assert Trust.SATURATED in estimate.trust
+    assert all(map(math.isfinite, (*estimate.q_nb, *estimate.w_b, *estimate.innovation_n)))
+    field = attitude_filter.update(sample._replace(t_us=20_000, m_b_ut=(bad, 0.0, 0.0)))
+    assert field is not None
+    assert Trust.FIELD_USED not in field.trust
+
+
+def test_absurd_numbers_saturate_and_are_told() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    attitude_filter.update(still(ATTITUDES[0], 0))
+    wild = ImuSample(10_000, (1e30, -1e30, 50.0), (1e20, 0.0, 0.0), (1e20, -1e20, 0.0))
+    estimate = attitude_filter.update(wild)
+    assert estimate is not None
+    assert Trust.SATURATED in estimate.trust
+    assert Trust.FORCE_USED not in estimate.trust
+    assert math.hypot(*estimate.q_nb) == pytest.approx(1.0)
+
+
+def test_a_wrong_attitude_that_both_sensors_contradict_is_found_anew() -> None:
+    """Lock-out: after a second of disagreement the next sample aligns."""
+    attitude_filter = FixedFilter(MODEL)
+    attitude_filter.update(still(from_euler(170.0 * DEG, 0.0, 120.0 * DEG), 0))
+    truth = (1.0, 0.0, 0.0, 0.0)
+    restarted = []
+    for i in range(1, 150):
+        estimate = attitude_filter.update(still(truth, 10_000 * i))
+        assert estimate is not None
+        if Trust.RESTARTED in estimate.trust:
+            restarted.append(i)
+    assert restarted
+    assert 95 < restarted[0] < 110
+    assert angle(estimate.q_nb, truth) < 0.1 * DEG
+
+
+def test_restart_keeps_the_bias() -> None:
+    attitude_filter = FixedFilter(MODEL)
+    for i in range(3000):
+        attitude_filter.update(still(ATTITUDES[0], 10_000 * i)._replace(w_b=(0.01, 0.0, 0.0)))
+    attitude_filter.restart()
+    estimate = attitude_filter.update(still(ATTITUDES[8], 5_000))
+    assert estimate is not None
+    assert estimate.bias_b[0] == pytest.approx(0.01, rel=0.3)
+    assert angle(estimate.q_nb, ATTITUDES[8]) < 0.05 * DEG
+
+
+def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`known` bounds are believed by the translator; here each is checked."""
+
+    def checked(x: int, lo: int, hi: int) -> int:
+        assert lo <= x <= hi, f"{x} outside {lo}..{hi}"
+        return x
+
+    monkeypatch.setattr(kernel, "known", checked)
+    monkeypatch.setattr(fixed_triad, "known", checked)
+    rng = random.Random(5)
+    params = list(FixedFilter(MODEL).params)
+    state = [0] * kernel.STATE_SIZE
+    kernel.reset(state)
+    for i in range(40_000):
+        block = (i // 500) % 4
+        if block == 0:
+            sample = [rng.choice(ends) for ends in kernel.SAMPLE_RANGES]
+        elif block == 1:
+            sample = [rng.randint(lo, hi) for lo, hi in kernel.SAMPLE_RANGES]
+        elif block == 2:  # sane vectors at the edge of the gate, fastest turns
+            rates = [rng.choice([-(1 << 31), (1 << 31) - 1]) for _ in range(3)]
+            sample = [*rates, *_on_sphere(rng, 1.224), *_on_sphere(rng, 1.224), -1, 12500]
+        else:
+            sample = [0, 0, 0, *_on_sphere(rng, 1.0), *_on_sphere(rng, 1.0), -1, 10000]
+            sample[3:9] = sample[3:9] if i % 500 == 0 else [0, 0, 16384, 8192, 0, 14189]
+        kernel.update(state, params, sample)
+        for value, (lo, hi) in zip(state, kernel.STATE_RANGES, strict=True):
+            assert lo <= value <= hi
+
+
+def _on_sphere(rng: random.Random, radius: float) -> list[int]:
+    v = [rng.gauss(0.0, 1.0) for _ in range(3)]
+    scale = radius * 16384.0 / math.hypot(*v)
+    return [int(part * scale) for part in v]
+
+
+@pytest.mark.parametrize("name", sorted(gain_files.shipped()))
+def test_every_shipped_gain_file_has_an_integer_image(name: str) -> None:
+    file = gain_files.load(name)
+    attitude_filter = FixedFilter(fixed_model(file, name))
+    for value, (lo, hi) in zip(attitude_filter.params, kernel.PARAMS_RANGES, strict=True):
+        assert lo <= value <= hi
+
+
+def test_sample_integers_round_half_up_and_saturate() -> None:
+    sample = sample_integers((1.0, 0.0, -1.0), (0.0, 0.0, 1.0), None, 10_000)
+    assert sample[:3] == [1099512, 0, -1099512]
+    assert sample[5] == 16384
+    assert sample[kernel.HAS_FIELD] == 0
+    assert sample_integers((0.0,) * 3, (5.0, -5.0, 0.0), (0.0,) * 3, 0)[3:5] == [32767, -32768]
