@@ -1,0 +1,57 @@
+"""Whole flights of a real autopilot through the service, against the simulator's truth."""
+
+import dataclasses
+
+import pytest
+from needs import shared_data
+from replayed import Replayed
+
+from h2nav.apps.configuration import Configuration, FilterSettings
+from h2nav.service.settings import AidingSettings
+
+NO_GPS = AidingSettings(gps_velocity=False)
+
+
+@pytest.mark.parametrize("aiding", [AidingSettings(), NO_GPS], ids=["gps", "no-gps"])
+@pytest.mark.parametrize("flight", ["calm", "magnet_vibration"])
+def test_the_default_filter_is_as_good_as_promised(flight, aiding):
+    """deg; EKF3 of the autopilot, with GPS: calm .80 (.14), magnet and vibration 3.29 (.36)."""
+    total, tilt = {
+        ("calm", True): (0.6, 0.2),
+        ("calm", False): (1.0, 0.5),
+        ("magnet_vibration", True): (3.3, 0.36),
+        ("magnet_vibration", False): (4.5, 1.0),
+    }[flight, aiding.gps_velocity]
+    path = shared_data(f"flights/{flight}.tlog")
+    errors = Replayed(path, Configuration(aiding=aiding)).errors()
+    assert errors.total <= total
+    assert errors.tilt <= tilt
+
+
+def test_the_two_stage_filter_flies_calmly_too():
+    settings = FilterSettings(name="two_stage")
+    path = shared_data("flights/calm.tlog")
+    errors = Replayed(path, Configuration(filter=settings)).errors()
+    assert errors.tilt <= 2.0
+    assert errors.yaw <= 2.0
+
+
+@pytest.mark.parametrize("name", ["default", "two_stage"])
+def test_a_boot_stream_with_text_in_it(name):
+    """First attitude within 3 s of the first IMU message; no good frame is rejected."""
+    path = shared_data("flights/boot.bytes")
+    replayed = Replayed(path, Configuration(filter=FilterSettings(name=name)))
+    counters = replayed.pipeline.deframer.counters
+    assert counters.bad_crc == counters.unknown_id == counters.bad_length == 0
+    assert counters.frames == 2121
+    first = replayed.estimates[0]
+    assert first.t_us - 12_259_261 < 3_000_000
+    assert replayed.errors().tilt < 0.1
+
+
+def test_raw_imu_serves_as_well_as_highres():
+    raw = dataclasses.replace(Configuration().autopilot, imu_message="RAW_IMU")
+    path = shared_data("flights/calm.tlog")
+    errors = Replayed(path, Configuration(autopilot=raw)).errors()
+    assert errors.tilt <= 0.2
+    assert errors.total <= 0.6

@@ -1,0 +1,59 @@
+"""A recording through the pipeline, in this process, with everything that came out."""
+
+import dataclasses
+from pathlib import Path
+
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.apps.reference import ErrorTable, Reference
+from h2nav.io.deframer import Frame
+from h2nav.io.earth_field import earth_field_at
+from h2nav.io.recordings import open_recording
+from h2nav.service.effects import Severity
+from h2nav.service.records import EstimateRecord
+from h2nav.service.service import Service, Surroundings
+
+
+class Replayed:
+    """Looks on while a recording runs through the service.
+
+    Attributes:
+        pipeline: at the end of the recording.
+        estimates: all of them.
+        notices: what the service said.
+    """
+
+    def __init__(self, path: Path, configuration: Configuration) -> None:
+        recording = open_recording(path)
+        self.reference = Reference()
+        self.message_ids = self.reference.message_ids
+        self.estimates: list[EstimateRecord] = []
+        self.notices: list[tuple[Severity, str]] = []
+        quiet = dataclasses.replace(configuration.autopilot, request_streams=False)
+        configuration = dataclasses.replace(configuration, autopilot=quiet)
+        filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
+        unix_s = recording.unix_start_ns * 1e-9
+        service = Service(
+            configuration.service, Surroundings(filters.filter_for, earth_field_at, unix_s)
+        )
+        outlets = Outlets(lambda t_ns: t_ns, None, None, self)
+        self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
+        for t_ns, data in recording.received():
+            self.pipeline.link(t_ns, True)
+            self.pipeline.tick(t_ns)
+            self.pipeline.received(t_ns, data)
+
+    def errors(self) -> ErrorTable:
+        """Against SIMSTATE, else ATTITUDE."""
+        return self.reference.table()
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        self.reference.frame(t_ns, frame)
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        self.reference.estimate(t_ns, record)
+        self.estimates.append(record)
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        self.notices.append((severity, text))
