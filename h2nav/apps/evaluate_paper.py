@@ -141,25 +141,30 @@ def _evaluate(assumptions: "Assumptions", seeds: int) -> dict[str, dict[str, dic
 
 def _run_task(task: "tuple[Case, Assumptions, range]") -> dict[str, Sums]:
     """Every filter on some seeds of one case."""
-    import numpy as np
-
     from h2nav.apps.paper_trials import errors_deg, make_trials, runners
 
     case, assumptions, seeds = task
     trials = make_trials(case, assumptions, seeds)
-    sums = {}
-    for name, runner in runners().items():
-        errors = errors_deg(trials, runner(trials))
-        late = errors[:, errors.shape[1] // 2 :]
-        sums[name] = Sums(
-            square=np.nansum(errors**2, axis=(0, 1)),
-            square_late=np.nansum(late**2, axis=(0, 1)),
-            samples=int(np.sum(~np.isnan(errors[..., 0]))),
-            samples_late=int(np.sum(~np.isnan(late[..., 0]))),
-            lowest=np.nanmin(errors, axis=1),
-            highest=np.nanmax(errors, axis=1),
-        )
-    return sums
+    return {
+        name: _summed(errors_deg(trials, estimates))
+        for runner in runners(case).values()
+        for name, estimates in runner(trials).items()
+    }
+
+
+def _summed(errors: "Matrix") -> Sums:
+    """(S, M, 3) errors; NaN where a filter had no estimate yet."""
+    import numpy as np
+
+    late = errors[:, errors.shape[1] // 2 :]
+    return Sums(
+        square=np.nansum(errors**2, axis=(0, 1)),
+        square_late=np.nansum(late**2, axis=(0, 1)),
+        samples=int(np.sum(~np.isnan(errors[..., 0]))),
+        samples_late=int(np.sum(~np.isnan(late[..., 0]))),
+        lowest=np.nanmin(errors, axis=1),
+        highest=np.nanmax(errors, axis=1),
+    )
 
 
 def _figures(parts: list[Sums]) -> dict[str, object]:

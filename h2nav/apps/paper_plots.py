@@ -92,9 +92,9 @@ def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
 def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
     t_s = (trials.t_us[trials.scored :] - trials.t_us[trials.scored]) * 1e-6
     figure, rows = plt.subplots(3, 1, figsize=(8, 7), sharex=True)
-    all_runners = runners()
+    all_runners = runners(case)
     for name, label in SHOWN:
-        errors = errors_deg(trials, all_runners[name](trials))[0]
+        errors = errors_deg(trials, all_runners[name](trials)[name])[0]
         for number, axes in enumerate(rows):
             axes.plot(t_s, errors[:, number], linewidth=0.9, label=label)
     for axes, angle in zip(rows, ANGLES, strict=True):

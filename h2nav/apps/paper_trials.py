@@ -126,7 +126,10 @@ class Trials(NamedTuple):
         return self.averaged if self.is_averaged else self.rate
 
 
-Runner = Callable[[Trials], Matrix]
+# Runs one filter: name in the results -> (S, N, 3) roll, pitch, yaw in rad.
+Runner = Callable[[Trials], dict[str, Matrix]]
+# Filters with unit weights forget within a second: they need not run in for longer.
+UNIT_RUN_IN = 20 * RATE_HZ
 
 
 def make_trials(case: Case, assumptions: Assumptions, seeds: range) -> Trials:
@@ -169,17 +172,16 @@ def errors_deg(trials: Trials, estimates: Matrix) -> Matrix:
     return scored
 
 
-def runners() -> dict[str, Runner]:
-    """Every filter that can run here, by its name in the results."""
-    found: dict[str, Runner] = {
-        "eh2_paper": lambda trials: _paper(trials, late=True),
-        "eh2_paper_prompt": lambda trials: _paper(trials, late=False),
-        "ekf_unit": lambda trials: _ekf_unit(trials, late=True),
-        "ekf_unit_prompt": lambda trials: _ekf_unit(trials, late=False),
-        "ekf_tuned": _ekf_tuned,
-        "two_stage": _two_stage,
-        "default": _default,
-    }
+def runners(case: Case) -> dict[str, Runner]:
+    """Every filter that can run here, by its first name in the results.
+
+    The unit-weighted filters always take held gyro samples: a case with averaged samples has their
+    results already.
+    """
+    found: dict[str, Runner] = {}
+    if case.averaged:
+        found |= {"eh2_paper": _paper, "ekf_unit": _ekf_unit}
+    found |= {"ekf_tuned": _ekf_tuned, "two_stage": _two_stage, "default": _default}
     if _is_installed("vqf"):
         found["vqf"] = _vqf
     if _is_installed("imufusion"):
@@ -192,39 +194,37 @@ def paper_gain(vectors: Matrix) -> Matrix:
     return solve_riccati(linearised_plant(vectors, Weights())).L
 
 
-def _paper(trials: Trials, late: bool) -> Matrix:
-    """The paper's filter; `late` compares the estimate after a step with the truth before it."""
+def _paper(trials: Trials) -> dict[str, Matrix]:
+    """The paper's filter, compared after its step (as its loop does) and before it (prompt)."""
     measured = trials.measured
+    late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
+    start = max(trials.scored - UNIT_RUN_IN, 0)
     paper = PaperFilter(paper_gain(trials.vectors), trials.vectors, len(measured))
-    paper.angles = np.tile(trials.truth[0], (len(measured), 1))
-    estimates = np.empty_like(trials.rate)
-    for k in range(estimates.shape[1]):
-        if not late:
-            estimates[:, k] = paper.angles
+    paper.angles = np.tile(trials.truth[start], (len(measured), 1))
+    for k in range(start, late.shape[1]):
+        prompt[:, k] = paper.angles
         paper.step(trials.rate[:, k], measured[:, k], DT_S)
-        if late:
-            estimates[:, k] = paper.angles
-    return estimates
+        late[:, k] = paper.angles
+    return {"eh2_paper": late, "eh2_paper_prompt": prompt}
 
 
-def _ekf_unit(trials: Trials, late: bool) -> Matrix:
-    """The EKF with unit matrices; `late` as for the paper's filter."""
+def _ekf_unit(trials: Trials) -> dict[str, Matrix]:
+    """The EKF with unit matrices, compared as the paper's filter."""
     measured = trials.measured
+    late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
+    start = max(trials.scored - UNIT_RUN_IN, 0)
     ones = np.ones(6)
     ekf = EulerEkf(trials.vectors, ones, ones, ones, len(measured))
-    ekf.angles = np.tile(trials.truth[0], (len(measured), 1))
-    estimates = np.empty_like(trials.rate)
-    for k in range(estimates.shape[1]):
+    ekf.angles = np.tile(trials.truth[start], (len(measured), 1))
+    for k in range(start, late.shape[1]):
         ekf.correct(measured[:, k])
-        if not late:
-            estimates[:, k] = ekf.angles
+        prompt[:, k] = ekf.angles
         ekf.predict(trials.rate[:, k], DT_S)
-        if late:
-            estimates[:, k] = ekf.angles
-    return estimates
+        late[:, k] = ekf.angles
+    return {"ekf_unit": late, "ekf_unit_prompt": prompt}
 
 
-def _ekf_tuned(trials: Trials) -> Matrix:
+def _ekf_tuned(trials: Trials) -> dict[str, Matrix]:
     """The EKF with the sensors' own covariances."""
     noise = densities(trials.assumptions)
     measured = trials.measured
@@ -245,7 +245,7 @@ def _ekf_tuned(trials: Trials) -> Matrix:
             ekf.predict(rate[:, k], DT_S)
         ekf.correct(measured[:, k])
         estimates[:, k] = ekf.angles
-    return estimates
+    return {"ekf_tuned": estimates}
 
 
 def densities(assumptions: Assumptions) -> SensorDensities:
@@ -262,21 +262,21 @@ def densities(assumptions: Assumptions) -> SensorDensities:
     )
 
 
-def _two_stage(trials: Trials) -> Matrix:
+def _two_stage(trials: Trials) -> dict[str, Matrix]:
     from h2nav.attitude.two_stage import TwoStageFilter
 
     gains = design_two_stage(densities(trials.assumptions), RATE_HZ, "paper")
-    return _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))
+    return {"two_stage": _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))}
 
 
-def _default(trials: Trials) -> Matrix:
+def _default(trials: Trials) -> dict[str, Matrix]:
     from h2nav.attitude.shaped import ShapedFilter
     from h2nav.attitude.shaped_gains import shaped_gains
     from h2nav.io import gain_files
 
     name = f"multirotor_{RATE_HZ}hz"
     gains = shaped_gains(gain_files.load(name), name)
-    return _one_by_one(trials, lambda: ShapedFilter(gains))
+    return {"default": _one_by_one(trials, lambda: ShapedFilter(gains))}
 
 
 def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:
@@ -301,7 +301,7 @@ def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:
     return estimates
 
 
-def _vqf(trials: Trials) -> Matrix:
+def _vqf(trials: Trials) -> dict[str, Matrix]:
     vqf = importlib.import_module("vqf")
     estimates = np.empty_like(trials.rate)
     for run in range(len(trials.rate)):
@@ -313,10 +313,10 @@ def _vqf(trials: Trials) -> Matrix:
         )
         attitudes = (frames.attitude_ned_from_enu(tuple(q)) for q in out["quat9D"].tolist())
         estimates[run] = _angles_of(np.array(list(attitudes)))
-    return estimates
+    return {"vqf": estimates}
 
 
-def _imufusion(trials: Trials) -> Matrix:
+def _imufusion(trials: Trials) -> dict[str, Matrix]:
     imufusion = importlib.import_module("imufusion")
     estimates = np.empty_like(trials.rate)
     for run in range(len(trials.rate)):
@@ -335,7 +335,7 @@ def _imufusion(trials: Trials) -> Matrix:
         # Its world is north-west-up whatever is asked for: half a turn about north.
         w, x, y, z = attitudes.T
         estimates[run] = _angles_of(np.stack((-x, w, -z, y), axis=1))
-    return estimates
+    return {"imufusion": estimates}
 
 
 def _angles_of(q_nb: Matrix) -> Matrix:

@@ -80,7 +80,7 @@ def prove(plant: Plant, L: Matrix) -> LoopCertificate:
     X = linalg.inv(P_slack)
     X = (X + X.T) / 2
     Z = plant.C_z @ P_slack @ plant.C_z.T
-    Q = Z + SLACK * np.trace(Z) / Z.shape[0] * np.eye(Z.shape[0])
+    Q = (Z + Z.T) / 2 + SLACK * np.trace(Z) / Z.shape[0] * np.eye(Z.shape[0])
     margin = lmi_margin(plant, L, X, Q)
     if not margin > 0.0:
         raise CertificateError(f"the matrix inequalities do not hold: margin {margin:.3g}")
@@ -177,7 +177,9 @@ def lmi_margin(plant: Plant, L: Matrix, X: Matrix, Q: Matrix) -> float:
 
     Source: docs/derivation.md Eq. (4.17), (4.18).
     """
-    if not (np.all(np.isfinite(X)) and np.all(np.isfinite(Q)) and np.all(np.diag(X) > 0.0)):
+    if not (_is_symmetric(X, plant.A.shape[0]) and _is_symmetric(Q, plant.C_z.shape[0])):
+        return -np.inf
+    if not np.all(np.diag(X) > 0.0):
         return -np.inf
     delta = delta_form(plant)
     gain = delta_gain(plant, L)
@@ -196,6 +198,13 @@ def lmi_margin(plant: Plant, L: Matrix, X: Matrix, Q: Matrix) -> float:
     z = np.sqrt(np.trace(Q)) if np.trace(Q) > 0.0 else 1.0
     output = np.block([[Q / z**2, unit.C_z / z], [unit.C_z.T / z, X * np.outer(size, size)]])
     return float(min(linalg.eigvalsh(dynamics)[0], linalg.eigvalsh(output)[0]))
+
+
+def _is_symmetric(S: Matrix, size: int) -> bool:
+    """Whether S is finite and equal to its transpose; eigenvalue routines look at one half only."""
+    if S.shape != (size, size) or not np.all(np.isfinite(S)):
+        return False
+    return bool(np.array_equal(S, S.T))
 
 
 def _dynamics_block(closed: DeltaPlant, X: Matrix) -> Matrix:

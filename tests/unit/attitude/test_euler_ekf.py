@@ -27,7 +27,7 @@ def test_covariance_settles_at_the_riccati_solution() -> None:
         1,
     )
     measured = directions(np.zeros((1, 3)), VECTORS)
-    for _ in range(6000):
+    for _ in range(3000):
         ekf.predict(np.zeros((1, 3)), DT_S)
         ekf.correct(measured)
     ekf.predict(np.zeros((1, 3)), DT_S)
@@ -62,7 +62,7 @@ def test_gyro_bias_is_learnt() -> None:
         1,
     )
     truth = np.array([[0.2, -0.3, 0.5]])
-    for _ in range(6000):
+    for _ in range(4000):
         ekf.predict(bias, DT_S)
         ekf.correct(directions(truth, VECTORS))
     assert ekf.bias == pytest.approx(bias, abs=0.002 * DEG)
