@@ -15,8 +15,21 @@ from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 
 
+class Tamper:
+    """Puts nothing wrong into a recording; fakes that do are made from it."""
+
+    def changed(self, t_s: float, data: bytes) -> bytes:
+        """What arrives instead of `data`, `t_s` after the start; empty when nothing does."""
+        return data
+
+
 class Replayed:
     """Looks on while a recording runs through the service.
+
+    Args:
+        path: a recording.
+        configuration: of the daemon.
+        tamper: what goes wrong.
 
     Attributes:
         pipeline: at the end of the recording.
@@ -24,7 +37,9 @@ class Replayed:
         notices: what the service said.
     """
 
-    def __init__(self, path: Path, configuration: Configuration) -> None:
+    def __init__(
+        self, path: Path, configuration: Configuration, tamper: Tamper | None = None
+    ) -> None:
         recording = open_recording(path)
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
@@ -39,10 +54,16 @@ class Replayed:
         )
         outlets = Outlets(lambda t_ns: t_ns, None, None, self)
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
-        for t_ns, data in recording.received():
-            self.pipeline.link(t_ns, True)
-            self.pipeline.tick(t_ns)
-            self.pipeline.received(t_ns, data)
+        tamper = tamper or Tamper()
+        start_ns = None
+        for t_ns, original in recording.received():
+            if start_ns is None:
+                start_ns = t_ns
+            data = tamper.changed((t_ns - start_ns) * 1e-9, original)
+            if data:
+                self.pipeline.link(t_ns, True)
+                self.pipeline.tick(t_ns)
+                self.pipeline.received(t_ns, data)
 
     def errors(self) -> ErrorTable:
         """Against SIMSTATE, else ATTITUDE."""

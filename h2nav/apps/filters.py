@@ -68,6 +68,9 @@ class FilterFactory:
         self._settings = settings
         self._names = names
         self._files = files
+        # A file that cannot make a filter is an error now, not at the first heartbeat in flight.
+        for file in files.values():
+            self._filter_from(file)
 
     @classmethod
     def shipped(cls, settings: FilterSettings, imu_rate_hz: float) -> "FilterFactory":
@@ -109,7 +112,9 @@ class FilterFactory:
         """A new filter for this vehicle."""
         wanted = self._settings.vehicle_class
         name = vehicle_class(identity.vehicle_type) if wanted == "auto" else wanted
-        file = self._files[self._names[name]]
+        return self._filter_from(self._files[self._names[name]])
+
+    def _filter_from(self, file: GainFile) -> AttitudeFilter:
         return _MAKERS[self._settings.name, self._settings.arithmetic](file, self._settings)
 
 
