@@ -21,8 +21,10 @@ from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.delivery import Delivery
 from h2nav.sim.faults import parse_fault
+from h2nav.sim.imu_model import MPU_9250, ImuParameters
 from h2nav.sim.personalities import ARDUPILOT, Personality
 from h2nav.sim.scenarios import scenario
+from h2nav.sim.streams import Stream
 
 START_NS = 1_000_000_000_000
 STEP_NS = 1_000_000
@@ -49,6 +51,8 @@ class SimulatedFlight:
         personality: of the autopilot.
         configuration: of the daemon.
         seed: of sensors and line.
+        sensor: the kind of IMU on board.
+        extra_streams: messages of other components that the autopilot forwards.
     """
 
     def __init__(
@@ -59,12 +63,16 @@ class SimulatedFlight:
         personality: Personality = ARDUPILOT,
         configuration: Configuration = SIMULATED,
         seed: int = 1,
+        sensor: ImuParameters = MPU_9250,
+        extra_streams: tuple[Stream, ...] = (),
     ) -> None:
         options = AutopilotOptions(
             scenario(scenario_name),
             personality,
             seed,
             tuple(parse_fault(text) for text in faults),
+            sensor,
+            extra_streams,
         )
         self.autopilot = FakeAutopilot(options)
         self.seen = Seen()

@@ -8,9 +8,11 @@ from typing import Annotated, Any
 from h2nav.errors import BadInput
 from h2nav.io import strict_yaml
 from h2nav.io.link_urls import SerialUrl, parse_link_url
+from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
 from h2nav.service.settings import (
     AidingSettings,
     AutopilotSettings,
+    MotionSettings,
     NorthSettings,
     OutputSettings,
     ServiceSettings,
@@ -21,6 +23,8 @@ from h2nav.validation import OneOf, Within
 IMU_FRAME_BYTES = 74
 ATTITUDE_FRAME_BYTES = 40
 ATTITUDE_QUATERNION_FRAME_BYTES = 44
+ODOMETRY_FRAME_BYTES = 245
+WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600
 BITS_PER_SERIAL_BYTE = 10
 
@@ -89,12 +93,23 @@ class Configuration:
     north: NorthSettings = field(default_factory=NorthSettings)
     aiding: AidingSettings = field(default_factory=AidingSettings)
     filter: FilterSettings = field(default_factory=FilterSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    twist: TwistObserverSettings = field(default_factory=TwistObserverSettings)
+    odometry: OdometrySettings = field(default_factory=OdometrySettings)
     log: LogSettings = field(default_factory=LogSettings)
 
     @property
     def service(self) -> ServiceSettings:
         """The sections that the service reads."""
-        return ServiceSettings(self.autopilot, self.output, self.north, self.aiding)
+        return ServiceSettings(
+            self.autopilot,
+            self.output,
+            self.north,
+            self.aiding,
+            self.motion,
+            self.twist,
+            self.odometry,
+        )
 
     def as_mapping(self) -> dict[str, Any]:
         """Every key with its value, as the file would show it; for the log and for replay."""
@@ -125,7 +140,8 @@ def build(mapping: dict[str, Any], place: str) -> Configuration:
 
 def contradictions(configuration: Configuration) -> list[str]:
     """What is well-formed and yet cannot work, each with key and remedy."""
-    return _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
+    link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
+    return [*link, *_motion_complaints(configuration)]
 
 
 def _link_complaints(url: str) -> list[str]:
@@ -136,6 +152,30 @@ def _link_complaints(url: str) -> list[str]:
     return []
 
 
+def _motion_complaints(configuration: Configuration) -> list[str]:
+    """What the estimators of motion cannot do in the daemon."""
+    complaints = []
+    try:
+        configuration.odometry.chassis()
+    except BadInput as error:
+        complaints += [f"odometry.angle_1_deg: {line}" for line in error.lines]
+    if configuration.twist.velocity != "integrated":
+        complaints.append(
+            "twist.velocity: the daemon has no other source of velocity than the IMU; "
+            "set `integrated` or leave it out"
+        )
+    motion = configuration.motion
+    if (
+        motion.estimator == "twist"
+        and motion.pose_component_id == configuration.output.component_id
+    ):
+        complaints.append(
+            f"motion.pose_component_id: {motion.pose_component_id} is our own component id; "
+            "give that of the camera, or 0 for the first one heard"
+        )
+    return complaints
+
+
 def _bandwidth_complaints(configuration: Configuration) -> list[str]:
     """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
     link = parse_link_url(configuration.link.url)
@@ -144,11 +184,15 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
     baud, capacity = link.baud, link.baud / BITS_PER_SERIAL_BYTE
     asked = configuration.autopilot
     inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + OTHER_TRAFFIC_BYTES_S
-    output = configuration.output
+    output, motion = configuration.output, configuration.motion
+    if motion.estimator == "wheels":
+        inbound += motion.wheel_distance_rate_hz * WHEEL_DISTANCE_FRAME_BYTES
     outbound = (
         output.attitude_rate_hz * ATTITUDE_FRAME_BYTES
         + output.attitude_quaternion_rate_hz * ATTITUDE_QUATERNION_FRAME_BYTES
     )
+    if motion.estimator != "none":
+        outbound += motion.odometry_rate_hz * ODOMETRY_FRAME_BYTES
     complaints = []
     if inbound > capacity:
         best_hz = max(0.0, (capacity - OTHER_TRAFFIC_BYTES_S) / IMU_FRAME_BYTES)

@@ -109,7 +109,7 @@ def _play(
     asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
     service = Service(
         dataclasses.replace(settings, autopilot=asks_nobody),
-        Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s),
+        Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns),
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
     pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)

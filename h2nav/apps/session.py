@@ -46,7 +46,9 @@ class Session:
         self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
         if self.recorder is not None:
             attach_inputs(self.recorder, configuration, filters, unix_s)
-        surroundings = Surroundings(filters.filter_for, earth_field_at, unix_s)
+        surroundings = Surroundings(
+            filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
+        )
         self.service = Service(configuration.service, surroundings)
         self.link = open_link(configuration.link.url)
         outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)

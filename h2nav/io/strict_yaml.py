@@ -100,7 +100,13 @@ def _build(
             values[key] = _build(hint, mapping[key], place, f"{prefix}{key}.", complaints)
         else:
             values[key] = _scalar(hint, mapping[key], f"{place}: {prefix}{key}", complaints)
-    return None if complaints else record_type(**values)
+    if complaints:
+        return None
+    try:
+        return record_type(**values)
+    except BadInput as error:  # a rule that a record checks itself
+        complaints += [f"{place}: {prefix.rstrip('.')}: {line}" for line in error.lines]
+        return None
 
 
 def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:

@@ -43,13 +43,6 @@ class Commands:
     def __init__(self, outputs: Outputs, may_change: bool) -> None:
         self._outputs = outputs
         self._may_change = may_change
-        self._default_hz = {
-            message_id: outputs.rate_hz(message_id)
-            for message_id in (
-                mavlink.MAVLINK_MSG_ID_ATTITUDE,
-                mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
-            )
-        }
         self._known: dict[int, Callable[[Any], Answer]] = {
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
@@ -88,7 +81,7 @@ class Commands:
         if not self._may_change or not interval_us >= OFF_INTERVAL_US:
             return DENIED, []
         if interval_us == DEFAULT_INTERVAL_US:
-            rate_hz = self._default_hz[int(wanted)]
+            rate_hz = self._outputs.default_hz(int(wanted))
         else:
             rate_hz = 0.0 if interval_us < 0.0 else 1e6 / interval_us
         self._outputs.set_rate(int(wanted), rate_hz)

@@ -19,6 +19,7 @@ from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
 from h2nav.service.health import Signs, State
 from h2nav.service.imu_messages import IMU_MESSAGES, preference
+from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.outputs import Outputs
 from h2nav.service.parameters import Parameters
 from h2nav.service.sample_clock import Verdict
@@ -42,11 +43,13 @@ class Surroundings(NamedTuple):
         filter_for: makes the filter of a vehicle.
         field_at: the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds).
         unix_s: today's date, for the field model, until the autopilot tells the time.
+        unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
     """
 
     filter_for: FilterFor
     field_at: EarthFieldAt
     unix_s: float
+    unix_offset_ns: int = 0
 
 
 class Service:
@@ -61,7 +64,7 @@ class Service:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot)
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot.imu_message)
-        self._outputs = Outputs(settings.output)
+        self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         changeable = settings.output.allow_remote_changes
         self._commands = Commands(self._outputs, changeable)
         self._parameters = Parameters(self._outputs, changeable)
@@ -70,6 +73,9 @@ class Service:
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
             self._autopilot,
             self._estimation,
+        )
+        self.motion = motion_for(
+            settings, self._autopilot, self._outputs, self._tell, surroundings.unix_offset_ns
         )
         self.time_sync = TimeSync()
         self._streams: StreamRequests | None = None
@@ -104,7 +110,8 @@ class Service:
     @property
     def message_ids(self) -> frozenset[int]:
         """The messages that the service understands; others need not be decoded."""
-        heard = {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *IMU_MESSAGES, *self._handlers, *self._questions}
+        heard = {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *IMU_MESSAGES, *self._handlers}
+        heard |= {*self._questions, *self.motion.message_ids}
         if self._settings.autopilot.simulation_truth:
             heard.add(mavlink.MAVLINK_MSG_ID_SIMSTATE)  # its rate is measured like any other
         return frozenset(heard)
@@ -137,7 +144,7 @@ class Service:
     @property
     def rejected(self) -> dict[str, int]:
         """Samples and messages that were refused, by reason."""
-        return dict(self._estimation.rejected)
+        return dict(self._estimation.rejected + self.motion.rejected)
 
     # --- events -------------------------------------------------------------------------------
 
@@ -166,13 +173,16 @@ class Service:
         question = self._questions.get(message_id)
         if question is not None:
             return self._on_question(question, fields, sender)
-        if not self._autopilot.owns(*sender):
+        owned = self._autopilot.owns(*sender)
+        if owned and self._streams is not None:
+            self._streams.arrived(message_id)
+        if message_id in self.motion.message_ids:
+            return self.motion.on_message(t_ns, sender, message_id, fields)
+        if not owned:
             if message_id in IMU_MESSAGES:
                 bound = self._autopilot.identity is not None
                 self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
             return []
-        if self._streams is not None:
-            self._streams.arrived(message_id)
         if message_id in IMU_MESSAGES:
             return self._on_imu(t_ns, message_id, fields)
         handler = self._handlers.get(message_id)
@@ -201,6 +211,7 @@ class Service:
             identity = self._autopilot.identity
             assert identity is not None
             self._estimation.begin(identity)
+            self.motion.restart()
             self._streams = StreamRequests(self._wishes(identity.autopilot))
             effects += self._tell(t_ns, Severity.INFO, f"bound to {identity.description}")
         for rival in self._autopilot.rivals - self._rivals:
@@ -220,6 +231,7 @@ class Service:
         # The attitude leaves before anything is written down.
         if estimate is not None:
             effects += [self._send(message) for message in self._outputs.due(estimate)]
+        effects += self.motion.on_sample(t_ns, sample, estimate)
         effects.append(Used(sample, estimate))
         if self._autopilot.on_ground and self._units.add(sample):
             for complaint in self._units.report.complaints:
@@ -230,6 +242,7 @@ class Service:
 
     def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
         self.time_sync.restart()
+        self.motion.restart()
         self._outputs.forget()
         if self._streams is not None:
             self._streams.restart()
@@ -309,7 +322,7 @@ class Service:
     def _report(self, t_ns: int) -> list[Effect]:
         self._next_ns[self._report] = t_ns + SECOND_NS
         effects: list[Effect] = [Record("/health", self.health)]
-        for reason, count in self._estimation.rejected.items():
+        for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
         short = {row[0]: row for row in self._streams.shortfalls()} if self._streams else {}
         for message_id in short.keys() - self._short_streams:
@@ -337,7 +350,7 @@ class Service:
             wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
         if wanted.aiding.autopilot_velocity:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        return tuple(wishes)
+        return (*wishes, *self.motion.wishes)
 
     def _imu_rate_hz(self) -> float | None:
         row = self._estimation.imu_message

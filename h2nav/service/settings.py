@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
 from h2nav.validation import OneOf, Within
 
 RateHz = Annotated[float, Within(0.0, 1000.0)]
@@ -16,6 +17,8 @@ IMU_MESSAGE_CHOICES = (
     "SCALED_IMU2",
     "SCALED_IMU3",
 )
+LEAST_WHEEL_RATE_HZ = 20.0
+POSE_MESSAGE_CHOICES = ("auto", "ODOMETRY", "VISION_POSITION_ESTIMATE", "ATT_POS_MOCAP")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,29 @@ class AidingSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """What is estimated besides the attitude; it goes out as ODOMETRY.
+
+    Attributes:
+        estimator: `none`; `twist` = the twist observer (section `twist`) on the poses of a camera
+            or motion capture; `wheels` = wheel odometry (section `odometry`) on WHEEL_DISTANCE.
+        pose_message: the message that brings poses; `auto` = the first one that is heard.
+        pose_component_id: the component of the vehicle that sends them; 0 = the first one heard.
+        odometry_rate_hz: ODOMETRY; 0 = off.
+    """
+
+    estimator: Annotated[str, OneOf(("none", "twist", "wheels"))] = "none"
+    pose_message: Annotated[str, OneOf(POSE_MESSAGE_CHOICES)] = "auto"
+    pose_component_id: Annotated[int, Within(0, 255)] = 0
+    odometry_rate_hz: RateHz = 20.0
+
+    @property
+    def wheel_distance_rate_hz(self) -> float:
+        """How often WHEEL_DISTANCE is asked for: dead reckoning needs it without ODOMETRY too."""
+        return max(LEAST_WHEEL_RATE_HZ, self.odometry_rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
 class ServiceSettings:
     """All of the service's settings, one field per section of the configuration file."""
 
@@ -97,3 +123,6 @@ class ServiceSettings:
     output: OutputSettings = field(default_factory=OutputSettings)
     north: NorthSettings = field(default_factory=NorthSettings)
     aiding: AidingSettings = field(default_factory=AidingSettings)
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    twist: TwistObserverSettings = field(default_factory=TwistObserverSettings)
+    odometry: OdometrySettings = field(default_factory=OdometrySettings)

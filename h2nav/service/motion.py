@@ -1,0 +1,109 @@
+"""Motion beside the attitude: which estimator runs is the configuration's choice.
+
+Everything about motion is a function of messages and their arrival times; nothing depends on
+timers, so a replay reproduces it.
+"""
+
+from collections import Counter
+from typing import Any, Protocol
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.service.autopilot import Autopilot
+from h2nav.service.effects import Effect
+from h2nav.service.motion_output import OdometryOut, Tell
+from h2nav.service.motion_poses import Sender, Source
+from h2nav.service.motion_twist import TwistMotion
+from h2nav.service.motion_wheels import WheelMotion
+from h2nav.service.outputs import Outputs
+from h2nav.service.settings import ServiceSettings
+from h2nav.service.stream_requests import Wish
+
+
+class MotionEstimation(Protocol):
+    """What the service asks of motion estimation.
+
+    Attributes:
+        message_ids: the messages that it listens to, whoever of the vehicle sends them.
+        wishes: streams that the autopilot has to be asked for.
+    """
+
+    message_ids: frozenset[int]
+    wishes: tuple[Wish, ...]
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Refused measurements by reason."""
+
+    def on_message(self, t_ns: int, sender: Sender, message_id: int, fields: Any) -> list[Effect]:
+        """A message of `message_ids` arrived, from anybody."""
+
+    def on_sample(
+        self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
+    ) -> list[Effect]:
+        """The attitude filter used a sample."""
+
+    def restart(self) -> None:
+        """The autopilot's time begins anew, or it is another vehicle."""
+
+
+class NoMotion:
+    """Nobody wants motion estimated."""
+
+    message_ids: frozenset[int] = frozenset()
+    wishes: tuple[Wish, ...] = ()
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Nothing is."""
+        return Counter()
+
+    def on_message(
+        self, _t_ns: int, _sender: Sender, _message_id: int, _fields: Any
+    ) -> list[Effect]:
+        """Nothing is listened to."""
+        return []
+
+    def on_sample(
+        self, _t_ns: int, _sample: ImuSample, _estimate: AttitudeEstimate | None
+    ) -> list[Effect]:
+        """Nothing happens."""
+        return []
+
+    def restart(self) -> None:
+        """There is nothing to forget."""
+
+
+def motion_for(
+    settings: ServiceSettings,
+    autopilot: Autopilot,
+    outputs: Outputs,
+    tell: Tell,
+    unix_offset_ns: int,
+) -> MotionEstimation:
+    """The estimator that the settings name.
+
+    Args:
+        settings: what the user chose.
+        autopilot: the vehicle whose measurements count.
+        outputs: knows when ODOMETRY is due.
+        tell: tells people.
+        unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
+
+    Raises:
+        BadInput: the layout of the wheels is singular.
+    """
+    motion, own_id = settings.motion, settings.output.component_id
+    if motion.estimator == "twist":
+        source = Source(autopilot, own_id, motion.pose_component_id)
+        out = OdometryOut(autopilot, outputs, "poses", tell)
+        return TwistMotion(settings.twist, motion.pose_message, source, out, unix_offset_ns)
+    if motion.estimator == "wheels":
+        out = OdometryOut(autopilot, outputs, "wheel distances", tell)
+        rate_hz = motion.wheel_distance_rate_hz
+        return WheelMotion(settings.odometry, rate_hz, Source(autopilot, own_id), out)
+    return NoMotion()
+
+
+def odometry_rate_hz(settings: ServiceSettings) -> float | None:
+    """The rate of ODOMETRY; None where motion is not estimated."""
+    return None if settings.motion.estimator == "none" else settings.motion.odometry_rate_hz

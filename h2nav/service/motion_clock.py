@@ -1,0 +1,125 @@
+"""Time stamps of poses on the clock of the IMU samples, from messages and arrival times alone.
+
+TIMESYNC is not used: its requests leave by timers, and a replay would not reproduce them. The
+message that came quickest within some seconds tells a clock's offset to the host as well.
+"""
+
+from enum import Enum
+
+WINDOW_NS = 5_000_000_000
+SAME_CLOCK_US = 2_000_000
+# A pose on this host's UNIX clock arrives so long after its time at most, and hardly before it.
+HOST_LATE_US = 1_000_000
+HOST_EARLY_US = 20_000
+STRAYS = 10
+UINT32 = 1 << 32
+
+
+class LeastDelay:
+    """A remote clock against the host's monotonic one, by the least delayed message of 5 to 10 s.
+
+    The offset includes that least delay.
+    """
+
+    def __init__(self) -> None:
+        self._best_us: int | None = None
+        self._before_us: int | None = None
+        self._until_ns = 0
+
+    def seen(self, t_ns: int, remote_us: int) -> None:
+        """A message of the remote time `remote_us` arrived at host time `t_ns`."""
+        offset_us = remote_us - t_ns // 1000
+        if self._best_us is None or t_ns >= self._until_ns:
+            follows = t_ns < self._until_ns + WINDOW_NS
+            self._before_us = self._best_us if follows else None
+            self._best_us = offset_us
+            self._until_ns = t_ns + WINDOW_NS
+        elif offset_us > self._best_us:
+            self._best_us = offset_us
+
+    @property
+    def offset_us(self) -> int | None:
+        """Remote minus host time; None before the first message."""
+        if self._best_us is None or self._before_us is None:
+            return self._best_us
+        return max(self._best_us, self._before_us)
+
+
+class PoseClockKind(Enum):
+    """Whose clock the time stamps of a source are on."""
+
+    AUTOPILOT = "autopilot"
+    HOST = "host UNIX"
+    OTHER = "own"  # its offset is learnt; the source's own delay is not seen
+
+
+class PoseClock:
+    """Finds out which clock a source uses, and maps its times.
+
+    Args:
+        imu: the IMU's clock against the host's.
+        unix_offset_ns: host UNIX minus host monotonic time.
+
+    Attributes:
+        kind: decided by the first pose; anew after `STRAYS` poses in a row that contradict it.
+    """
+
+    def __init__(self, imu: LeastDelay, unix_offset_ns: int) -> None:
+        self._imu = imu
+        self._unix_offset_us = unix_offset_ns // 1000
+        self._source = LeastDelay()
+        self._strays = 0
+        self.kind: PoseClockKind | None = None
+
+    def imu_time(self, t_ns: int, usec: int) -> int | None:
+        """The time stamp on the IMU's clock; None before the first IMU sample and for a stray.
+
+        Args:
+            t_ns: host time of arrival.
+            usec: the time stamp; 0 = none, then the arrival counts.
+        """
+        imu_offset_us = self._imu.offset_us
+        if imu_offset_us is None:
+            return None
+        now_us = t_ns // 1000 + imu_offset_us
+        if usec == 0:
+            return now_us
+        own_us = _near(usec, now_us)
+        kind = self._kind_of(t_ns, usec, own_us - now_us)
+        if self.kind is not None and (kind is not self.kind or self._jumped(t_ns, usec)):
+            self._strays += 1
+            if self._strays < STRAYS:
+                return None
+            self._source = LeastDelay()
+        self.kind, self._strays = kind, 0
+        if self.kind is PoseClockKind.AUTOPILOT:
+            return own_us
+        if self.kind is PoseClockKind.HOST:
+            return usec - self._unix_offset_us + imu_offset_us
+        self._source.seen(t_ns, usec)
+        offset_us = self._source.offset_us
+        assert offset_us is not None
+        return usec - offset_us + imu_offset_us
+
+    def _kind_of(self, t_ns: int, usec: int, lead_us: int) -> PoseClockKind:
+        """The clock on which this time is a recent one."""
+        if abs(lead_us) < SAME_CLOCK_US:
+            return PoseClockKind.AUTOPILOT
+        age_us = t_ns // 1000 + self._unix_offset_us - usec
+        if -HOST_EARLY_US <= age_us < HOST_LATE_US:
+            return PoseClockKind.HOST
+        return PoseClockKind.OTHER
+
+    def _jumped(self, t_ns: int, usec: int) -> bool:
+        """Whether a source on a clock of its own contradicts what was learnt of that clock."""
+        known_us = self._source.offset_us
+        if self.kind is not PoseClockKind.OTHER or known_us is None:
+            return False
+        return abs(usec - t_ns // 1000 - known_us) > SAME_CLOCK_US
+
+
+def _near(usec: int, now_us: int) -> int:
+    """A time stamp of 32 bits goes on counting where the unwrapped clock has passed its end."""
+    if usec < UINT32 <= now_us:
+        return now_us + (usec - now_us + UINT32 // 2) % UINT32 - UINT32 // 2
+    return usec

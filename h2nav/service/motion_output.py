@@ -1,0 +1,106 @@
+"""How estimates of motion go out as ODOMETRY and into the log, and what people are told of them."""
+
+import math
+from collections.abc import Callable
+
+from h2nav.service.autopilot import Autopilot
+from h2nav.service.effects import Effect, Record, Send, Severity
+from h2nav.service.motion_records import odometry_line
+from h2nav.service.outputs import Motion, Outputs
+
+Tell = Callable[[int, Severity, str], list[Effect]]
+
+# An estimate that rests on a measurement older than this is not sent.
+STALE_S = 2.0
+# So many refused messages in a row are told of, once.
+REFUSED_IN_A_ROW = 10
+
+
+class RefusalStreak:
+    """Tells once when only refused messages come.
+
+    Args:
+        what: is refused, such as ``poses``.
+        tell: tells people.
+    """
+
+    def __init__(self, what: str, tell: Tell) -> None:
+        self._what = what
+        self._tell = tell
+        self._in_a_row = 0
+
+    def good(self) -> None:
+        """A message was used."""
+        self._in_a_row = 0
+
+    def refused(self, t_ns: int, reason: str) -> list[Effect]:
+        """One more was refused."""
+        self._in_a_row += 1
+        if self._in_a_row != REFUSED_IN_A_ROW:
+            return []
+        text = f"{self._what} refused: {reason}"
+        return self._tell(t_ns, Severity.WARNING, text)
+
+
+class OdometryOut:
+    """Sends and logs estimates of motion; notices resets and silence.
+
+    Attributes:
+        refusals: of the measurements.
+
+    Args:
+        autopilot: whose system id we send under.
+        outputs: knows when ODOMETRY is due.
+        source: what the estimates rest on, such as ``poses``.
+        tell: tells people.
+    """
+
+    def __init__(self, autopilot: Autopilot, outputs: Outputs, source: str, tell: Tell) -> None:
+        self._autopilot = autopilot
+        self._outputs = outputs
+        self._source = source
+        self._tell = tell
+        self._reset_counter = 0
+        self._is_fresh = False
+        self.refusals = RefusalStreak(source, tell)
+
+    def put(self, t_ns: int, motion: Motion) -> list[Effect]:
+        """A fresh, finite estimate: sends and logs it where it is due."""
+        effects: list[Effect] = []
+        identity = self._autopilot.identity
+        message = self._outputs.due_odometry(motion)
+        if message is not None and identity is not None:
+            effects.append(Send(message, identity.system_id))
+            line = odometry_line(motion.record, motion.quality)
+            effects.append(Record("/odometry", line, motion.t_us))
+        resets = motion.record.reset_counter
+        if resets != self._reset_counter:
+            self._reset_counter = resets
+            effects += self._tell(t_ns, Severity.NOTICE, f"odometry reset, number {resets}")
+        if not self._is_fresh:
+            self._is_fresh = True
+            effects += self._tell(t_ns, Severity.INFO, f"odometry from {self._source}")
+        return effects
+
+    def silent(self, t_ns: int) -> list[Effect]:
+        """The measurements have stopped: what there is must not go out any more."""
+        self._outputs.forget_odometry()
+        if not self._is_fresh:
+            return []
+        self._is_fresh = False
+        text = f"no {self._source} for {STALE_S:.0f} s: no ODOMETRY"
+        return self._tell(t_ns, Severity.WARNING, text)
+
+
+def is_finite(motion: Motion) -> bool:
+    """Whether every number of an estimate is one."""
+    record = motion.record
+    values = (
+        *record.q,
+        *record.p_m,
+        *record.v_b_m_s,
+        *record.w_b_rad_s,
+        *record.pose_covariance,
+        *record.velocity_covariance,
+    )
+    return all(map(math.isfinite, values))

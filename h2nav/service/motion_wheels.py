@@ -1,0 +1,104 @@
+"""Wheel odometry in the service: WHEEL_DISTANCE in, ODOMETRY out."""
+
+from collections import Counter
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.motion import odometry_records
+from h2nav.motion.samples import WheelSample
+from h2nav.motion.settings import OdometrySettings
+from h2nav.motion.wheel_odometry import WheelEstimate, WheelEvent, WheelOdometry
+from h2nav.service.effects import Effect, Record
+from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
+from h2nav.service.motion_poses import Sender, Source
+from h2nav.service.motion_records import wheels_record
+from h2nav.service.outputs import Motion
+from h2nav.service.stream_requests import Wish
+
+STALE_NS = round(STALE_S * 1e9)
+NO_REFUSAL = frozenset({WheelEvent.USED, WheelEvent.NEW_EPOCH})
+UNKNOWN_QUALITY = 0
+
+
+class WheelMotion:
+    """Feeds the wheel odometry and publishes it while wheel distances come.
+
+    Times are those of the messages, whose clock need not be that of the IMU.
+
+    Args:
+        settings: the wheels.
+        rate_hz: how often to ask for wheel distances.
+        source: whose wheel distances are taken.
+        out: where estimates go.
+
+    Attributes:
+        latest: the newest estimate; None before the first and while readings are missing.
+
+    Raises:
+        BadInput: a singular layout.
+    """
+
+    message_ids: frozenset[int] = frozenset({mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE})
+
+    def __init__(
+        self, settings: OdometrySettings, rate_hz: float, source: Source, out: OdometryOut
+    ) -> None:
+        self.wishes: tuple[Wish, ...] = (Wish(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, rate_hz),)
+        self._wheels = WheelOdometry(settings)
+        self._source = source
+        self._out = out
+        self._refused: Counter[str] = Counter()
+        self._put_ns = 0
+        self.latest: WheelEstimate | None = None
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Refused readings, by reason."""
+        counts = self._wheels.counts.items()
+        return self._refused + Counter({str(key): n for key, n in counts if key not in NO_REFUSAL})
+
+    def on_message(self, t_ns: int, sender: Sender, message_id: int, fields: Any) -> list[Effect]:
+        """See `MotionEstimation`: WHEEL_DISTANCE."""
+        if not self._source.is_of_vehicle(sender):
+            return []
+        if not self._source.may_be(t_ns, sender, message_id):
+            self._refused["wheels_other_source"] += 1
+            return []
+        if self._source.heard(t_ns, sender, message_id):
+            self._wheels.restart()
+        t_us = fields.time_usec or t_ns // 1000
+        counted = self._wheels.counts.copy()
+        estimate = self._wheels.update(WheelSample(t_us, tuple(fields.distance[: fields.count])))
+        event = next(iter(self._wheels.counts - counted))
+        if event not in NO_REFUSAL:
+            return self._out.refusals.refused(t_ns, event)
+        self._out.refusals.good()
+        if estimate is None:
+            return []
+        motion = Motion(
+            odometry_records.of_wheels(estimate),
+            mavlink.MAV_ESTIMATOR_TYPE_UNKNOWN,
+            UNKNOWN_QUALITY,
+        )
+        if not is_finite(motion):
+            self._refused["odometry_not_finite"] += 1
+            return []
+        self.latest, self._put_ns = estimate, t_ns
+        record = Record("/wheels", wheels_record(estimate), estimate.t_us)
+        return [*self._out.put(t_ns, motion), record]
+
+    def on_sample(
+        self, t_ns: int, _sample: ImuSample, _estimate: AttitudeEstimate | None
+    ) -> list[Effect]:
+        """See `MotionEstimation`: samples only show that time passes."""
+        if self.latest is None or t_ns - self._put_ns <= STALE_NS:
+            return []
+        self.latest = None
+        return self._out.silent(t_ns)
+
+    def restart(self) -> None:
+        """See `MotionEstimation`; the pose stays."""
+        self._wheels.restart()
+        self.latest = None
