@@ -71,7 +71,7 @@ def _abscissa(assumptions: Assumptions, angles: Matrix) -> Matrix:
 
 def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
     t_s = (trials.t_us[trials.scored :] - trials.t_us[trials.scored]) * 1e-6
-    figure, rows = plt.subplots(4, 1, figsize=(8, 9), sharex=True)
+    figure, rows = plt.subplots(4, 1, figsize=(8, 9), sharex=True, layout="constrained")
     series = (
         ("true angle (deg)", trials.truth / DEG, ANGLES),
         ("gyro (deg/s)", trials.rate[0] / DEG, AXES),
@@ -83,7 +83,7 @@ def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
             axes.plot(t_s, values[trials.scored :, number], linewidth=0.8, label=name)
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper right", ncols=3, fontsize=8)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
     rows[-1].set_xlabel("time (s)")
     figure.suptitle(f"{_title(case)}: truth and sensor data")
     _save(plt, figure, path)
@@ -91,7 +91,7 @@ def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
 
 def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
     t_s = (trials.t_us[trials.scored :] - trials.t_us[trials.scored]) * 1e-6
-    figure, rows = plt.subplots(3, 1, figsize=(8, 7), sharex=True)
+    figure, rows = plt.subplots(3, 1, figsize=(8, 7), sharex=True, layout="constrained")
     all_runners = runners(case)
     for name, label in SHOWN:
         errors = errors_deg(trials, all_runners[name](trials)[name])[0]
@@ -100,7 +100,7 @@ def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
     for axes, angle in zip(rows, ANGLES, strict=True):
         axes.set_ylabel(f"{angle} error (deg)")
         axes.grid(alpha=0.3)
-    rows[0].legend(loc="upper right", ncols=3, fontsize=8)
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     rows[-1].set_xlabel("time (s)")
     figure.suptitle(f"{_title(case)}: estimation error")
     _save(plt, figure, path)
@@ -124,8 +124,7 @@ def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
         axes.set(xlabel=f"{across} (deg)", ylabel=f"{up} (deg)", title=f"{fixed} 0")
     figure.colorbar(shown, ax=list(columns), label="growth of the error (1/s)")
     figure.suptitle("The paper's constant gain: the error decays only where it is green")
-    figure.savefig(path, dpi=DPI)
-    plt.close(figure)
+    _save(plt, figure, path)
 
 
 def _range(angle: str) -> tuple[float, float]:
@@ -137,8 +136,7 @@ def _title(case: Case) -> str:
 
 
 def _save(plt: Any, figure: Any, path: Path) -> None:
-    figure.tight_layout()
-    figure.savefig(path, dpi=DPI)
+    figure.savefig(path, dpi=DPI, pil_kwargs={"optimize": True})
     plt.close(figure)
 
 
