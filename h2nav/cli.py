@@ -2,32 +2,110 @@
 
 import argparse
 import importlib
+import platform
+import shutil
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeAlias
 
 from h2nav import __version__
 from h2nav.errors import BadInput, TaskFailed
 
-# command words -> (module, one line of help). Each module offers
-# add_arguments(parser) -> None and run(args) -> int.
-COMMANDS: dict[tuple[str, ...], tuple[str, str]] = {
-    ("demo",): ("demo", "fly the fake autopilot and the daemon on loopback, print the errors"),
-    ("run",): ("run", "the daemon: estimate attitude from an autopilot's IMU stream"),
-    ("check-config",): ("check_config", "validate a configuration file"),
-    ("fake-autopilot",): ("fake_autopilot", "a SITL-style autopilot for tests"),
-    ("replay",): ("replay", "run a recording through the same service"),
-    ("synthesize",): ("synthesize", "compute a gain file by H2 synthesis"),
-    ("certify",): ("certify", "check gain files without the solver"),
-    ("evaluate", "paper"): ("evaluate_paper", "the source paper's tables, next to ours"),
-    ("evaluate", "dataset"): ("evaluate_dataset", "accuracy on recordings with truth"),
-    ("evaluate", "observer"): ("evaluate_observer", "convergence of the twist observer"),
-    ("export", "c"): ("export_c", "write the filter as freestanding C99"),
-    ("log", "info"): ("log_info", "what a log holds"),
-    ("log", "recover"): ("log_recover", "repair a log that was cut off"),
-    ("log", "export"): ("log_export", "convert a log's channels to CSV"),
-    ("odometry", "calibrate"): ("odometry_calibrate", "wheel-odometry calibration"),
+SUCCESS, FAILED, BAD_INPUT = 0, 1, 2
+# As a shell reports programs that these signals end: 128 + SIGINT, 128 + SIGPIPE.
+INTERRUPTED, READER_GONE = 130, 141
+
+LISTING_WIDTH = 20
+CLOSING = """\
+`h2nav COMMAND --help` shows a command's options and an example.
+Exit status: 0 success, 1 the thing asked for failed, 2 bad input."""
+
+_Level: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+class Command(NamedTuple):
+    """One command.
+
+    Attributes:
+        module: in `h2nav.apps`; offers add_arguments(parser) -> None and run(args) -> int.
+        summary: one line of help.
+        example: what people type, without the program's name.
+    """
+
+    module: str
+    summary: str
+    example: str
+
+
+# heading -> command words -> command, as `h2nav --help` lists them
+SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
+    "first look": {
+        ("demo",): Command(
+            "demo", "fly the fake autopilot and the daemon on loopback, print the errors", "demo"
+        ),
+    },
+    "in flight": {
+        ("run",): Command(
+            "run",
+            "the daemon: estimate attitude from an autopilot's IMU stream",
+            "run --connect udpin:0.0.0.0:14550 --log-dir logs",
+        ),
+        ("check-config",): Command(
+            "check_config", "validate a configuration file", "check-config /etc/h2nav/config.yaml"
+        ),
+        ("fake-autopilot",): Command(
+            "fake_autopilot",
+            "a SITL-style autopilot for tests",
+            "fake-autopilot --connect udpout:127.0.0.1:14550 --fault reboot@20",
+        ),
+    },
+    "recordings": {
+        ("replay",): Command(
+            "replay", "run a recording through the same service", "replay flight.tlog --json"
+        ),
+        ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
+        ("log", "recover"): Command(
+            "log_recover",
+            "repair a log that was cut off",
+            "log recover flight.mcap.active -o flight.mcap",
+        ),
+        ("log", "export"): Command(
+            "log_export", "convert a log's channels to CSV", "log export flight.mcap -o csv"
+        ),
+    },
+    "gains": {
+        ("synthesize",): Command(
+            "synthesize",
+            "compute a gain file by H2 synthesis",
+            "synthesize model.yaml --rate 200 -o gains.yaml",
+        ),
+        ("certify",): Command(
+            "certify", "check gain files without the solver", "certify gains.yaml"
+        ),
+        ("export", "c"): Command(
+            "export_c",
+            "write the filter as freestanding C99",
+            "export c handheld_100hz -o firmware",
+        ),
+    },
+    "accuracy": {
+        ("evaluate", "paper"): Command(
+            "evaluate_paper", "the source paper's tables, next to ours", "evaluate paper --seeds 20"
+        ),
+        ("evaluate", "dataset"): Command(
+            "evaluate_dataset", "accuracy on recordings with truth", "evaluate dataset trials"
+        ),
+        ("evaluate", "observer"): Command(
+            "evaluate_observer", "convergence of the twist observer", "evaluate observer --json"
+        ),
+        ("odometry", "calibrate"): Command(
+            "odometry_calibrate", "wheel-odometry calibration", "odometry calibrate drive.csv"
+        ),
+    },
 }
-GROUP_HELP = {
+COMMANDS = {words: command for section in SECTIONS.values() for words, command in section.items()}
+GROUPS = {
     "evaluate": "accuracy against truth",
     "export": "the filter in another language",
     "log": "look at, repair, convert logs",
@@ -42,48 +120,91 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after the program's name; the process's own by default.
 
     Returns:
-        0 success, 1 the thing asked for failed, 2 bad input or configuration.
+        0 success, 1 the thing asked for failed, 2 bad input or configuration; 130 interrupted,
+        141 the reader of our output has gone.
     """
-    words = list(sys.argv[1:] if argv is None else argv)
-    args = _parser(words).parse_args(words)
-    module = importlib.import_module(f"h2nav.apps.{COMMANDS[args.command][0]}")
     try:
-        return int(module.run(args))
+        status = _run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
     except BadInput as error:
         for line in error.lines:
             print(f"h2nav: {line}", file=sys.stderr)
-        return 2
+        return BAD_INPUT
     except TaskFailed as error:
         print(f"h2nav: {error}", file=sys.stderr)
-        return 1
+        return FAILED
+    except KeyboardInterrupt:
+        print("h2nav: interrupted", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output (head, less) has gone; nothing is left to say to it.
-        sys.stderr.close()
-        return 1
+        # Head or less has all that it wants.
+        importlib.import_module("h2nav.apps.console").discard(sys.stdout)
+        return READER_GONE
+    return status
+
+
+def _run(words: list[str]) -> int:
+    args = _parser(words).parse_args(words)
+    module = importlib.import_module(f"h2nav.apps.{COMMANDS[args.command].module}")
+    return int(module.run(args))
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser, complete for the command in `words` and by name and help for all others."""
+    """The parser, complete for the command in `words` and by name for all others."""
     parser = argparse.ArgumentParser(
         prog="h2nav", description="Independent attitude and motion estimation over MAVLink."
     )
     parser.add_argument("--version", action=_Version, help="version and backend, then exit")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    groups: dict[str, argparse._SubParsersAction[argparse.ArgumentParser]] = {}
-    for command, (module_name, help_line) in COMMANDS.items():
-        level = commands
-        if len(command) == 2:
-            if command[0] not in groups:
-                group = commands.add_parser(command[0], help=GROUP_HELP[command[0]])
-                groups[command[0]] = group.add_subparsers(metavar="COMMAND", required=True)
-            level = groups[command[0]]
-        sub = level.add_parser(
-            command[-1], help=help_line, description=f"{help_line}.".capitalize()
-        )
-        if tuple(words[: len(command)]) == command:
-            sub.set_defaults(command=command)
+    levels: dict[tuple[str, ...], _Level] = {(): _add_level(parser, "h2nav", _overview())}
+    for group, summary in GROUPS.items():
+        sub = levels[()].add_parser(group, description=_sentence(summary))
+        listed = {line: command for line, command in COMMANDS.items() if line[0] == group}
+        levels[(group,)] = _add_level(sub, f"h2nav {group}", f"commands:\n{_listing(listed)}")
+    for line, (module_name, summary, example) in COMMANDS.items():
+        sub = levels[line[:-1]].add_parser(line[-1], description=_sentence(summary))
+        if tuple(words[: len(line)]) == line:
+            sub.set_defaults(command=line)
             importlib.import_module(f"h2nav.apps.{module_name}").add_arguments(sub)
+            _add_example(sub, example)
     return parser
+
+
+def _add_level(parser: argparse.ArgumentParser, name: str, overview: str) -> _Level:
+    """Makes a parser one of commands, whose help ends with the overview of them."""
+    options = " [--version]" if name == "h2nav" else ""
+    parser.usage = f"{name} [-h]{options} COMMAND ..."
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = overview
+    return parser.add_subparsers(
+        metavar="COMMAND", required=True, prog=name, help=argparse.SUPPRESS
+    )
+
+
+def _add_example(parser: argparse.ArgumentParser, example: str) -> None:
+    """Puts the example in front of what the command itself has to say at the end of its help."""
+    closing = parser.epilog or ""
+    if parser.formatter_class is argparse.HelpFormatter:
+        closing = textwrap.fill(closing, shutil.get_terminal_size().columns - 2)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = f"example:\n  h2nav {example}\n\n{closing}".rstrip()
+
+
+def _overview() -> str:
+    sections = [f"{heading}:\n{_listing(commands)}" for heading, commands in SECTIONS.items()]
+    return "\n\n".join([*sections, CLOSING])
+
+
+def _listing(commands: Mapping[tuple[str, ...], Command]) -> str:
+    lines = [
+        f"  {' '.join(words):{LISTING_WIDTH}}{command.summary}"
+        for words, command in commands.items()
+    ]
+    return "\n".join(lines)
+
+
+def _sentence(text: str) -> str:
+    """With a capital and a full stop; names such as SITL stay as they are."""
+    return f"{text[0].upper()}{text[1:]}."
 
 
 class _Version(argparse.Action):
@@ -93,7 +214,9 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(f"h2nav {__version__}")
+        batch = importlib.import_module("h2nav.attitude.batch")
+        python = platform.python_version()
+        print(f"h2nav {__version__} ({batch.backend()} batch kernels, Python {python})")
         parser.exit()
 
 

@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from importlib import resources
 from pathlib import Path
 
 from h2nav.apps import configuration
@@ -11,12 +12,21 @@ from h2nav.errors import BadInput
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
-    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="the file to check")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("config", type=Path, nargs="?", metavar="CONFIG.yaml", help="file to check")
+    what.add_argument(
+        "--example",
+        choices=sorted(_examples()),
+        help="print this configuration to start from, instead",
+    )
     parser.add_argument("--json", action="store_true", help="ok and errors as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Checks the file; 0 when it is fine, 2 when it is not."""
+    if args.example:
+        print(_examples()[args.example].read_text(encoding="utf-8"), end="")
+        return 0
     errors: tuple[str, ...] = ()
     try:
         configuration.read(args.config)
@@ -29,3 +39,10 @@ def run(args: argparse.Namespace) -> int:
     for line in errors:
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
+
+
+def _examples() -> dict[str, Path]:
+    """Name -> path of the configurations that come with h2nav."""
+    packaged = Path(str(resources.files("h2nav"))) / "configs"
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "configs"
+    return {path.stem: path for path in folder.glob("*.yaml")}

@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from typing import TextIO
+from typing import Any, TextIO
 
 from h2nav.io.deframer import Frame
 from h2nav.service.effects import Severity
@@ -12,28 +12,31 @@ from h2nav.service.records import EstimateRecord, HealthRecord
 REFRESH_NS = 200_000_000
 EVENT_NS = 1_000_000_000
 ERASE_LINE = "\r\x1b[K"
+USUAL_COLUMNS = 80
 
 
 class Console:
     """Looks on at the pipeline and shows what happens.
 
+    Nobody has to be there to read it: a terminal or pipe that goes away costs the output, not the
+    flight.
+
     Args:
         events_as_json: write status events to standard output, one JSON document a line.
-        stream: where people read.
+        stream: where people read; standard error by default.
     """
 
     message_ids: frozenset[int] = frozenset()
 
-    def __init__(self, events_as_json: bool = False, stream: TextIO = sys.stderr) -> None:
-        self._events_as_json = events_as_json
-        self._stream = stream
-        self._is_terminal = stream.isatty()
-        # systemd sets it; its journal takes a priority in front of a line.
-        self._is_journal = "JOURNAL_STREAM" in os.environ
+    def __init__(self, events_as_json: bool = False, stream: TextIO | None = None) -> None:
+        self._events: TextIO | None = sys.stdout if events_as_json else None
+        self._stream: TextIO | None = sys.stderr if stream is None else stream
+        self._is_terminal = self._stream.isatty()
+        self._is_journal = _is_journal(self._stream)
         self._latest: EstimateRecord | None = None
         self._shown_ns = 0
         self._event_ns = 0
-        self._line_is_open = False
+        self._line = ""
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not shown."""
@@ -43,48 +46,86 @@ class Console:
         self._latest = record
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """Shows a line."""
-        if self._events_as_json:
-            event = {"event": "notice", "severity": severity.name.lower(), "text": text}
-            print(json.dumps(event), flush=True)
-        self._close_line()
+        """Shows a line; the live line moves below it."""
+        self._event("notice", {"severity": severity.name.lower(), "text": text})
         prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.name.lower()}: "
-        print(f"{prefix}{text}", file=self._stream, flush=True)
+        above = ERASE_LINE if self._line else ""
+        self._show(f"{above}{prefix}{text}\n{self._line}")
 
     def status(self, t_ns: int, health: HealthRecord) -> None:
         """Refreshes the live line a few times a second; as JSON, writes an event each second."""
-        if self._events_as_json and t_ns - self._event_ns >= EVENT_NS:
+        if self._events is not None and t_ns - self._event_ns >= EVENT_NS:
             self._event_ns = t_ns
-            print(json.dumps({"event": "status", **health._asdict()}), flush=True)
-        if not self._is_terminal or t_ns - self._shown_ns < REFRESH_NS:
-            return
-        self._shown_ns = t_ns
-        self._stream.write(ERASE_LINE + self._status_line(health))
-        self._stream.flush()
-        self._line_is_open = True
+            self._event("status", health._asdict())
+        if self._is_terminal and t_ns - self._shown_ns >= REFRESH_NS:
+            self._shown_ns = t_ns
+            # A line that wraps could not be erased.
+            self._line = self._status_line(health)[: _columns(self._stream) - 1]
+            self._show(ERASE_LINE + self._line)
 
     def closing(self, health: HealthRecord) -> None:
-        """The last event of a run."""
-        self._close_line()
-        if self._events_as_json:
-            print(json.dumps({"event": "stopped", **health._asdict()}), flush=True)
+        """The last event of a run; the last live line stays."""
+        if self._line:
+            self._show("\n")
+            self._line = ""
+        self._event("stopped", health._asdict())
+
+    def _event(self, name: str, values: dict[str, Any]) -> None:
+        if self._events is None:
+            return
+        try:
+            print(json.dumps({"event": name, **values}), file=self._events, flush=True)
+        except OSError:
+            discard(self._events)
+            self._events = None
+
+    def _show(self, text: str) -> None:
+        if self._stream is None:
+            return
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:
+            discard(self._stream)
+            self._stream = None
+            self._is_terminal = False
 
     def _status_line(self, health: HealthRecord) -> str:
         parts = [health.state]
         if health.reason:
             parts.append(f"({health.reason})")
-        if health.imu_message:
-            parts.append(f"{health.imu_message} {health.imu_rate_hz:.0f} Hz")
         latest = self._latest
         if latest is not None:
             parts.append(
                 f"roll {latest.roll_deg:+7.2f}  pitch {latest.pitch_deg:+7.2f}  "
                 f"yaw {latest.yaw_deg:+7.2f} deg"
             )
+        if health.imu_message:
+            parts.append(f"{health.imu_message} {health.imu_rate_hz:.0f} Hz")
         parts.append(f"used {health.samples_used}  refused {health.samples_rejected}")
         return "  ".join(parts)
 
-    def _close_line(self) -> None:
-        if self._line_is_open:
-            self._stream.write("\n")
-            self._line_is_open = False
+
+def discard(stream: TextIO) -> None:
+    """Leads a stream whose reader has gone to nowhere, so that its rest does not fail at exit."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def _columns(stream: TextIO | None) -> int:
+    # 0 where a terminal does not know its size
+    known = 0 if stream is None else os.get_terminal_size(stream.fileno()).columns
+    return known or USUAL_COLUMNS
+
+
+def _is_journal(stream: TextIO) -> bool:
+    """Whether the stream is the one that systemd has connected to its journal.
+
+    The variable alone says little: every program that is started from a service inherits it.
+    """
+    try:
+        status = os.fstat(stream.fileno())
+    except OSError:
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"

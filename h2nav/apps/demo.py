@@ -9,21 +9,26 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from h2nav.apps.configuration import Configuration, LinkSettings, LogSettings
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.apps.session import Session
-from h2nav.errors import TaskFailed
+from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.deframer import Frame
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
 from h2nav.service.settings import AutopilotSettings
+from h2nav.sim.scenarios import SCENARIOS
 
 DEFAULT_SECONDS = 20.0
+LONGEST_SECONDS = 3600.0
 # The demo fails when it does not come near this: something is broken then.
 WORST_TOTAL_DEG = 5.0
+# The fake autopilot ends by itself soon after us, should nobody be left to end it.
+SPARE_S = 10.0
+PATIENCE_S = 5.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,94 +36,153 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seconds", type=float, default=DEFAULT_SECONDS, help="how long to fly (default 20)"
     )
-    parser.add_argument("--log-dir", type=Path, help="folder of the log (default: a new one)")
-    parser.add_argument("--scenario", default="flight", help="what is flown (default: flight)")
+    parser.add_argument(
+        "--log-dir", type=Path, metavar="DIR", help="folder of the log (default: a temporary one)"
+    )
+    parser.add_argument(
+        "--scenario",
+        choices=SCENARIOS,
+        default="flight",
+        metavar="NAME",
+        help=f"what is flown: {', '.join(SCENARIOS)} (default: flight)",
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the simulated sensors")
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Flies the demo; TaskFailed when the daemon did not do its job."""
+    if not 0.0 < args.seconds <= LONGEST_SECONDS:
+        raise BadInput(f"--seconds: expected a number above 0 up to {LONGEST_SECONDS:.0f}")
     folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
     configuration = Configuration(
         link=LinkSettings("udpin:127.0.0.1:0"),
         autopilot=AutopilotSettings(simulation_truth=True),
         log=LogSettings(folder=str(folder)),
     )
-    watcher = _Watcher()
-    with StopSignals().installed() as stop, Session(configuration, Console(), watcher) as session:
+    onlooker = _Onlooker()
+    print(f"flying scenario {args.scenario!r} for {args.seconds:g} s", file=sys.stderr)
+    with StopSignals().installed() as stop, Session(configuration, onlooker) as session:
         session.open()
-        with _fake_autopilot(session.link.local_port, args):
+        with _fake_autopilot(session.link.local_port, args) as onlooker.autopilot:
             session.run(stop, args.seconds)
         health = session.service.health
-    assert session.recorder is not None
-    table = watcher.reference.table()
-    _show(args, health, table, session.recorder.path)
-    if not _is_good(table):
-        raise TaskFailed("demo: the estimate is missing or wrong; the log tells why")
+    if stop.stopped:
+        raise KeyboardInterrupt
+    table = onlooker.reference.table()
+    log = None if session.recorder is None else session.recorder.path
+    complaint = _complaint(health, table)
+    _show(args, health, table, log, ok=not complaint)
+    if complaint:
+        raise TaskFailed(f"demo: {complaint}")
     return 0
 
 
-class _Watcher:
-    """Shows notices like the daemon, and collects the error table."""
+class _Onlooker(Console):
+    """Shows what the daemon shows, collects the error table, and watches the fake autopilot."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
-        self._console = Console()
+        self.autopilot: _FakeAutopilot | None = None
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
 
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        super().estimate(t_ns, record)
         self.reference.estimate(t_ns, record)
-        self._console.estimate(t_ns, record)
 
-    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        self._console.notice(t_ns, severity, text)
+    def status(self, t_ns: int, health: HealthRecord) -> None:
+        super().status(t_ns, health)
+        if self.autopilot is not None:
+            self.autopilot.check()
+
+
+class _FakeAutopilot:
+    """The other side, as a process of its own, as a real autopilot is."""
+
+    def __init__(self, port: int | None, args: argparse.Namespace, said: IO[bytes]) -> None:
+        words = ["--connect", f"udpout:127.0.0.1:{port}", "--seconds", f"{args.seconds + SPARE_S}"]
+        words += ["--scenario", args.scenario, "--seed", str(args.seed)]
+        self._said = said
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "h2nav", "fake-autopilot", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            process_group=0,  # Ctrl-C is for us; we end it
+        )
+
+    def check(self) -> None:
+        """TaskFailed with its last words when it has ended before its time."""
+        status = self._process.poll()
+        if status is not None:
+            self._said.seek(0)
+            words = self._said.read().decode(errors="replace").strip().rpartition("\n")[2]
+            raise TaskFailed(f"demo: the fake autopilot ended with status {status}: {words}")
+
+    def end(self) -> None:
+        """Ends the process, gently first."""
+        self._process.terminate()
+        try:
+            self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
 
 @contextmanager
-def _fake_autopilot(port: int | None, args: argparse.Namespace) -> Iterator[None]:
-    """The other side, as a process of its own, as a real autopilot is."""
-    command = [sys.executable, "-m", "h2nav", "fake-autopilot"]
-    command += ["--connect", f"udpout:127.0.0.1:{port}"]
-    command += ["--scenario", args.scenario, "--seed", str(args.seed)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    try:
-        yield
-    finally:
-        process.terminate()
-        process.wait()
+def _fake_autopilot(port: int | None, args: argparse.Namespace) -> Iterator[_FakeAutopilot]:
+    """A fake autopilot that is gone after the block, whatever happens in it."""
+    with tempfile.TemporaryFile() as said:
+        autopilot = _FakeAutopilot(port, args, said)
+        try:
+            yield autopilot
+        finally:
+            autopilot.end()
 
 
-def _is_good(table: ErrorTable) -> bool:
-    return table.compared > 0 and math.isfinite(table.total) and table.total < WORST_TOTAL_DEG
+def _complaint(health: HealthRecord, table: ErrorTable) -> str:
+    """What went wrong, in one line; empty when all is well."""
+    if table.compared == 0:
+        reason = f" ({health.reason})" if health.reason else ""
+        return (
+            f"no attitude that could be compared with the truth: the service is {health.state}"
+            f"{reason} after {health.samples_used} samples; fly longer with --seconds"
+        )
+    if not math.isfinite(table.total) or table.total >= WORST_TOTAL_DEG:
+        return f"the attitude is off by {table.total:.1f} deg; expected below {WORST_TOTAL_DEG:g}"
+    return ""
 
 
 def _show(
-    args: argparse.Namespace, health: HealthRecord, table: ErrorTable, log: Path | None
+    args: argparse.Namespace, health: HealthRecord, table: ErrorTable, log: Path | None, *, ok: bool
 ) -> None:
     if args.json:
         rms = table.as_mapping()
         result = {
-            "ok": _is_good(table),
+            "ok": ok,
             "imu_messages": health.samples_used,
             "attitudes_sent": health.estimates_sent,
             "rms_deg": {name: rms[name] for name in ("roll", "pitch", "yaw", "tilt", "total")},
-            "log": str(log),
+            "log": None if log is None else str(log),
         }
         print(json.dumps(result))
         return
     print(
-        f"\n{health.samples_used} {health.imu_message} messages in, "
+        f"{health.samples_used} {health.imu_message or 'IMU'} messages in, "
         f"{health.estimates_sent} attitudes out"
     )
-    print(f"RMS error against the simulator's truth ({table.compared} samples), deg")
-    for name, value in table.as_mapping().items():
-        print(f"  {name:5} {value}")
-    print(f"\nlog: {log}")
-    print("next:")
+    if table.compared:
+        print(f"\nRMS error against the simulator's truth ({table.compared} samples), deg")
+        for name in ("roll", "pitch", "yaw", "tilt", "total"):
+            print(f"  {name:5} {getattr(table, name):7.3f}")
+    if log is None:
+        print("\nno log: its folder could not be used")
+        return
+    print(f"\nlog: {log}\n\nnext, try")
     print(f"  h2nav log info {log}")
-    print(f"  h2nav replay {log} --no-log      # the very same estimates again")
-    print("  h2nav run -c configs/ardupilot-udp.yaml   # a real autopilot")
+    print(f"  h2nav replay {log} --no-log     # the very same estimates again")
+    print("  h2nav run --connect udpin:0.0.0.0:14550 --log-dir logs     # a real autopilot")
