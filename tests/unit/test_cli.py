@@ -1,21 +1,66 @@
+"""The command line: help, exit statuses, readers that go away, Ctrl-C."""
+
+import importlib
+import os
+import socket
+import subprocess
+import sys
+
 import pytest
+from daemon_process import H2NAV, WAIT_S, daemon
 
 from h2nav import __version__
-from h2nav.cli import COMMANDS, main
+from h2nav.cli import COMMANDS, GROUPS, main
+
+
+def said(capsys, *words):
+    """What a command that ends at once with 0 prints."""
+    with pytest.raises(SystemExit) as caught:
+        main(list(words))
+    assert caught.value.code == 0
+    return capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_every_command_has_help(command, capsys):
-    with pytest.raises(SystemExit) as caught:
-        main([*command, "--help"])
-    assert caught.value.code == 0
-    assert "usage: h2nav " + " ".join(command) in capsys.readouterr().out
+def test_every_command_has_help_with_its_example(command, capsys):
+    text = said(capsys, *command, "--help")
+    assert "usage: h2nav " + " ".join(command) in text
+    assert f"example:\n  h2nav {' '.join(command)}" in text
 
 
-def test_version_is_told(capsys):
-    with pytest.raises(SystemExit):
-        main(["--version"])
-    assert __version__ in capsys.readouterr().out
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_the_example_is_understood(command, capsys):
+    """It parses; what it names need not exist."""
+    example = COMMANDS[command].example.split()
+    module = importlib.import_module(f"h2nav.apps.{COMMANDS[command].module}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "run", lambda args: 0)
+        assert main(example) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_the_overview_names_every_command_in_one_line(capsys):
+    lines = said(capsys, "--help").splitlines()
+    for command, (_, summary, _) in COMMANDS.items():
+        assert any(line.split() == [*command, *summary.split()] for line in lines)
+    assert max(map(len, lines)) <= 96
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_group_lists_its_commands(group, capsys):
+    text = said(capsys, group, "--help")
+    for command in COMMANDS:
+        assert (" ".join(command) in text) == (command[0] == group)
+
+
+def test_names_keep_their_capitals(capsys):
+    assert "A SITL-style autopilot for tests." in said(capsys, "fake-autopilot", "--help")
+    assert "C99." in said(capsys, "export", "c", "--help")
+
+
+def test_version_names_the_backend(capsys, monkeypatch):
+    monkeypatch.setenv("H2NAV_NATIVE", "forbid")
+    assert f"h2nav {__version__} (python batch kernels" in said(capsys, "--version")
 
 
 @pytest.mark.parametrize("words", [[], ["fly"], ["log"], ["evaluate", "nothing"]])
@@ -29,3 +74,53 @@ def test_wrong_words_end_with_2(words, capsys):
 def test_bad_input_is_one_line_and_2(tmp_path, capsys):
     assert main(["check-config", str(tmp_path / "none.yaml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_shipped_configurations_can_be_printed_and_are_fine(tmp_path, capsys):
+    for name in ("ardupilot-serial", "ardupilot-udp", "px4-serial", "px4-udp", "sitl"):
+        assert main(["check-config", "--example", name]) == 0
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(capsys.readouterr().out)
+        assert main(["check-config", str(path)]) == 0
+        assert capsys.readouterr().out == f"{path}: fine\n"
+
+
+def test_a_reader_that_has_gone_is_no_traceback(tmp_path):
+    """As in `h2nav check-config --example sitl | head -0`."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [*H2NAV, "check-config", "--example", "sitl"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, check=False)
+    os.close(writer)
+    assert done.stderr == b""
+    assert done.returncode == 141
+
+
+def test_the_daemon_flies_on_without_readers():
+    """Both its outputs are pipes that nobody reads any more; TERM still ends it with 0."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.bind(("127.0.0.1", 0))
+        autopilot.settimeout(WAIT_S)
+        with daemon("--connect", f"udpout:127.0.0.1:{autopilot.getsockname()[1]}") as running:
+            running.wait_for(lambda event: event["event"] == "status")
+            running.process.stdout.close()
+            running.process.stderr.close()
+            running.process.stdout = running.process.stderr = None
+            for _ in range(4):  # heartbeats, one a second like the events that cannot be written
+                autopilot.recv(512)
+            assert running.stop() == 0
+
+
+def test_ctrl_c_is_one_line_and_130(tmp_path):
+    """Python turns SIGINT into KeyboardInterrupt where a command does not handle it."""
+    script = tmp_path / "interrupted.py"
+    script.write_text(
+        "import os, signal, sys\n"
+        "from h2nav import cli\n"
+        "from h2nav.apps import check_config\n"
+        "check_config.run = lambda args: os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.exit(cli.main(['check-config', 'x']))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.stderr == "h2nav: interrupted\n"
+    assert done.returncode == 130
