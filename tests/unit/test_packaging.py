@@ -1,0 +1,133 @@
+"""What an installation holds: built from the source archive, and run away from the checkout."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+from needs import REPOSITORY, shared_data
+
+from h2nav import __version__
+
+IGNORED = shutil.ignore_patterns(
+    ".git", ".venv", ".*_cache", ".hypothesis", "build", "logs", "*.egg-info", "__pycache__",
+    "*.so", "*.mcap*",
+)  # fmt: skip
+
+
+def build(kind: str, source: Path, target: Path) -> Path:
+    """What `pip` calls, without the network: the file that is built."""
+    code = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(target)],
+        cwd=source,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (path,) = target.iterdir()
+    return path
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sdist")
+    shutil.copytree(REPOSITORY, folder / "tree", ignore=IGNORED)
+    (folder / "out").mkdir()
+    return build("sdist", folder / "tree", folder / "out")
+
+
+@pytest.fixture(scope="module")
+def wheel(archive, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    with tarfile.open(archive) as stream:
+        stream.extractall(folder, filter="data")
+    (folder / "out").mkdir()
+    return build("wheel", folder / f"h2nav-{__version__}", folder / "out")
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """Runs the command line of the wheel's content."""
+    folder = tmp_path_factory.mktemp("installed")
+    with zipfile.ZipFile(wheel) as stream:
+        stream.extractall(folder)
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+
+    def run(*words):
+        return subprocess.run(
+            [sys.executable, *words],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    assert Path(run("-c", "import h2nav; print(h2nav.__file__)").strip()).is_relative_to(folder)
+    return lambda *words: run("-m", "h2nav", *words)
+
+
+def repository_files(*patterns):
+    return {
+        str(path.relative_to(REPOSITORY))
+        for pattern in patterns
+        for path in REPOSITORY.glob(pattern)
+    }
+
+
+def test_the_archive_is_enough_to_build_and_test(archive):
+    with tarfile.open(archive) as stream:
+        held = {name.partition("/")[2] for name in stream.getnames()}
+    assert held >= repository_files(
+        "h2nav/**/*.py", "gains/**/*.yaml", "configs/*.yaml", "native/*.c", "tests/**/*.py",
+        "docs/**/*.md", "packaging/**/*.service", "Makefile", "setup.py", "LICENSE",
+    )  # fmt: skip
+
+
+def test_the_wheel_holds_every_module_and_the_data(wheel):
+    with zipfile.ZipFile(wheel) as stream:
+        held = set(stream.namelist())
+    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*.yaml")}
+    modules = repository_files("h2nav/**/*.py")
+    assert held >= modules | data
+    assert {name for name in held if name.endswith((".py", ".yaml"))} == modules | data
+
+
+def test_the_compiled_kernels_are_in_the_wheel(wheel):
+    """Where there is a compiler; an installation without one is tried with CC=/bin/false below."""
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        pytest.skip("no C compiler")
+    with zipfile.ZipFile(wheel) as stream:
+        assert any("_native" in name for name in stream.namelist())
+
+
+def test_without_a_compiler_the_wheel_is_built_all_the_same(archive, tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "/bin/false")
+    with tarfile.open(archive) as stream:
+        stream.extractall(tmp_path, filter="data")
+    (tmp_path / "out").mkdir()
+    wheel = build("wheel", tmp_path / f"h2nav-{__version__}", tmp_path / "out")
+    with zipfile.ZipFile(wheel) as stream:
+        held = stream.namelist()
+    assert "h2nav/attitude/batch.py" in held
+    assert not any("_native" in name for name in held)
+
+
+def test_the_installation_finds_its_gains_and_examples(installed):
+    assert f"h2nav {__version__}" in installed("--version")
+    assert installed("check-config", "--example", "sitl").startswith("#")
+    assert json.loads(installed("certify", "mpu9250_100hz", "--json"))
+
+
+def test_the_installation_replays_a_recording(installed):
+    log = shared_data("flights/takeoff_40s.tlog")
+    result = json.loads(installed("replay", str(log), "--no-log", "--json"))
+    assert result["imu_samples"] > 1000
+    assert result["rms_deg"]["tilt"] < 1.0
