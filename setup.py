@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 
 from h2nav.errors import BadInput  # noqa: E402
-from h2nav.translate.batch import BATCH_KERNELS, batch_c  # noqa: E402
+from h2nav.translate.batch import BATCH_KERNELS, batch_c, digest, module_names  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402
 
 KERNELS = ROOT / "h2nav" / "attitude" / "kernels"
@@ -37,6 +37,8 @@ class TranslateAndBuild(build_ext):
             except BadInput as error:
                 raise CompileError(str(error)) from error
             ext.sources.append(str(target))
+        texts = [(KERNELS / name).read_text(encoding="utf-8") for name in module_names()]
+        ext.define_macros.append(("KERNEL_DIGEST", f'"{digest(texts)}"'))
         if self.compiler.compiler_type != "msvc":
             # fused multiply-add would make the doubles differ from Python's
             ext.extra_compile_args = ["-std=c99", "-O2", "-ffp-contract=off"]

@@ -5,6 +5,7 @@
  *   gains    buffer
  *   samples  rows of `columns` numbers
  *   results  writable buffer, one row of 8 numbers per sample
+ * kernel_digest tells which version of the Python kernels the C was translated from.
  * Numbers are C doubles or 32-bit integers, as the kernel's name says.
  */
 #define PY_SSIZE_T_CLEAN
@@ -93,5 +94,10 @@ static struct PyModuleDef definition = {
 
 PyMODINIT_FUNC PyInit__native(void)
 {
-    return PyModule_Create(&definition);
+    PyObject *module = PyModule_Create(&definition);
+    if (module != NULL && PyModule_AddStringConstant(module, "kernel_digest", KERNEL_DIGEST) != 0) {
+        Py_DECREF(module);
+        return NULL;
+    }
+    return module;
 }

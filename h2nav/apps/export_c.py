@@ -88,7 +88,7 @@ def _parameter_names() -> list[str]:
     """Names of the kernel's parameters, in their order."""
     from h2nav.attitude.kernels import fixed_lean as kernel
 
-    first, last = "FIELD_X", "BOOST_3_US"
+    first, last = "FIELD_X", "BOOST_SHIFT"
     names = list(vars(kernel))
     return names[names.index(first) : names.index(last) + 1]
 

@@ -4,9 +4,11 @@ The environment variable H2NAV_NATIVE says ``require`` (an error without the com
 ``forbid`` (Python even where they exist).
 """
 
+import functools
 import importlib
 import math
 import os
+from importlib import resources
 from types import ModuleType
 from typing import NamedTuple
 
@@ -27,6 +29,7 @@ from h2nav.attitude.shaped import (
 )
 from h2nav.errors import BadInput
 from h2nav.maths.quaternion import multiply
+from h2nav.translate.batch import digest, module_names
 
 Floats = npt.NDArray[np.float64]
 SWITCH = "H2NAV_NATIVE"
@@ -59,14 +62,25 @@ def native_kernels() -> ModuleType | None:
         raise BadInput(f"{SWITCH}: expected require or forbid, found {wish!r}; or leave it unset")
     if wish == "forbid":
         return None
+    native = _current_build()
+    if native is None and wish == "require":
+        raise BadInput(
+            f"{SWITCH}: the compiled kernels are absent or older than the Python ones; "
+            "install h2nav again with a C compiler"
+        )
+    return native
+
+
+@functools.cache
+def _current_build() -> ModuleType | None:
+    """The compiled kernels, if they were made from the kernels that Python runs."""
     try:
-        return importlib.import_module("h2nav.attitude._native")
+        native = importlib.import_module("h2nav.attitude._native")
     except ImportError:
-        if wish == "require":
-            raise BadInput(
-                f"{SWITCH}: the compiled kernels are absent; install h2nav with a C compiler"
-            ) from None
         return None
+    folder = resources.files("h2nav.attitude.kernels")
+    texts = [folder.joinpath(name).read_text("utf-8") for name in module_names()]
+    return native if native.kernel_digest == digest(texts) else None
 
 
 def backend() -> str:

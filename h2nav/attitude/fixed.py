@@ -159,7 +159,10 @@ class FixedFilter:
 
     def _trust(self, bits: int, clipped: bool) -> Trust:
         trust = Trust.ALIGNED
-        if self._state[kernel.AGE_US] > self._params[kernel.BOOST_1_US]:
+        if (
+            self._state[kernel.AGE_US]
+            >= self._params[kernel.BOOST] << self._params[kernel.BOOST_SHIFT]
+        ):
             trust |= Trust.CONVERGED
         if bits & kernel.FORCE_USED:
             trust |= Trust.FORCE_USED

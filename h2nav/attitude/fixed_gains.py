@@ -35,7 +35,6 @@ BIAS_UNIT = 2.0**53 / 2.0e6  # units of the integer bias per rad/s
 FORCE_TOLERANCE = 0.2  # of the squared norm
 FIELD_TOLERANCE = 0.2
 DIP_TOLERANCE = 0.17  # of the vertical component over the norm: 10 deg
-LONGEST_BOOST_S = 500.0
 _PASSES = 1_000_000
 
 
@@ -231,7 +230,6 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
             f"{place}: gains of {max(gains.attitude):g} rad, {max(gains.bias):g} rad/s per sample "
             "are outside the fixed-point format; expected a higher rate or a smaller bias walk"
         )
-    boosts = _boosts(gains)
     params = (
         _q14(cosine),
         _q14(sine),
@@ -244,7 +242,8 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
         round(FORCE_TOLERANCE * 2**26),
         round(FIELD_TOLERANCE * 2**26),
         round(DIP_TOLERANCE * 2**14),
-        *boosts,
+        min(3, shift - kernel.LEAST_SHIFT, (bias_shift - kernel.LEAST_BIAS_SHIFT) // 2),
+        _boost_shift(gains),
     )
     for value, (lo, hi) in zip(params, kernel.PARAMS_RANGES, strict=True):
         assert lo <= value <= hi
@@ -285,12 +284,10 @@ def _matrix(mantissas: Mantissas, unit: float) -> Matrix:
     return xx * unit, xz * unit, yy * unit, zx * unit, zz * unit
 
 
-def _boosts(gains: ConstantGains) -> tuple[int, int, int]:
-    """Until when the gain is doubled, microseconds: a young attitude averages, 1/n per sample."""
-    least = min(slowest_shares(gains))
-    whole_s = min(1.0 / (least * gains.rate_hz), LONGEST_BOOST_S)
-    once, twice, thrice = (round(1e6 * whole_s / 2.0**power) for power in range(3))
-    return once, twice, thrice
+def _boost_shift(gains: ConstantGains) -> int:
+    """Power of two, microseconds, of a third of the time for which a young attitude averages."""
+    third_us = 1e6 / (3.0 * min(slowest_shares(gains)) * gains.rate_hz)
+    return min(round(math.log2(third_us)), 28)
 
 
 def spectral_radius(gains: ConstantGains) -> float:

@@ -17,7 +17,16 @@ from h2nav.translate.facts import (
 from h2nav.translate.intervals import INT32, INT64, Interval
 from h2nav.translate.source import Kernel, Refused
 
-FLOAT_FUNCTIONS = {"sqrt": 1, "sin": 1, "cos": 1, "fabs": 1, "atan2": 2, "asin": 1, "exp": 1}
+FLOAT_FUNCTIONS = {
+    "sqrt": 1,
+    "sin": 1,
+    "cos": 1,
+    "tan": 1,
+    "fabs": 1,
+    "atan2": 2,
+    "asin": 1,
+    "exp": 1,
+}
 _INTEGER_OPERATIONS: dict[type[ast.operator], Callable[[Interval, Interval], Interval]] = {
     ast.Add: intervals.add,
     ast.Sub: intervals.subtract,

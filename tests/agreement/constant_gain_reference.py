@@ -39,15 +39,15 @@ class ConstantGainReference:
     Args:
         gains: the gains; those of the integer image compare the arithmetic alone.
         q: first attitude, body to magnetic NED.
-        boosts_s: until when the attitude gain is 2, 4, 8 times as high.
+        boost_s: for so long each the attitude gain is 8, 4, 2 times as high.
     """
 
-    def __init__(self, gains: ConstantGains, q: Sequence[float], boosts_s: Sequence[float]) -> None:
+    def __init__(self, gains: ConstantGains, q: Sequence[float], boost_s: float) -> None:
         self.q = np.array(q) / np.linalg.norm(q)
         self.bias = np.zeros(3)
         self._pending = np.zeros(3)
         self._age_s = 0.0
-        self._boosts_s = boosts_s
+        self._boost_s = boost_s
         self._attitude = _matrix(gains.attitude)
         self._bias_gain = _matrix(gains.bias)
         self._weight = gains.gravity_weight
@@ -69,10 +69,10 @@ class ConstantGainReference:
             zeta += self._weight * np.cross(r @ gravity, [0.0, 0.0, 1.0])
         if field is not None and abs(field @ field - 1.0) <= FIELD_TOLERANCE:
             f = r @ field
-            if abs(f[2] - self._h[2]) <= DIP_TOLERANCE or self._age_s <= self._boosts_s[0]:
+            if abs(f[2] - self._h[2]) <= DIP_TOLERANCE or self._age_s < 3.0 * self._boost_s:
                 share = 1.0 - self._weight
                 zeta += np.array([share, share, 1.0]) * np.cross(f, self._h)
-        boost = 2.0 ** sum(self._age_s < limit for limit in self._boosts_s)
+        boost = 2.0 ** max(0, 3 - math.floor(self._age_s / self._boost_s))
         self._age_s += dt_s
         self._pending = boost * (r.T @ self._attitude @ zeta)
         self.bias = self.bias - boost**2 * (r.T @ self._bias_gain @ zeta)

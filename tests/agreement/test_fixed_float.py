@@ -29,6 +29,7 @@ def deviations(rate_hz: int, seconds: float, moving: float, seed: int) -> np.nda
     """Angle between both filters, deg, at every tenth sample of one flight."""
     rng = np.random.default_rng(seed)
     image, dt = image_at(rate_hz), 1.0 / rate_hz
+    assert image.params[kernel.BOOST] == 3
     h = np.array([math.cos(FIELD.dip_rad), 0.0, math.sin(FIELD.dip_rad)])
     state, q = [0] * kernel.STATE_SIZE, np.array([1.0, 0.0, 0.0, 0.0])
     kernel.reset(state)
@@ -51,8 +52,8 @@ def deviations(rate_hz: int, seconds: float, moving: float, seed: int) -> np.nda
         )
         kernel.update(state, list(image.params), integers)
         if state[kernel.AGE_US] <= 0:
-            start, boosts = state[:4], image.params[-3:]
-            reference = ConstantGainReference(image.rounded, start, [b * 1e-6 for b in boosts])
+            boost_s = 1e-6 * (1 << image.params[kernel.BOOST_SHIFT])
+            reference = ConstantGainReference(image.rounded, state[:4], boost_s)
         elif reference is not None:
             reference.update(rate, gravity, field, dt)
             if i % 10 == 0:

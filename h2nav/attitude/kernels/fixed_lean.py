@@ -25,14 +25,14 @@ WEIGHT_G, WEIGHT_FX, WEIGHT_FZ = range(2, 5)  # of gravity, of the field times i
 P_XX, P_XZ, P_YY, P_ZX, P_ZZ, P_SHIFT = range(5, 11)  # attitude gain, Q(14 + shift)
 I_XX, I_XZ, I_YY, I_ZX, I_ZZ, I_SHIFT = range(11, 17)  # bias gain, mantissas and shift
 FORCE_TOLERANCE, FIELD_TOLERANCE, DIP_TOLERANCE = range(17, 20)  # Q26, Q26, Q14
-BOOST_1_US, BOOST_2_US, BOOST_3_US = range(20, 23)  # until when the gain is 2, 4, 8 times as high
-PARAMS_SIZE = 23
+BOOST, BOOST_SHIFT = range(20, 22)  # a young gain is 2^BOOST times as high, halved every 2^shift us
+PARAMS_SIZE = 22
 
 # sample
 W_X, W_Y, W_Z = range(3)  # angular rate, radians per microsecond, Q40
 G_X, G_Y, G_Z = range(3, 6)  # opposite of the specific force in units of gravity, Q14
-F_X, F_Y, F_Z = range(6, 9)  # magnetic field in units of its expected norm, Q14
-HAS_FIELD = 9  # -1 when the sample brings a new field, else 0
+F_X, F_Y, F_Z = range(6, 9)  # magnetic field in units of its expected norm, Q14; 0 for none
+HAS_FIELD = 9  # -1 when the sample brings a field, else 0; only the alignment asks
 DT_US = 10  # time since the sample before, at most MOST_DT_US
 SAMPLE_SIZE = 11
 
@@ -85,7 +85,8 @@ PARAMS_RANGES = (
     (0, ONE_Q26 >> 1),
     (0, ONE_Q26 >> 1),
     (0, 1 << 16),
-    *(((0, 1 << 29),) * 3),
+    (0, 3),
+    (0, 28),
 )
 SAMPLE_RANGES = (
     *(((-(1 << 31), (1 << 31) - 1),) * 3),
@@ -151,8 +152,18 @@ def sane(v: list[I32], x: I32, y: I32, z: I32, tolerance: I32) -> I32:
     return gate
 
 
-def innovation(
-    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], zeta: list[I32]
+def boost_of(state: list[I32], params: list[I32]) -> I32:
+    """By which power of two the gain is raised; the younger the attitude, the more."""
+    return clamp(params[BOOST] - (state[AGE_US] >> params[BOOST_SHIFT]), 0, 3)
+
+
+def innovation(  # noqa: PLR0917
+    state: list[I32],
+    params: list[I32],
+    sample: list[I32],
+    r: list[I32],
+    zeta: list[I32],
+    boost: I32,
 ) -> I32:
     """Writes the disagreement of the trusted sensors with the attitude, n, Q15; tells which.
 
@@ -162,22 +173,21 @@ def innovation(
     f = [0, 0, 0]
     g_sane = sane(g, sample[G_X], sample[G_Y], sample[G_Z], params[FORCE_TOLERANCE])
     f_sane = sane(f, sample[F_X], sample[F_Y], sample[F_Z], params[FIELD_TOLERANCE])
-    f_sane &= sample[HAS_FIELD]
     g_x = rotated(r[0], r[1], r[2], g)
-    g_y = rotated(r[3], r[4], r[5], g)
-    g_z = rotated(r[6], r[7], r[8], g)
     f_x = rotated(r[0], r[1], r[2], f)
+    g_y = rotated(r[3], r[4], r[5], g)
     f_y = rotated(r[3], r[4], r[5], f)
+    g_z = rotated(r[6], r[7], r[8], g)
     f_z = rotated(r[6], r[7], r[8], f)
 
     # the field's dip is judged once the start-up is over
     dip_differs = (params[DIP_TOLERANCE] - abs(f_z - params[FIELD_Z])) >> 31
-    settled = (params[BOOST_1_US] - state[AGE_US]) >> 31
+    settled = (boost - 1) >> 31
     f_used = f_sane & ~(dip_differs & settled)
     agreement = f_x * params[FIELD_X] + f_z * params[FIELD_Z]
     contradiction = (g_z - AGREE_FORCE) & (agreement - AGREE_FIELD)
     contradicted = g_sane & f_sane & (contradiction >> 31)
-    watch(state, sample, contradicted)
+    watch(state, sample[DT_US], contradicted, f_sane)
 
     # an attitude that both contradict is not worth correcting, nor may it teach the bias
     g_used = g_sane & ~contradicted
@@ -197,15 +207,12 @@ def innovation(
     return (g_used & FORCE_USED) | (f_used & FIELD_USED)
 
 
-def watch(state: list[I32], sample: list[I32], contradicted: I32) -> None:
-    """Counts for how long both sensors have contradicted the attitude without a break.
+def watch(state: list[I32], dt_us: I32, contradicted: I32, f_sane: I32) -> None:
+    """Adds up the time of the samples in which both sensors have contradicted the attitude.
 
-    Samples without a field continue what the last field began.
+    One that agrees begins anew; samples without a usable field change nothing.
     """
-    begun = -state[DISAGREE_US] >> 31
-    counted = sample[DT_US] & (contradicted | (begun & ~sample[HAS_FIELD]))
-    kept = contradicted | ~sample[HAS_FIELD]
-    duration = (state[DISAGREE_US] + counted) & kept
+    duration = (state[DISAGREE_US] + (dt_us & contradicted)) & (contradicted | ~f_sane)
     state[DISAGREE_US] = clamp(duration, 0, DISAGREE_LIMIT_US + 1)
 
 
@@ -295,14 +302,6 @@ def propagate(state: list[I32], sample: list[I32], met: list[I32]) -> None:
     state[Q_Z] = known(q_z + ((z * scale) >> 1), -Q_LIMIT, Q_LIMIT)
 
 
-def gain_boost(state: list[I32], params: list[I32], dt_us: I32) -> I32:
-    """0 to 3: by which power of two the gain is raised; the younger the attitude, the more."""
-    age = state[AGE_US]
-    state[AGE_US] = clamp(age + dt_us, 0, AGE_LIMIT_US)
-    boost = ((age - params[BOOST_1_US]) >> 31) + ((age - params[BOOST_2_US]) >> 31)
-    return -boost - ((age - params[BOOST_3_US]) >> 31)
-
-
 def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
     """Takes one sample of an aligned filter; returns what it rested on, as bits."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
@@ -311,25 +310,25 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
     met = [0]
     propagate(state, sample, met)
     rotation(state, r)
-    used = innovation(state, params, sample, r, zeta)
+    boost = boost_of(state, params)
+    used = innovation(state, params, sample, r, zeta, boost)
 
-    boost = gain_boost(state, params, sample[DT_US])
-    # bias, whose gain grows with the square of the boost
-    weighted(params, I_XX, zeta, e)
-    shift = clamp(params[I_SHIFT] - 2 * boost, LEAST_BIAS_SHIFT, 26)
-    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, met)
-    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, met)
-    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, met)
-
+    state[AGE_US] = clamp(state[AGE_US] + sample[DT_US], 0, AGE_LIMIT_US)
     # attitude, from the next step on
     weighted(params, P_XX, zeta, e)
-    shift = clamp(params[P_SHIFT] - boost, LEAST_SHIFT, 24)
+    shift = known(params[P_SHIFT] - boost, LEAST_SHIFT, 24)  # Lemma 5
     state[T_X] += unrotated(r[0], r[3], r[6], e) >> shift
     state[T_Y] += unrotated(r[1], r[4], r[7], e) >> shift
     state[T_Z] += unrotated(r[2], r[5], r[8], e) >> shift
 
-    folded = (met[0] >> 16) | (met[0] & 65535)
-    saturated = (folded | -folded) >> 31
+    # bias, whose gain grows with the square of the boost
+    weighted(params, I_XX, zeta, e)
+    shift = known(params[I_SHIFT] - 2 * boost, LEAST_BIAS_SHIFT, 26)  # Lemma 5
+    correct_bias(state, 0, unrotated(r[0], r[3], r[6], e), shift, met)
+    correct_bias(state, 1, unrotated(r[1], r[4], r[7], e), shift, met)
+    correct_bias(state, 2, unrotated(r[2], r[5], r[8], e), shift, met)
+
+    saturated = (met[0] | -met[0]) >> 31
     state[SATURATIONS] = clamp(state[SATURATIONS] - saturated, 0, SATURATIONS_LIMIT)
     return used | (saturated & SATURATED)
 

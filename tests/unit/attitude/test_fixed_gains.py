@@ -83,7 +83,7 @@ def test_the_section_of_a_gain_file(name: str) -> None:
     section = fixed_point_section(gain_files.load(name), name)
     assert section["rounding_error"] < 1e-3  # type: ignore[operator]
     assert section["spectral_radius"] < 1.0  # type: ignore[operator]
-    assert len(section["params"]) == 23  # type: ignore[arg-type]
+    assert len(section["params"]) == 22  # type: ignore[arg-type]
 
 
 def test_gains_outside_the_format_are_refused() -> None:

@@ -1,0 +1,203 @@
+"""Cost of the exported filter on Cortex-M, next to float filters: instructions, flash, RAM, stack.
+
+Every program is built by gcc for the emulated board, run bare-metal under QEMU, and its
+instructions between two marks are counted one by one by a plugin: the counts are exact and the
+same on every machine. On this computer valgrind counts in the same way.
+
+    python tools/bench_mcu.py [--json] [--gains NAME] [--steps N]
+"""
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.cli import main as h2nav
+
+HERE = Path(__file__).resolve().parent / "mcu"
+FILTERS = ("lean", "mahony", "madgwick", "mekf")
+NAMES = {
+    "lean": "h2nav, constant gain, integers",
+    "mahony": "Mahony, float",
+    "madgwick": "Madgwick, float",
+    "mekf": "6-state MEKF, float",
+}
+# what each remembers between two steps
+STATE = {"lean": {"filter"}, "mahony": {"q", "bias"}, "madgwick": {"q"}, "mekf": {"q", "bias", "p"}}
+
+
+class Board(NamedTuple):
+    """An emulated core: QEMU's name of a board that has it, and gcc's flags."""
+
+    machine: str
+    flags: tuple[str, ...]
+
+
+BOARDS = {
+    "Cortex-M0": Board("microbit", ("-mcpu=cortex-m0",)),
+    "Cortex-M3": Board("mps2-an385", ("-mcpu=cortex-m3",)),
+    "Cortex-M4F": Board("mps2-an386", ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")),
+}
+
+
+class Cost(NamedTuple):
+    """Cost of one filter on one core."""
+
+    instructions_min: int
+    instructions_max: int
+    instructions_mean: float
+    flash_bytes: int
+    state_bytes: int
+    stack_bytes: int
+
+
+def called(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """Output of a program that must succeed."""
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{words[0]} failed:\n{done.stdout}{done.stderr}")
+    return done
+
+
+def flash_size(program: Path) -> int:
+    """Bytes of code and constants of a linked program."""
+    fields = called("arm-none-eabi-size", program).stdout.splitlines()[1].split()
+    return int(fields[0]) + int(fields[1])
+
+
+def state_size(program: Path, name: str) -> int:
+    """Bytes of the variables that a filter remembers."""
+    lines = called("arm-none-eabi-nm", "-S", program).stdout.splitlines()
+    fields = [line.split() for line in lines]
+    return sum(int(f[1], 16) for f in fields if len(f) == 4 and f[3] in STATE[name])
+
+
+def build(folder: Path, name: str, board: Board, steps: int) -> Path:
+    """The linked benchmark of one filter."""
+    program = folder / f"{name}_{board.machine}.elf"
+    extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+    called(
+        "arm-none-eabi-gcc", "-std=gnu99", "-O2", "-mthumb", *board.flags, "-fno-math-errno",
+        "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles",
+        f"-DSTEPS={steps}", f"-I{folder}", f"-I{HERE}", f"-T{HERE / 'cortex_m.ld'}",
+        HERE / "startup.c", HERE / "bench_main.c", HERE / f"bench_{name}.c", *extra, "-lm",
+        "-o", program,
+    )  # fmt: skip
+    return program
+
+
+def run(program: Path, board: Board, plugin: Path) -> tuple[list[int], int]:
+    """(min, max, total) instructions between the marks, and the deepest stack."""
+    symbols = called("arm-none-eabi-nm", program).stdout
+    begin, end = (
+        re.search(rf"^([0-9a-f]+) T {mark}$", symbols, re.MULTILINE)[1]  # type: ignore[index]
+        for mark in ("step_begins", "step_ends")
+    )
+    done = called(
+        "qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial",
+        "none", "-semihosting-config", "enable=on,target=native", "-plugin",
+        f"{plugin},begin=0x{begin},end=0x{end}", "-kernel", program,
+    )  # fmt: skip
+    text = done.stdout + done.stderr
+    counts = re.search(r"min (\d+) max (\d+) total (\d+)", text)
+    assert counts is not None, text
+    return [int(n) for n in counts.groups()], int(text.split()[0], 16)
+
+
+def measure(folder: Path, plugin: Path, steps: int) -> dict[str, dict[str, Cost]]:
+    """Costs by core and filter; what the harness itself costs is taken off."""
+    table: dict[str, dict[str, Cost]] = {}
+    for core, board in BOARDS.items():
+        null = build(folder, "null", board, steps)
+        (null_min, _, _), null_stack = run(null, board, plugin)
+        null_flash = flash_size(null)
+        table[core] = {}
+        for name in FILTERS:
+            program = build(folder, name, board, steps)
+            (least, most, total), stack = run(program, board, plugin)
+            table[core][name] = Cost(
+                least - null_min,
+                most - null_min,
+                total / steps - null_min,
+                flash_size(program) - null_flash,
+                state_size(program, name),
+                stack - null_stack,
+            )
+    return table
+
+
+def on_this_computer(folder: Path) -> dict[str, float] | None:
+    """Instructions per step by valgrind's callgrind; None without valgrind."""
+    if shutil.which("valgrind") is None or shutil.which("gcc") is None:
+        return None
+    found = {}
+    for name in FILTERS:
+        program = folder / f"{name}_host"
+        extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+        called(
+            "gcc", "-std=gnu99", "-O2", "-fno-math-errno", "-DSTEPS=2000", f"-I{folder}",
+            f"-I{HERE}", HERE / "bench_host.c", HERE / f"bench_{name}.c", *extra, "-lm",
+            "-o", program,
+        )  # fmt: skip
+        output = called(
+            "valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null",
+            "--toggle-collect=bench_step", program,
+        )  # fmt: skip
+        counted = re.search(r"Collected : (\d+)", output.stderr)
+        assert counted is not None
+        found[name] = int(counted[1]) / 2001
+    return found
+
+
+def text_of(table: dict[str, dict[str, Cost]], host: dict[str, float] | None) -> str:
+    """The table for people."""
+    lines = []
+    for core, row in table.items():
+        lines.append(f"\n{core:32}  instructions/step        flash  state  stack  ratio")
+        lines.append(f"{'':32}    min     max    mean     bytes  bytes  bytes")
+        lean = row["lean"].instructions_mean
+        for name, cost in row.items():
+            lines.append(
+                f"{NAMES[name]:32}{cost.instructions_min:7}{cost.instructions_max:8}"
+                f"{cost.instructions_mean:9.1f}{cost.flash_bytes:9}{cost.state_bytes:7}"
+                f"{cost.stack_bytes:7}{cost.instructions_mean / lean:7.1f}"
+            )
+    if host is not None:
+        lines.append("\nthis computer (callgrind)         instructions/step, mean")
+        lines.extend(f"{NAMES[name]:32}{count:9.1f}" for name, count in host.items())
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--gains", default="mpu9250_100hz", help="gain file to export")
+    parser.add_argument("--steps", type=int, default=2000, help="samples per filter")
+    args = parser.parse_args()
+    for program in ("arm-none-eabi-gcc", "qemu-system-arm", "gcc"):
+        if shutil.which(program) is None:
+            raise SystemExit(f"{program} is not installed")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        stdout, sys.stdout = sys.stdout, sys.stderr
+        h2nav(["export", "c", args.gains, "-o", str(folder)])
+        sys.stdout = stdout
+        plugin = folder / "count.so"
+        called("gcc", "-shared", "-fPIC", "-O2", "-o", plugin, HERE / "count_plugin.c")
+        table = measure(folder, plugin, args.steps)
+        host = on_this_computer(folder)
+    if args.json:
+        costs = {core: {n: c._asdict() for n, c in row.items()} for core, row in table.items()}
+        print(json.dumps({"cores": costs, "host_instructions": host}))
+    else:
+        print(text_of(table, host), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
