@@ -65,9 +65,9 @@ class Replayed:
                 self.pipeline.tick(t_ns)
                 self.pipeline.received(t_ns, data)
 
-    def errors(self) -> ErrorTable:
-        """Against SIMSTATE, else ATTITUDE."""
-        return self.reference.table()
+    def errors(self, skip_s: float = 0.0) -> ErrorTable:
+        """Against SIMSTATE, else ATTITUDE, without the first `skip_s` seconds."""
+        return self.reference.table(skip_s)
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)

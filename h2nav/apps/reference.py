@@ -98,19 +98,25 @@ class Reference:
         self._by_arrival.add(t_ns // 1000, roll, pitch, yaw)
         self._by_boot_time.add(record.t_us, roll, pitch, yaw)
 
-    def table(self) -> ErrorTable:
-        """The errors against SIMSTATE, else ATTITUDE."""
+    def table(self, skip_s: float = 0.0) -> ErrorTable:
+        """The errors against SIMSTATE, else ATTITUDE.
+
+        Args:
+            skip_s: references of so many first seconds do not count.
+        """
         for name, reference, estimates in (
             ("SIMSTATE", self._truth, self._by_arrival),
             ("ATTITUDE", self._autopilot, self._by_boot_time),
         ):
             if reference.t_us and estimates.t_us:
-                return _compare(name, reference, estimates)
+                return _compare(name, reference, estimates, skip_s)
         return ErrorTable("", 0)
 
 
-def _compare(name: str, reference: _Attitudes, estimates: _Attitudes) -> ErrorTable:
+def _compare(name: str, reference: _Attitudes, estimates: _Attitudes, skip_s: float) -> ErrorTable:
     reference_us, reference_angles = reference.arrays()
+    counts = reference_us >= reference_us[0] + skip_s * 1e6
+    reference_us, reference_angles = reference_us[counts], reference_angles[counts]
     estimate_us, estimate_angles = estimates.arrays()
     order = np.argsort(estimate_us, kind="stable")
     estimate_us, estimate_angles = estimate_us[order], estimate_angles[order]

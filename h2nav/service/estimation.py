@@ -51,7 +51,8 @@ class Estimation:
         self._imu_message = imu_message
         self._filter: AttitudeFilter | None = None
         self._choice: ImuChoice | None = None
-        self._clocks: dict[int, SampleClock] = {}
+        self._clock: SampleClock | None = None
+        self._clock_of: int | None = None
         self._newest_us: int | None = None
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
@@ -66,7 +67,7 @@ class Estimation:
         """The vehicle is known (or is another one now): its filter and its messages."""
         self._filter = self._filter_for(identity)
         self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
-        self._clocks.clear()
+        self._clock = None
         self._newest_us = None
         self.has_estimate = False
         if self._field is not None:
@@ -106,15 +107,14 @@ class Estimation:
             return REFUSED
         if raw.f_b == (0.0, 0.0, 0.0):
             return self._refuse("zero_force")
-        clock = self._clocks.setdefault(message_id, SampleClock(row.time_unit_us))
-        verdict, t_us = clock.advance(raw.time)
+        if self._clock is None or self._clock_of != message_id:
+            self._clock, self._clock_of = SampleClock(row.time_unit_us, self._newest_us), message_id
+        verdict, t_us = self._clock.advance(raw.time)
         if verdict in (Verdict.DUPLICATE, Verdict.LATE, Verdict.STRAY):
             return self._refuse(verdict.value)
         event = None if verdict is Verdict.NEXT else verdict
         if event is not None:
             self.restart()
-        if self._newest_us is not None and t_us <= self._newest_us:
-            return self._refuse(Verdict.LATE.value)
         return self._step(t_ns, raw.at(t_us), event)
 
     def use_field(self, field: EarthField) -> None:

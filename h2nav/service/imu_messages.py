@@ -155,7 +155,7 @@ class ImuChoice:
     """
 
     SETTLED = 20
-    SILENT_NS = 500_000_000
+    SILENT_NS = 200_000_000  # arrivals were seen up to 157 ms late
 
     def __init__(self, ranked_ids: tuple[int, ...]) -> None:
         self._rank = {message_id: rank for rank, message_id in enumerate(ranked_ids)}

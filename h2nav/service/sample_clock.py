@@ -35,13 +35,14 @@ class SampleClock:
 
     Args:
         unit_us: microseconds per count of the raw time (1 or 1000), whose counter may be 32 bits.
+        newest_us: newest `t_us` of another message of the same autopilot, to go on from.
     """
 
-    def __init__(self, unit_us: int) -> None:
+    def __init__(self, unit_us: int, newest_us: int | None = None) -> None:
         self._unit_us = unit_us
         self._wrap_us = UINT32 * unit_us
-        self._wraps_us = 0
-        self._newest_us: int | None = None
+        self._wraps_us: int | None = None
+        self._newest_us = newest_us
         self._candidate_us: int | None = None
         self._confirmed = 0
         self.epoch = 0
@@ -56,7 +57,12 @@ class SampleClock:
         raw_us = raw * self._unit_us
         if self._newest_us is None:
             self._newest_us = raw_us
-            return Verdict.NEXT, raw_us
+        if self._wraps_us is None:
+            # Another message's counter may be wider, and have wrapped less often than this one.
+            missing_us = self._newest_us - raw_us
+            self._wraps_us = max(0, round(missing_us / self._wrap_us)) * self._wrap_us
+            if missing_us == 0:
+                return Verdict.NEXT, raw_us
         t_us = raw_us + self._wraps_us
         step_us = t_us - self._newest_us
         if 0 < step_us <= MAX_GAP_US:

@@ -1,5 +1,6 @@
 import itertools
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +20,17 @@ def test_a_steady_stream_passes_unchanged():
         (Verdict.NEXT, 15_000),
         (Verdict.NEXT, 25_000),
     ]
+
+
+@pytest.mark.parametrize("hours", [1, 3, 2000])
+def test_another_messages_clock_goes_on_where_the_first_ended(hours):
+    """From time_usec in 64 bits to time_boot_ms in 32 bits, and back, also after 49.7 days."""
+    newest_us = hours * 3_600_000_000 + 7_000
+    milliseconds = SampleClock(1000, newest_us)
+    raw_ms = (newest_us // 1000 + 10) % UINT32
+    assert milliseconds.advance(raw_ms) == (Verdict.NEXT, newest_us // 1000 * 1000 + 10_000)
+    microseconds = SampleClock(1, newest_us)
+    assert microseconds.advance(newest_us + 10_000) == (Verdict.NEXT, newest_us + 10_000)
 
 
 def test_duplicates_and_late_packets_are_named_and_change_nothing():
