@@ -81,7 +81,7 @@ def test_a_better_message_takes_over_at_the_start_only():
 def test_a_silent_message_is_replaced():
     choice = ImuChoice((HIGHRES, RAW))
     uses(choice, HIGHRES, highres(), 0)
-    assert not uses(choice, RAW, raw_imu(), SECOND_NS // 4)
+    assert not uses(choice, RAW, raw_imu(), SECOND_NS // 8)
     assert uses(choice, RAW, raw_imu(), SECOND_NS)
 
 
