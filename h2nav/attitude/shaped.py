@@ -229,6 +229,8 @@ class ShapedFilter:
             trust |= 2
         if x[kernel.X_P + 9] < REFERENCED_RAD * REFERENCED_RAD:
             trust |= 16
+        if x[kernel.X_AIDED] > 0.0:
+            trust |= 64
         return AttitudeEstimate(
             t_us,
             (x[0], x[1], x[2], x[3]),

@@ -52,6 +52,7 @@ PARAMETERS: dict[str, Parameter] = {
     "level_time_s": Parameter(kernel.G_T_LEVEL, 1.0, 1, 0.1, 60.0),
     "drift_time_s": Parameter(kernel.G_T_DRIFT, 1.0, 1, 0.1, 600.0),
     "start_factor": Parameter(kernel.G_START, 1.0, 1, 0.0, 20.0),
+    "start_time_s": Parameter(kernel.G_T_EASE, 1.0, 1, 0.0, 600.0),
     "heading_start_deg": Parameter(kernel.G_HEADING_VAR, _DEG, 2, 1.0, 60.0),
     "field_noise_deg_rthz": Parameter(kernel.G_FIELD, _DEG, 2, 1e-3, 100.0),
     "field_correlation_s": Parameter(kernel.G_FIELD_CORRELATION, 2.0, 1, 0.0, 600.0),

@@ -52,11 +52,13 @@ X_AIDED = 68  # 1: a velocity from outside holds the filter
 X_MISSES = 69  # fixes refused in a row
 X_C = 70  # 2: velocity gained since aiding began, over g; nothing corrects it
 # results that are not memory
-X_R = 72  # 9: attitude matrix, row by row
-X_D = 81  # 4: correction of theta
-X_INNOVATION = 85  # 3: rotation applied north, east; heading innovation
-X_M = 88  # 3: field in NED
-X_SIZE = 91
+X_EASE = 72  # factor on the noise of the second stage while the filter starts
+X_R = 73  # 9: attitude matrix, row by row
+X_D = 82  # 4: correction of theta
+X_INNOVATION = 86  # 3: rotation applied north, east; heading innovation
+X_M = 89  # 3: field in NED
+X_ROW = 92  # 4: how a heading depends on theta
+X_SIZE = 96
 
 # --- z: sample ---
 Z_DT = 0
@@ -111,13 +113,14 @@ G_REST_FORCE = 31  # squared
 G_T_REST = 32
 G_REST_NOISE = 33  # density squared of the low-passed rate at rest
 G_T_DRIFT = 34
-G_SETS = 35  # SETS times: upper bound of omega0^4, k_t, k_v
+G_T_EASE = 35
+G_SETS = 36  # SETS times: upper bound of omega0^4, k_t, k_v
 SETS = 12
 SET_SIZE = 3
-G_PERIODS = 71  # PERIODS times: longest period served, then SETS times k_t, k_v
+G_PERIODS = 72  # PERIODS times: longest period served, then SETS times k_t, k_v
 PERIODS = 4
 PERIOD_SIZE = 25
-G_SIZE = 171
+G_SIZE = 172
 
 # --- bits of the result ---
 FORCE_USED = 1
@@ -341,7 +344,7 @@ def use_bounded_velocity(x: list[float], g: Sequence[float], z: Sequence[float])
     keep = dt
     if dt * x[X_KV] > 0.5:
         keep = 0.5 / x[X_KV]
-    noise = noise * (1.0 / dt + x[X_KV])
+    noise = x[X_EASE] * noise * (1.0 / dt + x[X_KV])
     correct_velocity(x, north, east, noise, keep * x[X_KT], keep * x[X_KV])
     return FORCE_USED
 
@@ -387,7 +390,7 @@ def use_fix(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
             base = G_PERIODS + PERIOD_SIZE * (i + 1)
     x[X_KT] = g[base + 1 + 2 * number]
     x[X_KV] = g[base + 2 + 2 * number]
-    noise = g[G_FIX_INFLATE] * density / (period * (1.0 - x[X_KV]))
+    noise = x[X_EASE] * g[G_FIX_INFLATE] * density / (period * (1.0 - x[X_KV]))
     correct_velocity(x, north, east, noise, x[X_KT], x[X_KV])
     return FORCE_USED | VELOCITY_USED
 
@@ -403,6 +406,10 @@ def select_set(x: list[float], g: Sequence[float], density: float) -> int:
     ramp = ramp * ramp
     if wanted < ramp:
         wanted = ramp
+    # The first tilt error is none of the bias: the second stage listens once it has passed.
+    ease = g[G_T_EASE] / x[X_T_RUN]
+    ease = ease * ease
+    x[X_EASE] = 1.0 + ease * ease
     number = 0
     for i in range(SETS - 1):
         if wanted > g[G_SETS + SET_SIZE * i]:
@@ -625,8 +632,8 @@ def use_field(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         turn_heading(x, g, innovation)
         return FIELD_USED
     # Only the disturbance in the heading counts; norm and dip show the other two components.
-    noise = (g[G_FIELD] + g[G_FIELD_CORRELATION] * x[X_MAGNETIC]) / age
-    measure_heading(x, innovation, noise)
+    noise = g[G_FIELD] + g[G_FIELD_CORRELATION] * x[X_MAGNETIC]
+    measure_heading(x, g, innovation, noise, age)
     return FIELD_USED
 
 
@@ -734,19 +741,24 @@ def learn_field(
         x[X_REF_DIP] = x[X_REF_DIP] + share * more_dip
 
 
-def measure_heading(x: list[float], innovation: float, noise: float) -> None:
-    """Theta from a heading. Source: docs/filter.md Eq. (25)."""
-    h0 = x[X_P + 3]
-    h1 = x[X_P + 6]
-    h2 = x[X_P + 8]
-    h3 = x[X_P + 9]
-    scale = 1.0 / (h3 + noise)
-    e = scale * innovation
-    x[X_D] = h0 * e
-    x[X_D + 1] = h1 * e
-    x[X_D + 2] = h2 * e
-    x[X_D + 3] = h3 * e
-    shrink(x, h0, h1, h2, h3, scale)
+def measure_heading(
+    x: list[float], g: Sequence[float], innovation: float, density: float, age: float
+) -> None:
+    """Theta from a heading that is seen through the tilt error.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    # A tilt about magnetic north turns the dipping field sideways; theta's part of it is known.
+    slope = math.tan(x[X_REF_DIP])
+    north = slope * math.sin(x[X_DECLINATION])
+    east = -slope * math.cos(x[X_DECLINATION])
+    for i in range(4):
+        x[X_ROW + i] = north * x[X_UN + i] + east * x[X_UE + i]
+        x[X_D + i] = 0.0
+    x[X_ROW + 3] = x[X_ROW + 3] + 1.0
+    tilt = math.sqrt((g[G_GYRO] + g[G_SCALE] * x[X_TURNING]) * x[X_NV2])
+    noise = x[X_EASE] * (density + 2.0 * slope * slope * tilt) / age
+    measure_theta(x, X_ROW, innovation, noise)
     apply_theta(x, 0.0, 0.0)
 
 

@@ -1,0 +1,327 @@
+import math
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from needs import DEG
+from synthetic_imu import FIELD, Disturbance, Flight, fly, rms_deg, slow, still, wild
+
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.io import gain_files
+from h2nav.maths import quaternion
+
+FLYING = VehicleState(on_ground=False)
+GROUND = VehicleState(on_ground=True)
+MULTIROTOR = shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+HANDHELD = shaped_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
+FIXED_WING = shaped_gains(gain_files.load("fixed-wing_100hz"), "fixed-wing_100hz")
+GENTLE_BIAS = (1.0 * DEG, -1.0 * DEG, 1.0 * DEG)
+
+
+def new_filter(vehicle: VehicleState = FLYING) -> ShapedFilter:
+    filter_ = ShapedFilter(MULTIROTOR)
+    filter_.use_vehicle(vehicle)
+    return filter_
+
+
+def run(
+    filter_: ShapedFilter, samples: Iterable[ImuSample]
+) -> list[tuple[float, AttitudeEstimate]]:
+    found = ((sample.t_us * 1e-6, filter_.update(sample)) for sample in samples)
+    return [(t_s, estimate) for t_s, estimate in found if estimate is not None]
+
+
+def gentle(t: float) -> Vec3:
+    """Some 10 deg of roll and pitch, 30 deg of yaw."""
+    return (0.2 * math.cos(1.2 * t), 0.25 * math.cos(0.9 * t + 1.0), 0.15 * math.sin(0.3 * t))
+
+
+def breeze(t: float) -> Vec3:
+    """Accelerations of a vehicle whose velocity stays within a metre per second."""
+    return (0.8 * math.sin(1.1 * t), 0.6 * math.cos(0.8 * t), 0.5 * math.sin(2.0 * t))
+
+
+def with_bias_step(flight: Flight, at_s: float, step: Vec3) -> list[ImuSample]:
+    def moved(sample: ImuSample) -> ImuSample:
+        if sample.t_us < at_s * 1e6:
+            return sample
+        w = sample.w_b
+        return sample._replace(w_b=(w[0] + step[0], w[1] + step[1], w[2] + step[2]))
+
+    return [moved(sample) for sample in flight.samples]
+
+
+def bias_error_deg_s(estimate: AttitudeEstimate, true: Vec3) -> float:
+    return max(abs(a - b) for a, b in zip(estimate.bias_b, true, strict=True)) / DEG
+
+
+def errors_deg(flight: Flight, filter_: ShapedFilter, after_s: float = 0.0) -> list[float]:
+    errors = []
+    for sample, q in zip(flight.samples, flight.q_nb, strict=True):
+        estimate = filter_.update(sample)
+        if estimate is not None and sample.t_us >= after_s * 1e6:
+            errors.append(quaternion.angle(estimate.q_nb, q))
+    return errors
+
+
+# --- accuracy and bias --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda gains: gains.vehicle_class)
+def test_learns_an_unknown_bias_within_30_s_of_gentle_motion(gains) -> None:
+    filter_ = ShapedFilter(gains)
+    flight = fly(gentle, 30.0, 1, bias_b=GENTLE_BIAS, disturbance=Disturbance(force=breeze))
+    estimates = run(filter_, flight.samples)
+    assert bias_error_deg_s(estimates[-1][1], GENTLE_BIAS) < 0.05
+
+
+def test_learns_a_bias_step_in_flight_within_60_s() -> None:
+    flight = fly(gentle, 130.0, 2, bias_b=(0.0, 0.0, 0.0), disturbance=Disturbance(force=breeze))
+    step = (0.5 * DEG, 0.5 * DEG, 0.5 * DEG)
+    estimates = run(new_filter(), with_bias_step(flight, 60.0, step))
+    at_120 = next(estimate for t_s, estimate in estimates if t_s >= 120.0)
+    assert bias_error_deg_s(at_120, step) < 0.05
+
+
+def test_a_steady_turn_in_the_air_is_not_taken_for_rest() -> None:
+    flight = fly(lambda _t: (0.0, 0.0, 20.0 * DEG), 60.0, 3, bias_b=(0.0, 0.0, 0.0))
+    for vehicle in (FLYING, VehicleState(on_ground=None)):
+        estimates = run(new_filter(vehicle), flight.samples)
+        assert bias_error_deg_s(estimates[-1][1], (0.0, 0.0, 0.0)) < 0.05
+        assert not any(estimate.trust & Trust.REST for _, estimate in estimates)
+
+
+def test_learns_the_bias_at_rest_on_the_ground_only() -> None:
+    flight = fly(still, 10.0, 4, bias_b=GENTLE_BIAS)
+    estimates = run(new_filter(GROUND), flight.samples)
+    assert estimates[-1][1].trust & Trust.REST
+    assert bias_error_deg_s(estimates[-1][1], GENTLE_BIAS) < 0.02
+    in_the_air = run(new_filter(FLYING), flight.samples)
+    assert not any(estimate.trust & Trust.REST for _, estimate in in_the_air)
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 50.0, 200.0, 1000.0])
+def test_any_sample_rate_serves(rate_hz: float) -> None:
+    flight = fly(slow, 40.0, 5, rate_hz=rate_hz, bias_b=(0.002, -0.001, 0.003))
+    assert rms_deg(errors_deg(flight, new_filter(), after_s=20.0)) < 0.5
+
+
+def test_fast_rotation_is_followed() -> None:
+    flight = fly(wild, 40.0, 6, bias_b=(0.002, -0.001, 0.003))
+    assert rms_deg(errors_deg(flight, new_filter(), after_s=15.0)) < 0.5
+
+
+def test_lost_samples_cost_next_to_nothing() -> None:
+    flight = fly(gentle, 60.0, 7, disturbance=Disturbance(force=breeze))
+    kept = [i for i in range(len(flight.samples)) if (i * 7919) % 10]
+    thinned = Flight(
+        [flight.samples[i] for i in kept], [flight.q_nb[i] for i in kept], flight.bias_b
+    )
+    whole = rms_deg(errors_deg(flight, new_filter(), after_s=30.0))
+    assert rms_deg(errors_deg(thinned, new_filter(), after_s=30.0)) < whole + 0.3
+
+
+def test_a_start_in_a_false_field_is_undone_when_the_field_is_true_again() -> None:
+    def near_iron(t: float) -> Vec3:
+        return (0.0, 25.0, 0.0) if t < 5.0 else (0.0, 0.0, 0.0)
+
+    flight = fly(gentle, 120.0, 8, bias_b=(0.0, 0.0, 0.0), disturbance=Disturbance(field=near_iron))
+    errors = errors_deg(flight, new_filter(), after_s=100.0)
+    assert rms_deg(errors) < 2.0
+
+
+def test_predicted_tilt_deviation_is_of_the_size_of_the_error() -> None:
+    flight = fly(gentle, 90.0, 9, disturbance=Disturbance(force=breeze))
+    filter_ = new_filter()
+    ratios = []
+    for sample, q in zip(flight.samples, flight.q_nb, strict=True):
+        estimate = filter_.update(sample)
+        if estimate is None or sample.t_us < 40e6:
+            continue
+        down_true = quaternion.rotate(quaternion.conjugate(q), (0.0, 0.0, 1.0))
+        down = quaternion.rotate(quaternion.conjugate(estimate.q_nb), (0.0, 0.0, 1.0))
+        tilt = math.dist(down_true, down)
+        ratios.append((tilt / estimate.sigma_tilt_rad) ** 2)
+    assert math.sqrt(sum(ratios) / len(ratios)) < 3.0
+
+
+# --- field --------------------------------------------------------------------------------------
+
+
+def test_a_changed_declination_turns_the_heading_at_once() -> None:
+    samples = fly(slow, 5.0, 10).samples
+    yaws = []
+    for declination_deg in (0.0, 10.0):
+        filter_ = new_filter()
+        filter_.use_field(EarthField(FIELD.norm_ut, FIELD.dip_rad, 0.0))
+        run(filter_, samples[:-1])
+        filter_.use_field(EarthField(FIELD.norm_ut, FIELD.dip_rad, declination_deg * DEG))
+        estimate = filter_.update(samples[-1])
+        assert estimate is not None
+        yaws.append(quaternion.to_euler(estimate.q_nb)[2] / DEG)
+    assert yaws[1] - yaws[0] == pytest.approx(10.0, abs=0.1)
+
+
+def test_a_strong_disturbance_is_not_believed_and_a_lasting_new_field_is() -> None:
+    def iron(t: float) -> Vec3:
+        return (0.0, 0.0, 0.0) if t < 20.0 else (0.0, 0.0, 30.0)
+
+    flight = fly(gentle, 25.0, 11, bias_b=(0.0, 0.0, 0.0), disturbance=Disturbance(field=iron))
+    late = [e for t_s, e in run(new_filter(), flight.samples) if t_s > 20.1]
+    assert not any(e.trust & Trust.FIELD_USED for e in late)
+
+    calm = fly(lambda t: (0.4 * math.cos(t), 0.0, 0.6), 60.0, 12, bias_b=(0.0, 0.0, 0.0))
+    scaled = [
+        s
+        if s.t_us < 20e6 or s.m_b_ut is None
+        else s._replace(m_b_ut=tuple(0.7 * m for m in s.m_b_ut))
+        for s in calm.samples
+    ]
+    estimates = run(new_filter(), scaled)
+    just_after = [e for t_s, e in estimates if 20.1 < t_s < 35.0]
+    assert not any(e.trust & Trust.FIELD_USED for e in just_after)
+    assert estimates[-1][1].trust & Trust.FIELD_USED
+    assert quaternion.angle(estimates[-1][1].q_nb, calm.q_nb[-1]) < 2.0 * DEG
+
+
+def test_the_latency_of_the_magnetometer_is_learnt() -> None:
+    flight = fly(lambda t: (1.2 * math.cos(2.0 * t), 1.0 * math.cos(1.7 * t), 0.3), 60.0, 13)
+    late = 4  # samples of 10 ms
+    samples = [
+        sample._replace(m_b_ut=flight.samples[max(0, i - late)].m_b_ut)
+        for i, sample in enumerate(flight.samples)
+    ]
+    filter_ = new_filter()
+    run(filter_, samples)
+    assert filter_.field_latency_s == pytest.approx(0.04, abs=0.004)
+
+
+def test_without_magnetometer_the_tilt_is_as_good_and_the_heading_not_referenced() -> None:
+    flight = fly(gentle, 60.0, 14, disturbance=Disturbance(force=breeze))
+    filter_ = new_filter()
+    estimates = run(filter_, [sample._replace(m_b_ut=None) for sample in flight.samples])
+    roll, pitch, _ = quaternion.to_euler(estimates[-1][1].q_nb)
+    true_roll, true_pitch, _ = quaternion.to_euler(flight.q_nb[-1])
+    assert abs(roll - true_roll) < 0.6 * DEG
+    assert abs(pitch - true_pitch) < 0.6 * DEG
+    assert not estimates[-1][1].trust & Trust.YAW_REFERENCED
+
+
+def test_a_field_that_comes_later_gives_the_heading() -> None:
+    start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
+    flight = fly(still, 20.0, 15, start=start, bias_b=(0.0, 0.0, 0.0))
+    samples = [s._replace(m_b_ut=s.m_b_ut if s.t_us > 5e6 else None) for s in flight.samples]
+    estimates = run(new_filter(GROUND), samples)
+    assert quaternion.angle(estimates[-1][1].q_nb, start) < 1.0 * DEG
+    assert estimates[-1][1].trust & Trust.YAW_REFERENCED
+
+
+# --- bad samples --------------------------------------------------------------------------------
+
+
+def test_a_clipped_or_zero_force_is_integrated_but_corrects_nothing() -> None:
+    flight = fly(gentle, 20.0, 16)
+    for spoilt in ({"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}):
+        filter_ = new_filter()
+        run(filter_, flight.samples)
+        before = filter_.update(flight.samples[-1]._replace(t_us=20_000_000))
+        after = filter_.update(flight.samples[-1]._replace(t_us=20_010_000, **spoilt))
+        assert before is not None
+        assert after is not None
+        assert after.bias_b == before.bias_b
+        assert after.trust & Trust.SATURATED
+        assert not after.trust & (Trust.FORCE_USED | Trust.FIELD_USED)
+        turned = quaternion.angle(after.q_nb, before.q_nb)
+        assert turned == pytest.approx(0.01 * math.hypot(*after.w_b), rel=1e-6)
+
+
+def test_a_long_gap_finds_the_attitude_anew_and_keeps_the_bias() -> None:
+    flight = fly(slow, 40.0, 17, bias_b=GENTLE_BIAS)
+    before, after = flight.samples[:3000], flight.samples[3300:]
+    filter_ = new_filter()
+    bias = run(filter_, before)[-1][1].bias_b
+    assert filter_.update(after[0]) is None
+    estimates = run(filter_, after[1:])
+    assert estimates[0][1].trust & Trust.RESTARTED
+    assert estimates[0][1].bias_b == bias
+    assert quaternion.angle(estimates[-1][1].q_nb, flight.q_nb[-1]) < 1.0 * DEG
+
+
+NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
+VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 3_000_000), VECTORS, VECTORS, st.none() | VECTORS, st.booleans()),
+        min_size=1,
+        max_size=30,
+    )
+)
+def test_no_input_makes_an_estimate_that_is_not_finite(rows) -> None:
+    filter_ = new_filter(GROUND)
+    flight = fly(gentle, 1.0, 18).samples
+    run(filter_, flight)
+    t_us = flight[-1].t_us
+    for gap_us, w, f, m, clipped in rows:
+        t_us += gap_us
+        filter_.update(ImuSample(t_us, w, f, m, clipped))
+    for sample in flight:
+        t_us += 10_000
+        estimate = filter_.update(sample._replace(t_us=t_us))
+        if estimate is not None:
+            numbers = (*estimate.q_nb, *estimate.w_b, *estimate.bias_b, estimate.sigma_tilt_rad)
+            assert all(map(math.isfinite, numbers))
+            assert math.hypot(*estimate.q_nb) == pytest.approx(1.0, abs=1e-6)
+
+
+# --- memory -------------------------------------------------------------------------------------
+
+
+def drive(filter_: ShapedFilter, flight: Flight, first: int, last: int, aided: bool) -> list:
+    found = []
+    for i in range(first, last):
+        sample = flight.samples[i]
+        if aided and i % 20 == 3:
+            v_n = (0.1 * math.sin(i), 0.0, math.nan)
+            filter_.use_velocity(VelocityFix(sample.t_us - 150_000, v_n, 0.2))
+        found.append(filter_.update(sample))
+    return found
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(split=st.integers(0, 600), aided=st.booleans(), field=st.booleans())
+def test_split_and_restore_gives_the_same_bits(split: int, aided: bool, field: bool) -> None:
+    flight = fly(gentle, 6.0, 19, field_every=3, disturbance=Disturbance(force=breeze))
+    whole = new_filter(GROUND)
+    if field:
+        whole.use_field(FIELD)
+    first = ShapedFilter(MULTIROTOR)
+    first.use_vehicle(GROUND)
+    if field:
+        first.use_field(FIELD)
+    expected = drive(whole, flight, 0, 600, aided)
+    found = drive(first, flight, 0, split, aided)
+    second = ShapedFilter(MULTIROTOR)
+    second.restore(first.state())
+    found += drive(second, flight, split, 600, aided)
+    assert found == expected
+    assert second.state() == whole.state()
+
+
+def test_another_filters_state_is_refused() -> None:
+    with pytest.raises(ValueError, match="two_stage"):
+        new_filter().restore(FilterState("two_stage", (1.0,) * 200))
