@@ -23,7 +23,7 @@ from h2nav.sim.delivery import Delivery
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.imu_model import MPU_9250, ImuParameters
 from h2nav.sim.personalities import ARDUPILOT, Personality
-from h2nav.sim.scenarios import scenario
+from h2nav.sim.scenarios import Scenario, scenario
 from h2nav.sim.streams import Stream
 
 START_NS = 1_000_000_000_000
@@ -46,7 +46,7 @@ class SimulatedFlight:
     """A flight that can be run on and looked at in between.
 
     Args:
-        scenario_name: of `h2nav.sim.scenarios`.
+        flown: a scenario, or the name of one of `h2nav.sim.scenarios`.
         faults: in the form of ``h2nav fake-autopilot --fault``.
         personality: of the autopilot.
         configuration: of the daemon.
@@ -57,7 +57,7 @@ class SimulatedFlight:
 
     def __init__(
         self,
-        scenario_name: str = "hover",
+        flown: str | Scenario = "hover",
         *,
         faults: tuple[str, ...] = (),
         personality: Personality = ARDUPILOT,
@@ -67,7 +67,7 @@ class SimulatedFlight:
         extra_streams: tuple[Stream, ...] = (),
     ) -> None:
         options = AutopilotOptions(
-            scenario(scenario_name),
+            scenario(flown) if isinstance(flown, str) else flown,
             personality,
             seed,
             tuple(parse_fault(text) for text in faults),

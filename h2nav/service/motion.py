@@ -100,7 +100,8 @@ def motion_for(
     if motion.estimator == "wheels":
         out = OdometryOut(autopilot, outputs, "wheel distances", tell)
         rate_hz = motion.wheel_distance_rate_hz
-        return WheelMotion(settings.odometry, rate_hz, Source(autopilot, own_id), out)
+        source = Source(autopilot, own_id)
+        return WheelMotion(settings.odometry, rate_hz, source, out, unix_offset_ns)
     return NoMotion()
 
 

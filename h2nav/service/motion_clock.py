@@ -1,4 +1,4 @@
-"""Time stamps of poses on the clock of the IMU samples, from messages and arrival times alone.
+"""Times of poses and wheels on the clock of the IMU samples, from messages and arrivals alone.
 
 TIMESYNC is not used: its requests leave by timers, and a replay would not reproduce them. The
 message that came quickest within some seconds tells a clock's offset to the host as well.
@@ -8,7 +8,7 @@ from enum import Enum
 
 WINDOW_NS = 5_000_000_000
 SAME_CLOCK_US = 2_000_000
-# A pose on this host's UNIX clock arrives so long after its time at most, and hardly before it.
+# A message on this host's UNIX clock arrives so long after its time at most, and hardly before it.
 HOST_LATE_US = 1_000_000
 HOST_EARLY_US = 20_000
 STRAYS = 10
@@ -45,7 +45,7 @@ class LeastDelay:
         return max(self._best_us, self._before_us)
 
 
-class PoseClockKind(Enum):
+class ClockKind(Enum):
     """Whose clock the time stamps of a source are on."""
 
     AUTOPILOT = "autopilot"
@@ -53,7 +53,7 @@ class PoseClockKind(Enum):
     OTHER = "own"  # its offset is learnt; the source's own delay is not seen
 
 
-class PoseClock:
+class SourceClock:
     """Finds out which clock a source uses, and maps its times.
 
     Args:
@@ -61,7 +61,7 @@ class PoseClock:
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
-        kind: decided by the first pose; anew after `STRAYS` poses in a row that contradict it.
+        kind: decided by the first message; anew after `STRAYS` in a row that contradict it.
     """
 
     def __init__(self, imu: LeastDelay, unix_offset_ns: int) -> None:
@@ -69,7 +69,7 @@ class PoseClock:
         self._unix_offset_us = unix_offset_ns // 1000
         self._source = LeastDelay()
         self._strays = 0
-        self.kind: PoseClockKind | None = None
+        self.kind: ClockKind | None = None
 
     def imu_time(self, t_ns: int, usec: int) -> int | None:
         """The time stamp on the IMU's clock; None before the first IMU sample and for a stray.
@@ -92,28 +92,28 @@ class PoseClock:
                 return None
             self._source = LeastDelay()
         self.kind, self._strays = kind, 0
-        if self.kind is PoseClockKind.AUTOPILOT:
+        if self.kind is ClockKind.AUTOPILOT:
             return own_us
-        if self.kind is PoseClockKind.HOST:
+        if self.kind is ClockKind.HOST:
             return usec - self._unix_offset_us + imu_offset_us
         self._source.seen(t_ns, usec)
         offset_us = self._source.offset_us
         assert offset_us is not None
         return usec - offset_us + imu_offset_us
 
-    def _kind_of(self, t_ns: int, usec: int, lead_us: int) -> PoseClockKind:
+    def _kind_of(self, t_ns: int, usec: int, lead_us: int) -> ClockKind:
         """The clock on which this time is a recent one."""
         if abs(lead_us) < SAME_CLOCK_US:
-            return PoseClockKind.AUTOPILOT
+            return ClockKind.AUTOPILOT
         age_us = t_ns // 1000 + self._unix_offset_us - usec
         if -HOST_EARLY_US <= age_us < HOST_LATE_US:
-            return PoseClockKind.HOST
-        return PoseClockKind.OTHER
+            return ClockKind.HOST
+        return ClockKind.OTHER
 
     def _jumped(self, t_ns: int, usec: int) -> bool:
         """Whether a source on a clock of its own contradicts what was learnt of that clock."""
         known_us = self._source.offset_us
-        if self.kind is not PoseClockKind.OTHER or known_us is None:
+        if self.kind is not ClockKind.OTHER or known_us is None:
             return False
         return abs(usec - t_ns // 1000 - known_us) > SAME_CLOCK_US
 

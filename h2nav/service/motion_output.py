@@ -12,6 +12,8 @@ Tell = Callable[[int, Severity, str], list[Effect]]
 
 # An estimate that rests on a measurement older than this is not sent.
 STALE_S = 2.0
+# People are told of a lack of estimates when it lasts.
+LASTING_NS = 500_000_000
 # So many refused messages in a row are told of, once.
 REFUSED_IN_A_ROW = 10
 
@@ -62,11 +64,13 @@ class OdometryOut:
         self._tell = tell
         self._reset_counter = 0
         self._is_fresh = False
+        self._put_ns = 0
         self.refusals = RefusalStreak(source, tell)
 
     def put(self, t_ns: int, motion: Motion) -> list[Effect]:
         """A fresh, finite estimate: sends and logs it where it is due."""
         effects: list[Effect] = []
+        self._put_ns = t_ns
         identity = self._autopilot.identity
         message = self._outputs.due_odometry(motion)
         if message is not None and identity is not None:
@@ -82,13 +86,13 @@ class OdometryOut:
             effects += self._tell(t_ns, Severity.INFO, f"odometry from {self._source}")
         return effects
 
-    def silent(self, t_ns: int) -> list[Effect]:
-        """The measurements have stopped: what there is must not go out any more."""
+    def nothing(self, t_ns: int) -> list[Effect]:
+        """There is no fresh estimate at present; what there was must not go out any more."""
         self._outputs.forget_odometry()
-        if not self._is_fresh:
+        if not self._is_fresh or t_ns - self._put_ns <= LASTING_NS:
             return []
         self._is_fresh = False
-        text = f"no {self._source} for {STALE_S:.0f} s: no ODOMETRY"
+        text = f"no ODOMETRY: no {self._source}"
         return self._tell(t_ns, Severity.WARNING, text)
 
 

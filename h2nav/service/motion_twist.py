@@ -13,8 +13,9 @@ from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import InertialSample, PoseSample, TwistEstimate
 from h2nav.motion.settings import TwistObserverSettings
 from h2nav.motion.twist_observer import TwistObserver
+from h2nav.motion.vectors import ZERO
 from h2nav.service.effects import Effect, Record
-from h2nav.service.motion_clock import LeastDelay, PoseClock
+from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_poses import POSE_MESSAGES, PoseReading, Refusal, Sender, Source
 from h2nav.service.motion_records import pose_record, twist_record
@@ -88,7 +89,7 @@ class TwistMotion:
         if self._source.heard(t_ns, sender, message_id):
             # Another camera has another origin.
             self._observer.restart()
-            self._clock = PoseClock(self._imu_clock, self._unix_offset_ns)
+            self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
         return self._on_pose(t_ns, reading)
 
     def on_sample(
@@ -105,12 +106,14 @@ class TwistMotion:
         )
         if twist is None or twist.pose_age_s > STALE_S:
             self.latest = None
-            return self._out.silent(t_ns)
+            return self._out.nothing(t_ns)
         quality = max(1, round(100.0 * (1.0 - max(0.0, twist.pose_age_s) / STALE_S)))
         motion = Motion(odometry_records.of_twist(twist), mavlink.MAV_ESTIMATOR_TYPE_VIO, quality)
         if not is_finite(motion):
             self._refused["odometry_not_finite"] += 1
             self._observer.restart()
+            unlearnt = self._observer.state()._replace(bias_w=ZERO, bias_v=ZERO)
+            self._observer.restore(unlearnt)
             return []
         self.latest = twist
         return [*self._out.put(t_ns, motion), Record("/twist", twist_record(twist), twist.t_us)]
@@ -123,7 +126,7 @@ class TwistMotion:
 
     def _new_clocks(self) -> None:
         self._imu_clock = LeastDelay()
-        self._clock = PoseClock(self._imu_clock, self._unix_offset_ns)
+        self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
         self._newest_us = None
 
     def _on_pose(self, t_ns: int, reading: PoseReading) -> list[Effect]:

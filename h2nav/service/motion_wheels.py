@@ -11,6 +11,7 @@ from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
 from h2nav.motion.wheel_odometry import WheelEstimate, WheelEvent, WheelOdometry
 from h2nav.service.effects import Effect, Record
+from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_poses import Sender, Source
 from h2nav.service.motion_records import wheels_record
@@ -25,13 +26,12 @@ UNKNOWN_QUALITY = 0
 class WheelMotion:
     """Feeds the wheel odometry and publishes it while wheel distances come.
 
-    Times are those of the messages, whose clock need not be that of the IMU.
-
     Args:
         settings: the wheels.
         rate_hz: how often to ask for wheel distances.
         source: whose wheel distances are taken.
         out: where estimates go.
+        unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
         latest: the newest estimate; None before the first and while readings are missing.
@@ -43,14 +43,21 @@ class WheelMotion:
     message_ids: frozenset[int] = frozenset({mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE})
 
     def __init__(
-        self, settings: OdometrySettings, rate_hz: float, source: Source, out: OdometryOut
+        self,
+        settings: OdometrySettings,
+        rate_hz: float,
+        source: Source,
+        out: OdometryOut,
+        unix_offset_ns: int,
     ) -> None:
         self.wishes: tuple[Wish, ...] = (Wish(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, rate_hz),)
         self._wheels = WheelOdometry(settings)
         self._source = source
         self._out = out
         self._refused: Counter[str] = Counter()
-        self._put_ns = 0
+        self._unix_offset_ns = unix_offset_ns
+        self._new_clocks()
+        self._heard_ns = 0
         self.latest: WheelEstimate | None = None
 
     @property
@@ -68,7 +75,12 @@ class WheelMotion:
             return []
         if self._source.heard(t_ns, sender, message_id):
             self._wheels.restart()
-        t_us = fields.time_usec or t_ns // 1000
+            self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
+        t_us = self._clock.imu_time(t_ns, fields.time_usec)
+        if t_us is None:
+            reason = "wheels_stray_time" if self._clock.kind else "wheels_before_imu"
+            self._refused[reason] += 1
+            return self._out.refusals.refused(t_ns, reason)
         counted = self._wheels.counts.copy()
         estimate = self._wheels.update(WheelSample(t_us, tuple(fields.distance[: fields.count])))
         event = next(iter(self._wheels.counts - counted))
@@ -85,20 +97,26 @@ class WheelMotion:
         if not is_finite(motion):
             self._refused["odometry_not_finite"] += 1
             return []
-        self.latest, self._put_ns = estimate, t_ns
+        self.latest, self._heard_ns = estimate, t_ns
         record = Record("/wheels", wheels_record(estimate), estimate.t_us)
         return [*self._out.put(t_ns, motion), record]
 
     def on_sample(
-        self, t_ns: int, _sample: ImuSample, _estimate: AttitudeEstimate | None
+        self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
     ) -> list[Effect]:
-        """See `MotionEstimation`: samples only show that time passes."""
-        if self.latest is None or t_ns - self._put_ns <= STALE_NS:
+        """See `MotionEstimation`: samples only show the time."""
+        self._imu_clock.seen(t_ns, sample.t_us)
+        if t_ns - self._heard_ns <= STALE_NS:
             return []
         self.latest = None
-        return self._out.silent(t_ns)
+        return self._out.nothing(t_ns)
 
     def restart(self) -> None:
         """See `MotionEstimation`; the pose stays."""
         self._wheels.restart()
+        self._new_clocks()
         self.latest = None
+
+    def _new_clocks(self) -> None:
+        self._imu_clock = LeastDelay()
+        self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
