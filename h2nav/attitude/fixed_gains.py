@@ -241,7 +241,7 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
         bias_shift,
         round(FORCE_TOLERANCE * 2**26),
         round(FIELD_TOLERANCE * 2**26),
-        round(DIP_TOLERANCE * 2**14),
+        round(DIP_TOLERANCE * 2**15),
         min(3, shift - kernel.LEAST_SHIFT, (bias_shift - kernel.LEAST_BIAS_SHIFT) // 2),
         _boost_shift(gains),
     )

@@ -24,7 +24,7 @@ FIELD_X, FIELD_Z = range(2)  # direction of the earth field, Q14
 WEIGHT_G, WEIGHT_FX, WEIGHT_FZ = range(2, 5)  # of gravity, of the field times its direction, Q14
 P_XX, P_XZ, P_YY, P_ZX, P_ZZ, P_SHIFT = range(5, 11)  # attitude gain, Q(14 + shift)
 I_XX, I_XZ, I_YY, I_ZX, I_ZZ, I_SHIFT = range(11, 17)  # bias gain, mantissas and shift
-FORCE_TOLERANCE, FIELD_TOLERANCE, DIP_TOLERANCE = range(17, 20)  # Q26, Q26, Q14
+FORCE_TOLERANCE, FIELD_TOLERANCE, DIP_TOLERANCE = range(17, 20)  # Q26, Q26, Q15
 BOOST, BOOST_SHIFT = range(20, 22)  # a young gain is 2^BOOST times as high, halved every 2^shift us
 PARAMS_SIZE = 22
 
@@ -57,8 +57,8 @@ LEAST_SHIFT = 5
 LEAST_BIAS_SHIFT = 4
 NORM_Q26 = (1 << 26) - (1 << 15)  # the norm's target lies below one by what rounding may add
 THIRD_Q15 = 10923
-AGREE_FORCE = 14189  # cosine of 30 degrees, Q14
-AGREE_FIELD = 12551 << 14  # cosine of 40 degrees, Q28
+AGREE_FORCE = 28378  # cosine of 30 degrees, Q15
+AGREE_FIELD = 12551 << 15  # cosine of 40 degrees, Q29
 DISAGREE_LIMIT_US = 1000000
 AGE_LIMIT_US = 1 << 30
 ALIGN_TOLERANCE = 1 << 24  # a quarter in Q26
@@ -128,9 +128,9 @@ def rotation(state: list[I32], r: list[I32]) -> None:
 
 
 def rotated(r0: I32, r1: I32, r2: I32, v: list[I32]) -> I32:
-    """One coordinate in n of a sane vector in the body frame, Q14."""
+    """One coordinate in n of a sane vector in the body frame, Q15."""
     # a turn keeps the norm (Lemma 2)
-    return known((r0 * v[0] + r1 * v[1] + r2 * v[2] + 16384) >> 15, -VECTOR_LIMIT, VECTOR_LIMIT)
+    return known((r0 * v[0] + r1 * v[1] + r2 * v[2] + 8192) >> 14, -ZETA_LIMIT, ZETA_LIMIT)
 
 
 def unrotated(r0: I32, r3: I32, r6: I32, e: list[I32]) -> I32:
@@ -157,7 +157,7 @@ def boost_of(state: list[I32], params: list[I32]) -> I32:
     return clamp(params[BOOST] - (state[AGE_US] >> params[BOOST_SHIFT]), 0, 3)
 
 
-def innovation(  # noqa: PLR0917
+def innovation(
     state: list[I32],
     params: list[I32],
     sample: list[I32],
@@ -181,7 +181,7 @@ def innovation(  # noqa: PLR0917
     f_z = rotated(r[6], r[7], r[8], f)
 
     # the field's dip is judged once the start-up is over
-    dip_differs = (params[DIP_TOLERANCE] - abs(f_z - params[FIELD_Z])) >> 31
+    dip_differs = (params[DIP_TOLERANCE] - abs(f_z - 2 * params[FIELD_Z])) >> 31
     settled = (boost - 1) >> 31
     f_used = f_sane & ~(dip_differs & settled)
     agreement = f_x * params[FIELD_X] + f_z * params[FIELD_Z]
@@ -200,10 +200,10 @@ def innovation(  # noqa: PLR0917
     z_x = params[WEIGHT_G] * g_y + params[WEIGHT_FZ] * f_y
     z_y = params[WEIGHT_FX] * f_z - params[WEIGHT_FZ] * f_x - params[WEIGHT_G] * g_x
     # the weights add up to one (Lemma 3)
-    zeta[0] = known((z_x + 4096) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
-    zeta[1] = known((z_y + 4096) >> 13, -ZETA_LIMIT, ZETA_LIMIT)
+    zeta[0] = known((z_x + 8192) >> 14, -ZETA_LIMIT, ZETA_LIMIT)
+    zeta[1] = known((z_y + 8192) >> 14, -ZETA_LIMIT, ZETA_LIMIT)
     # only the field shows the heading, so this one has no weight
-    zeta[2] = (4096 - params[FIELD_X] * f_y) >> 13
+    zeta[2] = (8192 - params[FIELD_X] * f_y) >> 14
     return (g_used & FORCE_USED) | (f_used & FIELD_USED)
 
 
@@ -236,7 +236,7 @@ def correct_bias(state: list[I32], axis: I32, correction: I32, shift: I32, met: 
     bias = state[B_X + axis] - (due >> shift)
     limited = clamp(bias, -BIAS_LIMIT, BIAS_LIMIT)
     state[B_X + axis] = limited
-    met[0] |= bias - limited
+    met[0] |= known(bias - limited, -(1 << 28), 1 << 28)  # Lemma 6
 
 
 def half_turn(rate: I32, dt_us: I32) -> I32:
@@ -251,7 +251,7 @@ def half_angle(state: list[I32], sample: list[I32], axis: I32, met: list[I32]) -
     """
     raw = sample[W_X + axis] >> 1
     rate = clamp(raw, -RATE_LIMIT, RATE_LIMIT)
-    met[0] |= raw - rate
+    met[0] |= known(raw - rate, -(1 << 30), (1 << 30) - 1)  # Lemma 6
     return half_turn(rate - (state[B_X + axis] >> BIAS_BITS), sample[DT_US]) + state[T_X + axis]
 
 
