@@ -20,6 +20,10 @@ from h2nav.synthesis.certificate import (
     prove,
     verify,
 )
+from h2nav.synthesis.method import relative_distance
+
+# A gain may differ from its design by rounding only.
+DESIGNED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +35,24 @@ class Loop:
         plant: rebuilt from the model.
         L: (n, p) the gain that the filter applies, in the plant's terms.
         optimality_limit: as for `certificate.verify`.
+        design: the gain that the model leads to, where that is not the optimum of `plant` but a
+            rule; the filter's gain must equal it.
     """
 
     name: str
     plant: Plant
     L: Matrix
     optimality_limit: float = OPTIMAL
+    design: Matrix | None = None
+
+    def problems(self, proof: LoopCertificate) -> list[str]:
+        """What is wrong with the loop's gain or with a proof of it."""
+        lines = verify(self.plant, self.L, proof, self.optimality_limit)
+        if self.design is not None:
+            distance = relative_distance(self.L, self.design)
+            if not distance <= DESIGNED:
+                lines.append(f"the gain is not the model's: off by {distance:.3g}")
+        return lines
 
 
 class Verdict(NamedTuple):
@@ -65,7 +81,7 @@ def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
             proof = prove(loop.plant, loop.L)
         except CertificateError as error:
             raise CertificateError(f"loop {loop.name}: {error}") from None
-        problems = verify(loop.plant, loop.L, proof, loop.optimality_limit)
+        problems = loop.problems(proof)
         if problems:
             raise CertificateError(f"loop {loop.name}: {problems[0]}")
         sections[loop.name] = _section(proof)
@@ -88,8 +104,7 @@ def checked(file: GainFile, loops: Sequence[Loop]) -> Verdict:
         try:
             proofs.append(prove(loop.plant, loop.L))
             if loop.name in stored:
-                proof = _proof(stored[loop.name])
-                lines = verify(loop.plant, loop.L, proof, loop.optimality_limit)
+                lines = loop.problems(_proof(stored[loop.name]))
                 problems += [f"{place}: {line}" for line in lines]
         except CertificateError as error:
             problems.append(f"{place}: {error}")

@@ -5,6 +5,7 @@ synthesised as well, by every method: its H2 norm is the accuracy that the two-s
 at rest, and its gain is what a constant-gain filter would use.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -28,6 +29,7 @@ from h2nav.attitude.plant import (
     attitude_plant,
     discretise,
 )
+from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, LoopCertificate, accept
 from h2nav.synthesis.closed_form import attitude_bias_gain, attitude_gain
 from h2nav.synthesis.gain_certificate import Loop, certified
@@ -123,11 +125,20 @@ def loops(file: GainFile, place: str) -> list[Loop]:
     full = discretise(attitude_bias_plant(noise.gyro, noise.bias_walk, sensors), dt_s)
     reference = attitude_bias_gain(noise.gyro, noise.bias_walk, sensors, dt_s)
     result = [Loop(WITH_BIAS, full, reference.L, DEPLOYED_LIMIT)]
-    for number, level in enumerate(gains.levels):
-        weighted = _weighted(sensors, level.force_weight)
+    designed = design_two_stage(noise, file.rate_hz, file.name).levels
+    if len(designed) != len(gains.levels):
+        raise BadInput(
+            f"{place}: gains.force_weight: expected {len(designed)} levels; make the file again "
+            "with h2nav synthesize"
+        )
+    for number, (level, design) in enumerate(zip(gains.levels, designed, strict=True)):
+        weighted = _weighted(sensors, design.force_weight)
         plant = discretise(attitude_plant(noise.gyro, weighted), dt_s)
-        L = _deployed_gain(level, plant)
-        result.append(Loop(f"{WITHOUT_BIAS}_level_{number}", plant, L, DEPLOYED_LIMIT))
+        # A moving vehicle's gains follow rules beside the optimum; only level 0 must be optimal.
+        limit = DEPLOYED_LIMIT if number == 0 else math.inf
+        L = deployed_gain(level, plant)
+        loop = Loop(f"{WITHOUT_BIAS}_level_{number}", plant, L, limit, deployed_gain(design, plant))
+        result.append(loop)
     return result
 
 
@@ -153,7 +164,7 @@ def _weighted(sensors: tuple[VectorSensor, VectorSensor], weight: float) -> list
     return [VectorSensor(force.v_n, force.density / weight**0.5), field]
 
 
-def _deployed_gain(level: GainLevel, plant: Plant) -> Matrix:
+def deployed_gain(level: GainLevel, plant: Plant) -> Matrix:
     """The filter's K_b, which acts on zeta = C^T R^-1 y, as a gain on the raw measurements."""
     K = np.array(
         [[level.k_nn, 0.0, level.k_nd], [0.0, level.k_ee, 0.0], [level.k_nd, 0.0, level.k_dd]]

@@ -20,7 +20,7 @@ from h2nav.synthesis.lmi import solve_lmi
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.model import vector_sensors
 from h2nav.synthesis.riccati import solve_riccati
-from h2nav.synthesis.two_stage import _deployed_gain
+from h2nav.synthesis.two_stage import deployed_gain
 
 MODELS = 2000
 DEG = math.pi / 180.0
@@ -62,7 +62,7 @@ def test_closed_form_riccati_and_certificate_agree_on_every_model() -> None:
         assert closed_form.claimed_h2_norm == pytest.approx(proof.h2_norm, rel=1e-9)
 
 
-def test_deployed_gain_is_optimal_for_every_model() -> None:
+def testdeployed_gain_is_optimal_for_every_model() -> None:
     """The plain-Python closed form that the filter itself uses at new places."""
     random = np.random.default_rng(2021)
     for number in range(MODELS // 4):
@@ -70,7 +70,7 @@ def test_deployed_gain_is_optimal_for_every_model() -> None:
         rate_hz = RATES_HZ[number % 4]
         level = design_two_stage(noise, rate_hz, "random").levels[0]
         plant = discretise(attitude_plant(noise.gyro, vector_sensors(noise)), 1.0 / rate_hz)
-        assert prove(plant, _deployed_gain(level, plant)).optimality_residual < 1e-9
+        assert prove(plant, deployed_gain(level, plant)).optimality_residual < 1e-9
 
 
 def wrong_gains(random: np.random.Generator, L: np.ndarray) -> list[np.ndarray]:
