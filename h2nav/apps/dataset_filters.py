@@ -15,7 +15,7 @@ from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, Trust, VelocityFix
 from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
 from h2nav.attitude.two_stage import TwoStageFilter
 from h2nav.errors import TaskFailed
 from h2nav.io import gain_files
@@ -84,7 +84,11 @@ def shipped_rate(rate_hz: float) -> int:
 def run_default(trial: Trial, conditions: Conditions) -> Track:
     """The default filter with the shipped gains of the class and the nearest rate."""
     name = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
-    gains = shaped_gains(gain_files.load(name), name)
+    return run_shaped(trial, conditions, shaped_gains(gain_files.load(name), name))
+
+
+def run_shaped(trial: Trial, conditions: Conditions, gains: ShapedGains) -> Track:
+    """The default filter with given gains."""
     if conditions.cruise_speed_m_s is not None:
         gains = gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
     return _stream(trial, conditions, ShapedFilter(gains))

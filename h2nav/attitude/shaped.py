@@ -118,13 +118,14 @@ class ShapedFilter:
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
-        handheld = self._gains.vehicle_class == "handheld"
-        may_rest = handheld if vehicle.on_ground is None else vehicle.on_ground
+        rest = 1.0 if self._gains.vehicle_class == "handheld" else 0.0
+        if vehicle.on_ground is not None:
+            rest = 2.0 if vehicle.on_ground else 0.0
         nose = 0.0
         if self._gains.cruise_speed_m_s > 0.0 and not vehicle.on_ground:
             airspeed = vehicle.airspeed_m_s
             nose = self._gains.cruise_speed_m_s if airspeed is None else airspeed
-        self._z[kernel.Z_REST] = 1.0 if may_rest else 0.0
+        self._z[kernel.Z_REST] = rest
         self._z[kernel.Z_NOSE] = nose if math.isfinite(nose) else self._gains.cruise_speed_m_s
 
     def use_field(self, field: EarthField) -> None:

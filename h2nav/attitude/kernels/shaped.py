@@ -8,7 +8,7 @@ Equations: docs/filter.md.
 """
 
 # The subset has no min and max and no keyword arguments.
-# ruff: noqa: PLR0917, PLR1730
+# ruff: noqa: PLR1730
 
 import math
 from collections.abc import Sequence
@@ -67,7 +67,7 @@ Z_FORCE = 4
 Z_FIELD = 7
 Z_HAS_FIELD = 10
 Z_CLIPPED = 11  # the rate counts, the force and the field do not
-Z_REST = 12  # 1: the vehicle may be at rest
+Z_REST = 12  # 0: not at rest, 1: the signals decide, 2: on the ground, as the autopilot says
 Z_NOSE = 13  # pseudo-velocity along the nose, m/s
 Z_AIDED = 14  # 1: velocity fixes come; the zero-velocity pseudo-measurement is off
 Z_FIX = 15  # 1: one comes with this sample
@@ -131,6 +131,8 @@ RESTARTED = 16
 SATURATED = 32
 
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
+REST_SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
+REST_FLOOR = 3.0e-6  # (0.1 deg/s)^2
 MOST_MISSES = 5  # fixes in a row that contradict the filter and not each other
 
 
@@ -561,7 +563,10 @@ def use_rest(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         x[X_FORCE_LP + i] = x[X_FORCE_LP + i] + share * d
         if math.fabs(x[X_RATE_LP + i]) > g[G_BIAS_LIMIT]:
             still = 0.0
-    if still == 0.0 or rate > g[G_REST_RATE] or force > g[G_REST_FORCE]:
+    if still == 1.0:
+        # By the signals alone a slow turn looks like rest: the bias must not jump by it.
+        still = 1.0 - moves(x, X_P, 0) - moves(x, X_P + 4, 1) - moves(x, X_P + 7, 2)
+    if still <= 0.0 or rate > g[G_REST_RATE] or force > g[G_REST_FORCE]:
         x[X_T_REST] = 0.0
         return 0
     x[X_T_REST] = x[X_T_REST] + dt
@@ -572,6 +577,14 @@ def use_rest(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     measure_bias(x, 1, x[X_P + 1], x[X_P + 4], x[X_P + 5], x[X_P + 6], x[X_P + 4] + noise)
     measure_bias(x, 2, x[X_P + 2], x[X_P + 5], x[X_P + 7], x[X_P + 8], x[X_P + 7] + noise)
     return REST
+
+
+def moves(x: list[float], variance: int, axis: int) -> float:
+    """1 when the low-passed rate contradicts the bias as far as it is known (x[variance])."""
+    d = x[X_RATE_LP + axis] - x[X_BIAS + axis]
+    if d * d > REST_SIGMAS_2 * (x[variance] + REST_FLOOR):
+        return 1.0
+    return 0.0
 
 
 def measure_bias(

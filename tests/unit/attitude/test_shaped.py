@@ -325,3 +325,9 @@ def test_split_and_restore_gives_the_same_bits(split: int, aided: bool, field: b
 def test_another_filters_state_is_refused() -> None:
     with pytest.raises(ValueError, match="two_stage"):
         new_filter().restore(FilterState("two_stage", (1.0,) * 200))
+
+
+def test_a_slow_turn_in_the_hand_is_not_taken_for_rest() -> None:
+    flight = fly(slow, 60.0, 20, bias_b=(0.3 * DEG, -0.3 * DEG, 0.3 * DEG))
+    estimates = run(ShapedFilter(HANDHELD), flight.samples)
+    assert bias_error_deg_s(estimates[-1][1], flight.bias_b) < 0.1

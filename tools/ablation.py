@@ -1,0 +1,115 @@
+"""What each idea of the default filter is worth: the filter without it, on recorded trials.
+
+    python tools/ablation.py DIR
+
+DIR holds `.npz` trials; files named broad__* and tumvi__* run as handheld, sitl__* as multirotor,
+*thor* as fixed wing. Prints the Markdown table of docs/filter.md, degrees.
+"""
+
+import statistics
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.apps.dataset_filters import Conditions, run_shaped, shipped_rate
+from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.scoring import errors, rms
+from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
+from h2nav.io import gain_files
+from h2nav.io.trials import read_trial
+
+Change = Callable[[list[float]], None]
+DECLINATION_DEG = 12.69  # of the simulated flights
+
+
+class DataSet(NamedTuple):
+    """Trials that share a class and a figure of merit (0 total, 2 inclination)."""
+
+    title: str
+    pattern: str
+    conditions: Conditions
+    figure: int
+
+
+DATA_SETS = (
+    DataSet("BROAD total", "broad__*.npz", Conditions("handheld"), 0),
+    DataSet("BROAD incl.", "broad__*.npz", Conditions("handheld"), 2),
+    DataSet("TUM-VI incl.", "tumvi__*.npz", Conditions("handheld"), 2),
+    DataSet("flights total", "sitl__*.npz", Conditions("multirotor"), 0),
+    DataSet("flights incl.", "sitl__*.npz", Conditions("multirotor"), 2),
+    DataSet(
+        "flights total, GPS", "sitl__*.npz", Conditions("multirotor", True, DECLINATION_DEG), 0
+    ),
+    DataSet("Thor incl.", "*thor*.npz", Conditions("fixed-wing"), 2),
+)
+
+
+def put(index: int, value: float) -> Change:
+    def change(g: list[float]) -> None:
+        g[index] = value
+
+    return change
+
+
+def one_set(g: list[float]) -> None:
+    """Always the set in the middle of what is used: omega0 = 0.25 rad/s."""
+    middle = 5
+    for number in range(kernel.SETS):
+        for k in (1, 2):
+            source = g[kernel.G_SETS + kernel.SET_SIZE * middle + k]
+            g[kernel.G_SETS + kernel.SET_SIZE * number + k] = source
+
+
+ABLATIONS: dict[str, Change | None] = {
+    "the filter": None,
+    "gain blind to rotation": put(kernel.G_SCALE, 0.0),
+    "gain blind to motion": put(kernel.G_CORRELATION, 0.0),
+    "one gain set": one_set,
+    "bias from rest and field alone": put(kernel.G_INFLATE, 1e12),
+    "lasting innovations count as motion": put(kernel.G_T_DRIFT, 1e9),
+    "no latency of the field": put(kernel.G_LAG_MOST, 0.0),
+    "field noise blind to disturbance": put(kernel.G_FIELD_CORRELATION, 0.0),
+    "no easing into the start": put(kernel.G_T_EASE, 0.0),
+}
+
+
+def score(path: Path, conditions: Conditions, name: str) -> tuple[float, float, float]:
+    trial = read_trial(path)
+    file = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
+    gains: ShapedGains = shaped_gains(gain_files.load(file), file)
+    g = list(gains.g)
+    change = ABLATIONS[name]
+    if change is not None:
+        change(g)
+    track = run_shaped(trial, conditions, gains._replace(g=tuple(g)))
+    assert trial.q_es is not None
+    return rms(errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed), trial.mask)
+
+
+def main(folder: Path) -> None:
+    runs = sorted({(d.pattern, d.conditions) for d in DATA_SETS}, key=str)
+    with ProcessPoolExecutor() as pool:
+        futures = {
+            (pattern, conditions, name): [
+                pool.submit(score, path, conditions, name) for path in sorted(folder.glob(pattern))
+            ]
+            for name in ABLATIONS
+            for pattern, conditions in runs
+        }
+        print("| without | " + " | ".join(d.title for d in DATA_SETS) + " |")
+        print("|---" * (len(DATA_SETS) + 1) + "|")
+        for name in ABLATIONS:
+            cells = []
+            for d in DATA_SETS:
+                scores = [f.result() for f in futures[d.pattern, d.conditions, name]]
+                value = statistics.fmean(s[d.figure] for s in scores) if scores else float("nan")
+                cells.append(f"{value:.2f}")
+            print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    main(Path(sys.argv[1]))
