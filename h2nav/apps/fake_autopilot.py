@@ -16,12 +16,14 @@ from h2nav.io.server_links import FORMS as SERVER_FORMS
 from h2nav.io.server_links import open_server_link
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import FAULT_KINDS, parse_fault
+from h2nav.sim.imu_model import MPU_9250
 from h2nav.sim.personalities import PERSONALITIES, personality
 from h2nav.sim.scenarios import SCENARIOS, scenario
 from h2nav.sim.streams import Stream
 from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
 
 LONGEST_WAIT_S = 0.1
+MOST_BIAS_DEG_S = 100.0
 BITS_PER_BYTE_ON_A_LINE = 10
 
 
@@ -54,6 +56,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--boot-text", action="store_true", help="plain text at power-on, as on a serial port"
+    )
+    parser.add_argument(
+        "--gyro-bias-deg-s",
+        nargs=3,
+        type=float,
+        default=MPU_9250.gyro_bias_deg_s,
+        metavar=("X", "Y", "Z"),
+        help="bias of the gyro, body axes, beside the small one that the seed draws",
     )
     vision = parser.add_argument_group("poses of a visual odometry, forwarded by the autopilot")
     vision.add_argument("--vision", choices=VISION_MESSAGES, help="send them as this message")
@@ -140,6 +150,8 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         raise BadInput("--seconds: expected a number of 0 or more")
     if args.baud is not None and not 300 <= args.baud <= 12e6:
         raise BadInput("--baud: expected a number from 300 to 12000000")
+    if not all(abs(bias) <= MOST_BIAS_DEG_S for bias in args.gyro_bias_deg_s):
+        raise BadInput(f"--gyro-bias-deg-s: expected three numbers within +-{MOST_BIAS_DEG_S:g}")
     vision: tuple[Stream, ...] = ()
     if args.vision is not None:
         source = VisionOptions(
@@ -151,6 +163,7 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         personality=personality(args.autopilot),
         seed=args.seed,
         faults=tuple(parse_fault(text) for text in args.fault),
+        sensor=MPU_9250._replace(gyro_bias_deg_s=tuple(args.gyro_bias_deg_s)),
         extra_streams=vision,
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,

@@ -37,7 +37,7 @@ def assert_right(flight, start_s, end_s=math.inf, velocity_m_s=0.25):
 
 @pytest.mark.parametrize("name", ["odometry", "vision_position_estimate", "att_pos_mocap"])
 def test_twist_and_bias_come_right_within_5_s(name):
-    """30 Hz, 50 ms late, a tenth lost, 2 deg/s of bias: after 5 s v 0.25 m/s, rate 0.03 rad/s, p 0.1 m.
+    """30 Hz, 50 ms late, a tenth lost, 2 deg/s of bias: after 5 s 0.25 m/s, 0.03 rad/s, 0.1 m.
 
     The bias itself is right within 0.005 rad/s. (The rate's bound holds the gyro's noise.)
     """
@@ -134,10 +134,10 @@ def spoil(field, value):
 )
 def test_bad_poses_between_good_ones_are_counted_and_do_no_harm(field, value, reason):
     """Every third pose is spoilt: it is counted by its reason, and the twist comes right."""
-    flight = twist_flight(change=spoil(field, value)).run(8.0)
-    assert flight.rejected[reason] > 50
+    flight = twist_flight(change=spoil(field, value)).run(6.5)
+    assert flight.rejected[reason] > 40
     assert all(is_finite(message) for _, message in odometry(flight))
-    assert_right(flight, 7.0)
+    assert_right(flight, 5.5)
     assert odometry(flight)[-1][1].reset_counter == 0
 
 
