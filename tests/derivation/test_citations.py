@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from needs import REPOSITORY
 
-# An equation is an indented line that ends in its number: "    e' = A e          (4.6)".
+# An equation is an indented line that ends in its number, "    e' = A e          (4.6)"; a document
+# without such lines numbers paragraphs instead, "(5) eps = K zeta".
 EQUATION = re.compile(r"^ {4}.*\S {2,}\((\d+(?:\.\d+)?)\)\s*$", re.MULTILINE)
+PARAGRAPH = re.compile(r"^\((\d+(?:\.\d+)?)\) \S", re.MULTILINE)
 NUMBER = r"\(\d+(?:\.\d+)?\)"
 # "docs/x.md Eq. (1.2)", also with ", (1.3)", " and (1.4)", " - (1.6)", " to (1.6)", " (kind), ".
 CITATION = re.compile(
@@ -20,7 +22,11 @@ DOCUMENTS = ("derivation.md", "filter.md", "fixed-point.md", "motion.md", "rotat
 
 
 def numbers_of(document: Path) -> list[str]:
-    return EQUATION.findall(document.read_text(encoding="utf-8"))
+    return equations(document.read_text(encoding="utf-8"))
+
+
+def equations(text: str) -> list[str]:
+    return EQUATION.findall(text) or PARAGRAPH.findall(text)
 
 
 def cited(text: str) -> list[tuple[str, str]]:
@@ -80,8 +86,10 @@ def test_citations_are_found_in_all_their_spellings() -> None:
 
 
 def test_equations_are_found() -> None:
-    text = "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    call(7)\n"
-    assert EQUATION.findall(text) == ["1.2", "3"]
+    text = (
+        "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    call(7)\n(9) g = h.\n"
+    )
+    assert equations(text) == ["1.2", "3", "9"]
 
 
 def test_code_cites() -> None:
