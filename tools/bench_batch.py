@@ -51,8 +51,10 @@ def vqf(data: Arrays) -> None:
 def imufusion(data: Arrays) -> None:
     module = importlib.import_module("imufusion")
     ahrs = module.Ahrs()
-    for w, f, m in zip(*data, strict=True):
-        ahrs.update(w, f, m, 1.0 / RATE_HZ)
+    ahrs.set_sample_period(1.0 / RATE_HZ)
+    gyr, acc, mag = np.degrees(data[0]), data[1] / 9.80665, data[2]
+    for w, f, m in zip(gyr, acc, mag, strict=True):
+        ahrs.update(w, f, m)
 
 
 def ns_per_sample(run: Callable[[Arrays], None], data: Arrays) -> float | None:
