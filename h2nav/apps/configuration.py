@@ -25,7 +25,7 @@ ATTITUDE_FRAME_BYTES = 40
 ATTITUDE_QUATERNION_FRAME_BYTES = 44
 ODOMETRY_FRAME_BYTES = 245
 WHEEL_DISTANCE_FRAME_BYTES = 149
-OTHER_TRAFFIC_BYTES_S = 600
+OTHER_TRAFFIC_BYTES_S = 600.0
 BITS_PER_SERIAL_BYTE = 10
 
 
@@ -183,10 +183,11 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
         return []
     baud, capacity = link.baud, link.baud / BITS_PER_SERIAL_BYTE
     asked = configuration.autopilot
-    inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + OTHER_TRAFFIC_BYTES_S
     output, motion = configuration.output, configuration.motion
+    besides = OTHER_TRAFFIC_BYTES_S
     if motion.estimator == "wheels":
-        inbound += motion.wheel_distance_rate_hz * WHEEL_DISTANCE_FRAME_BYTES
+        besides += motion.wheel_distance_rate_hz * WHEEL_DISTANCE_FRAME_BYTES
+    inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + besides
     outbound = (
         output.attitude_rate_hz * ATTITUDE_FRAME_BYTES
         + output.attitude_quaternion_rate_hz * ATTITUDE_QUATERNION_FRAME_BYTES
@@ -195,7 +196,7 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
         outbound += motion.odometry_rate_hz * ODOMETRY_FRAME_BYTES
     complaints = []
     if inbound > capacity:
-        best_hz = max(0.0, (capacity - OTHER_TRAFFIC_BYTES_S) / IMU_FRAME_BYTES)
+        best_hz = max(0.0, (capacity - besides) / IMU_FRAME_BYTES)
         complaints.append(
             f"autopilot.imu_rate_hz: {asked.imu_rate_hz:g} Hz needs {inbound:.0f} B/s, {baud} baud "
             f"carries {capacity:.0f}; lower it to {best_hz:.0f} or raise the baud rate in link.url"

@@ -92,14 +92,16 @@ class SourceClock:
                 return None
             self._source = LeastDelay()
         self.kind, self._strays = kind, 0
-        if self.kind is ClockKind.AUTOPILOT:
-            return own_us
-        if self.kind is ClockKind.HOST:
-            return usec - self._unix_offset_us + imu_offset_us
-        self._source.seen(t_ns, usec)
-        offset_us = self._source.offset_us
-        assert offset_us is not None
-        return usec - offset_us + imu_offset_us
+        mapped_us = own_us
+        if kind is ClockKind.HOST:
+            mapped_us = usec - self._unix_offset_us + imu_offset_us
+        elif kind is ClockKind.OTHER:
+            self._source.seen(t_ns, usec)
+            offset_us = self._source.offset_us
+            assert offset_us is not None
+            mapped_us = usec - offset_us + imu_offset_us
+        # Before the autopilot's start there is no time.
+        return mapped_us if mapped_us >= 0 else None
 
     def _kind_of(self, t_ns: int, usec: int, lead_us: int) -> ClockKind:
         """The clock on which this time is a recent one."""
