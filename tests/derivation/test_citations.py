@@ -86,10 +86,9 @@ def test_citations_are_found_in_all_their_spellings() -> None:
 
 
 def test_equations_are_found() -> None:
-    text = (
-        "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    call(7)\n(9) g = h.\n"
-    )
-    assert equations(text) == ["1.2", "3", "9"]
+    text = "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    call(7)\n(9) is prose.\n"
+    assert equations(text) == ["1.2", "3"]
+    assert equations("(1) a = b.\n\n(2) c = d, by (1).\n") == ["1", "2"]
 
 
 def test_code_cites() -> None:
