@@ -86,7 +86,7 @@ def test_citations_are_found_in_all_their_spellings() -> None:
 
 
 def test_equations_are_found() -> None:
-    text = "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    call(7)\n(9) is prose.\n"
+    text = "Text (1).\n\n    a = b      (1.2)\n    c = d,\n    e = f  (3)\n    f(7)\n(9) prose\n"
     assert equations(text) == ["1.2", "3"]
     assert equations("(1) a = b.\n\n(2) c = d, by (1).\n") == ["1", "2"]
 
