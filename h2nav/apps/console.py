@@ -101,7 +101,9 @@ class Console:
                 f"yaw {latest.yaw_deg:+7.2f} deg"
             )
         if health.imu_message:
-            parts.append(f"{health.imu_message} {health.imu_rate_hz:.0f} Hz")
+            # 0 = not measured yet
+            rate = f" {health.imu_rate_hz:.0f} Hz" if health.imu_rate_hz else ""
+            parts.append(f"{health.imu_message}{rate}")
         parts.append(f"used {health.samples_used}  refused {health.samples_rejected}")
         return "  ".join(parts)
 

@@ -4,7 +4,6 @@ import importlib
 import os
 import socket
 import subprocess
-import sys
 
 import pytest
 from daemon_process import H2NAV, WAIT_S, daemon
@@ -111,16 +110,12 @@ def test_the_daemon_flies_on_without_readers():
             assert running.stop() == 0
 
 
-def test_ctrl_c_is_one_line_and_130(tmp_path):
+def test_ctrl_c_is_one_line_and_130(monkeypatch, capsys):
     """Python turns SIGINT into KeyboardInterrupt where a command does not handle it."""
-    script = tmp_path / "interrupted.py"
-    script.write_text(
-        "import os, signal, sys\n"
-        "from h2nav import cli\n"
-        "from h2nav.apps import check_config\n"
-        "check_config.run = lambda args: os.kill(os.getpid(), signal.SIGINT)\n"
-        "sys.exit(cli.main(['check-config', 'x']))\n"
-    )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert done.stderr == "h2nav: interrupted\n"
-    assert done.returncode == 130
+
+    def interrupted(_args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(importlib.import_module("h2nav.apps.check_config"), "run", interrupted)
+    assert main(["check-config", "x"]) == 130
+    assert capsys.readouterr().err == "h2nav: interrupted\n"
