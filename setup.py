@@ -14,8 +14,9 @@ from setuptools.errors import CompileError
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 
+from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest  # noqa: E402
 from h2nav.errors import BadInput  # noqa: E402
-from h2nav.translate.batch import BATCH_KERNELS, batch_c, digest, module_names  # noqa: E402
+from h2nav.translate.batch import BATCH_KERNELS, batch_c  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402
 
 KERNELS = ROOT / "h2nav" / "attitude" / "kernels"
@@ -37,7 +38,7 @@ class TranslateAndBuild(build_ext):
             except BadInput as error:
                 raise CompileError(str(error)) from error
             ext.sources.append(str(target))
-        texts = [(KERNELS / name).read_text(encoding="utf-8") for name in module_names()]
+        texts = [(KERNELS / name).read_text(encoding="utf-8") for name in COMPILED_MODULES]
         ext.define_macros.append(("KERNEL_DIGEST", f'"{digest(texts)}"'))
         if self.compiler.compiler_type != "msvc":
             # fused multiply-add would make the doubles differ from Python's

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from h2nav.attitude.filter import AttitudeFilter, FilterState
 from h2nav.attitude.fixed import RATE_SCALE, FixedFilter
 from h2nav.attitude.fixed_gains import BIAS_UNIT
+from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest
 from h2nav.attitude.kernels import fixed_lean, shaped
 from h2nav.attitude.samples import ImuSample
 from h2nav.attitude.shaped import (
@@ -29,7 +30,6 @@ from h2nav.attitude.shaped import (
 )
 from h2nav.errors import BadInput
 from h2nav.maths.quaternion import multiply
-from h2nav.translate.batch import digest, module_names
 
 Floats = npt.NDArray[np.float64]
 SWITCH = "H2NAV_NATIVE"
@@ -80,7 +80,7 @@ def _current_build() -> ModuleType | None:
     except ImportError:
         return None
     folder = resources.files("h2nav.attitude.kernels")
-    texts = [folder.joinpath(name).read_text("utf-8") for name in module_names()]
+    texts = [folder.joinpath(name).read_text("utf-8") for name in COMPILED_MODULES]
     return native if native.kernel_digest == digest(texts) else None
 
 

@@ -1,6 +1,5 @@
 """The C file of a kernel for batches: its step, and a loop over the rows of a table of samples."""
 
-import hashlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,18 +27,6 @@ BATCH_KERNELS = (
     BatchKernel("shaped", ("shaped.py",), "step", "double"),
     BatchKernel("fixed_lean", ("fixed_triad.py", "fixed_lean.py"), "update", "int32_t"),
 )
-
-
-def digest(texts: Sequence[str]) -> str:
-    """Names one version of the kernels, so that a stale build is noticed."""
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
-
-
-def module_names() -> list[str]:
-    """Every kernel module of `BATCH_KERNELS`, once, in order."""
-    return list(dict.fromkeys(name for kernel in BATCH_KERNELS for name in kernel.modules))
-
-
 # Columns of a result row: the first words of the memory (attitude, bias), then the bits.
 KEPT = 7
 

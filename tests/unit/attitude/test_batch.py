@@ -15,6 +15,7 @@ from h2nav.attitude.shaped import ShapedFilter
 from h2nav.attitude.shaped_gains import shaped_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
+from h2nav.translate.batch import BATCH_KERNELS
 
 N = 6000
 Recording = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -94,6 +95,11 @@ def test_a_declined_field_turns_the_batch_too(
         attitude_filter.use_field(EarthField(49.0, 1.04, 0.2))
         results.append(batch.filter_array(*recording, attitude_filter).q_nb)
     assert np.array_equal(results[0], results[1], equal_nan=True)
+
+
+def test_every_translated_module_is_part_of_the_digest() -> None:
+    translated = [name for kernel in BATCH_KERNELS for name in kernel.modules]
+    assert tuple(translated) == batch.COMPILED_MODULES
 
 
 def test_backend_follows_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,9 +5,9 @@ import random
 import subprocess
 from pathlib import Path
 
+import needs
 import pytest
 
-import needs
 from h2nav.attitude.kernels import fixed_lean, fixed_triad, shaped, two_stage
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
@@ -86,7 +86,7 @@ def test_c_computes_what_python_computes(tmp_path: Path) -> None:
     )
     library.run.restype = ctypes.c_int64
     scope: dict[str, object] = {}
-    exec(EVERYTHING, scope)  # noqa: S102
+    exec(EVERYTHING, scope)
     rng = random.Random(3)
     edges = [-(1 << 31), -(1 << 20), -1, 0, 1, 7, 1 << 20, (1 << 31) - 1]
     x = [0, 0]
@@ -232,7 +232,7 @@ def step(x: I32, low: I16, high: I16, n: I16, out: list[I32]) -> None:
         "void run(int32_t x, int32_t n, int32_t *out) { step(x, 0, 0, n, out); }",
     )
     scope: dict[str, object] = {}
-    exec(text, scope)  # noqa: S102
+    exec(text, scope)
     words, expected = (ctypes.c_int32 * 7)(), [0] * 7
     corners = [sign * (1 << bit) + d for bit in range(31) for sign in (1, -1) for d in (-1, 0, 1)]
     for x in [*corners, -(1 << 31), (1 << 31) - 1]:

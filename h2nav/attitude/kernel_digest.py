@@ -1,0 +1,15 @@
+"""Which kernels are compiled for batches, and the name of one version of them.
+
+The build writes the name into the extension, so that one made from older kernels is noticed.
+"""
+
+import hashlib
+from collections.abc import Sequence
+
+# files in `kernels`, in the order in which their texts are hashed
+COMPILED_MODULES = ("shaped.py", "fixed_triad.py", "fixed_lean.py")
+
+
+def digest(texts: Sequence[str]) -> str:
+    """The name of the kernels with these texts."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
