@@ -57,12 +57,12 @@ class SampleClock:
         raw_us = raw * self._unit_us
         if self._newest_us is None:
             self._newest_us = raw_us
+            self._wraps_us = 0
+            return Verdict.NEXT, raw_us
         if self._wraps_us is None:
             # Another message's counter may be wider, and have wrapped less often than this one.
             missing_us = self._newest_us - raw_us
             self._wraps_us = max(0, round(missing_us / self._wrap_us)) * self._wrap_us
-            if missing_us == 0:
-                return Verdict.NEXT, raw_us
         t_us = raw_us + self._wraps_us
         step_us = t_us - self._newest_us
         if 0 < step_us <= MAX_GAP_US:

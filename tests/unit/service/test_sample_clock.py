@@ -102,3 +102,9 @@ def test_time_only_grows_inside_an_epoch_whatever_comes(raw_times):
         if verdict in (Verdict.NEXT, Verdict.REBOOT, Verdict.NEW_EPOCH):
             assert newest_us is None or t_us > newest_us
             newest_us = t_us
+
+
+def test_another_message_at_the_very_time_of_the_newest_sample_is_a_duplicate():
+    clock = SampleClock(1, newest_us=6_810_073)
+    assert clock.advance(6_810_073)[0] is Verdict.DUPLICATE
+    assert clock.advance(6_820_140) == (Verdict.NEXT, 6_820_140)
