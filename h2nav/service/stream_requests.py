@@ -154,8 +154,10 @@ class StreamRequests:
         if self._waiting is not None:
             if t_ns - self._waiting_since_ns < ACK_WAIT_NS:
                 return None
-            self._waiting = None
+            stream, self._waiting = self._waiting, None
             self._unanswered += 1
+            if self._unanswered < UNANSWERED_BEFORE_FALLBACK:
+                stream.asked_ns = None  # it was lost (a reboot's silence): ask again at once
         for stream in self._streams:
             if stream.is_enough() or not stream.is_due(t_ns):
                 continue

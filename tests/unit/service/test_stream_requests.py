@@ -87,3 +87,11 @@ def test_everything_is_asked_anew_after_a_reboot():
     asks(requests, 0.0, 6.0, arriving={RAW: 1}, ack=accepted)
     requests.restart()
     assert len(asks(requests, 6.0, 6.1, ack=accepted)) == 1
+
+
+def test_a_request_that_a_reboot_swallowed_is_repeated_at_once():
+    requests = StreamRequests((Wish(RAW, 100.0),))
+    asks(requests, 0.0, 6.0, arriving={RAW: 1}, ack=accepted)
+    # Silence: the next request is lost, the one after it arrives.
+    lost = asks(requests, 6.0, 10.0)
+    assert lost[1][0] - lost[0][0] < 1.1
