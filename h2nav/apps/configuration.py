@@ -46,7 +46,8 @@ class FilterSettings:
 
     Attributes:
         name: `default`, or `two_stage` for the first form.
-        arithmetic: `float`, or `fixed` for the integers that microcontrollers run.
+        arithmetic: `float`, or `fixed` for the integers that microcontrollers run (the
+            constant-gain form of `two_stage`).
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
         gains: a gain file; `auto` = the shipped one for class (or sensor) and rate.
         sensor: whose shipped gains `two_stage` takes.
@@ -141,7 +142,11 @@ def build(mapping: dict[str, Any], place: str) -> Configuration:
 def contradictions(configuration: Configuration) -> list[str]:
     """What is well-formed and yet cannot work, each with key and remedy."""
     link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
-    return [*link, *_motion_complaints(configuration)]
+    return [
+        *link,
+        *_filter_complaints(configuration.filter),
+        *_motion_complaints(configuration),
+    ]
 
 
 def _link_complaints(url: str) -> list[str]:
@@ -150,6 +155,23 @@ def _link_complaints(url: str) -> list[str]:
     except BadInput as error:
         return [f"link.url: {line}" for line in error.lines]
     return []
+
+
+def _filter_complaints(settings: FilterSettings) -> list[str]:
+    """The integers have the constant-gain form only; one filter knows instantaneous gyros."""
+    complaints = []
+    if settings.arithmetic == "fixed" and settings.name != "two_stage":
+        complaints.append(
+            "filter.arithmetic: fixed is the constant-gain form; set filter.name: two_stage, or "
+            "filter.arithmetic: float"
+        )
+    averages = settings.name == "two_stage" and settings.arithmetic == "float"
+    if settings.gyro_sampling == "instant" and not averages:
+        complaints.append(
+            "filter.gyro_sampling: instant is known to filter.name two_stage in floats only; set "
+            "mean, or filter.name: two_stage"
+        )
+    return complaints
 
 
 def _motion_complaints(configuration: Configuration) -> list[str]:

@@ -134,7 +134,15 @@ def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     return TwoStageFilter(two_stage_gains(file, file.name), sampling)
 
 
+def _fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.fixed import FixedFilter
+    from h2nav.attitude.fixed_gains import fixed_model
+
+    return FixedFilter(fixed_model(file, file.name))
+
+
 _MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {
     ("default", "float"): _default,
     ("two_stage", "float"): _two_stage,
+    ("two_stage", "fixed"): _fixed,
 }

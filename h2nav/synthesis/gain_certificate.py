@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from h2nav.attitude.fixed_gains import fixed_point_section
 from h2nav.attitude.gain_seal import seal
 from h2nav.attitude.gains import GainFile
 from h2nav.attitude.plant import Matrix, Plant
@@ -70,11 +71,15 @@ class Verdict(NamedTuple):
 
 
 def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
-    """The file with a new certificate over all its other sections.
+    """The file with its integer image and a new certificate over all its other sections.
 
     Raises:
         CertificateError: a loop cannot be proved; the message names it.
     """
+    file = replace(file, fixed_point=fixed_point_section(file, file.name))
+    image_problems = _image_problems(file)
+    if image_problems:
+        raise CertificateError(image_problems[0])
     sections = {}
     for loop in loops:
         try:
@@ -90,7 +95,7 @@ def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
 
 def checked(file: GainFile, loops: Sequence[Loop]) -> Verdict:
     """Checks a file's certificate against its loops, without believing anything in it."""
-    problems = _seal_problems(file)
+    problems = [*_seal_problems(file), *_image_problems(file)]
     stored = file.certificate.get("loops")
     if not isinstance(stored, Mapping):
         problems.append("certificate.loops: there is no certificate")
@@ -123,6 +128,17 @@ def _seal_problems(file: GainFile) -> list[str]:
         return [f"certificate.sha256: the contents cannot be hashed ({error})"]
     if file.certificate.get("sha256") != fresh:
         return ["certificate.sha256: stale: model or gains were changed after they were certified"]
+    return []
+
+
+def _image_problems(file: GainFile) -> list[str]:
+    """What is wrong with the integer image: not that of the gains, or not stable once rounded."""
+    fresh = fixed_point_section(file, file.name)
+    if file.fixed_point.get("params") != fresh["params"]:
+        return ["fixed_point.params: not the integer image of the gains"]
+    radius = float(str(fresh["spectral_radius"]))
+    if not radius < 1.0:
+        return [f"fixed_point.spectral_radius: {radius:g}: the rounded gains are not stable"]
     return []
 
 

@@ -60,3 +60,16 @@ def test_a_misspelt_section_is_an_error(tmp_path):
     (line,) = errors("autopliot: {imu_rate_hz: 100}\n", tmp_path)
     assert "did you mean autopilot?" in line
     assert str(Path(tmp_path)) in line
+
+
+@pytest.mark.parametrize(
+    ("section", "key"),
+    [
+        ("{arithmetic: fixed}", "filter.arithmetic"),
+        ("{gyro_sampling: instant}", "filter.gyro_sampling"),
+        ("{name: two_stage, arithmetic: fixed, gyro_sampling: instant}", "filter.gyro_sampling"),
+    ],
+)
+def test_filters_that_do_not_exist_are_refused(tmp_path, section, key):
+    (line,) = errors(f"filter: {section}\n", tmp_path)
+    assert key in line
