@@ -59,10 +59,17 @@ class TrustLimits(NamedTuple):
     level_s: float = 5.0
     converge_s: float = 5.0
     hold_s: float = 21.0
-    field_out_s: float = 25.0
+    turned_s: float = 15.0
+    heading_cut_deg: float = 3.0
     heading_lost_s: float = 120.0
     wrong_s: float = 1.0
     bias_start_deg_s: float = 1.0
+    bias_doubt_deg_s: float = 0.1
+    mean_s: float = 10.0
+    steady_force_m_s2: float = 0.02
+    frozen_walk_deg_s_rts: float = 0.002
+    still_s: float = 2.0
+    start_force_m_s2: float = 2.0
     bias_step_deg_s: float = 0.2
     bias_limit_deg_s: float = 10.0
     align_s: float = 0.5
@@ -106,13 +113,15 @@ def kernel_gains(
     g[kernel.G_FORCE_GATE] = limits.force_gate_m_s2
     noise_ut = n.magnetometer * math.sqrt(gains.rate_hz)
     g[kernel.G_FIELD_GATE] = limits.field_gate_share * reference.norm_ut + 3.0 * noise_ut
+    cut_rad = limits.heading_cut_deg * _DEG
+    g[kernel.G_FIELD_CUT] = max(cut_rad * abs(g[kernel.G_FIELD_N]), 4.0 * noise_ut)
     g[kernel.G_NORM_SHARE] = limits.norm_share
     g[kernel.G_DIP_SHARE] = math.sin(limits.dip_tolerance_deg * _DEG)
     g[kernel.G_T_RESIDUAL] = limits.residual_s
     g[kernel.G_T_LEVEL] = limits.level_s
     g[kernel.G_T_CONVERGE] = limits.converge_s
     g[kernel.G_T_HOLD] = limits.hold_s
-    g[kernel.G_T_FIELD_OUT] = limits.field_out_s
+    g[kernel.G_T_TURNED] = limits.turned_s
     g[kernel.G_T_WRONG] = limits.wrong_s
     g[kernel.G_BIAS_STEP] = limits.bias_step_deg_s * _DEG
     g[kernel.G_BIAS_LIMIT] = limits.bias_limit_deg_s * _DEG
@@ -126,6 +135,13 @@ def kernel_gains(
         start = kernel.G_LEVELS + kernel.LEVEL_SIZE * number
         g[start] = _threshold(gains, limits, number)
         g[start + 1 : start + kernel.LEVEL_SIZE] = level
+    slowest = min(limits.slowest_level, len(gains.levels) - 1)
+    g[kernel.G_LAST_POWER] = _power(gains, limits, gains.levels[slowest].force_weight)
+    g[kernel.G_BIAS_DOUBT] = (limits.bias_doubt_deg_s * _DEG) ** 2
+    g[kernel.G_T_MEAN] = limits.mean_s
+    g[kernel.G_FROZEN_WALK] = (limits.frozen_walk_deg_s_rts * _DEG) ** 2
+    g[kernel.G_STILL_2] = limits.steady_force_m_s2**2
+    g[kernel.G_T_STILL] = limits.still_s
     return g
 
 
@@ -140,6 +156,14 @@ def _threshold(gains: TwoStageGains, limits: TrustLimits, number: int) -> float:
     if number >= len(gains.levels) or number > limits.slowest_level:
         return math.inf
     weight = math.sqrt(gains.levels[number].force_weight * gains.levels[number - 1].force_weight)
+    return _power(gains, limits, weight)
+
+
+def _power(gains: TwoStageGains, limits: TrustLimits, weight: float) -> float:
+    """Low-passed square of the horizontal force for which `weight` is right, (m/s^2)^2.
+
+    Source: docs/derivation.md Eq. (3.14).
+    """
     noise = gains.densities.accelerometer**2
     return limits.still_force_m_s2**2 + noise * (1.0 / weight - 1.0) / (
         2.0 * limits.force_correlation_s

@@ -31,6 +31,8 @@ GyroSampling = Literal["mean", "instant"]
 MAX_GAP_US = 1_000_000
 # A heading counts as tied to north for so long after the last believed field.
 REFERENCED_S = 5.0
+# How long the first samples of the force's power count as already averaged.
+_FIRST_AGE_S = 0.1
 _NAN = math.nan
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -105,6 +107,11 @@ class TwoStageFilter:
             self._forget_bias()
             self.restart()
             return None
+        if bits & kernel.MOVED:
+            self._begin_moving()
+        if bits & kernel.LOST:
+            self._align_with(sample)
+            return self._estimate(sample, bits, restarted=True)
         if bits & kernel.WRONG:
             self._align_again()
             return self._estimate(sample, bits, restarted=True)
@@ -124,6 +131,7 @@ class TwoStageFilter:
         self._declination = (math.cos(half), 0.0, 0.0, math.sin(half)) if half else None
         if (field.norm_ut, field.dip_rad) != self._reference:
             self._set_reference(field)
+        self._g[kernel.G_T_ALIGN] = 0.0
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Ignored: this filter has no velocity aiding."""
@@ -162,13 +170,17 @@ class TwoStageFilter:
         """TRIAD of the first sample; the start-up gains then average over the next ones."""
         if sample.clipped:
             return
+        self._align_with(sample)
+        self._t_us = sample.t_us
+        self._start = StartUp()
+        self._witness(sample, self._start, 0.0)
+
+    def _align_with(self, sample: ImuSample) -> None:
+        """TRIAD of one sample; the start-up gains then average over the next ones."""
         x = self._x
         x[kernel.X_Q : kernel.X_Q + 4] = triad(sample.f_b, sample.m_b_ut)
         self._begin(referenced=sample.m_b_ut is not None)
         x[kernel.X_RATE : kernel.X_RATE + 3] = sample.w_b
-        self._t_us = sample.t_us
-        self._start = StartUp()
-        self._witness(sample, self._start, 0.0)
 
     def _finish_start(
         self, sample: ImuSample, bits: int, start: StartUp, dt_s: float
@@ -210,9 +222,29 @@ class TwoStageFilter:
         x[kernel.X_HEADING] = 1.0 if referenced else 0.0
         if not referenced:
             x[kernel.X_T_NO_FIELD] = REFERENCED_S
-        tilt = 1.0 / (g[kernel.G_GRAVITY] ** 2 * g[kernel.G_FORCE_INFO])
-        heading = 1.0 / (g[kernel.G_FIELD_N] ** 2 * g[kernel.G_FIELD_INFO])
+        # Nothing is known of the motion yet: as if moving for long, until the force denies it.
+        x[kernel.X_LEVEL] = x[kernel.X_POWER] = 1.5 * g[kernel.G_LAST_POWER]
+        x[kernel.X_AGE] = _FIRST_AGE_S
+        x[kernel.X_MEAN : kernel.X_MEAN + 2] = [0.0, 0.0]
+        x[kernel.X_BLIND] = 0.0
+        x[kernel.X_BIAS_0 : kernel.X_BIAS_0 + 3] = x[kernel.X_BIAS : kernel.X_BIAS + 3]
+        x[kernel.X_P_0 : kernel.X_P_0 + 6] = x[kernel.X_P : kernel.X_P + 6]
+        x[kernel.X_T_MOVING] = self._limits.hold_s
+        x[kernel.X_T_TURNED] = x[kernel.X_T_CLIPPED] = 0.0
+        tilt = (self._limits.start_force_m_s2 / g[kernel.G_GRAVITY]) ** 2
+        heading = tilt * (1.0 + (g[kernel.G_FIELD_D] / g[kernel.G_FIELD_N]) ** 2)
         x[kernel.X_VAR : kernel.X_VAR + 4] = [tilt, tilt, heading, 0.0]
+
+    def _begin_moving(self) -> None:
+        """Forgets what was learnt of the bias while the force was taken for gravity alone."""
+        x = self._x
+        bias = x[kernel.X_BIAS_0 : kernel.X_P_0 + 6]
+        self._begin(referenced=x[kernel.X_HEADING] > 0.0)
+        x[kernel.X_BIAS : kernel.X_BIAS + 3] = bias[:3]
+        x[kernel.X_P : kernel.X_P + 6] = bias[3:]
+        x[kernel.X_LEVEL] = x[kernel.X_POWER] = self._limits.start_force_m_s2**2
+        x[kernel.X_AGE] = self._limits.level_s
+        x[kernel.X_BLIND] = 1.0
 
     def _align_again(self) -> None:
         """TRIAD of what both sensors said while they contradicted the attitude."""
@@ -226,6 +258,8 @@ class TwoStageFilter:
             return
         x[kernel.X_Q : kernel.X_Q + 4] = multiply(turn, _quat(x[kernel.X_Q : kernel.X_Q + 4]))
         self._begin(referenced=True)
+        x[kernel.X_CONVERGED] = 1.0
+        kernel.doubt_bias(x, self._g)
 
     def _forget_bias(self) -> None:
         x = self._x
@@ -242,6 +276,8 @@ class TwoStageFilter:
         ) < math.radians(0.5)
         gains = self._design if near else gains_at(self._design, field)
         self._g = kernel_gains(gains, field, self._limits, mean_rate=self._mean_rate)
+        if self._told is None:
+            self._g[kernel.G_T_ALIGN] = self._limits.align_s
 
     def _take_reference(self, start: StartUp) -> None:
         """What the start shows of the field: all of it if nobody told, else a norm far off."""

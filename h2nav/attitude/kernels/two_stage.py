@@ -31,14 +31,27 @@ X_T_FIELD_AGE = 37  # time since the last field sample, believed or not
 X_CONVERGED = 38  # 1 after the start-up transient
 X_RATE = 39  # 3: gyro sample before this one
 X_VAR = 42  # 4: covariance of the bias-free attitude error: nn, ee, dd, nd
-X_SIZE = 46
+X_T_TURNED = 46  # time for which a sane field has contradicted nothing but the heading
+X_T_CLIPPED = 47  # time since the last sample that was not clipped
+X_MEAN = 48  # 2: slow mean of X_RES: tilt error, not acceleration
+X_AGE = 50  # time over which X_LEVEL has been averaged
+X_BIAS_0 = 51  # 3: bias at the start
+X_P_0 = 54  # 6: its covariance
+X_POWER = 60  # as X_LEVEL, without its cap
+X_BLIND = 61  # 1: started in motion; the bias has never been learnt at rest
+X_SIZE = 62
 # results that are not memory
-X_R = 46  # 9: attitude matrix before the correction, row by row
-X_F = 55  # 3: -force in NED
-X_M = 58  # 3: field in NED
-X_ZETA = 61  # 3: weighted innovation
-X_INFO = 64  # 4: its information: nn, ee, dd, nd
-X_TOTAL = 68
+X_R = 62  # 9: attitude matrix before the correction, row by row
+X_F = 71  # 3: -force in NED
+X_M = 74  # 3: field in NED
+X_ZETA = 77  # 3: weighted innovation
+X_INFO = 80  # 4: its information: nn, ee, dd, nd
+X_SHARE = 84  # force's honest weight as a share of its level's
+X_SHARE_D = 85  # the same of the heading, whose field is seen from the force's tilt
+X_APART = 86  # 1: force corrects only tilt and field only heading
+X_HELD = 87  # 1: the field's innovation was cut and teaches no bias
+X_FROZEN = 88  # 1: the force's innovation is too steady and teaches no bias
+X_TOTAL = 89
 
 # --- z: sample ---
 Z_DT = 0
@@ -66,26 +79,41 @@ G_T_RESIDUAL = 12  # time constants
 G_T_LEVEL = 13
 G_T_CONVERGE = 14
 G_T_HOLD = 15  # a moving vehicle's force outside the gate is ignored for so long
-G_T_FIELD_OUT = 16  # a field outside the gate is ignored for so long
+G_T_TURNED = 16  # a sane field outside the gate sets the heading after so long
 G_T_WRONG = 17
 G_BIAS_STEP = 18  # limits of one bias step and of the bias
 G_BIAS_LIMIT = 19
 G_LEVEL_CAP = 20  # (m/s^2)^2
 G_T_HEADING_LOST = 21  # a heading without field for so long is none
 G_GYRO_WALK = 22  # variance of the attitude per second
-G_LEVELS = 23  # then per level: threshold of X_LEVEL, weight, k_nn, k_ee, k_dd, k_nd
+G_FIELD_CUT = 23  # microtesla: longest innovation of the field that is taken whole
+G_LAST_POWER = 24  # X_LEVEL for which the slowest level's weight is right
+G_BIAS_DOUBT = 25  # variance that a contradicted attitude adds to the bias
+G_T_MEAN = 26  # s: time constant of X_MEAN
+G_T_ALIGN = 27  # s: for so long the field gives only heading: its dip is not known yet
+G_T_STILL = 28  # s: a vehicle that has begun at rest has shown it after so long
+G_STILL_2 = 29  # (m/s^2)^2: steadier force than this teaches no bias
+G_FROZEN_WALK = 30  # variance per second of a bias that is not learnt though it might
+G_LEVELS = 31  # then per level: threshold of X_LEVEL, weight, k_nn, k_ee, k_dd, k_nd
 LEVELS = 7
 LEVEL_SIZE = 6
-G_SIZE = 65
+G_SIZE = 73
 
 # The constant gains serve once no variance is above its fixed point by more than this.
 STEADY = 1.02
+
+# Variances of the tilt, rad^2: (1.2 deg)^2 opens the gates again, beyond (30 deg)^2 the linear
+# correction means nothing.
+OPEN_VARIANCE = 4e-4
+LOST_VARIANCE = 0.27
 
 # --- bits of the result ---
 FORCE_USED = 1
 FIELD_USED = 2
 WRONG = 4  # both sensors have contradicted the attitude for too long: align again
 SATURATED = 8
+MOVED = 32  # the vehicle was in motion when it was thought to start at rest: start again
+LOST = 16  # the attitude is unknown after clipped samples: align with this sample
 
 
 def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
@@ -96,16 +124,24 @@ def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     propagate(x, g, z)
     measure(x, z)
     if z[Z_CLIPPED] > 0.0:
-        # The true rate is unknown: what it does to the attitude must not be booked as bias.
-        for i in range(9):
-            x[X_U + i] = 0.0
+        pass_clipped(x, z)
         return 0
+    x[X_T_CLIPPED] = 0.0
+    if x[X_VAR] > LOST_VARIANCE and force_sane(x, g) == 1:
+        return LOST
     level = track_force(x, g, z)
+    if x[X_CONVERGED] < 1.0 and x[X_POWER] > 2.0 * g[G_LAST_POWER] and x[X_AGE] < g[G_T_STILL]:
+        return MOVED
     if track_contradiction(x, g, z) == WRONG:
         return WRONG
-    if z[Z_HAS_FIELD] > 0.0 and x[X_HEADING] < 1.0 and field_sane(x, g) == 1:
-        take_heading(x, g)
-        return FIELD_USED
+    if z[Z_HAS_FIELD] > 0.0 and field_sane(x, g) == 1:
+        if x[X_HEADING] < 1.0:
+            take_heading(x, g)
+            return FIELD_USED
+        if track_turned(x, g) == 1:
+            take_heading(x, g)
+            doubt_bias(x, g)
+            return FIELD_USED
     bits = weigh(x, g, z, level)
     if x[X_T_RUN] > g[G_T_CONVERGE] and force_near(x, g) == 1:
         x[X_CONVERGED] = 1.0
@@ -146,6 +182,26 @@ def propagate(x: list[float], g: Sequence[float], z: Sequence[float]) -> None:
     x[X_T_RUN] += dt
     x[X_T_NO_FIELD] += dt
     x[X_T_FIELD_AGE] += dt
+
+
+def pass_clipped(x: list[float], z: Sequence[float]) -> None:
+    """A sample whose true rate is unknown: nothing is learnt, and the attitude gets uncertain.
+
+    A rate that is wrong by its own size for T leaves an error of rate T.
+
+    Source: docs/derivation.md Eq. (3.20).
+    """
+    for i in range(9):
+        # What the rate does to the attitude must not be booked as bias.
+        x[X_U + i] = 0.0
+    rate_2 = z[Z_RATE] * z[Z_RATE] + z[Z_RATE + 1] * z[Z_RATE + 1] + z[Z_RATE + 2] * z[Z_RATE + 2]
+    growth = rate_2 * z[Z_DT] * (2.0 * x[X_T_CLIPPED] + z[Z_DT])
+    x[X_T_CLIPPED] += z[Z_DT]
+    for i in range(3):
+        x[X_VAR + i] += growth
+    if x[X_VAR] > OPEN_VARIANCE:
+        x[X_CONVERGED] = 0.0
+        x[X_T_RUN] = 0.0
 
 
 def turn_body(x: list[float], phi_x: float, phi_y: float, phi_z: float) -> None:
@@ -219,7 +275,21 @@ def track_force(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     if power > most:
         power = most
     x[X_JITTER] += c * (power - x[X_JITTER])
-    power = x[X_RES] * x[X_RES] + x[X_RES + 1] * x[X_RES + 1]
+    slow_n = x[X_RES]
+    slow_e = x[X_RES + 1]
+    if slow_n * slow_n + slow_e * slow_e < g[G_FORCE_GATE] * g[G_FORCE_GATE]:
+        # What stays in NED is the tilt's own error: it must not lower the weight that cures it.
+        slow_n -= x[X_MEAN]
+        slow_e -= x[X_MEAN + 1]
+        mean = dt / (g[G_T_MEAN] + dt)
+        x[X_MEAN] += mean * slow_n
+        x[X_MEAN + 1] += mean * slow_e
+    power = slow_n * slow_n + slow_e * slow_e
+    x[X_AGE] += dt
+    if x[X_AGE] > g[G_T_LEVEL]:
+        x[X_AGE] = g[G_T_LEVEL]
+    c = dt / (x[X_AGE] + dt)
+    x[X_POWER] += c * (power - x[X_POWER])
     if power > g[G_LEVEL_CAP]:
         power = g[G_LEVEL_CAP]
     x[X_LEVEL] += c * (power - x[X_LEVEL])
@@ -227,10 +297,14 @@ def track_force(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     for i in range(LEVELS):
         if x[X_LEVEL] > g[G_LEVELS + LEVEL_SIZE * i]:
             level = i
+    x[X_SHARE] = 1.0
     if level > 0:
+        if x[X_BLIND] > 0.0 and x[X_POWER] > g[G_LAST_POWER]:
+            x[X_SHARE] = g[G_LAST_POWER] / x[X_POWER]
         x[X_T_MOVING] += dt
     else:
         x[X_T_MOVING] = 0.0
+        x[X_BLIND] = 0.0
     return level
 
 
@@ -299,6 +373,27 @@ def track_contradiction(x: list[float], g: Sequence[float], z: Sequence[float]) 
     return 0
 
 
+def track_turned(x: list[float], g: Sequence[float]) -> int:
+    """1 when a field of the right size and slope has long pointed to another north.
+
+    Source: docs/derivation.md Eq. (3.18).
+    """
+    if field_near(x, g) == 1 or math.fabs(x[X_M + 2] - g[G_FIELD_D]) > g[G_FIELD_GATE]:
+        x[X_T_TURNED] = 0.0
+        return 0
+    x[X_T_TURNED] += x[X_T_FIELD_AGE]
+    if x[X_T_TURNED] > g[G_T_TURNED]:
+        return 1
+    return 0
+
+
+def doubt_bias(x: list[float], g: Sequence[float]) -> None:
+    """What led the attitude astray may have led the bias astray, beyond its covariance."""
+    x[X_P] += g[G_BIAS_DOUBT]
+    x[X_P + 3] += g[G_BIAS_DOUBT]
+    x[X_P + 5] += g[G_BIAS_DOUBT]
+
+
 def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) -> int:
     """Weighted innovation X_ZETA and its information X_INFO from what is believed. Returns bits.
 
@@ -308,6 +403,14 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
         x[X_ZETA + i] = 0.0
     for i in range(4):
         x[X_INFO + i] = 0.0
+    x[X_SHARE_D] = 1.0
+    x[X_HELD] = 0.0
+    x[X_FROZEN] = 0.0
+    if x[X_CONVERGED] > 0.0 and level == 0 and force_near(x, g) == 1:
+        freeze(x, g, z[Z_DT])
+    x[X_APART] = 0.0
+    if x[X_BLIND] > 0.0 or x[X_T_RUN] < g[G_T_ALIGN]:
+        x[X_APART] = 1.0
     bits = 0
     if x[X_T_WRONG] <= 0.0:
         if (
@@ -317,6 +420,7 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
         ):
             bits = FORCE_USED
             weight = g[G_LEVELS + LEVEL_SIZE * level + 1] * g[G_FORCE_INFO] * g[G_GRAVITY]
+            weight *= x[X_SHARE]
             x[X_ZETA] = weight * x[X_F + 1]
             x[X_ZETA + 1] = -weight * x[X_F]
             x[X_INFO] = weight * g[G_GRAVITY]
@@ -324,12 +428,10 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
         if (
             z[Z_HAS_FIELD] > 0.0
             and field_sane(x, g) == 1
-            and (
-                field_near(x, g) == 1 or x[X_T_NO_FIELD] > g[G_T_FIELD_OUT] or x[X_CONVERGED] < 1.0
-            )
+            and (field_near(x, g) == 1 or x[X_CONVERGED] < 1.0)
         ):
             bits = bits + FIELD_USED
-            weigh_field(x, g)
+            weigh_field(x, g, g[G_LEVELS + LEVEL_SIZE * level + 1])
     if z[Z_HAS_FIELD] > 0.0:
         x[X_T_FIELD_AGE] = 0.0
     return bits
@@ -352,22 +454,54 @@ def take_heading(x: list[float], g: Sequence[float]) -> None:
     x[X_T_FIELD_AGE] = 0.0
 
 
-def weigh_field(x: list[float], g: Sequence[float]) -> None:
+def freeze(x: list[float], g: Sequence[float], dt: float) -> None:
+    """Sets X_FROZEN while the force stands off its place by more than the bias explains."""
+    still_2 = g[G_STILL_2] + 8.0 * x[X_JITTER] * dt / g[G_T_RESIDUAL]
+    off_2 = x[X_RES] * x[X_RES] + x[X_RES + 1] * x[X_RES + 1]
+    if off_2 < still_2:
+        return
+    spread = x[X_P] + x[X_P + 3] + x[X_P + 5]
+    reach = x[X_U] * x[X_U] + x[X_U + 1] * x[X_U + 1] + x[X_U + 2] * x[X_U + 2]
+    if off_2 > still_2 + 9.0 * g[G_GRAVITY] * g[G_GRAVITY] * reach * spread:
+        x[X_FROZEN] = 1.0
+        x[X_P] += g[G_FROZEN_WALK] * dt
+        x[X_P + 3] += g[G_FROZEN_WALK] * dt
+        x[X_P + 5] += g[G_FROZEN_WALK] * dt
+
+
+def weigh_field(x: list[float], g: Sequence[float], force_weight: float) -> None:
     """Adds the field; a sample that stands for several steps carries their information."""
     x[X_T_NO_FIELD] = 0.0
     steps = x[X_T_FIELD_AGE] / g[G_DT]
     if steps > 20.0:
         steps = 20.0
+    off_n = x[X_M] - g[G_FIELD_N]
+    off_e = x[X_M + 1]
+    off_d = x[X_M + 2] - g[G_FIELD_D]
+    size = math.sqrt(off_n * off_n + off_e * off_e + off_d * off_d)
+    if x[X_CONVERGED] > 0.0 and size > g[G_FIELD_CUT]:
+        x[X_APART] = 1.0
+        x[X_HELD] = 1.0
+        off_e *= g[G_FIELD_CUT] / size
     weight = steps * g[G_FIELD_INFO]
-    hn = weight * g[G_FIELD_N]
-    hd = weight * g[G_FIELD_D]
-    x[X_ZETA + 2] -= hn * x[X_M + 1]
-    x[X_INFO + 2] += hn * g[G_FIELD_N]
-    x[X_ZETA] += hd * x[X_M + 1]
-    x[X_ZETA + 1] += hn * x[X_M + 2] - hd * x[X_M]
-    x[X_INFO] += hd * g[G_FIELD_D]
-    x[X_INFO + 1] += hn * g[G_FIELD_N] + hd * g[G_FIELD_D]
-    x[X_INFO + 3] = -hd * g[G_FIELD_N]
+    if x[X_APART] > 0.0:
+        # The heading is seen from the tilt that the force gives, as good or bad as that is.
+        blur = g[G_FIELD_INFO] * g[G_FIELD_D] * g[G_FIELD_D]
+        blur /= g[G_FORCE_INFO] * g[G_GRAVITY] * g[G_GRAVITY] * force_weight
+        x[X_SHARE_D] = (1.0 + blur) / (1.0 + blur / x[X_SHARE])
+        hn = weight * g[G_FIELD_N] / (1.0 + blur / x[X_SHARE])
+        x[X_ZETA + 2] -= hn * off_e
+        x[X_INFO + 2] += hn * g[G_FIELD_N]
+    else:
+        hn = weight * g[G_FIELD_N]
+        hd = weight * g[G_FIELD_D]
+        x[X_ZETA] += hd * off_e
+        x[X_ZETA + 1] += hn * off_d - hd * off_n
+        x[X_ZETA + 2] -= hn * off_e
+        x[X_INFO] += hd * g[G_FIELD_D]
+        x[X_INFO + 1] += hn * g[G_FIELD_N] + hd * g[G_FIELD_D]
+        x[X_INFO + 2] += hn * g[G_FIELD_N]
+        x[X_INFO + 3] = -hd * g[G_FIELD_N]
 
 
 def correct(x: list[float], g: Sequence[float], level: int) -> int:
@@ -398,7 +532,13 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
     x[X_VAR + 1] = x[X_VAR + 1] / (1.0 + x[X_VAR + 1] * m_ee)
     x[X_VAR + 2] = scale * (p_dd * b_nn - p_nd * b_nd)
     x[X_VAR + 3] = scale * (p_nd * b_nn - p_nn * b_nd)
-    if x[X_VAR] > STEADY * k_nn or x[X_VAR + 1] > STEADY * k_ee or x[X_VAR + 2] > STEADY * k_dd:
+    if x[X_APART] > 0.0:
+        # The level's time constant with the honest weight, unless the attitude is worse.
+        k_nd = 0.0
+        k_nn = max_of(k_nn / x[X_SHARE], x[X_VAR])
+        k_ee = max_of(g[base + 2] / x[X_SHARE], x[X_VAR + 1])
+        k_dd = max_of(k_dd / x[X_SHARE_D], x[X_VAR + 2])
+    elif x[X_VAR] > STEADY * k_nn or x[X_VAR + 1] > STEADY * k_ee or x[X_VAR + 2] > STEADY * k_dd:
         k_nn = x[X_VAR]
         k_ee = x[X_VAR + 1]
         k_dd = x[X_VAR + 2]
@@ -413,7 +553,7 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
     w_nd = m_nn * a_nd + m_nd * a_dd
     w_dd = m_nd * a_nd + m_dd * a_dd
     ratio = 0.0
-    if w_nn > 0.0:
+    if w_nn > 0.0 and x[X_FROZEN] < 1.0:
         ratio = w_nd / w_nn
         learn(
             x,
@@ -422,9 +562,9 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
             x[X_U + 1] + ratio * x[X_U + 7],
             x[X_U + 2] + ratio * x[X_U + 8],
         )
-    if m_ee > 0.0:
+    if m_ee > 0.0 and x[X_FROZEN] < 1.0:
         learn(x, m_ee * a_ee, x[X_U + 3], x[X_U + 4], x[X_U + 5])
-    if w_dd - ratio * w_nd > 0.0:
+    if x[X_HELD] + x[X_FROZEN] < 1.0 and w_dd - ratio * w_nd > 0.0:
         learn(x, w_dd - ratio * w_nd, x[X_U + 6], x[X_U + 7], x[X_U + 8])
     zeta_n = x[X_ZETA]
     zeta_e = x[X_ZETA + 1]
@@ -442,6 +582,13 @@ def correct(x: list[float], g: Sequence[float], level: int) -> int:
         k_ee * zeta_e,
         k_nd * zeta_n + k_dd * zeta_d,
     )
+
+
+def max_of(a: float, b: float) -> float:
+    """The larger of two numbers; the subset has no max."""
+    if a > b:
+        return a
+    return b
 
 
 def learn(x: list[float], weight: float, u_0: float, u_1: float, u_2: float) -> None:
@@ -472,6 +619,12 @@ def move(x: list[float], g: Sequence[float], eps_n: float, eps_e: float, eps_d: 
     s_0 = 0.0
     s_1 = 0.0
     s_2 = 0.0
+    if x[X_HELD] > 0.0:
+        x[X_ZETA + 2] = 0.0
+    if x[X_FROZEN] > 0.0:
+        x[X_ZETA] = 0.0
+        x[X_ZETA + 1] = 0.0
+        x[X_ZETA + 2] = 0.0
     for i in range(3):
         s_0 -= x[X_U + 3 * i] * x[X_ZETA + i]
         s_1 -= x[X_U + 3 * i + 1] * x[X_ZETA + i]
