@@ -22,12 +22,13 @@ from h2nav.io.service_manager import ServiceManager
 LONGEST_WAIT_NS = 100_000_000
 LINK_RECORD_NS = 1_000_000_000
 CLOCK_STEP_NS = 500_000_000
+STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 # The recorder's thread shares the interpreter; with Python's 5 ms it could hold an attitude back.
 THREAD_SWITCH_S = 1e-4
 
 
 class StopSignals:
-    """SIGTERM and SIGINT as a flag and as something that `select` wakes up for."""
+    """SIGTERM, SIGINT and SIGHUP as a flag and as something that `select` wakes up for."""
 
     def __init__(self) -> None:
         self.stopped = False
@@ -38,7 +39,7 @@ class StopSignals:
     @contextmanager
     def installed(self) -> Iterator["StopSignals"]:
         """The handlers are in place inside the block."""
-        before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+        before = {number: signal.getsignal(number) for number in STOPPING}
         before_fd = signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
         for number in before:
             signal.signal(number, self._stop)
@@ -106,6 +107,7 @@ class Daemon:
         if now_ns >= self._record_ns:
             self._record_ns = now_ns + LINK_RECORD_NS
             self._pipeline.report(now_ns)
+            self._manager.status(self._pipeline.service.health.summary)
             self._watch_clock(now_ns)
 
     def _watch_clock(self, now_ns: int) -> None:

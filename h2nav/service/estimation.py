@@ -150,7 +150,13 @@ class Estimation:
         self.last_used_ns = t_ns
         if self._watch.suspects(sample):
             sample = sample._replace(clipped=True)
-        estimate = self._filter.update(sample)
+        try:
+            estimate = self._filter.update(sample)
+        except ArithmeticError:
+            # A filter must not raise; if one does, the vehicle still needs the next attitude.
+            self.restart()
+            self.rejected["filter_error"] += 1
+            return Outcome(sample, None, event)
         if estimate is not None and not all(map(math.isfinite, estimate.q_nb + estimate.w_b)):
             self.restart()
             self.rejected["non_finite_estimate"] += 1

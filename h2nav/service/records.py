@@ -118,6 +118,12 @@ class HealthRecord(NamedTuple):
     armed: bool
     independent: bool
 
+    @property
+    def summary(self) -> str:
+        """Such as ``active, RAW_IMU 100 Hz``."""
+        source = f"{self.imu_message} {self.imu_rate_hz:.0f} Hz" if self.imu_message else ""
+        return ", ".join(filter(None, (self.state, self.reason, source)))
+
 
 class RejectionRecord(NamedTuple):
     """How many samples or messages were refused so far, for one reason.

@@ -163,7 +163,8 @@ class StreamRequests:
                 continue
             if stream.asked_ns is not None and not stream.is_measured:
                 continue
-            if stream.asked_ns is not None and stream.measured_hz == 0.0:
+            others_come = any(other.measured_hz for other in self._streams)
+            if stream.asked_ns is not None and stream.measured_hz == 0.0 and others_come:
                 stream.refuse()
             return self._ask(t_ns, stream, target)
         return None

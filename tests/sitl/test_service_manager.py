@@ -27,9 +27,13 @@ class Manager:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind("\0" + address[1:] if address.startswith("@") else address)
         self._socket.settimeout(WAIT_S)
+        self.statuses: list[str] = []
 
     def hear(self) -> str:
-        return self._socket.recv(4096).decode()
+        """The next notification that is no status line; those are kept apart."""
+        while (said := self._socket.recv(4096).decode()).startswith("STATUS="):
+            self.statuses.append(said.removeprefix("STATUS="))
+        return said
 
     def close(self) -> None:
         self._socket.close()
@@ -63,6 +67,7 @@ def test_ready_watchdog_and_stopping_are_told(manager):
             last = manager.hear()
         assert last == "STOPPING=1"
         assert daemon.wait(WAIT_S) == 0
+        assert manager.statuses[0].startswith("no_autopilot")
     finally:
         daemon.kill()
         daemon.wait()
