@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from h2nav.attitude.gains import TwoStageGains
-from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.kernels import two_stage_layout as layout
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 
 _DEG = math.pi / 180.0
@@ -101,47 +101,47 @@ def kernel_gains(
         mean_rate: gyro samples are means over the step before them, not instants.
     """
     n = gains.densities
-    g = [0.0] * kernel.G_SIZE
-    g[kernel.G_DT] = 1.0 / gains.rate_hz
-    g[kernel.G_GRAVITY] = n.gravity_m_s2
-    g[kernel.G_FIELD_N] = reference.norm_ut * math.cos(reference.dip_rad)
-    g[kernel.G_FIELD_D] = reference.norm_ut * math.sin(reference.dip_rad)
-    g[kernel.G_FORCE_INFO] = 1.0 / (n.accelerometer**2 * gains.rate_hz)
-    g[kernel.G_FIELD_INFO] = 1.0 / (n.magnetometer**2 * gains.rate_hz)
-    g[kernel.G_BIAS_WALK] = n.bias_walk**2
-    g[kernel.G_MEAN_RATE] = 1.0 if mean_rate else 0.0
-    g[kernel.G_FORCE_GATE] = limits.force_gate_m_s2
+    g = [0.0] * layout.G_SIZE
+    g[layout.G_DT] = 1.0 / gains.rate_hz
+    g[layout.G_GRAVITY] = n.gravity_m_s2
+    g[layout.G_FIELD_N] = reference.norm_ut * math.cos(reference.dip_rad)
+    g[layout.G_FIELD_D] = reference.norm_ut * math.sin(reference.dip_rad)
+    g[layout.G_FORCE_INFO] = 1.0 / (n.accelerometer**2 * gains.rate_hz)
+    g[layout.G_FIELD_INFO] = 1.0 / (n.magnetometer**2 * gains.rate_hz)
+    g[layout.G_BIAS_WALK] = n.bias_walk**2
+    g[layout.G_MEAN_RATE] = 1.0 if mean_rate else 0.0
+    g[layout.G_FORCE_GATE] = limits.force_gate_m_s2
     noise_ut = n.magnetometer * math.sqrt(gains.rate_hz)
-    g[kernel.G_FIELD_GATE] = limits.field_gate_share * reference.norm_ut + 3.0 * noise_ut
+    g[layout.G_FIELD_GATE] = limits.field_gate_share * reference.norm_ut + 3.0 * noise_ut
     cut_rad = limits.heading_cut_deg * _DEG
-    g[kernel.G_FIELD_CUT] = max(cut_rad * abs(g[kernel.G_FIELD_N]), 4.0 * noise_ut)
-    g[kernel.G_NORM_SHARE] = limits.norm_share
-    g[kernel.G_DIP_SHARE] = math.sin(limits.dip_tolerance_deg * _DEG)
-    g[kernel.G_T_RESIDUAL] = limits.residual_s
-    g[kernel.G_T_LEVEL] = limits.level_s
-    g[kernel.G_T_CONVERGE] = limits.converge_s
-    g[kernel.G_T_HOLD] = limits.hold_s
-    g[kernel.G_T_TURNED] = limits.turned_s
-    g[kernel.G_T_WRONG] = limits.wrong_s
-    g[kernel.G_BIAS_STEP] = limits.bias_step_deg_s * _DEG
-    g[kernel.G_BIAS_LIMIT] = limits.bias_limit_deg_s * _DEG
+    g[layout.G_FIELD_CUT] = max(cut_rad * abs(g[layout.G_FIELD_N]), 4.0 * noise_ut)
+    g[layout.G_NORM_SHARE] = limits.norm_share
+    g[layout.G_DIP_SHARE] = math.sin(limits.dip_tolerance_deg * _DEG)
+    g[layout.G_T_RESIDUAL] = limits.residual_s
+    g[layout.G_T_LEVEL] = limits.level_s
+    g[layout.G_T_CONVERGE] = limits.converge_s
+    g[layout.G_T_HOLD] = limits.hold_s
+    g[layout.G_T_TURNED] = limits.turned_s
+    g[layout.G_T_WRONG] = limits.wrong_s
+    g[layout.G_BIAS_STEP] = limits.bias_step_deg_s * _DEG
+    g[layout.G_BIAS_LIMIT] = limits.bias_limit_deg_s * _DEG
     # Two m/s^2 for a moment must not count as two m/s^2 for ever.
-    g[kernel.G_LEVEL_CAP] = 4.0
-    g[kernel.G_T_HEADING_LOST] = limits.heading_lost_s
-    g[kernel.G_GYRO_WALK] = n.gyro**2
-    for number in range(kernel.LEVELS):
+    g[layout.G_LEVEL_CAP] = 4.0
+    g[layout.G_T_HEADING_LOST] = limits.heading_lost_s
+    g[layout.G_GYRO_WALK] = n.gyro**2
+    for number in range(layout.LEVELS):
         # A file with fewer levels repeats its last.
         level = gains.levels[min(number, len(gains.levels) - 1)]
-        start = kernel.G_LEVELS + kernel.LEVEL_SIZE * number
+        start = layout.G_LEVELS + layout.LEVEL_SIZE * number
         g[start] = _threshold(gains, limits, number)
-        g[start + 1 : start + kernel.LEVEL_SIZE] = level
+        g[start + 1 : start + layout.LEVEL_SIZE] = level
     slowest = min(limits.slowest_level, len(gains.levels) - 1)
-    g[kernel.G_LAST_POWER] = _power(gains, limits, gains.levels[slowest].force_weight)
-    g[kernel.G_BIAS_DOUBT] = (limits.bias_doubt_deg_s * _DEG) ** 2
-    g[kernel.G_T_MEAN] = limits.mean_s
-    g[kernel.G_FROZEN_WALK] = (limits.frozen_walk_deg_s_rts * _DEG) ** 2
-    g[kernel.G_STILL_2] = limits.steady_force_m_s2**2
-    g[kernel.G_T_STILL] = limits.still_s
+    g[layout.G_LAST_POWER] = _power(gains, limits, gains.levels[slowest].force_weight)
+    g[layout.G_BIAS_DOUBT] = (limits.bias_doubt_deg_s * _DEG) ** 2
+    g[layout.G_T_MEAN] = limits.mean_s
+    g[layout.G_FROZEN_WALK] = (limits.frozen_walk_deg_s_rts * _DEG) ** 2
+    g[layout.G_STILL_2] = limits.steady_force_m_s2**2
+    g[layout.G_T_STILL] = limits.still_s
     return g
 
 

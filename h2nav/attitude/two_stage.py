@@ -11,7 +11,9 @@ from typing import Literal, NamedTuple
 from h2nav.attitude.alignment import triad
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.gains import TwoStageGains, gains_at
-from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.kernels import two_stage_layout as layout
+from h2nav.attitude.kernels.two_stage import step
+from h2nav.attitude.kernels.two_stage_trust import doubt_bias
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -80,7 +82,7 @@ class TwoStageFilter:
         self._start: StartUp | None = None
         self._t_us: int | None = None
         self._set_reference(gains.densities.field)
-        self._x = [0.0] * kernel.X_TOTAL
+        self._x = [0.0] * layout.X_TOTAL
         self._forget_bias()
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
@@ -96,23 +98,23 @@ class TwoStageFilter:
             return None
         x = self._x
         m = sample.m_b_ut
-        if m is not None and x[kernel.X_HEADING] < 1.0:
+        if m is not None and x[layout.X_HEADING] < 1.0:
             self._learn_norm(math.hypot(*m))
         dt_s = (sample.t_us - self._t_us) * 1e-6
         z = [dt_s, *sample.w_b, *sample.f_b, *(m or _ZERO), m is not None, sample.clipped]
-        bits = kernel.step(x, self._g, z)
+        bits = step(x, self._g, z)
         self._t_us = sample.t_us
         if not 0.9 < x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] < 1.1:
             # Cannot happen with usable samples; if it does, nothing in the memory is worth keeping.
             self._forget_bias()
             self.restart()
             return None
-        if bits & kernel.MOVED:
+        if bits & layout.MOVED:
             self._begin_moving()
-        if bits & kernel.LOST:
+        if bits & layout.LOST:
             self._align_with(sample)
             return self._estimate(sample, bits, restarted=True)
-        if bits & kernel.WRONG:
+        if bits & layout.WRONG:
             self._align_again()
             return self._estimate(sample, bits, restarted=True)
         if self._start is not None:
@@ -131,7 +133,7 @@ class TwoStageFilter:
         self._declination = (math.cos(half), 0.0, 0.0, math.sin(half)) if half else None
         if (field.norm_ut, field.dip_rad) != self._reference:
             self._set_reference(field)
-        self._g[kernel.G_T_ALIGN] = 0.0
+        self._g[layout.G_T_ALIGN] = 0.0
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Ignored: this filter has no velocity aiding."""
@@ -145,7 +147,7 @@ class TwoStageFilter:
         """See `AttitudeFilter`."""
         start = (None,) * len(StartUp._fields) if self._start is None else self._start
         told = (None,) * len(EarthField._fields) if self._told is None else self._told
-        memory = self._x[: kernel.X_SIZE]
+        memory = self._x[: layout.X_SIZE]
         return FilterState(self.name, (self._t_us, *start, *told, *self._reference, *memory))
 
     def restore(self, state: FilterState) -> None:
@@ -164,7 +166,7 @@ class TwoStageFilter:
         if values[6] is not None:
             self.use_field(EarthField(*numbers[6:9]))
         self._set_reference(EarthField(numbers[9], numbers[10], 0.0))
-        self._x[: kernel.X_SIZE] = numbers[11:]
+        self._x[: layout.X_SIZE] = numbers[11:]
 
     def _begin_with(self, sample: ImuSample) -> None:
         """TRIAD of the first sample; the start-up gains then average over the next ones."""
@@ -178,9 +180,9 @@ class TwoStageFilter:
     def _align_with(self, sample: ImuSample) -> None:
         """TRIAD of one sample; the start-up gains then average over the next ones."""
         x = self._x
-        x[kernel.X_Q : kernel.X_Q + 4] = triad(sample.f_b, sample.m_b_ut)
+        x[layout.X_Q : layout.X_Q + 4] = triad(sample.f_b, sample.m_b_ut)
         self._begin(referenced=sample.m_b_ut is not None)
-        x[kernel.X_RATE : kernel.X_RATE + 3] = sample.w_b
+        x[layout.X_RATE : layout.X_RATE + 3] = sample.w_b
 
     def _finish_start(
         self, sample: ImuSample, bits: int, start: StartUp, dt_s: float
@@ -211,61 +213,61 @@ class TwoStageFilter:
     def _begin(self, *, referenced: bool) -> None:
         """Clears everything but attitude and bias, after an alignment from single samples."""
         x = self._x
-        for i in range(kernel.X_RES, kernel.X_RATE):
+        for i in range(layout.X_RES, layout.X_RATE):
             x[i] = 0.0
-        for i in range(kernel.X_U, kernel.X_U + 9):
+        for i in range(layout.X_U, layout.X_U + 9):
             x[i] = 0.0
-        for i in range(kernel.X_F, kernel.X_F + 3):
+        for i in range(layout.X_F, layout.X_F + 3):
             x[i] = 0.0
         g = self._g
-        x[kernel.X_JITTER] = 2.0 / g[kernel.G_FORCE_INFO]
-        x[kernel.X_HEADING] = 1.0 if referenced else 0.0
+        x[layout.X_JITTER] = 2.0 / g[layout.G_FORCE_INFO]
+        x[layout.X_HEADING] = 1.0 if referenced else 0.0
         if not referenced:
-            x[kernel.X_T_NO_FIELD] = REFERENCED_S
+            x[layout.X_T_NO_FIELD] = REFERENCED_S
         # Nothing is known of the motion yet: as if moving for long, until the force denies it.
-        x[kernel.X_LEVEL] = x[kernel.X_POWER] = 1.5 * g[kernel.G_LAST_POWER]
-        x[kernel.X_AGE] = _FIRST_AGE_S
-        x[kernel.X_MEAN : kernel.X_MEAN + 2] = [0.0, 0.0]
-        x[kernel.X_BLIND] = 0.0
-        x[kernel.X_BIAS_0 : kernel.X_BIAS_0 + 3] = x[kernel.X_BIAS : kernel.X_BIAS + 3]
-        x[kernel.X_P_0 : kernel.X_P_0 + 6] = x[kernel.X_P : kernel.X_P + 6]
-        x[kernel.X_T_MOVING] = self._limits.hold_s
-        x[kernel.X_T_TURNED] = x[kernel.X_T_CLIPPED] = 0.0
-        tilt = (self._limits.start_force_m_s2 / g[kernel.G_GRAVITY]) ** 2
-        heading = tilt * (1.0 + (g[kernel.G_FIELD_D] / g[kernel.G_FIELD_N]) ** 2)
-        x[kernel.X_VAR : kernel.X_VAR + 4] = [tilt, tilt, heading, 0.0]
+        x[layout.X_LEVEL] = x[layout.X_POWER] = 1.5 * g[layout.G_LAST_POWER]
+        x[layout.X_AGE] = _FIRST_AGE_S
+        x[layout.X_MEAN : layout.X_MEAN + 2] = [0.0, 0.0]
+        x[layout.X_BLIND] = 0.0
+        x[layout.X_BIAS_0 : layout.X_BIAS_0 + 3] = x[layout.X_BIAS : layout.X_BIAS + 3]
+        x[layout.X_P_0 : layout.X_P_0 + 6] = x[layout.X_P : layout.X_P + 6]
+        x[layout.X_T_MOVING] = self._limits.hold_s
+        x[layout.X_T_TURNED] = x[layout.X_T_CLIPPED] = 0.0
+        tilt = (self._limits.start_force_m_s2 / g[layout.G_GRAVITY]) ** 2
+        heading = tilt * (1.0 + (g[layout.G_FIELD_D] / g[layout.G_FIELD_N]) ** 2)
+        x[layout.X_VAR : layout.X_VAR + 4] = [tilt, tilt, heading, 0.0]
 
     def _begin_moving(self) -> None:
         """Forgets what was learnt of the bias while the force was taken for gravity alone."""
         x = self._x
-        bias = x[kernel.X_BIAS_0 : kernel.X_P_0 + 6]
-        self._begin(referenced=x[kernel.X_HEADING] > 0.0)
-        x[kernel.X_BIAS : kernel.X_BIAS + 3] = bias[:3]
-        x[kernel.X_P : kernel.X_P + 6] = bias[3:]
-        x[kernel.X_LEVEL] = x[kernel.X_POWER] = self._limits.start_force_m_s2**2
-        x[kernel.X_AGE] = self._limits.level_s
-        x[kernel.X_BLIND] = 1.0
+        bias = x[layout.X_BIAS_0 : layout.X_P_0 + 6]
+        self._begin(referenced=x[layout.X_HEADING] > 0.0)
+        x[layout.X_BIAS : layout.X_BIAS + 3] = bias[:3]
+        x[layout.X_P : layout.X_P + 6] = bias[3:]
+        x[layout.X_LEVEL] = x[layout.X_POWER] = self._limits.start_force_m_s2**2
+        x[layout.X_AGE] = self._limits.level_s
+        x[layout.X_BLIND] = 1.0
 
     def _align_again(self) -> None:
         """TRIAD of what both sensors said while they contradicted the attitude."""
         x = self._x
-        force = x[kernel.X_SUM_FORCE : kernel.X_SUM_FORCE + 3]
-        field = x[kernel.X_SUM_FIELD : kernel.X_SUM_FIELD + 3]
+        force = x[layout.X_SUM_FORCE : layout.X_SUM_FORCE + 3]
+        field = x[layout.X_SUM_FIELD : layout.X_SUM_FIELD + 3]
         try:
             turn = triad((-force[0], -force[1], -force[2]), _vec(field))
         except ValueError:
             self.restart()
             return
-        x[kernel.X_Q : kernel.X_Q + 4] = multiply(turn, _quat(x[kernel.X_Q : kernel.X_Q + 4]))
+        x[layout.X_Q : layout.X_Q + 4] = multiply(turn, _quat(x[layout.X_Q : layout.X_Q + 4]))
         self._begin(referenced=True)
-        x[kernel.X_CONVERGED] = 1.0
-        kernel.doubt_bias(x, self._g)
+        x[layout.X_CONVERGED] = 1.0
+        doubt_bias(x, self._g)
 
     def _forget_bias(self) -> None:
         x = self._x
         variance = (self._limits.bias_start_deg_s * math.pi / 180.0) ** 2
-        x[kernel.X_BIAS : kernel.X_BIAS + 3] = _ZERO
-        x[kernel.X_P : kernel.X_P + 6] = [variance, 0.0, 0.0, variance, 0.0, variance]
+        x[layout.X_BIAS : layout.X_BIAS + 3] = _ZERO
+        x[layout.X_P : layout.X_P + 6] = [variance, 0.0, 0.0, variance, 0.0, variance]
 
     def _set_reference(self, field: EarthField) -> None:
         """The field to expect from now on; at the file's own place the file's own gains."""
@@ -277,7 +279,7 @@ class TwoStageFilter:
         gains = self._design if near else gains_at(self._design, field)
         self._g = kernel_gains(gains, field, self._limits, mean_rate=self._mean_rate)
         if self._told is None:
-            self._g[kernel.G_T_ALIGN] = self._limits.align_s
+            self._g[layout.G_T_ALIGN] = self._limits.align_s
 
     def _take_reference(self, start: StartUp) -> None:
         """What the start shows of the field: all of it if nobody told, else a norm far off."""
@@ -305,10 +307,10 @@ class TwoStageFilter:
         x = self._x
         g = self._g
         q: Quat = (x[0], x[1], x[2], x[3])
-        north, east = x[kernel.X_F], x[kernel.X_F + 1]
-        across = x[kernel.X_M + 1] if bits & kernel.FIELD_USED else 0.0
-        gravity = g[kernel.G_GRAVITY]
-        innovation = (east / gravity, -north / gravity, -across / g[kernel.G_FIELD_N])
+        north, east = x[layout.X_F], x[layout.X_F + 1]
+        across = x[layout.X_M + 1] if bits & layout.FIELD_USED else 0.0
+        gravity = g[layout.G_GRAVITY]
+        innovation = (east / gravity, -north / gravity, -across / g[layout.G_FIELD_N])
         if self._declination is not None:
             q = multiply(self._declination, q)
             c, _, _, s = self._declination
@@ -316,7 +318,7 @@ class TwoStageFilter:
             a, b, down = innovation
             innovation = (cosine * a - sine * b, sine * a + cosine * b, down)
         w = sample.w_b
-        bias: Vec3 = (x[kernel.X_BIAS], x[kernel.X_BIAS + 1], x[kernel.X_BIAS + 2])
+        bias: Vec3 = (x[layout.X_BIAS], x[layout.X_BIAS + 1], x[layout.X_BIAS + 2])
         return AttitudeEstimate(
             t_us=sample.t_us,
             q_nb=q,
@@ -330,15 +332,15 @@ class TwoStageFilter:
     def _trust_index(self, bits: int, *, clipped: bool) -> int:
         x = self._x
         return (
-            (1 if bits & kernel.FORCE_USED else 0)
-            + (2 if x[kernel.X_T_NO_FIELD] < 1.0 else 0)
-            + (4 if x[kernel.X_HEADING] > 0.0 and x[kernel.X_T_NO_FIELD] < REFERENCED_S else 0)
-            + (8 if x[kernel.X_CONVERGED] > 0.0 else 0)
-            + (16 if clipped or bits & kernel.SATURATED else 0)
+            (1 if bits & layout.FORCE_USED else 0)
+            + (2 if x[layout.X_T_NO_FIELD] < 1.0 else 0)
+            + (4 if x[layout.X_HEADING] > 0.0 and x[layout.X_T_NO_FIELD] < REFERENCED_S else 0)
+            + (8 if x[layout.X_CONVERGED] > 0.0 else 0)
+            + (16 if clipped or bits & layout.SATURATED else 0)
         )
 
 
-_STATE_SIZE = 11 + kernel.X_SIZE
+_STATE_SIZE = 11 + layout.X_SIZE
 _FLAGS = (
     Trust.FORCE_USED,
     Trust.FIELD_USED,

@@ -7,7 +7,9 @@ from scipy.linalg import expm, solve_discrete_are
 from synthetic_imu import DENSITIES, FIELD_N, GRAVITY
 
 from h2nav.attitude.gains import FORCE_WEIGHTS, design_two_stage
-from h2nav.attitude.kernels import two_stage as kernel
+from h2nav.attitude.kernels import two_stage_layout as layout
+from h2nav.attitude.kernels.two_stage_correction import correct
+from h2nav.attitude.kernels.two_stage_motion import propagate
 from h2nav.attitude.trust import TrustLimits, kernel_gains
 from h2nav.maths import quaternion, so3
 
@@ -15,9 +17,9 @@ from h2nav.maths import quaternion, so3
 def gains_and_memory() -> tuple[list[float], list[float]]:
     gains = design_two_stage(DENSITIES, 100.0, "test")
     g = kernel_gains(gains, DENSITIES.field, TrustLimits(), mean_rate=True)
-    x = [0.0] * kernel.X_TOTAL
+    x = [0.0] * layout.X_TOTAL
     x[0:4] = quaternion.from_euler(0.3, -0.8, 2.0)
-    x[kernel.X_HEADING] = 1.0
+    x[layout.X_HEADING] = 1.0
     return g, x
 
 
@@ -43,9 +45,9 @@ def test_propagation_is_the_exponential_of_the_rate() -> None:
     g, x = gains_and_memory()
     before = np.array(quaternion.to_matrix(tuple(x[:4])))
     z = [0.01, 3.0, -7.0, 4.0, 0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0, 0.0, 0.0]
-    kernel.propagate(x, g, z)
+    propagate(x, g, z)
     after = before @ expm(0.01 * so3.hat(z[1:4]))
-    assert np.abs(np.array(x[kernel.X_R : kernel.X_R + 9]).reshape(3, 3) - after).max() < 1e-15
+    assert np.abs(np.array(x[layout.X_R : layout.X_R + 9]).reshape(3, 3) - after).max() < 1e-15
 
 
 def test_the_regressor_is_the_derivative_by_the_bias() -> None:
@@ -54,10 +56,10 @@ def test_the_regressor_is_the_derivative_by_the_bias() -> None:
 
     def end(bias: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         g, x = gains_and_memory()
-        x[kernel.X_BIAS : kernel.X_BIAS + 3] = bias.tolist()
+        x[layout.X_BIAS : layout.X_BIAS + 3] = bias.tolist()
         for w in rates:
-            kernel.propagate(x, g, [0.01, *w, 0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0, 0.0, 0.0])
-        U = np.array(x[kernel.X_U : kernel.X_U + 9]).reshape(3, 3)
+            propagate(x, g, [0.01, *w, 0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0, 0.0, 0.0])
+        U = np.array(x[layout.X_U : layout.X_U + 9]).reshape(3, 3)
         return np.array(quaternion.to_matrix(tuple(x[:4]))), U
 
     size = 1e-6
@@ -74,15 +76,15 @@ def test_one_correction_is_the_full_kalman_correction() -> None:
     P_eps = np.diag([4e-6, 5e-6, 9e-6])
     P_eps[0, 2] = P_eps[2, 0] = 1e-6
     P_b = 1e-6 * np.array([[3.0, 0.5, 0.2], [0.5, 2.0, -0.4], [0.2, -0.4, 4.0]])
-    x[kernel.X_U : kernel.X_U + 9] = U.reshape(-1).tolist()
-    x[kernel.X_VAR : kernel.X_VAR + 4] = [4e-6, 5e-6, 9e-6, 1e-6]
-    x[kernel.X_P : kernel.X_P + 6] = P_b[np.triu_indices(3)].tolist()
+    x[layout.X_U : layout.X_U + 9] = U.reshape(-1).tolist()
+    x[layout.X_VAR : layout.X_VAR + 4] = [4e-6, 5e-6, 9e-6, 1e-6]
+    x[layout.X_P : layout.X_P + 6] = P_b[np.triu_indices(3)].tolist()
     M = np.array([[2e5, 0, -6e4], [0, 3e5, 0], [-6e4, 0, 5e4]])
     zeta = np.array([30.0, -50.0, 12.0])
-    x[kernel.X_INFO : kernel.X_INFO + 4] = [M[0, 0], M[1, 1], M[2, 2], M[0, 2]]
-    x[kernel.X_ZETA : kernel.X_ZETA + 3] = zeta.tolist()
+    x[layout.X_INFO : layout.X_INFO + 4] = [M[0, 0], M[1, 1], M[2, 2], M[0, 2]]
+    x[layout.X_ZETA : layout.X_ZETA + 3] = zeta.tolist()
     before = np.array(quaternion.to_matrix(tuple(x[:4])))
-    assert kernel.correct(x, g, 0) == 0
+    assert correct(x, g, 0) == 0
     after = np.array(quaternion.to_matrix(tuple(x[:4])))
 
     T = np.block([[np.eye(3), -U], [np.zeros((3, 3)), np.eye(3)]])
@@ -91,7 +93,7 @@ def test_one_correction_is_the_full_kalman_correction() -> None:
     P = np.linalg.inv(np.linalg.inv(P) + H.T @ M @ H)
     expected = P @ H.T @ zeta
     assert np.abs(so3.log(after @ before.T) - expected[:3]).max() < 1e-12
-    assert np.abs(np.array(x[kernel.X_BIAS : kernel.X_BIAS + 3]) - expected[3:]).max() < 1e-15
-    P_after = np.array(x[kernel.X_P : kernel.X_P + 6])
+    assert np.abs(np.array(x[layout.X_BIAS : layout.X_BIAS + 3]) - expected[3:]).max() < 1e-15
+    P_after = np.array(x[layout.X_P : layout.X_P + 6])
     assert np.abs(P_after - P[3:, 3:][np.triu_indices(3)]).max() < 1e-14
     assert np.abs(expected[3:]).max() < TrustLimits().bias_step_deg_s * DEG
