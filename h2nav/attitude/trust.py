@@ -63,10 +63,11 @@ class TrustLimits(NamedTuple):
     heading_cut_deg: float = 3.0
     heading_lost_s: float = 120.0
     wrong_s: float = 1.0
+    doubt_s: float = 60.0
     bias_start_deg_s: float = 1.0
     bias_doubt_deg_s: float = 0.1
     mean_s: float = 10.0
-    steady_force_m_s2: float = 0.02
+    steady_force_m_s2: float = 0.04
     frozen_walk_deg_s_rts: float = 0.002
     still_s: float = 2.0
     start_force_m_s2: float = 2.0

@@ -261,7 +261,9 @@ class TwoStageFilter:
         x[layout.X_Q : layout.X_Q + 4] = multiply(turn, _quat(x[layout.X_Q : layout.X_Q + 4]))
         self._begin(referenced=True)
         x[layout.X_CONVERGED] = 1.0
-        doubt_bias(x, self._g)
+        if x[layout.X_T_DOUBT] <= 0.0:
+            doubt_bias(x, self._g)
+        x[layout.X_T_DOUBT] = self._limits.doubt_s
 
     def _forget_bias(self) -> None:
         x = self._x

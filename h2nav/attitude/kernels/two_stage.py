@@ -51,7 +51,7 @@ def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     Source: docs/derivation.md Eq. (3.8) - (3.16).
     """
     propagate(x, g, z)
-    measure(x, z)
+    measure(x, g, z)
     if z[Z_CLIPPED] > 0.0:
         pass_clipped(x, z)
         return 0

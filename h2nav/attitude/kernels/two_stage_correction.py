@@ -14,6 +14,7 @@ from h2nav.attitude.kernels.two_stage_layout import (
     G_DT,
     G_FIELD_CUT,
     G_FIELD_D,
+    G_FIELD_GATE,
     G_FIELD_INFO,
     G_FIELD_N,
     G_FORCE_INFO,
@@ -37,6 +38,7 @@ from h2nav.attitude.kernels.two_stage_layout import (
     X_INFO,
     X_JITTER,
     X_M,
+    X_OFF,
     X_P,
     X_RES,
     X_SHARE,
@@ -56,7 +58,6 @@ from h2nav.attitude.kernels.two_stage_motion import (
     turn_world,
 )
 from h2nav.attitude.kernels.two_stage_trust import (
-    field_near,
     field_sane,
     force_near,
     force_sane,
@@ -75,7 +76,8 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
     x[X_SHARE_D] = 1.0
     x[X_HELD] = 0.0
     x[X_FROZEN] = 0.0
-    if x[X_CONVERGED] > 0.0 and level == 0 and force_near(x, g) == 1:
+    near = force_near(x, g)
+    if near == 1 and level == 0 and x[X_CONVERGED] > 0.0:
         freeze(x, g, z[Z_DT])
     x[X_APART] = 0.0
     if x[X_BLIND] > 0.0 or x[X_T_RUN] < g[G_T_ALIGN]:
@@ -83,7 +85,7 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
     bits = 0
     if x[X_T_WRONG] <= 0.0:
         if (
-            force_near(x, g) == 1
+            near == 1
             or x[X_T_MOVING] > g[G_T_HOLD]
             or (x[X_CONVERGED] < 1.0 and force_sane(x, g) == 1)
         ):
@@ -97,7 +99,7 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
         if (
             z[Z_HAS_FIELD] > 0.0
             and field_sane(x, g) == 1
-            and (field_near(x, g) == 1 or x[X_CONVERGED] < 1.0)
+            and (x[X_OFF] < g[G_FIELD_GATE] or x[X_CONVERGED] < 1.0)
         ):
             bits = bits + FIELD_USED
             weigh_field(x, g, g[G_LEVELS + LEVEL_SIZE * level + 1])
@@ -129,7 +131,7 @@ def weigh_field(x: list[float], g: Sequence[float], force_weight: float) -> None
     off_n = x[X_M] - g[G_FIELD_N]
     off_e = x[X_M + 1]
     off_d = x[X_M + 2] - g[G_FIELD_D]
-    size = math.sqrt(off_n * off_n + off_e * off_e + off_d * off_d)
+    size = x[X_OFF]
     if x[X_CONVERGED] > 0.0 and size > g[G_FIELD_CUT]:
         x[X_APART] = 1.0
         x[X_HELD] = 1.0

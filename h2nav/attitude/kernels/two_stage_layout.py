@@ -33,19 +33,21 @@ X_BIAS_0 = 51  # 3: bias at the start
 X_P_0 = 54  # 6: its covariance
 X_POWER = 60  # as X_LEVEL, without its cap
 X_BLIND = 61  # 1: started in motion; the bias has never been learnt at rest
-X_SIZE = 62
+X_T_DOUBT = 62  # time for which either sensor may call the attitude wrong
+X_SIZE = 63
 # results that are not memory
-X_R = 62  # 9: attitude matrix before the correction, row by row
-X_F = 71  # 3: -force in NED
-X_M = 74  # 3: field in NED
-X_ZETA = 77  # 3: weighted innovation
-X_INFO = 80  # 4: its information: nn, ee, dd, nd
-X_SHARE = 84  # force's honest weight as a share of its level's
-X_SHARE_D = 85  # the same of the heading, whose field is seen from the force's tilt
-X_APART = 86  # 1: force corrects only tilt and field only heading
-X_HELD = 87  # 1: the field's innovation was cut and teaches no bias
-X_FROZEN = 88  # 1: the force's innovation is too steady and teaches no bias
-X_TOTAL = 89
+X_R = 63  # 9: attitude matrix before the correction, row by row
+X_F = 72  # 3: -force in NED
+X_M = 75  # 3: field in NED
+X_ZETA = 78  # 3: weighted innovation
+X_INFO = 81  # 4: its information: nn, ee, dd, nd
+X_SHARE = 85  # force's honest weight as a share of its level's
+X_SHARE_D = 86  # the same of the heading, whose field is seen from the force's tilt
+X_APART = 87  # 1: force corrects only tilt and field only heading
+X_HELD = 88  # 1: the field's innovation was cut and teaches no bias
+X_FROZEN = 89  # 1: the force's innovation is too steady and teaches no bias
+X_OFF = 90  # microtesla: how far the field is from the reference
+X_TOTAL = 91
 
 # --- z: sample ---
 Z_DT = 0

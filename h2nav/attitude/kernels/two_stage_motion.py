@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from h2nav.attitude.kernels.two_stage_layout import (
     G_BIAS_WALK,
     G_DT,
+    G_FIELD_D,
+    G_FIELD_N,
     G_GYRO_WALK,
     G_MEAN_RATE,
     G_T_HEADING_LOST,
@@ -18,11 +20,13 @@ from h2nav.attitude.kernels.two_stage_layout import (
     X_F,
     X_HEADING,
     X_M,
+    X_OFF,
     X_P,
     X_Q,
     X_R,
     X_RATE,
     X_T_CLIPPED,
+    X_T_DOUBT,
     X_T_FIELD_AGE,
     X_T_NO_FIELD,
     X_T_RUN,
@@ -70,6 +74,7 @@ def propagate(x: list[float], g: Sequence[float], z: Sequence[float]) -> None:
     x[X_T_RUN] += dt
     x[X_T_NO_FIELD] += dt
     x[X_T_FIELD_AGE] += dt
+    x[X_T_DOUBT] -= dt
 
 
 def pass_clipped(x: list[float], z: Sequence[float]) -> None:
@@ -157,8 +162,8 @@ def turn_world(x: list[float], eps_n: float, eps_e: float, eps_d: float) -> None
     x[X_Q + 3] = scale * uz
 
 
-def measure(x: list[float], z: Sequence[float]) -> None:
-    """The measured vectors in NED: X_F = R y_a with y_a = -f_b, X_M = R y_m."""
+def measure(x: list[float], g: Sequence[float], z: Sequence[float]) -> None:
+    """The measured vectors in NED: X_F = R y_a with y_a = -f_b, X_M = R y_m; X_OFF of X_M."""
     ax = -z[Z_FORCE]
     ay = -z[Z_FORCE + 1]
     az = -z[Z_FORCE + 2]
@@ -172,3 +177,6 @@ def measure(x: list[float], z: Sequence[float]) -> None:
         x[X_M] = x[X_R] * mx + x[X_R + 1] * my + x[X_R + 2] * mz
         x[X_M + 1] = x[X_R + 3] * mx + x[X_R + 4] * my + x[X_R + 5] * mz
         x[X_M + 2] = x[X_R + 6] * mx + x[X_R + 7] * my + x[X_R + 8] * mz
+        off_n = x[X_M] - g[G_FIELD_N]
+        off_d = x[X_M + 2] - g[G_FIELD_D]
+        x[X_OFF] = math.sqrt(off_n * off_n + x[X_M + 1] * x[X_M + 1] + off_d * off_d)

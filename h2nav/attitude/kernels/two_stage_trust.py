@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from h2nav.attitude.kernels.two_stage_layout import (
     G_BIAS_DOUBT,
     G_DIP_SHARE,
+    G_FIELD_CUT,
     G_FIELD_D,
     G_FIELD_GATE,
     G_FIELD_INFO,
@@ -32,18 +33,21 @@ from h2nav.attitude.kernels.two_stage_layout import (
     WRONG,
     X_AGE,
     X_BLIND,
+    X_CONVERGED,
     X_F,
     X_HEADING,
     X_JITTER,
     X_LEVEL,
     X_M,
     X_MEAN,
+    X_OFF,
     X_P,
     X_POWER,
     X_RES,
     X_SHARE,
     X_SUM_FIELD,
     X_SUM_FORCE,
+    X_T_DOUBT,
     X_T_FIELD_AGE,
     X_T_MOVING,
     X_T_NO_FIELD,
@@ -91,7 +95,8 @@ def track_force(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     if x[X_AGE] > g[G_T_LEVEL]:
         x[X_AGE] = g[G_T_LEVEL]
     c = dt / (x[X_AGE] + dt)
-    x[X_POWER] += c * (power - x[X_POWER])
+    if x[X_CONVERGED] < 1.0 or x[X_BLIND] > 0.0:
+        x[X_POWER] += c * (power - x[X_POWER])
     if power > g[G_LEVEL_CAP]:
         power = g[G_LEVEL_CAP]
     x[X_LEVEL] += c * (power - x[X_LEVEL])
@@ -135,15 +140,6 @@ def field_sane(x: list[float], g: Sequence[float]) -> int:
     return 0
 
 
-def field_near(x: list[float], g: Sequence[float]) -> int:
-    """1 when the field is the reference within the gate."""
-    off_n = x[X_M] - g[G_FIELD_N]
-    off_d = x[X_M + 2] - g[G_FIELD_D]
-    if off_n * off_n + x[X_M + 1] * x[X_M + 1] + off_d * off_d < g[G_FIELD_GATE] * g[G_FIELD_GATE]:
-        return 1
-    return 0
-
-
 def track_contradiction(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     """WRONG when both sensors have long agreed with each other but not with the attitude.
 
@@ -155,7 +151,12 @@ def track_contradiction(x: list[float], g: Sequence[float], z: Sequence[float]) 
     if z[Z_HAS_FIELD] <= 0.0:
         return 0
     against = 0
-    if force_near(x, g) + field_near(x, g) == 0 and force_sane(x, g) + field_sane(x, g) == 2:
+    near = force_near(x, g)
+    if x[X_OFF] < g[G_FIELD_GATE]:
+        near += 1
+    if near > 0 and x[X_T_DOUBT] > 0.0 and (near < 2 or x[X_OFF] > g[G_FIELD_CUT]):
+        near = 0
+    if near == 0 and force_sane(x, g) + field_sane(x, g) == 2:
         dot = x[X_F] * x[X_M] + x[X_F + 1] * x[X_M + 1] + x[X_F + 2] * x[X_M + 2]
         h = math.sqrt(g[G_FIELD_N] * g[G_FIELD_N] + g[G_FIELD_D] * g[G_FIELD_D])
         if math.fabs(dot / (g[G_GRAVITY] * h) - g[G_FIELD_D] / h) < g[G_DIP_SHARE]:
@@ -180,7 +181,7 @@ def track_turned(x: list[float], g: Sequence[float]) -> int:
 
     Source: docs/derivation.md Eq. (3.18).
     """
-    if field_near(x, g) == 1 or math.fabs(x[X_M + 2] - g[G_FIELD_D]) > g[G_FIELD_GATE]:
+    if x[X_OFF] < g[G_FIELD_GATE] or math.fabs(x[X_M + 2] - g[G_FIELD_D]) > g[G_FIELD_GATE]:
         x[X_T_TURNED] = 0.0
         return 0
     x[X_T_TURNED] += x[X_T_FIELD_AGE]

@@ -267,6 +267,57 @@ def test_clipped_samples_never_correct() -> None:
     assert quaternion.angle(estimate.q_nb, before.q_nb) < 0.001 * DEG
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_saturated_gyro_axis_is_recovered_from_at_once(axis: int) -> None:
+    flight = fly(still, 14.0, 16)
+    samples = []
+    for sample in flight.samples:
+        if 10_000_000 <= sample.t_us < 10_300_000:
+            w = list(sample.w_b)
+            w[axis] = 32.7
+            sample = sample._replace(w_b=(w[0], w[1], w[2]), clipped=True)  # noqa: PLW2901
+        samples.append(sample)
+    rows = run(new_filter(), flight._replace(samples=samples))
+    assert max(error for t, error, _ in rows if 10.0 < t < 10.3) > 90.0 * DEG
+    assert max(error for t, error, _ in rows if t > 10.35) < 2.0 * DEG
+    assert max(error for t, error, _ in rows if t > 11.0) < 0.3 * DEG
+    after = rows[-1][2]
+    assert math.dist(after.bias_b, flight.bias_b) < 0.05 * DEG
+
+
+def test_a_clipped_accelerometer_costs_nothing_while_the_gyro_is_fine() -> None:
+    flight = fly(slow, 14.0, 16)
+    samples = [
+        s._replace(f_b=(150.0, 0.0, 0.0), clipped=True) if 10_000_000 <= s.t_us < 10_300_000 else s
+        for s in flight.samples
+    ]
+    rows = run(new_filter(), flight._replace(samples=samples))
+    assert not any(Trust.RESTARTED in e.trust for t, _, e in rows if t > 1.0)
+    assert max(error for t, error, _ in rows if t > 10.0) < 0.3 * DEG
+
+
+def test_a_heading_that_the_field_contradicts_for_long_is_given_up() -> None:
+    filter_ = new_filter()
+    flight = fly(slow, 40.0, 11)
+    cut = 1000
+    run(filter_, flight._replace(samples=flight.samples[:cut], q_nb=flight.q_nb[:cut]))
+    with_attitude(filter_, quaternion.exp((0.0, 0.0, 40.0 * DEG)))
+    rows = run(filter_, flight._replace(samples=flight.samples[cut:], q_nb=flight.q_nb[cut:]))
+    assert min(error for t, error, _ in rows if t < 20.0) > 30.0 * DEG
+    assert max(error for t, error, _ in rows if t > 26.0) < 1.0 * DEG
+
+
+def test_a_start_in_motion_does_not_take_acceleration_for_bias() -> None:
+    def sway(t: float) -> tuple[float, float, float]:
+        return (1.5 * math.sin(1.9 * t), 1.5 * math.cos(1.3 * t), 0.3 * math.sin(2.3 * t))
+
+    flight = fly(slow, 40.0, 20, disturbance=Disturbance(force=sway))
+    rows = run(new_filter(), flight)
+    off = [math.dist(estimate.bias_b, flight.bias_b) for t, _, estimate in rows if t > 3.0]
+    assert max(off) < 2.5 * DEG
+    assert rms_deg([error for t, error, _ in rows if t > 10.0]) < 6.0
+
+
 # --- interface -----------------------------------------------------------------------------------
 
 

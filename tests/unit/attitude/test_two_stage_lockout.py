@@ -1,9 +1,11 @@
 """Random disturbances for 20 s must never leave the filter locked on to something wrong.
 
-A field that creeps away inside the gate is followed and costs up to tens of degrees of heading
-while it lasts; what must never happen is that the filter does not come back.
+While both sensors are disturbed at once the attitude may be wrong by any amount: two sensors that
+agree with each other overrule it. Lock-out means that it stays wrong: 20 s after the end of all
+disturbance the error must be below 3 deg, and stay there.
 
-Runs a few patterns by default; `H2NAV_LOCKOUT_PATTERNS=1000` runs the full set (minutes).
+Runs the patterns that were once hardest; `H2NAV_LOCKOUT_PATTERNS=1000` runs the first thousand
+(minutes).
 """
 
 import math
@@ -12,7 +14,7 @@ import os
 import numpy as np
 import pytest
 from needs import DEG
-from synthetic_imu import DENSITIES, FIELD, Disturbance, fly, rms_deg, slow
+from synthetic_imu import DENSITIES, FIELD, Disturbance, fly, slow
 
 from h2nav.attitude.gains import design_two_stage
 from h2nav.attitude.samples import Vec3
@@ -20,7 +22,9 @@ from h2nav.attitude.two_stage import TwoStageFilter
 from h2nav.maths import quaternion
 
 RATE_HZ = 50.0
-CALM_S, DISTURBED_S, AFTER_S = 10.0, 20.0, 30.0
+CALM_S, DISTURBED_S, RECOVERY_S, AFTER_S = 10.0, 20.0, 20.0, 30.0
+HARDEST = (34, 37, 87, 97, 112, 156, 185, 297, 311, 388, 531, 570)
+COUNT = int(os.environ.get("H2NAV_LOCKOUT_PATTERNS", "0"))
 GAINS = design_two_stage(DENSITIES, RATE_HZ, "test")
 
 
@@ -42,7 +46,7 @@ def pattern(rng: np.random.Generator, largest: float):  # type: ignore[no-untype
     return at
 
 
-@pytest.mark.parametrize("seed", range(int(os.environ.get("H2NAV_LOCKOUT_PATTERNS", "12"))))
+@pytest.mark.parametrize("seed", range(COUNT) if COUNT else HARDEST)
 def test_no_disturbance_of_20_s_locks_the_filter_out(seed: int) -> None:
     rng = np.random.default_rng(seed)
     disturbance = Disturbance(pattern(rng, 6.0), pattern(rng, 40.0))
@@ -50,14 +54,11 @@ def test_no_disturbance_of_20_s_locks_the_filter_out(seed: int) -> None:
     flight = fly(slow, duration_s, seed, rate_hz=RATE_HZ, disturbance=disturbance)
     filter_ = TwoStageFilter(GAINS)
     filter_.use_field(FIELD)
-    worst, late = 0.0, []
+    late = 0.0
     for sample, q in zip(flight.samples, flight.q_nb, strict=True):
         estimate = filter_.update(sample)
         if estimate is None:
             continue
-        error = quaternion.angle(estimate.q_nb, q)
-        worst = max(worst, error)
-        if sample.t_us > (duration_s - 5.0) * 1e6:
-            late.append(error)
-    assert worst < 60.0 * DEG
-    assert rms_deg(late) < 10.0
+        if sample.t_us >= (CALM_S + DISTURBED_S + RECOVERY_S) * 1e6:
+            late = max(late, quaternion.angle(estimate.q_nb, q))
+    assert 0.0 < late < 3.0 * DEG
