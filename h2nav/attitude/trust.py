@@ -1,6 +1,6 @@
 """Which measurements the two-stage filter believes: limits with physical meaning, and screening.
 
-The decisions themselves are arithmetic and live in `kernels/two_stage.py`; this module names what
+The decisions themselves are arithmetic and live in `kernels/two_stage*.py`; this module names what
 they are compared with.
 """
 
@@ -40,10 +40,20 @@ class TrustLimits(NamedTuple):
         converge_s: start-up during which no innovation gate closes.
         hold_s: for so long a vehicle that has begun to accelerate flies by gyro alone; then its
             force is believed again with the weight of its level.
-        field_out_s: for so long a field outside the gate is ignored.
+        turned_s: a field outside the gate, yet of the right norm and slope, sets the heading after
+            so long.
+        heading_cut_deg: a longer innovation of the field counts as one of this length, turns only
+            the heading and teaches no bias.
         heading_lost_s: without any believed field for so long, the heading starts anew.
         wrong_s: for so long both sensors contradict the attitude before it is aligned again.
+        doubt_s: after that, one contradicting sensor is enough for so long.
         bias_start_deg_s: one-sigma gyro bias at the start.
+        bias_doubt_deg_s: what a contradicted attitude adds to the bias's sigma.
+        mean_s: time constant over which a steady horizontal force counts as error of the tilt.
+        steady_force_m_s2, frozen_walk_deg_s_rts: a longer low-passed force than this, at rest,
+            teaches no bias; meanwhile the bias's sigma grows by this walk.
+        still_s: a vehicle that has not accelerated for so long did start at rest.
+        start_force_m_s2: rms horizontal force to expect of a vehicle that starts in motion.
         bias_step_deg_s, bias_limit_deg_s: clamps of one bias step and of the bias.
         align_s: length of the start-up window.
     """

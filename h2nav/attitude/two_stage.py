@@ -2,7 +2,7 @@
 
 Works on the rotation group in magnetic NED and turns its result by the declination at the very
 end, so a new declination moves the heading at once and disturbs nothing. The arithmetic of a
-sample is in `kernels/two_stage.py`, what it is compared with in `trust.py`.
+sample is in `kernels/two_stage*.py`, what it is compared with in `trust.py`.
 """
 
 import math

@@ -48,7 +48,7 @@ from h2nav.attitude.kernels.two_stage_trust import (
 def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     """Takes one sample: propagates over `Z_DT`, then corrects. Returns bits.
 
-    Source: docs/derivation.md Eq. (3.8) - (3.16).
+    Source: docs/derivation.md Eq. (3.8) - (3.22).
     """
     propagate(x, g, z)
     measure(x, g, z)

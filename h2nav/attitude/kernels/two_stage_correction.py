@@ -109,7 +109,10 @@ def weigh(x: list[float], g: Sequence[float], z: Sequence[float], level: int) ->
 
 
 def freeze(x: list[float], g: Sequence[float], dt: float) -> None:
-    """Sets X_FROZEN while the force stands off its place by more than the bias explains."""
+    """Sets X_FROZEN while the force stands off its place by more than the bias explains.
+
+    Source: docs/derivation.md Eq. (3.19).
+    """
     still_2 = g[G_STILL_2] + 8.0 * x[X_JITTER] * dt / g[G_T_RESIDUAL]
     off_2 = x[X_RES] * x[X_RES] + x[X_RES + 1] * x[X_RES + 1]
     if off_2 < still_2:
@@ -124,7 +127,10 @@ def freeze(x: list[float], g: Sequence[float], dt: float) -> None:
 
 
 def weigh_field(x: list[float], g: Sequence[float], force_weight: float) -> None:
-    """Adds the field; a sample that stands for several steps carries their information."""
+    """Adds the field; a sample that stands for several steps carries their information.
+
+    Source: docs/derivation.md Eq. (3.2), (3.19), (3.20).
+    """
     x[X_T_NO_FIELD] = 0.0
     steps = x[X_T_FIELD_AGE] / g[G_DT]
     steps = min(steps, 20.0)

@@ -82,7 +82,7 @@ def pass_clipped(x: list[float], z: Sequence[float]) -> None:
 
     A rate that is wrong by its own size for T leaves an error of rate T.
 
-    Source: docs/derivation.md Eq. (3.20).
+    Source: docs/derivation.md Eq. (3.21).
     """
     for i in range(9):
         # What the rate does to the attitude must not be booked as bias.
