@@ -1,25 +1,37 @@
-"""Our filters, run on a trial for `h2nav evaluate dataset`."""
+"""Our filters, run on a trial for `h2nav evaluate dataset`.
+
+Whole stretches go through the compiled kernels where they are built and can: not while a velocity
+is fused, and not where the insides are to be shown. The estimates are the same bits either way.
+"""
 
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from h2nav.apps.filters import SHIPPED_RATES_HZ
-from h2nav.attitude import alignment
+from h2nav.attitude import alignment, batch
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, Trust, VelocityFix
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Quat,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.attitude.shaped import ShapedFilter
 from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
 from h2nav.attitude.two_stage import TwoStageFilter
 from h2nav.errors import TaskFailed
 from h2nav.io import gain_files
-from h2nav.io.trials import Trial
+from h2nav.io.trials import Told, Trial
 from h2nav.maths import frames, quaternion
 from h2nav.synthesis.riccati import solve_riccati
 
@@ -38,14 +50,16 @@ class Conditions(NamedTuple):
     Attributes:
         vehicle_class: chooses the gains of the default filter.
         use_gps: GPS velocities are given to the default filter.
-        declination_deg: of the truth's north, which GPS courses are turned by.
+        declination_deg: of the truth's north, which the courses of gps rows are turned by.
         cruise_speed_m_s: replaces the class's pseudo-velocity along the nose; None keeps it.
+        shows_insides: gain set and gate are wanted too.
     """
 
     vehicle_class: str
     use_gps: bool = False
     declination_deg: float = 0.0
     cruise_speed_m_s: float | None = None
+    shows_insides: bool = False
 
 
 class Track(NamedTuple):
@@ -53,7 +67,8 @@ class Track(NamedTuple):
 
     Attributes:
         q_es: (N, 4) attitude, sensor to east-north-up.
-        us_per_sample: processor time.
+        us_per_sample: processor time of the filter's calls alone.
+        backend: what they ran on: native or python.
         bias: (N, 3) gyro bias, rad/s; None where the filter shows none.
         gain_set: (N,) number of the gain set in use; None for other filters.
         field_used: (N,) whether the sample's field was believed; None for other filters.
@@ -61,6 +76,7 @@ class Track(NamedTuple):
 
     q_es: Array
     us_per_sample: float
+    backend: str
     bias: Array | None = None
     gain_set: Array | None = None
     field_used: npt.NDArray[np.bool_] | None = None
@@ -72,8 +88,9 @@ def samples(trial: Trial) -> Iterator[ImuSample]:
     fields: list[Any] = [None] * len(rates)
     if trial.m_s is not None:
         fields = [None if math.isnan(sum(row)) else tuple(row) for row in trial.m_s.tolist()]
-    for t_us, w, f, m in zip(trial.t_us.tolist(), rates, forces, fields, strict=True):
-        yield ImuSample(t_us, tuple(w), tuple(f), m)
+    clipped = [False] * len(rates) if trial.clipped is None else trial.clipped.tolist()
+    for t_us, w, f, m, bad in zip(trial.t_us.tolist(), rates, forces, fields, clipped, strict=True):
+        yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
 
 
 def shipped_rate(rate_hz: float) -> int:
@@ -91,41 +108,84 @@ def run_shaped(trial: Trial, conditions: Conditions, gains: ShapedGains) -> Trac
     """The default filter with given gains."""
     if conditions.cruise_speed_m_s is not None:
         gains = gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
-    return _stream(trial, conditions, ShapedFilter(gains))
+    return _run(trial, conditions, ShapedFilter(gains))
 
 
 def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
     """The two-stage filter with the shipped gains of a common sensor."""
     name = f"{TWO_STAGE_SENSOR}_{shipped_rate(trial.rate_hz)}hz"
-    return _stream(trial, conditions, TwoStageFilter(two_stage_gains(gain_files.load(name), name)))
+    return _run(trial, conditions, TwoStageFilter(two_stage_gains(gain_files.load(name), name)))
 
 
-def _stream(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
-    """Runs one of our filters sample by sample, as the daemon does."""
-    fixes = _fixes(trial, conditions) if conditions.use_gps else []
+def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
+    """Runs one of our filters, the fastest way that shows what is wanted."""
+    told = _told(trial, conditions)
+    is_plain = trial.clipped is None and not conditions.shows_insides
+    is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
+    if is_plain and isinstance(chosen, ShapedFilter) and batch.backend() == "native":
+        return _run_batch(trial, told, chosen)
+    return _run_samples(trial, told, chosen)
+
+
+def _tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix) -> None:
+    if isinstance(what, VelocityFix):
+        chosen.use_velocity(what)
+    elif isinstance(what, EarthField):
+        chosen.use_field(what)
+    else:
+        chosen.use_vehicle(what)
+
+
+def _run_batch(trial: Trial, told: Sequence[Told], chosen: ShapedFilter) -> Track:
+    """The stretches between things told, each through the compiled kernel."""
+    count = len(trial.t_us)
+    q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
+    starts = sorted({0, *(each.row for each in told if each.row < count)})
+    started = time.process_time()
+    for start, stop in zip(starts, [*starts[1:], count], strict=True):
+        for each in told:
+            if each.row == start:
+                _tell(chosen, each.what)
+        rows = slice(start, stop)
+        field = None if trial.m_s is None else trial.m_s[rows]
+        # The first step of a stretch leads from time zero: it goes on with the trial's times.
+        steps_s = np.diff(trial.t_us[rows], prepend=0) * 1e-6
+        q_nb[rows], bias[rows] = batch.filter_array(
+            trial.w_s[rows], trial.f_s[rows], field, steps_s, chosen
+        )
+    us_per_sample = (time.process_time() - started) * 1e6 / count
+    known = np.isfinite(q_nb[:, 0])
+    if not known.any():
+        raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
+    latest = _latest(known)
+    return Track(enu(q_nb[latest].tolist()), us_per_sample, "native", bias[latest])
+
+
+def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
+    """Sample by sample, as the daemon does."""
+    taken = list(samples(trial))
     estimates: list[AttitudeEstimate | None] = []
     sets: list[int] = []
-    next_fix = 0
+    coming = iter(told)
+    following = next(coming, None)
     started = time.process_time()
-    for sample in samples(trial):
-        while next_fix < len(fixes) and fixes[next_fix].t_us <= sample.t_us:
-            chosen.use_velocity(fixes[next_fix])
-            next_fix += 1
+    for row, sample in enumerate(taken):
+        while following is not None and following.row <= row:
+            _tell(chosen, following.what)
+            following = next(coming, None)
         estimates.append(chosen.update(sample))
         if isinstance(chosen, ShapedFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
-    found = [estimate for estimate in estimates if estimate is not None]
-    if not found:
+    known = np.array([estimate is not None for estimate in estimates])
+    if not known.any():
         raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
-    filled = []
-    latest = found[0]  # nothing is known before the alignment
-    for estimate in estimates:
-        latest = estimate or latest
-        filled.append(latest)
+    rows = (estimates[row] for row in _latest(known).tolist())
+    filled = [estimate for estimate in rows if estimate is not None]
     return Track(
         q_es=enu([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
+        backend="python",
         bias=np.array([estimate.bias_b for estimate in filled]),
         gain_set=np.array(sets) if sets else None,
         field_used=np.array([bool(estimate.trust & Trust.FIELD_USED) for estimate in filled]),
@@ -135,13 +195,15 @@ def _stream(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Tra
 def run_paper(trial: Trial, _: Conditions) -> Track:
     """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1.
 
-    It only works near level, so the sensor's axes are taken for forward-left-up.
+    It only works near level: z points up or down as the first force says, x forward.
     """
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: the paper's filter needs a magnetometer")
-    rates = trial.w_s * _FRD
-    forces = _unit(trial.f_s * _FRD)
-    fields = _unit(held(trial.m_s) * _FRD)
+    is_frd = trial.f_s[0, 2] < 0.0
+    axes = np.ones(3) if is_frd else _FRD
+    rates = trial.w_s * axes
+    forces = _unit(trial.f_s * axes)
+    fields = _unit(held(trial.m_s) * axes)
     dip = math.asin(float(np.clip(-np.dot(forces[0], fields[0]), -1.0, 1.0)))
     vectors = np.array([[0.0, 0.0, 1.0], [math.cos(dip), 0.0, math.sin(dip)]])
     gain = solve_riccati(linearised_plant(vectors, Weights())).L
@@ -156,25 +218,44 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
         rows.append(chosen.angles[0].tolist())
     us_per_sample = (time.process_time() - started) * 1e6 / len(rows)
     angles = np.where(np.isfinite(rows), rows, 0.0).tolist()
-    attitudes = (quaternion.from_euler(*row) for row in angles)
-    q_ef = [frames.attitude_enu_flu_from_ned_frd(q_nb) for q_nb in attitudes]
-    return Track(np.array(q_ef), us_per_sample)
+    to_enu = frames.attitude_enu_from_ned if is_frd else frames.attitude_enu_flu_from_ned_frd
+    q_es = np.array([to_enu(quaternion.from_euler(*row)) for row in angles])
+    return Track(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
 
 
-def _fixes(trial: Trial, conditions: Conditions) -> list[VelocityFix]:
-    """The trial's GPS velocities, courses turned to the truth's north.
+def _told(trial: Trial, conditions: Conditions) -> list[Told]:
+    """What the filter is told, in order; velocities only where they are to be used.
 
     Raises:
-        TaskFailed: it has none.
+        TaskFailed: they are, and the trial has none.
     """
-    if trial.gps is None:
+    if not conditions.use_gps:
+        return [each for each in trial.told if not isinstance(each.what, VelocityFix)]
+    told = list(trial.told) if trial.gps is None else _fixes(trial, conditions)
+    if not any(isinstance(each.what, VelocityFix) for each in told):
         raise TaskFailed(f"{trial.name}: no gps rows, but --gps was given")
-    fixes = []
+    return told
+
+
+def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
+    """The trial's gps rows as velocities, courses turned to the truth's north."""
+    assert trial.gps is not None
+    told = []
     for t_s, speed, course_deg, _ in trial.gps.tolist():
         course = (course_deg - conditions.declination_deg) * DEG
         v_n = (speed * math.cos(course), speed * math.sin(course), math.nan)
-        fixes.append(VelocityFix(round(t_s * 1e6), v_n, GPS_SIGMA_M_S))
-    return fixes
+        t_us = round(t_s * 1e6)
+        row = int(np.searchsorted(trial.t_us, t_us))
+        told.append(Told(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
+    return told
+
+
+def to_true_north(q_es: Array, declination_rad: float) -> Array:
+    """Attitudes against magnetic east-north-up, turned to true north."""
+    half = -0.5 * declination_rad  # east is clockwise from above
+    c, s = math.cos(half), math.sin(half)
+    w, x, y, z = q_es.T
+    return np.stack((c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w), axis=1)
 
 
 def enu(q_ns: Iterable[Quat]) -> Array:
@@ -189,10 +270,15 @@ def _unit(vectors: Array) -> Array:
 
 def held(field: Array) -> Array:
     """The field with every row that brings nothing new replaced by the one before."""
-    fine = np.isfinite(field).all(axis=1)
+    fine = np.isfinite(field.sum(axis=1))
     if not fine.any():
         return np.zeros_like(field)
-    last = np.maximum.accumulate(np.where(fine, np.arange(len(field)), -1))
-    last[last < 0] = int(np.argmax(fine))
-    result: Array = field[last]
+    result: Array = field[_latest(fine)]
     return result
+
+
+def _latest(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """For each row the last known one up to it; before all of them, the first."""
+    last = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1))
+    last[last < 0] = int(np.argmax(known))
+    return last

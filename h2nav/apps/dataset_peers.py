@@ -1,8 +1,9 @@
 """Other people's filters, run on the same samples; each only where its package is installed.
 
-All get evenly spaced samples at the trial's nominal rate and hold the last field, as they are made
-for. Their traps: imufusion's world is north-west-up whatever is asked for, and ahrs' Kalman filter
-wants the accelerometer's opposite.
+All get the sample times where they take any (vqf takes one rate) and hold the last field, as they
+are made for; their headings are turned to true north where the trial knows it. Their traps:
+imufusion's world is north-west-up whatever is asked for, and ahrs' Kalman filter wants the
+accelerometer's opposite.
 """
 
 import importlib
@@ -47,9 +48,10 @@ def _guarded(name: str, runner: Runner) -> Runner:
 
     def run(trial: Trial, conditions: Conditions) -> Track:
         try:
-            return runner(trial, conditions)
+            track = runner(trial, conditions)
         except (ValueError, TypeError, ArithmeticError) as error:
             raise TaskFailed(f"{name} failed: {error}") from error
+        return track._replace(q_es=ours.to_true_north(track.q_es, trial.declination_rad))
 
     return run
 
@@ -63,45 +65,49 @@ def _vqf(trial: Trial, _: Conditions) -> Track:
     out = vqf.VQF(1.0 / trial.rate_hz).updateBatch(*arrays)
     us_per_sample = (time.process_time() - started) * 1e6 / len(trial.w_s)
     q_es = out["quat9D" if trial.m_s is not None else "quat6D"]
-    return Track(q_es, us_per_sample, bias=np.asarray(out["bias"]))
+    return Track(q_es, us_per_sample, "native", np.asarray(out["bias"]))
 
 
 def _imufusion(trial: Trial, _: Conditions) -> Track:
     imufusion = importlib.import_module("imufusion")
     chosen = imufusion.Ahrs()
-    chosen.set_sample_period(1.0 / trial.rate_hz)
+    steps_s = _steps_s(trial)
     q_nwu = np.empty((len(trial.w_s), 4))
     rates, forces = trial.w_s / _DEG, trial.f_s / GRAVITY_M_S2
     fields = None if trial.m_s is None else held(trial.m_s)
     started = time.process_time()
     for k in range(len(q_nwu)):
+        chosen.set_sample_period(steps_s[k])
         if fields is None:
             chosen.update_no_magnetometer(rates[k], forces[k])
         else:
             chosen.update(rates[k], forces[k], fields[k])
         q_nwu[k] = chosen.get_quaternion()
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
-    return Track(_enu_from_nwu(q_nwu), us_per_sample)
+    return Track(_enu_from_nwu(q_nwu), us_per_sample, "native, called per sample")
 
 
 def _madgwick(trial: Trial, _: Conditions) -> Track:
     filters = importlib.import_module("ahrs.filters")
     q_nwu = np.empty((len(trial.w_s), 4))
     q_nwu[0] = _start_nwu(trial)
+    steps_s = _steps_s(trial)
     started = time.process_time()
     if trial.m_s is None:
         chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.033)
         for k in range(1, len(q_nwu)):
-            q_nwu[k] = chosen.updateIMU(q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k])
+            q_nwu[k] = chosen.updateIMU(
+                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], dt=steps_s[k]
+            )
     else:
         fields = held(trial.m_s)
         chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.041)
         for k in range(1, len(q_nwu)):
             q_nwu[k] = chosen.updateMARG(
-                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], mag=fields[k]
+                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], mag=fields[k], dt=steps_s[k]
             )
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
-    return Track(_enu_from_nwu(q_nwu), us_per_sample)
+    return Track(_enu_from_nwu(q_nwu), us_per_sample, "python")
 
 
 def _ekf(trial: Trial, _: Conditions) -> Track:
@@ -116,12 +122,21 @@ def _ekf(trial: Trial, _: Conditions) -> Track:
     # Its own `h` asks for this when it is fed sample by sample.
     chosen.mag = fields
     q_ns = np.empty((len(fields), 4))
+    steps_s = _steps_s(trial)
     q_ns[0] = alignment.triad(tuple(trial.f_s[0]), tuple(fields[0]))
     started = time.process_time()
     for k in range(1, len(q_ns)):
-        q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k])
+        q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k], steps_s[k])
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
-    return Track(ours.enu((w, x, y, z) for w, x, y, z in q_ns.tolist()), us_per_sample)
+    q_es = ours.enu((w, x, y, z) for w, x, y, z in q_ns.tolist())
+    return Track(q_es, us_per_sample, "python")
+
+
+def _steps_s(trial: Trial) -> list[float]:
+    """The time before each sample, s; before the first one a usual step."""
+    first_us = trial.t_us[0] - 1e6 / trial.rate_hz
+    steps: list[float] = (np.diff(trial.t_us, prepend=first_us) * 1e-6).tolist()
+    return steps
 
 
 def _start_nwu(trial: Trial) -> Array:

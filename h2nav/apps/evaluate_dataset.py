@@ -2,27 +2,37 @@
 
 import argparse
 import json
+import math
 import os
 import statistics
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from h2nav.errors import BadInput, TaskFailed
 
 if TYPE_CHECKING:
     from h2nav.apps.dataset_filters import Conditions
+    from h2nav.io.trials import Trial
 
 CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 _KEYS = ("total", "heading", "inclination")
+_TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
+_EXAMPLE = """\
+examples:
+  h2nav evaluate dataset trials/ --filter all
+  h2nav evaluate dataset flight.tlog --class multirotor --gps --filter default --filter vqf --json
+"""
 
 
 class Task(NamedTuple):
     """One filter on one trial; complete, so that another process can do it."""
 
     path: Path
+    trial: str
     filter_name: str
     conditions: "Conditions"
     plots: Path | None
@@ -34,22 +44,33 @@ class Score(NamedTuple):
     Attributes:
         trial: name of the trial.
         filter_name: name of the filter.
-        rms_deg: total, heading, inclination; heading and total are NaN where the trial has no
-            field to tell the heading by. None when the task was not possible.
-        us_per_sample: processor time.
+        rms_deg: total, heading, inclination. None when the task was not possible.
+        us_per_sample: processor time of the filter's calls alone.
+        backend: what they ran on.
         remark: why there is no result.
+        notes: of the trial.
     """
 
     trial: str
     filter_name: str
     rms_deg: tuple[float, float, float] | None
     us_per_sample: float
+    backend: str
     remark: str
+    notes: tuple[str, ...]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
-    parser.add_argument("place", type=Path, metavar="DIR", help="folder of .npz trials, or one")
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EXAMPLE
+    parser.add_argument(
+        "place",
+        type=Path,
+        metavar="DIR",
+        help="folder of trials, or one: .npz, or recordings of an autopilot (.tlog, our .mcap, raw "
+        ".bytes), whose truth is SIMSTATE, else ATTITUDE",
+    )
     parser.add_argument(
         "--class",
         dest="vehicle_class",
@@ -71,7 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="DEG",
-        help="true course of the truth's north (for --gps where the truth's north is magnetic)",
+        help="true course of the truth's north, for --gps on .npz trials whose north is magnetic; "
+        "recordings bring their own",
     )
     parser.add_argument(
         "--cruise-speed-m-s",
@@ -89,21 +111,26 @@ def run(args: argparse.Namespace) -> int:
     tasks = _tasks(args)
     if args.plots is not None:
         args.plots.mkdir(parents=True, exist_ok=True)
-    scores = sorted(_run_all(tasks), key=lambda score: tasks.index(_task_of(score, tasks)))
-    for score in scores:
-        if score.rms_deg is None:
-            sys.stderr.write(f"{score.trial}: {score.filter_name}: left out: {score.remark}\n")
+    order = {(task.trial, task.filter_name): place for place, task in enumerate(tasks)}
+    scores = sorted(_run_all(tasks), key=lambda score: order[score.trial, score.filter_name])
+    remarks = {score.remark for score in scores if score.rms_deg is None}
+    if all(score.rms_deg is None for score in scores):
+        reasons = f": {remarks.pop()}" if len(remarks) == 1 else ""
+        _say_left_out(scores if not reasons else ())
+        raise TaskFailed(f"{args.place}: no trial could be scored{reasons}")
+    _say_left_out(scores)
     names = list(dict.fromkeys(task.filter_name for task in tasks))
     results = {name: _summary(scores, name) for name in names}
-    if not any(result["trials"] for result in results.values()):
-        raise TaskFailed(f"{args.place}: no trial could be scored")
+    notes = {score.trial: score.notes for score in scores if score.notes}
     if args.json:
-        first = next(iter(results.values()))
+        first = results[names[0]]
         document = dict(first) if len(names) == 1 else {**first, "filters": results}
-        json.dump({"class": args.vehicle_class, **document}, sys.stdout)
+        json.dump({"class": args.vehicle_class, **document, "notes": notes}, sys.stdout)
         sys.stdout.write("\n")
     else:
         sys.stdout.write("".join(_table(name, results[name]) for name in names))
+        for trial, lines in notes.items():
+            sys.stdout.write("".join(f"{trial}: {line}\n" for line in lines))
     return 0
 
 
@@ -111,13 +138,12 @@ def score_task(task: Task) -> Score:
     """Runs and scores one task; what a worker process does."""
     from h2nav.apps.dataset_peers import installed
     from h2nav.attitude.scoring import errors, rms
-    from h2nav.io.trials import read_trial
 
-    nothing = Score(task.path.stem, task.filter_name, None, 0.0, "")
+    nothing = Score(task.trial, task.filter_name, None, 0.0, "", "", ())
     try:
-        trial = read_trial(task.path)
+        trial = _read(task.path)
         if trial.q_es is None or not trial.mask.any():
-            return nothing._replace(remark="it has no truth (key q)")
+            return nothing._replace(remark=f"{task.path}: no truth: {_TRUTH}")
         track = installed()[task.filter_name](trial, task.conditions)
     except (BadInput, TaskFailed) as error:
         return nothing._replace(remark=str(error))
@@ -125,8 +151,32 @@ def score_task(task: Task) -> Score:
     if task.plots is not None:
         from h2nav.apps.dataset_plots import draw
 
-        draw(trial, track, found, task.plots / f"{trial.name}.{task.filter_name}.png")
-    return nothing._replace(rms_deg=rms(found, trial.mask), us_per_sample=track.us_per_sample)
+        draw(trial, track, found, task.plots / f"{task.trial}.{task.filter_name}.png")
+    rms_deg = rms(found, trial.mask)
+    if not all(map(math.isfinite, rms_deg)):
+        return nothing._replace(remark="it gave attitudes that are not finite")
+    return nothing._replace(
+        rms_deg=rms_deg,
+        us_per_sample=track.us_per_sample,
+        backend=track.backend,
+        notes=trial.notes,
+    )
+
+
+def _read(path: Path) -> "Trial":
+    from h2nav.io.trials import SUFFIX, read_trial
+
+    if path.suffix == SUFFIX:
+        return read_trial(path)
+    from h2nav.apps.recorded_trials import read_recorded_trial
+
+    return read_recorded_trial(path)
+
+
+def _say_left_out(scores: Sequence[Score]) -> None:
+    for score in scores:
+        if score.rms_deg is None:
+            sys.stderr.write(f"{score.trial}: {score.filter_name}: left out: {score.remark}\n")
 
 
 def _tasks(args: argparse.Namespace) -> list[Task]:
@@ -147,12 +197,19 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
             )
         )
     conditions = Conditions(
-        args.vehicle_class, args.gps, args.declination_deg, args.cruise_speed_m_s
+        args.vehicle_class,
+        args.gps,
+        args.declination_deg,
+        args.cruise_speed_m_s,
+        shows_insides=args.plots is not None,
     )
+    paths = trial_paths(args.place)
+    stems = Counter(path.stem for path in paths)
+    trials = {path: path.stem if stems[path.stem] == 1 else path.name for path in paths}
     return [
-        Task(path, name, conditions, args.plots)
+        Task(path, trial, name, conditions, args.plots)
         for name in dict.fromkeys(names)
-        for path in trial_paths(args.place)
+        for path, trial in trials.items()
     ]
 
 
@@ -173,37 +230,28 @@ def _run_all(tasks: Sequence[Task]) -> Iterator[Score]:
                 bar.update()
 
 
-def _task_of(score: Score, tasks: Sequence[Task]) -> Task:
-    return next(
-        task
-        for task in tasks
-        if (task.path.stem, task.filter_name) == (score.trial, score.filter_name)
-    )
-
-
-def _summary(scores: Sequence[Score], name: str) -> dict[str, dict[str, object] | float]:
-    """One filter's results: per trial, their mean, and the time per sample."""
+def _summary(scores: Sequence[Score], name: str) -> dict[str, Any]:
+    """One filter's results: per trial, their mean, the time per sample and what it ran on."""
     done = [s for s in scores if s.filter_name == name and s.rms_deg is not None]
     trials = {s.trial: dict(zip(_KEYS, s.rms_deg or (), strict=True)) for s in done}
     if not done:
-        return {"trials": {}, "mean": {}, "us_per_sample": 0.0}
-    mean = {key: statistics.fmean(row[key] for row in trials.values()) for key in _KEYS}
-    time = statistics.fmean(s.us_per_sample for s in done)
-    return {"trials": dict(trials), "mean": dict(mean), "us_per_sample": time}
+        return {"trials": {}, "mean": {}, "us_per_sample": 0.0, "backend": ""}
+    return {
+        "trials": trials,
+        "mean": {key: statistics.fmean(row[key] for row in trials.values()) for key in _KEYS},
+        "us_per_sample": statistics.fmean(s.us_per_sample for s in done),
+        "backend": ", ".join(sorted({s.backend for s in done})),
+    }
 
 
-def _table(name: str, result: dict[str, dict[str, object] | float]) -> str:
+def _table(name: str, result: dict[str, Any]) -> str:
     trials, mean = result["trials"], result["mean"]
-    assert isinstance(trials, dict)
-    assert isinstance(mean, dict)
     if not trials:
         return f"{name}: no trial could be scored\n\n"
     width = max(map(len, [*trials, name]))
     lines = [f"{name:{width}}    total  heading  inclination   (rms, deg)"]
     for trial, row in [*trials.items(), ("mean", mean)]:
-        assert isinstance(row, dict)
-        numbers = (row[key] for key in _KEYS)
-        total, heading, inclination = numbers
+        total, heading, inclination = (row[key] for key in _KEYS)
         lines.append(f"{trial:{width}} {total:8.3f} {heading:8.3f} {inclination:12.3f}")
-    lines.append(f"{result['us_per_sample']:.2f} us per sample")
+    lines.append(f"{result['us_per_sample']:.2f} us per sample ({result['backend']})")
     return "\n".join(lines) + "\n\n"

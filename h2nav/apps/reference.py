@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.attitude.scoring import errors
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
+from h2nav.maths.quaternion import from_euler
 from h2nav.service.records import EstimateRecord
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
@@ -49,6 +51,20 @@ class ErrorTable(NamedTuple):
             for name, value in self._asdict().items()
             if name not in ("reference", "compared")
         }
+
+
+class Pairs(NamedTuple):
+    """References with the samples that they belong to.
+
+    Attributes:
+        reference: SIMSTATE, ATTITUDE, or empty when the recording has neither.
+        rows: (M,) numbers of the samples.
+        angles: (M, 3) what the reference says there: roll, pitch, yaw, rad.
+    """
+
+    reference: str
+    rows: NDArray[np.int64]
+    angles: Floats
 
 
 class _Attitudes:
@@ -104,59 +120,59 @@ class Reference:
         Args:
             skip_s: references of so many first seconds do not count.
         """
-        for name, reference, estimates in (
-            ("SIMSTATE", self._truth, self._by_arrival),
-            ("ATTITUDE", self._autopilot, self._by_boot_time),
+        arrived_us, angles = self._by_arrival.arrays()
+        boot_us, _ = self._by_boot_time.arrays()
+        pairs = self.pairs(arrived_us, boot_us, skip_s)
+        if not len(pairs.rows):
+            return ErrorTable("", 0)
+        return _table(pairs.reference, angles[pairs.rows], pairs.angles)
+
+    def pairs(
+        self, arrived_us: NDArray[np.int64], boot_us: NDArray[np.int64], skip_s: float = 0.0
+    ) -> Pairs:
+        """The references that belong to samples.
+
+        Args:
+            arrived_us: (N,) when the samples arrived.
+            boot_us: (N,) the samples' own times.
+            skip_s: references of so many first seconds do not count.
+        """
+        for name, reference, t_us in (
+            ("SIMSTATE", self._truth, arrived_us),
+            ("ATTITUDE", self._autopilot, boot_us),
         ):
-            if reference.t_us and estimates.t_us:
-                return _compare(name, reference, estimates, skip_s)
-        return ErrorTable("", 0)
+            if reference.t_us and len(t_us):
+                at_us, angles = reference.arrays()
+                counts = at_us >= at_us[0] + skip_s * 1e6
+                rows = _nearest(at_us[counts], t_us)
+                return Pairs(name, rows[rows >= 0], angles[counts][rows >= 0])
+        return Pairs("", np.empty(0, dtype=np.int64), np.empty((0, 3)))
 
 
-def _compare(name: str, reference: _Attitudes, estimates: _Attitudes, skip_s: float) -> ErrorTable:
-    reference_us, reference_angles = reference.arrays()
-    counts = reference_us >= reference_us[0] + skip_s * 1e6
-    reference_us, reference_angles = reference_us[counts], reference_angles[counts]
-    estimate_us, estimate_angles = estimates.arrays()
-    order = np.argsort(estimate_us, kind="stable")
-    estimate_us, estimate_angles = estimate_us[order], estimate_angles[order]
-    after = np.clip(np.searchsorted(estimate_us, reference_us), 1, max(len(estimate_us) - 1, 1))
-    after = np.minimum(after, len(estimate_us) - 1)
+def _nearest(at_us: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The row of `t_us` (any order) nearest to each time; -1 where none is near enough."""
+    order = np.argsort(t_us, kind="stable")
+    ordered = t_us[order]
+    after = np.clip(np.searchsorted(ordered, at_us), 1, max(len(ordered) - 1, 1))
+    after = np.minimum(after, len(ordered) - 1)
     before = np.maximum(after - 1, 0)
-    nearer_before = np.abs(estimate_us[before] - reference_us) <= np.abs(
-        estimate_us[after] - reference_us
-    )
+    nearer_before = np.abs(ordered[before] - at_us) <= np.abs(ordered[after] - at_us)
     nearest = np.where(nearer_before, before, after)
-    paired = np.abs(estimate_us[nearest] - reference_us) <= FARTHEST_US
-    if not paired.any():
-        return ErrorTable("", 0)
-    truth, ours = reference_angles[paired], estimate_angles[nearest[paired]]
+    is_near = np.abs(ordered[nearest] - at_us) <= FARTHEST_US
+    return np.where(is_near, order[nearest], -1)
+
+
+def _table(name: str, ours: Floats, truth: Floats) -> ErrorTable:
     difference = (ours - truth + np.pi) % (2.0 * np.pi) - np.pi
-    tilt, total = _rotation_errors(ours, truth)
-    rms = [_rms_deg(column) for column in (*difference.T, tilt, total)]
-    return ErrorTable(name, int(paired.sum()), *rms)
+    found = errors(quaternions(ours), quaternions(truth), np.ones(len(ours), dtype=bool), True)
+    columns = (*np.degrees(difference).T, found.inclination, found.total)
+    return ErrorTable(name, len(ours), *map(_rms, columns))
 
 
-def _rotation_errors(ours: Floats, truth: Floats) -> tuple[Floats, Floats]:
-    """Angle between the verticals, and angle of the whole rotation, rad."""
-    R_ours, R_truth = _matrices(ours), _matrices(truth)
-    cos_tilt = np.einsum("ij,ij->i", R_ours[:, 2], R_truth[:, 2])
-    sin_tilt = np.linalg.norm(np.cross(R_ours[:, 2], R_truth[:, 2]), axis=1)
-    # |R1 - R2| (Frobenius) is 2 sqrt(2) sin(angle/2): accurate for small angles, unlike the trace.
-    chord = np.linalg.norm(R_ours - R_truth, axis=(1, 2)) / (2.0 * np.sqrt(2.0))
-    return np.arctan2(sin_tilt, cos_tilt), 2.0 * np.arcsin(np.minimum(chord, 1.0))
+def quaternions(angles: Floats) -> Floats:
+    """(N, 4) q_nb of rows of roll, pitch, yaw."""
+    return np.array([from_euler(*row) for row in angles.tolist()]).reshape(-1, 4)
 
 
-def _matrices(angles: Floats) -> Floats:
-    """R_nb of roll, pitch, yaw, shape (N, 3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles).T, np.sin(angles).T
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _rms_deg(values: Floats) -> float:
-    return float(np.degrees(np.sqrt(np.mean(values**2))))
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -47,14 +47,15 @@ def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fix
         offset = 0.5 * float(np.angle(np.mean(np.exp(1j * headings))))
         turn = np.array([[np.cos(offset), 0.0, 0.0, -np.sin(offset)]])
         e = _product(np.repeat(turn, len(e), axis=0), e)
-    size = np.linalg.norm(e, axis=1)
-    w, z = e[:, 0] / size, e[:, 3] / size
+    w, x, y, z = e.T
     heading = 2.0 * np.arctan2(z, w)
     heading = (heading + np.pi) % (2.0 * np.pi) - np.pi
+    tilt = np.hypot(x, y)
+    # Arc tangents: an arc cosine near 1 loses half the digits of a small angle.
     return Errors(
-        total=2.0 * np.arccos(np.clip(np.abs(w), 0.0, 1.0)) * _DEG,
+        total=2.0 * np.arctan2(np.hypot(tilt, z), np.abs(w)) * _DEG,
         heading=heading * _DEG,
-        inclination=2.0 * np.arccos(np.clip(np.hypot(w, z), 0.0, 1.0)) * _DEG,
+        inclination=2.0 * np.arctan2(tilt, np.hypot(w, z)) * _DEG,
     )
 
 

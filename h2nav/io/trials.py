@@ -14,12 +14,26 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.errors import BadInput
 
 Array = npt.NDArray[np.float64]
 
 SUFFIX = ".npz"
+RECORDING_SUFFIXES = (".tlog", ".mcap", ".bytes")
 _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
+
+
+class Told(NamedTuple):
+    """What an autopilot lets a filter know beside the samples.
+
+    Attributes:
+        row: number of the sample that it was known before.
+        what: the record.
+    """
+
+    row: int
+    what: VehicleState | EarthField | VelocityFix
 
 
 class Trial(NamedTuple):
@@ -36,6 +50,11 @@ class Trial(NamedTuple):
         mask: (N,) samples that are scored.
         heading_fixed: False when the truth's heading has an arbitrary constant offset.
         gps: (M, 4) time s on the samples' clock, ground speed m/s, course deg, altitude m; None.
+        clipped: (N,) samples that are no measure of the motion; None when none is marked.
+        told: in order, on the clock of `t_us`.
+        declination_rad: of magnetic north from the truth's; what knows only the magnetometer is
+            turned by it.
+        notes: what a reader of the results has to know.
     """
 
     name: str
@@ -48,6 +67,10 @@ class Trial(NamedTuple):
     mask: npt.NDArray[np.bool_]
     heading_fixed: bool
     gps: Array | None
+    clipped: npt.NDArray[np.bool_] | None = None
+    told: tuple[Told, ...] = ()
+    declination_rad: float = 0.0
+    notes: tuple[str, ...] = ()
 
 
 def trial_paths(place: Path) -> list[Path]:
@@ -60,14 +83,21 @@ def trial_paths(place: Path) -> list[Path]:
         return [place]
     if not place.is_dir():
         raise BadInput(f"{place}: no such file or folder")
-    paths = sorted(place.glob(f"*{SUFFIX}"))
+    suffixes = (SUFFIX, *RECORDING_SUFFIXES)
+    paths = sorted(path for path in place.iterdir() if path.is_file() and path.suffix in suffixes)
     if not paths:
-        raise BadInput(f"{place}: no {SUFFIX} trials in this folder")
+        raise BadInput(f"{place}: no trials in this folder; expected {', '.join(suffixes)} files")
     return paths
 
 
+def usual_rate_hz(t_us: npt.NDArray[np.int64]) -> float:
+    """The mean rate without the gaps; times in whole milliseconds would spoil a median."""
+    steps = np.diff(t_us)
+    return 1e6 / float(np.mean(steps[steps <= 1.5 * np.median(steps)]))
+
+
 def read_trial(path: Path) -> Trial:
-    """One trial.
+    """One `.npz` trial.
 
     Raises:
         BadInput: one line per error, naming the file and the key.
@@ -143,7 +173,7 @@ def _times(
         t_us = np.round((t_s - t_s[0]) * 1e6).astype(np.int64)
         if not np.isfinite(t_s).all() or not np.all(np.diff(t_us) > 0):
             raise BadInput(f"{path}: t: expected finite times in s that rise from sample to sample")
-        return t_us, 1e6 / float(np.median(np.diff(t_us)))
+        return t_us, usual_rate_hz(t_us)
     rate_hz = float(arrays["fs"]) if arrays["fs"].ndim == 0 else float("nan")
     if not 1.0 <= rate_hz <= 100_000.0:
         raise BadInput(f"{path}: fs: expected one rate from 1 to 100000 Hz, found {arrays['fs']}")
