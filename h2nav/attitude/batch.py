@@ -279,28 +279,56 @@ def _fixed_chunk(
 ) -> None:
     state = attitude_filter.state()
     field, integers = state.values[1:4], state.values[4:]
-    has_field = samples.has_field[rows]
-    table = np.zeros((rows.stop - rows.start, fixed_lean.SAMPLE_SIZE), dtype=np.int32)
-    table[:, :3] = _to_fixed(samples.gyr[rows] * RATE_SCALE, 40, 31)
-    table[:, 3:6] = _to_fixed(samples.acc[rows] * attitude_filter.gravity_scale, 14, 15)
-    norm = np.float64(field[0] or 1.0)
-    table[has_field, 6:9] = _to_fixed(samples.mag[rows][has_field] / norm, 14, 15)
-    table[:, fixed_lean.HAS_FIELD] = -has_field.astype(np.int32)
+    norm = float(field[0] or 1.0)
+    table = _fixed_table(samples, rows, attitude_filter.gravity_scale, norm)
     table[:, fixed_lean.DT_US] = gaps
     memory = np.array(integers, dtype=np.int32)
     params = np.array(attitude_filter.params, dtype=np.int32)
     out = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)
     native.run_fixed_lean(memory, params, table, table.shape[1], out)
-    aligned = _aligned_rows(integers, out[:, 7])
     w, x, y, z = (out[:, i].astype(np.float64) for i in range(4))
     length = np.sqrt(w * w + x * x + y * y + z * z)
     half = 0.5 * float(field[2] or 0.0)
     turn = (math.cos(half), 0.0, 0.0, math.sin(half))
     q_nb = multiply(turn, (w / length, x / length, y / length, z / length))  # type: ignore[arg-type]
-    result.q_nb[rows] = np.where(aligned[:, None], np.column_stack(q_nb), np.nan)
-    result.bias_b[rows] = np.where(aligned[:, None], out[:, 4:7] / BIAS_UNIT, np.nan)
+    for column, values in enumerate(q_nb):
+        result.q_nb[rows, column] = values
+    np.divide(out[:, 4:7], BIAS_UNIT, out=result.bias_b[rows])
+    unknown = ~_aligned_rows(integers, out[:, 7])
+    if unknown.any():
+        result.q_nb[rows][unknown] = np.nan
+        result.bias_b[rows][unknown] = np.nan
     t_us = int(samples.t_us[rows][-1])
     attitude_filter.restore(FilterState(state.filter_name, (t_us, *field, *memory.tolist())))
+
+
+def _fixed_table(
+    samples: _Samples, rows: slice, gravity_scale: float, norm: float
+) -> npt.NDArray[np.int32]:
+    """The kernel's samples, but for the time: `fixedpoint.to_fixed` in place, all columns at once.
+
+    Powers of two are exact factors, so it does not matter when they come in.
+    """
+    has_field = samples.has_field[rows]
+    count = rows.stop - rows.start
+    rates, vectors = np.empty((count, 3)), np.empty((count, 6))
+    np.multiply(samples.gyr[rows], RATE_SCALE * 2.0**40, out=rates)
+    np.multiply(samples.acc[rows], gravity_scale * 2.0**14, out=vectors[:, :3])
+    np.divide(samples.mag[rows], norm * 2.0**-14, out=vectors[:, 3:])
+    if not has_field.all():
+        vectors[~has_field, 3:] = 0.0
+    table = np.zeros((count, fixed_lean.SAMPLE_SIZE), dtype=np.int32)
+    table[:, :3] = _rounded(rates, 31)
+    table[:, 3:9] = _rounded(vectors, 15)
+    table[:, fixed_lean.HAS_FIELD] = -has_field.astype(np.int32)
+    return table
+
+
+def _rounded(numbers: Floats, bits: int) -> Floats:
+    """Whole numbers, in place, that fit words of `bits` and a sign."""
+    numbers += 0.5
+    np.floor(numbers, out=numbers)
+    return np.clip(numbers, -(2.0**bits), 2.0**bits - 1.0, out=numbers)
 
 
 def _aligned_rows(
@@ -313,9 +341,3 @@ def _aligned_rows(
     standing = np.concatenate(([start], events))[latest]
     aligned: npt.NDArray[np.bool_] = (standing > 0) | (events < 0)
     return aligned
-
-
-def _to_fixed(values: Floats, fraction_bits: int, bits: int) -> npt.NDArray[np.int32]:
-    """`fixedpoint.to_fixed` for arrays, into words of `bits` and a sign."""
-    floors = np.floor(values * 2.0**fraction_bits + 0.5)
-    return np.clip(floors, -(2.0**bits), 2.0**bits - 1.0).astype(np.int32)
