@@ -1,16 +1,21 @@
 """Cost of one attitude-filter step in plain Python: `python tools/bench_filter.py [NAME...]`.
 
-Prints microseconds per sample, the best of several runs, for each filter in `FILTERS`.
+Prints microseconds per sample for each filter in `FILTERS`: the best of several runs, which take
+turns, so that a busy moment hits all of them; and the ratio to the first.
 """
 
 import argparse
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.fixed import FixedFilter
+from h2nav.attitude.fixed_gains import fixed_model
 from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.samples import ImuSample
+from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.shaped_gains import shaped_gains
 from h2nav.attitude.two_stage import TwoStageFilter
 from h2nav.io import gain_files
 
@@ -22,8 +27,22 @@ def _two_stage() -> AttitudeFilter:
     return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
+def _default() -> AttitudeFilter:
+    name = "multirotor_100hz"
+    return ShapedFilter(shaped_gains(gain_files.load(name), name))
+
+
+def _integers() -> AttitudeFilter:
+    name = "mpu9250_100hz"
+    return FixedFilter(fixed_model(gain_files.load(name), name))
+
+
 # Add a filter here: name -> maker of a fresh one with shipped gains for 100 Hz.
-FILTERS: dict[str, Callable[[], AttitudeFilter]] = {"two_stage": _two_stage}
+FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
+    "two_stage": _two_stage,
+    "default": _default,
+    "integers": _integers,
+}
 
 
 def samples(count: int) -> list[ImuSample]:
@@ -40,16 +59,18 @@ def samples(count: int) -> list[ImuSample]:
     ]
 
 
-def microseconds_per_sample(make: Callable[[], AttitudeFilter], runs: int, count: int) -> float:
+def microseconds_per_sample(names: Sequence[str], runs: int, count: int) -> dict[str, float]:
+    """Of each filter; the making of the filter does not count."""
     batch = samples(count)
-    best = float("inf")
+    best = dict.fromkeys(names, float("inf"))
     for _ in range(runs):
-        update = make().update
-        started = time.thread_time()
-        for sample in batch:
-            update(sample)
-        best = min(best, time.thread_time() - started)
-    return best / count * 1e6
+        for name in names:
+            update = FILTERS[name]().update
+            started = time.thread_time()
+            for sample in batch:
+                update(sample)
+            best[name] = min(best[name], (time.thread_time() - started) / count * 1e6)
+    return best
 
 
 def main() -> None:
@@ -58,10 +79,13 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--samples", type=int, default=5000)
     args = parser.parse_args()
-    for name in args.names or FILTERS:
-        print(
-            f"{name:12} {microseconds_per_sample(FILTERS[name], args.runs, args.samples):7.2f} us"
-        )
+    unknown = [name for name in args.names if name not in FILTERS]
+    if unknown:
+        parser.error(f"no filter {', '.join(unknown)}; have {', '.join(FILTERS)}")
+    times = microseconds_per_sample(args.names or list(FILTERS), args.runs, args.samples)
+    first = next(iter(times.values()))
+    for name, us in times.items():
+        print(f"{name:12} {us:7.2f} us {us / first:7.2f}")
 
 
 if __name__ == "__main__":

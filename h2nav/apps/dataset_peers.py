@@ -71,6 +71,8 @@ def _vqf(trial: Trial, _: Conditions) -> Track:
 def _imufusion(trial: Trial, _: Conditions) -> Track:
     imufusion = importlib.import_module("imufusion")
     chosen = imufusion.Ahrs()
+    # Left to itself it starts level, and takes 20 s to turn sensor axes that point down.
+    chosen.set_quaternion(_start_nwu(trial))
     steps_s = _steps_s(trial)
     q_nwu = np.empty((len(trial.w_s), 4))
     rates, forces = trial.w_s / _DEG, trial.f_s / GRAVITY_M_S2

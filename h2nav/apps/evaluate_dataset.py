@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 _KEYS = ("total", "heading", "inclination")
 _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
-_EXAMPLE = """\
-examples:
+_EXAMPLES = """\
+more examples:
   h2nav evaluate dataset trials/ --filter all
   h2nav evaluate dataset flight.tlog --class multirotor --gps --filter default --filter vqf --json
 """
@@ -63,7 +63,7 @@ class Score(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EXAMPLE
+    parser.epilog = _EXAMPLES
     parser.add_argument(
         "place",
         type=Path,
@@ -115,9 +115,10 @@ def run(args: argparse.Namespace) -> int:
     scores = sorted(_run_all(tasks), key=lambda score: order[score.trial, score.filter_name])
     remarks = {score.remark for score in scores if score.rms_deg is None}
     if all(score.rms_deg is None for score in scores):
-        reasons = f": {remarks.pop()}" if len(remarks) == 1 else ""
-        _say_left_out(scores if not reasons else ())
-        raise TaskFailed(f"{args.place}: no trial could be scored{reasons}")
+        if len(remarks) == 1:
+            raise TaskFailed(remarks.pop())
+        _say_left_out(scores)
+        raise TaskFailed(f"{args.place}: no trial could be scored")
     _say_left_out(scores)
     names = list(dict.fromkeys(task.filter_name for task in tasks))
     results = {name: _summary(scores, name) for name in names}

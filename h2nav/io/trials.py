@@ -111,6 +111,8 @@ def read_trial(path: Path) -> Trial:
     if "fs" not in arrays and "t" not in arrays:
         errors.append(f"{path}: fs: missing; give the rate in Hz, or the times t in s")
     errors += _shape_errors(arrays, path)
+    if errors and "q" not in arrays:
+        errors.append(f"{path}: q: missing; without truth nothing can be scored")
     if errors:
         raise BadInput(*errors)
     count = len(arrays["gyr"])
@@ -140,8 +142,12 @@ def _arrays(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as file:
             return {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise BadInput(f"{path}: not a readable {SUFFIX} trial: {error}") from None
+    except OSError as error:
+        raise BadInput(f"{path}: not a readable {SUFFIX} trial: {error.strerror}") from None
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        raise BadInput(
+            f"{path}: not a readable {SUFFIX} trial; expected numpy's archive of plain arrays"
+        ) from None
 
 
 def _shape_errors(arrays: Mapping[str, Any], path: Path) -> list[str]:
