@@ -58,3 +58,10 @@ def test_only_the_mask_counts() -> None:
     far = turned((1.0, 0.0, 0.0), 90.0)
     mask = np.array([True, False, True])
     assert rms(errors(rows(true, far, true), rows(true, true, true), mask, True), mask).total == 0.0
+
+
+def test_small_angles_keep_their_digits() -> None:
+    true = quaternion.from_euler(0.4, -0.9, 2.0)
+    est = quaternion.multiply(turned((0.6, 0.0, 0.8), 1e-7), true)
+    found = rms(errors(rows(est, est, est), rows(true, true, true), ALL, True), ALL)
+    assert found == pytest.approx((1e-7, 0.8e-7, 0.6e-7), rel=1e-6)
