@@ -13,7 +13,7 @@ MAGNETIC_DECLINATION_DEG = 12.69  # of the simulated flights' truth, which point
 
 
 def score(path: Path, conditions: Conditions) -> tuple[float, float, float]:
-    found: Score = score_task(Task(path, "default", conditions, None))
+    found: Score = score_task(Task(path, path.stem, "default", conditions, None))
     assert found.rms_deg is not None, found.remark
     return found.rms_deg
 

@@ -133,7 +133,8 @@ def weigh_field(x: list[float], g: Sequence[float], force_weight: float) -> None
     """
     x[X_T_NO_FIELD] = 0.0
     steps = x[X_T_FIELD_AGE] / g[G_DT]
-    steps = min(steps, 20.0)
+    if steps > 20.0:
+        steps = 20.0
     off_n = x[X_M] - g[G_FIELD_N]
     off_e = x[X_M + 1]
     off_d = x[X_M + 2] - g[G_FIELD_D]

@@ -8,7 +8,16 @@ from pathlib import Path
 import needs
 import pytest
 
-from h2nav.attitude.kernels import fixed_lean, fixed_triad, shaped, two_stage
+from h2nav.attitude.kernels import (
+    fixed_lean,
+    fixed_triad,
+    shaped,
+    two_stage,
+    two_stage_correction,
+    two_stage_layout,
+    two_stage_motion,
+    two_stage_trust,
+)
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
 
@@ -203,9 +212,12 @@ def test_a_wider_input_of_the_lean_kernel_is_noticed() -> None:
     assert "int64_t" not in translate(LEAN, ["update"]).code
 
 
-@pytest.mark.parametrize("kernel", [shaped, two_stage])
-def test_the_float_kernels_compile_without_a_warning(tmp_path: Path, kernel: object) -> None:
-    code = translate([source_of(kernel)], ["step"]).code
+TWO_STAGE = [two_stage_layout, two_stage_motion, two_stage_trust, two_stage_correction, two_stage]
+
+
+@pytest.mark.parametrize("modules", [[shaped], TWO_STAGE], ids=["shaped", "two_stage"])
+def test_the_float_kernels_compile_without_a_warning(tmp_path: Path, modules: list[object]) -> None:
+    code = translate([source_of(module) for module in modules], ["step"]).code
     compiled(
         tmp_path,
         code,
