@@ -3,8 +3,6 @@
 Arrays as in `two_stage_layout`; equations: docs/derivation.md section 3.
 """
 
-# ruff: noqa: PLR1730  (the subset has no min)
-
 import math
 from collections.abc import Sequence
 
