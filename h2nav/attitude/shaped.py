@@ -93,8 +93,11 @@ class ShapedFilter:
 
         A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
         is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
-        force of exactly zero or a clipped sample is integrated but corrects nothing.
+        force of exactly zero or a clipped sample is integrated but corrects nothing. A sample that
+        is not later than the one before changes nothing: the estimate before it comes again.
         """
+        if self._t_us is not None and sample.t_us <= self._t_us:
+            return self._estimate(self._t_us, 0) if self._aligned else None
         if not _is_plausible(sample):
             return self._estimate(sample.t_us, kernel.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
@@ -206,7 +209,10 @@ class ShapedFilter:
         for i in (3, 6, 8):
             x[kernel.X_P + i] = 0.0
         x[kernel.X_P + 9] = g[kernel.G_HEADING_VAR]
-        for i in range(kernel.X_TURNING, kernel.X_REF_NORM):
+        for i in (
+            *range(kernel.X_TURNING, kernel.X_REF_NORM),
+            *range(kernel.X_DOUBT, kernel.X_SIZE),
+        ):
             x[i] = 0.0
         for i in range(3):
             x[kernel.X_RATE_LP + i] = sample.w_b[i]
@@ -253,9 +259,9 @@ def _is_plausible(sample: ImuSample) -> bool:
 
 
 def _tilt_sigma(x: Sequence[float]) -> float:
-    """Predicted one-sigma tilt error, rad: of the gain set, and of the bias through it.
+    """Predicted one-sigma tilt error, rad: of the gain set, the bias through it, and of doubt.
 
-    Source: docs/filter.md Eq. (11), (27).
+    Source: docs/filter.md Eq. (11), (27), (30).
     """
     u0, u1, u2 = x[kernel.X_UN], x[kernel.X_UN + 1], x[kernel.X_UN + 2]
     v0, v1, v2 = x[kernel.X_UE], x[kernel.X_UE + 1], x[kernel.X_UE + 2]
@@ -264,7 +270,8 @@ def _tilt_sigma(x: Sequence[float]) -> float:
         + x[kernel.X_P + 4] * (u1 * u1 + v1 * v1)
         + x[kernel.X_P + 7] * (u2 * u2 + v2 * v2)
     )
-    return math.sqrt(2.0 * x[kernel.X_KT] * x[kernel.X_KV] * x[kernel.X_NV2] + bias)
+    gain_set = 2.0 * x[kernel.X_KT] * x[kernel.X_KV] * x[kernel.X_NV2]
+    return math.sqrt(gain_set + bias + x[kernel.X_DOUBT] * x[kernel.X_DOUBT])
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

@@ -58,7 +58,12 @@ X_D = 82  # 4: correction of theta
 X_INNOVATION = 86  # 3: rotation applied north, east; heading innovation
 X_M = 89  # 3: field in NED
 X_ROW = 92  # 4: how a heading depends on theta
-X_SIZE = 96
+# memory again: what is known to be wrong with the tilt
+X_DOUBT = 96  # its deviation beyond that of the gain sets, rad
+X_LOST = 97  # angle that the clipped samples in a row may have hidden, rad
+X_DENIED = 98  # 1: velocity was set to a fix, none agreed since; 2: enough of them to ask the force
+X_T_STEADY = 99  # how long both low-passed signals have been steady, and the rate small
+X_SIZE = 100
 
 # --- z: sample ---
 Z_DT = 0
@@ -134,12 +139,20 @@ OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 REST_SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
 REST_FLOOR = 3.0e-6  # (0.1 deg/s)^2
 MOST_MISSES = 5  # fixes in a row that contradict the filter and not each other
+MOST_LOST = 0.2  # rad: after clipped samples that may have hidden more the tilt starts anew
+ALL_LOST = 0.6  # rad: ... and the force is the better guess, even of a vehicle that accelerates
+MOST_DOUBT = 1.57  # rad: nothing is known
+HEADING_LOST = -2.0  # in X_T_NO_FIELD: the next field gives the heading, whatever its dip
+LEVEL_DOUBT = 0.1  # rad: of a tilt taken from the force alone
+LEVEL_SIZE = 0.1  # relative, of the force's square: 5 % of g
+AIR_COSINE = 0.87  # 30 deg: a steady turn whose force is within 5 % of g banks by 18 deg
+GROUND_COSINE = 0.985  # 10 deg: no steady acceleration on the ground is that large
 
 
 def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     """Takes one sample; returns bits.
 
-    Source: docs/filter.md Eq. (4) - (26).
+    Source: docs/filter.md Eq. (4) - (26), (30) - (32).
     """
     bits = 0
     dt = z[Z_DT]
@@ -149,17 +162,21 @@ def step(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     if x[X_T_NO_FIELD] >= 0.0:
         x[X_T_NO_FIELD] = x[X_T_NO_FIELD] + dt
     if z[Z_CLIPPED] > 0.0:
+        doubt_rate(x, z)
         bits = SATURATED
     else:
+        if x[X_LOST] > MOST_LOST:
+            bits = begin_anew(x, g, z)
+        x[X_LOST] = 0.0
         predict_velocity(x, g, z)
         if z[Z_AIDED] > 0.0:
             if z[Z_FIX] > 0.0:
-                bits = use_fix(x, g, z)
+                bits = bits | use_fix(x, g, z)
         else:
-            bits = use_bounded_velocity(x, g, z)
+            bits = bits | use_bounded_velocity(x, g, z)
         if z[Z_HAS_FIELD] > 0.0:
             bits = bits | use_field(x, g, z)
-        bits = bits | use_rest(x, g, z)
+        bits = bits | use_rest(x, g, z) | check_level(x, g, z)
     return bits | limit(x, g)
 
 
@@ -198,6 +215,11 @@ def predict_attitude(x: list[float], z: Sequence[float]) -> None:
     x[X_Q + 1] = nx
     x[X_Q + 2] = ny
     x[X_Q + 3] = nz
+    set_matrix(x, nw, nx, ny, nz)
+
+
+def set_matrix(x: list[float], nw: float, nx: float, ny: float, nz: float) -> None:
+    """The matrix of an attitude, row by row, into X_R."""
     x[X_R] = 1.0 - 2.0 * (ny * ny + nz * nz)
     x[X_R + 1] = 2.0 * (nx * ny - nw * nz)
     x[X_R + 2] = 2.0 * (nx * nz + nw * ny)
@@ -264,7 +286,7 @@ def predict_theta(x: list[float], g: Sequence[float], dt: float) -> None:
 
 
 def predict_velocity(x: list[float], g: Sequence[float], z: Sequence[float]) -> None:
-    """Velocity over one step, level of rotation, and the switch between kinds of velocity.
+    """Velocity over one step, levels, start-up, and the switch between kinds of velocity.
 
     Source: docs/filter.md Eq. (5), (8), (13).
     """
@@ -285,6 +307,7 @@ def predict_velocity(x: list[float], g: Sequence[float], z: Sequence[float]) -> 
         x[X_C] = 0.0
         x[X_C + 1] = 0.0
         x[X_MISSES] = MOST_MISSES
+        x[X_DENIED] = 0.0
         x[X_AIDED] = z[Z_AIDED]
     if z[Z_AIDED] > 0.0:
         # Only a measured velocity tells the heading: a bounded one is bounded in any direction.
@@ -298,6 +321,10 @@ def predict_velocity(x: list[float], g: Sequence[float], z: Sequence[float]) -> 
     wy = z[Z_RATE + 1] - x[X_BIAS + 1]
     wz = z[Z_RATE + 2] - x[X_BIAS + 2]
     x[X_T_RUN] = x[X_T_RUN] + dt
+    # The first tilt error is none of the bias: the second stage listens once it has passed.
+    ease = g[G_T_EASE] / x[X_T_RUN]
+    ease = ease * ease
+    x[X_EASE] = 1.0 + ease * ease
     time = g[G_T_LEVEL]
     if x[X_T_RUN] < time:
         time = x[X_T_RUN]
@@ -368,12 +395,15 @@ def use_fix(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         x[X_S] = x[X_S] + north
         x[X_S + 1] = x[X_S + 1] + east
         x[X_MISSES] = 0.0
+        x[X_DENIED] = 1.0 + x[X_DENIED]
         return VELOCITY_USED
     floor = g[G_FIX_FLOOR] / period + variance
-    if square > g[G_FIX_GATE] * (floor + x[X_MOVING]):
+    if square > x[X_EASE] * g[G_FIX_GATE] * (floor + x[X_MOVING]):
         x[X_MISSES] = x[X_MISSES] + 1.0
+        doubt_tilt(x, math.sqrt(square) / (period * MOST_MISSES))
         return 0
     x[X_MISSES] = 0.0
+    x[X_DENIED] = 0.0
     time = g[G_T_LEVEL]
     if x[X_T_RUN] < time:
         time = x[X_T_RUN]
@@ -408,10 +438,6 @@ def select_set(x: list[float], g: Sequence[float], density: float) -> int:
     ramp = ramp * ramp
     if wanted < ramp:
         wanted = ramp
-    # The first tilt error is none of the bias: the second stage listens once it has passed.
-    ease = g[G_T_EASE] / x[X_T_RUN]
-    ease = ease * ease
-    x[X_EASE] = 1.0 + ease * ease
     number = 0
     for i in range(SETS - 1):
         if wanted > g[G_SETS + SET_SIZE * i]:
@@ -433,7 +459,7 @@ def correct_velocity(
         kt: tilt per innovation, 1/s.
         kv: velocity per innovation.
 
-    Source: docs/filter.md Eq. (10), (17) - (19).
+    Source: docs/filter.md Eq. (10), (17) - (19), (30).
     """
     for i in range(4):
         x[X_D + i] = 0.0
@@ -447,6 +473,7 @@ def correct_velocity(
     x[X_S] = x[X_S] + kv * north
     x[X_S + 1] = x[X_S + 1] + kv * east
     apply_theta(x, kt * north, kt * east)
+    x[X_DOUBT] = x[X_DOUBT] - 0.5 * kv * x[X_DOUBT]
     x[X_INNOVATION] = kt * east
     x[X_INNOVATION + 1] = -kt * north
 
@@ -542,18 +569,106 @@ def restart_tilt(x: list[float], g: Sequence[float], nose: float) -> None:
     for i in range(5):
         x[X_TURNING + i] = 0.0
     x[X_T_RUN] = 0.0
+    x[X_MISSES] = MOST_MISSES
+    x[X_DENIED] = 0.0
+    x[X_T_STEADY] = 0.0
+
+
+def doubt_rate(x: list[float], z: Sequence[float]) -> None:
+    """A clipped rate is doubted by as much as it differs from the rates before it.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    square = 0.0
+    for i in range(3):
+        d = z[Z_RATE + i] - x[X_RATE_LP + i]
+        square = square + d * d
+    lost = z[Z_DT] * math.sqrt(square)
+    x[X_LOST] = x[X_LOST] + lost
+    doubt_tilt(x, x[X_DOUBT] + lost)
+    # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
+    x[X_P + 9] = x[X_P + 9] + lost * (2.0 * x[X_LOST] - lost)
+
+
+def doubt_tilt(x: list[float], angle: float) -> None:
+    """The tilt is known no better than this, rad."""
+    if angle > MOST_DOUBT:
+        angle = MOST_DOUBT
+    if angle > x[X_DOUBT]:
+        x[X_DOUBT] = angle
+
+
+def check_level(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
+    """Takes the tilt from a force of size g that contradicts it, once something else does too.
+
+    Source: docs/filter.md Eq. (31), (32).
+    """
+    cosine = AIR_COSINE
+    if x[X_DENIED] >= 2.0:
+        # Fixes go on denying a velocity that was set to them.
+        x[X_DENIED] = 1.0
+    elif x[X_T_STEADY] < g[G_T_REST]:
+        return 0
+    elif z[Z_REST] == 2.0:
+        cosine = GROUND_COSINE
+    fx = x[X_FORCE_LP]
+    fy = x[X_FORCE_LP + 1]
+    fz = x[X_FORCE_LP + 2]
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    ratio = norm / g[G_GRAVITY]
+    down = x[X_R + 6] * fx + x[X_R + 7] * fy + x[X_R + 8] * fz
+    if math.fabs(ratio * ratio - 1.0) > LEVEL_SIZE or -down > cosine * norm:
+        return 0
+    level(x, fx, fy, fz, norm)
+    restart_tilt(x, g, z[Z_NOSE] / g[G_GRAVITY])
+    x[X_DOUBT] = LEVEL_DOUBT
+    return RESTARTED
+
+
+def begin_anew(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
+    """Starts the tilt again after clipped samples that may have hidden a turn.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    fx = z[Z_FORCE]
+    fy = z[Z_FORCE + 1]
+    fz = z[Z_FORCE + 2]
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    if x[X_LOST] > ALL_LOST and norm > 0.0:
+        level(x, fx, fy, fz, norm)
+    restart_tilt(x, g, z[Z_NOSE] / g[G_GRAVITY])
+    return RESTARTED
+
+
+def level(x: list[float], fx: float, fy: float, fz: float, norm: float) -> None:
+    """Turns the attitude so that a force, of size norm, points up; the heading is asked anew.
+
+    Source: docs/filter.md Eq. (32).
+    """
+    # The smallest turn that does it: half its tangent along its axis.
+    scale = norm - (x[X_R + 6] * fx + x[X_R + 7] * fy + x[X_R + 8] * fz)
+    north = x[X_R] * fx + x[X_R + 1] * fy + x[X_R + 2] * fz
+    east = x[X_R + 3] * fx + x[X_R + 4] * fy + x[X_R + 5] * fz
+    if scale < 0.001 * norm:
+        # Upside down: about any horizontal axis.
+        scale = 0.001 * norm
+        north = norm
+    turn(x, -east / scale, north / scale, 0.0)
+    set_matrix(x, x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
+    # The field was seen through the wrong tilt: the next gives the heading, as at the start.
+    x[X_T_NO_FIELD] = HEADING_LOST
 
 
 def use_rest(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
-    """Bias from the low-passed rate while nothing moves.
+    """Bias from the low-passed rate while nothing moves; how long nothing has been felt to move.
 
-    Source: docs/filter.md Eq. (20).
+    Source: docs/filter.md Eq. (20), (31).
     """
     dt = z[Z_DT]
     share = dt / (g[G_T_REST_LP] + dt)
     rate = 0.0
     force = 0.0
-    still = z[Z_REST]
+    slow = 1.0
     for i in range(3):
         d = z[Z_RATE + i] - x[X_RATE_LP + i]
         rate = rate + d * d
@@ -562,11 +677,17 @@ def use_rest(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         force = force + d * d
         x[X_FORCE_LP + i] = x[X_FORCE_LP + i] + share * d
         if math.fabs(x[X_RATE_LP + i]) > g[G_BIAS_LIMIT]:
-            still = 0.0
+            slow = 0.0
+    still = slow * z[Z_REST]
     if still == 1.0:
         # By the signals alone a slow turn looks like rest: the bias must not jump by it.
         still = 1.0 - moves(x, X_P, 0) - moves(x, X_P + 4, 1) - moves(x, X_P + 7, 2)
-    if still <= 0.0 or rate > g[G_REST_RATE] or force > g[G_REST_FORCE]:
+    if slow <= 0.0 or rate > g[G_REST_RATE] or force > g[G_REST_FORCE]:
+        x[X_T_STEADY] = 0.0
+        x[X_T_REST] = 0.0
+        return 0
+    x[X_T_STEADY] = x[X_T_STEADY] + dt
+    if still <= 0.0:
         x[X_T_REST] = 0.0
         return 0
     x[X_T_REST] = x[X_T_REST] + dt
@@ -630,18 +751,19 @@ def use_field(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     if x[X_REF_NORM] == 0.0:
         x[X_REF_NORM] = norm
         x[X_REF_DIP] = dip
-    if not_believed(x, g, norm, dip, age) > 0.0:
-        return 0
-    learn_field(x, g, norm, dip, flat, age, lag)
+    lost = x[X_T_NO_FIELD]
+    if lost > HEADING_LOST:
+        if not_believed(x, g, norm, dip, age) > 0.0:
+            return 0
+        learn_field(x, g, norm, dip, flat, age, lag)
     innovation = x[X_DECLINATION] - math.atan2(east, north)
     if innovation > math.pi:
         innovation = innovation - 2.0 * math.pi
     if innovation < -math.pi:
         innovation = innovation + 2.0 * math.pi
     x[X_INNOVATION + 2] = innovation
-    known = x[X_T_NO_FIELD]
     x[X_T_NO_FIELD] = 0.0
-    if known < 0.0:
+    if lost < 0.0:
         turn_heading(x, g, innovation)
         return FIELD_USED
     # Only the disturbance in the heading counts; norm and dip show the other two components.
