@@ -8,7 +8,6 @@ Equations: docs/filter.md.
 """
 
 # The subset has no min and max and no keyword arguments.
-# ruff: noqa: PLR1730
 
 import math
 from collections.abc import Sequence
@@ -61,7 +60,7 @@ X_ROW = 92  # 4: how a heading depends on theta
 # memory again: what is known to be wrong with the tilt
 X_DOUBT = 96  # its deviation beyond that of the gain sets, rad
 X_LOST = 97  # angle that the clipped samples in a row may have hidden, rad
-X_DENIED = 98  # 1: velocity was set to a fix, none agreed since; 2: enough of them to ask the force
+X_DENIED = 98  # 1: fixes deny the tilt by far: the force is asked
 X_T_STEADY = 99  # how long both low-passed signals have been steady, and the rate small
 X_SIZE = 100
 
@@ -145,6 +144,8 @@ MOST_DOUBT = 1.57  # rad: nothing is known
 HEADING_LOST = -2.0  # in X_T_NO_FIELD: the next field gives the heading, whatever its dip
 LEVEL_DOUBT = 0.1  # rad: of a tilt taken from the force alone
 LEVEL_SIZE = 0.1  # relative, of the force's square: 5 % of g
+DENIED_DOUBT = 0.5  # rad: refused fixes that need so large a tilt error to be explained
+STARTED = 10.0  # of X_EASE: before, the low-passed force is older than the tilt
 AIR_COSINE = 0.87  # 30 deg: a steady turn whose force is within 5 % of g banks by 18 deg
 GROUND_COSINE = 0.985  # 10 deg: no steady acceleration on the ground is that large
 
@@ -395,7 +396,8 @@ def use_fix(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         x[X_S] = x[X_S] + north
         x[X_S + 1] = x[X_S + 1] + east
         x[X_MISSES] = 0.0
-        x[X_DENIED] = 1.0 + x[X_DENIED]
+        if x[X_DOUBT] > DENIED_DOUBT and x[X_EASE] < STARTED:
+            x[X_DENIED] = 1.0
         return VELOCITY_USED
     floor = g[G_FIX_FLOOR] / period + variance
     if square > x[X_EASE] * g[G_FIX_GATE] * (floor + x[X_MOVING]):
@@ -403,7 +405,6 @@ def use_fix(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
         doubt_tilt(x, math.sqrt(square) / (period * MOST_MISSES))
         return 0
     x[X_MISSES] = 0.0
-    x[X_DENIED] = 0.0
     time = g[G_T_LEVEL]
     if x[X_T_RUN] < time:
         time = x[X_T_RUN]
@@ -604,9 +605,8 @@ def check_level(x: list[float], g: Sequence[float], z: Sequence[float]) -> int:
     Source: docs/filter.md Eq. (31), (32).
     """
     cosine = AIR_COSINE
-    if x[X_DENIED] >= 2.0:
-        # Fixes go on denying a velocity that was set to them.
-        x[X_DENIED] = 1.0
+    if x[X_DENIED] > 0.0:
+        x[X_DENIED] = 0.0
     elif x[X_T_STEADY] < g[G_T_REST]:
         return 0
     elif z[Z_REST] == 2.0:
