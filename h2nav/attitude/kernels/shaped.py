@@ -7,8 +7,6 @@ forces m/s^2, fields in one unit throughout, times s; velocities are divided by 
 Equations: docs/filter.md.
 """
 
-# The subset has no min and max and no keyword arguments.
-
 import math
 from collections.abc import Sequence
 
