@@ -47,7 +47,9 @@ def errors(
     times: np.ndarray, angles: np.ndarray, truth_times: np.ndarray, truth: np.ndarray
 ) -> np.ndarray:
     """Differences to the truth that is nearest in time, deg, wrapped."""
-    nearest = np.clip(np.searchsorted(truth_times, times), 0, len(truth_times) - 1)
+    after = np.clip(np.searchsorted(truth_times, times), 1, len(truth_times) - 1)
+    is_nearer = times - truth_times[after - 1] < truth_times[after] - times
+    nearest = np.where(is_nearer, after - 1, after)
     return (angles - truth[nearest] + 180.0) % 360.0 - 180.0
 
 
