@@ -114,6 +114,8 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=1_000_000, help="samples of the batches")
     parser.add_argument("--repetitions", type=int, default=5)
     args = parser.parse_args()
+    if batch.backend() == "python":
+        args.samples = min(args.samples, LOOPED)
     times = ns_per_sample(args.repetitions, recording(args.samples))
     if args.json:
         print(json.dumps({"backend": batch.backend(), "ns_per_sample": times}))

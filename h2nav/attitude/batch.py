@@ -139,11 +139,15 @@ def _samples(
     if any(array.shape != (n, 3) for array in (rates, forces, fields)):
         raise ValueError("gyr, acc and mag need the same shape (N, 3)")
     steps = np.broadcast_to(np.asarray(dt, dtype=np.float64), (n,))
-    t_us = np.round(np.cumsum(steps) * 1e6).astype(np.int64)
+    times = np.cumsum(steps)
+    times *= 1e6  # in place, as below: fresh pages of memory cost as much as the filter
+    t_us = np.round(times, out=times).astype(np.int64)
     if not np.all(np.diff(t_us) > 0):
         raise ValueError("dt must be at least a microsecond everywhere")
-    missing = np.isnan(fields)
-    return _Samples(t_us, rates, forces, fields, ~(missing[:, 0] | missing[:, 1] | missing[:, 2]))
+    missing = np.isnan(fields[:, 0])
+    missing |= np.isnan(fields[:, 1])
+    missing |= np.isnan(fields[:, 2])
+    return _Samples(t_us, rates, forces, fields, ~missing)
 
 
 def _run_python(
@@ -204,8 +208,9 @@ def _special(samples: _Samples) -> npt.NDArray[np.bool_]:
 def _sizes(vectors: Floats) -> Floats:
     """Sums of magnitudes by row; columns are much faster than a sum over so short an axis."""
     sizes: Floats = np.abs(vectors[:, 0])
-    sizes += np.abs(vectors[:, 1])
-    sizes += np.abs(vectors[:, 2])
+    column = np.empty_like(sizes)
+    sizes += np.abs(vectors[:, 1], out=column)
+    sizes += np.abs(vectors[:, 2], out=column)
     return sizes
 
 
