@@ -106,7 +106,7 @@ class Daemon:
         self._manager.alive(now_ns)
         if now_ns >= self._record_ns:
             self._record_ns = now_ns + LINK_RECORD_NS
-            self._pipeline.report(now_ns)
+            self._pipeline.report(now_ns, self._link.statistics)
             self._manager.status(self._pipeline.service.health.summary)
             self._watch_clock(now_ns)
 

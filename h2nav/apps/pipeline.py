@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from h2nav.io import codec
-from h2nav.io.deframer import Deframer, DeframerCounters, Frame
+from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.foxglove_messages import LogLevel
+from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
@@ -19,35 +20,6 @@ LOG_LEVELS = {
     Severity.NOTICE: LogLevel.INFO,
     Severity.INFO: LogLevel.INFO,
 }
-
-
-class LinkRecord(NamedTuple):
-    """What has come through the link so far.
-
-    Attributes:
-        bytes_in: received.
-        frames: good frames.
-        bad_crc: start markers whose frame did not check out.
-        unknown_id: frames of ids that the dialect does not know.
-        bad_length: start markers with impossible lengths.
-        unknown_flags: start markers with flags that we do not know.
-        truncated: frames that never became complete.
-        skipped_bytes: bytes outside of good frames.
-    """
-
-    bytes_in: int
-    frames: int
-    bad_crc: int
-    unknown_id: int
-    bad_length: int
-    unknown_flags: int
-    truncated: int
-    skipped_bytes: int
-
-
-def link_record(counters: DeframerCounters) -> LinkRecord:
-    """Flattens the deframer's counters."""
-    return LinkRecord(*(getattr(counters, name) for name in LinkRecord._fields))
 
 
 class Watcher(Protocol):
@@ -133,12 +105,13 @@ class Pipeline:
         """Tells the service that the link is up or down."""
         self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
 
-    def report(self, t_ns: int) -> None:
+    def report(self, t_ns: int, link: LinkStatistics) -> None:
         """Writes the counters of link and log to the log, and tells of trouble with the log."""
         if self._recorder is None:
             return
         unix_ns = self._unix_ns(t_ns)
-        self._recorder.record("/link", link_record(self.deframer.counters), unix_ns)
+        self._recorder.record("/link", link, unix_ns)
+        self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
         for notice in self._recorder.notices():
             self.note(t_ns, notice.text)

@@ -224,7 +224,7 @@ def parse_gain_file(document: object, place: str) -> GainFile:
         for key in _SECTIONS
         if key in document and not isinstance(document[key], Mapping)
     ]
-    if "rate_hz" in document and not _within(document["rate_hz"], 1.0, MAX_RATE_HZ):
+    if "rate_hz" in document and not is_within(document["rate_hz"], 1.0, MAX_RATE_HZ):
         errors.append(f"{place}: rate_hz: expected a number from 1 to {MAX_RATE_HZ:g}")
     if errors:
         raise BadInput(*errors)
@@ -248,7 +248,7 @@ def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
     section = file.gains
     errors = _key_errors(section, (*_DENSITY_LIMITS, *_LEVEL_KEYS), place, "gains.")
     for key, (low, high) in _DENSITY_LIMITS.items():
-        if key in section and not _within(section[key], low, high):
+        if key in section and not is_within(section[key], low, high):
             errors.append(f"{place}: gains.{key}: expected a number from {low:g} to {high:g}")
     if not errors:
         errors = _level_errors(section, place)
@@ -263,7 +263,7 @@ def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
         values["gravity_m_s2"],
         EarthField(values["field_norm_ut"], values["field_dip_deg"] * _DEG, 0.0),
     )
-    columns = [_numbers(section[key]) for key in _LEVEL_KEYS]
+    columns = [numbers_of(section[key]) for key in _LEVEL_KEYS]
     levels = tuple(GainLevel(*row) for row in zip(*columns, strict=True))
     return TwoStageGains(file.name, file.rate_hz, densities, levels)
 
@@ -305,7 +305,7 @@ def _key_errors(
 
 
 def _level_errors(section: Mapping[str, object], place: str) -> list[str]:
-    columns = {key: _numbers(section[key]) for key in _LEVEL_KEYS}
+    columns = {key: numbers_of(section[key]) for key in _LEVEL_KEYS}
     count = len(columns["force_weight"])
     errors = [
         f"{place}: gains.{key}: expected a list of {max(count, 1)} finite numbers, one per level"
@@ -322,13 +322,14 @@ def _level_errors(section: Mapping[str, object], place: str) -> list[str]:
     return errors
 
 
-def _numbers(value: object) -> list[float]:
+def numbers_of(value: object) -> list[float]:
     """A list of finite numbers; empty when `value` is anything else."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return []
-    fine = all(_within(item, -1e300, 1e300) for item in value)
+    fine = all(is_within(item, -1e300, 1e300) for item in value)
     return [float(item) for item in value] if fine else []
 
 
-def _within(value: object, low: float, high: float) -> bool:
+def is_within(value: object, low: float, high: float) -> bool:
+    """Whether `value` is a number from `low` to `high`."""
     return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from h2nav.attitude.gains import GainFile
+from h2nav.attitude.gains import GainFile, is_within, numbers_of
 from h2nav.attitude.kernels import shaped as kernel
 from h2nav.errors import BadInput
 
@@ -165,10 +165,10 @@ def sets_of(section: Mapping[str, object]) -> GainSets:
         for key in ("k_fix_tilt_s", "k_fix_velocity")
     }
     return GainSets(
-        tuple(_numbers(section["set_bounds_s4"])),
-        tuple(_numbers(section["k_tilt_s2"])),
-        tuple(_numbers(section["k_velocity_s"])),
-        tuple(_numbers(section["fix_periods_s"])),
+        tuple(numbers_of(section["set_bounds_s4"])),
+        tuple(numbers_of(section["k_tilt_s2"])),
+        tuple(numbers_of(section["k_velocity_s"])),
+        tuple(numbers_of(section["fix_periods_s"])),
         tuple(map(tuple, rows["k_fix_tilt_s"])),
         tuple(map(tuple, rows["k_fix_velocity"])),
     )
@@ -182,7 +182,7 @@ def parameter_errors(section: Mapping[str, object], prefix: str) -> list[str]:
     limits = {key: (row.low, row.high) for key, row in PARAMETERS.items()}
     limits[CRUISE_SPEED] = (0.0, 1000.0)
     for key, (low, high) in limits.items():
-        if key in section and not _within(section[key], low, high):
+        if key in section and not is_within(section[key], low, high):
             errors.append(f"{prefix}{key}: expected a number from {low:g} to {high:g}")
     return errors
 
@@ -203,28 +203,16 @@ def _table_errors(section: Mapping[str, object], prefix: str) -> list[str]:
     }
     errors = []
     for key, size in sizes.items():
-        numbers = _numbers(section[key])
+        numbers = numbers_of(section[key])
         rising = all(0.0 < a < b for a, b in itertools.pairwise(numbers))
         if len(numbers) != size or not rising:
             errors.append(f"{prefix}{key}: expected {size} rising numbers > 0")
     for key in ("k_fix_tilt_s", "k_fix_velocity"):
         table = section[key]
         rows = list(table) if isinstance(table, Sequence) and not isinstance(table, str) else []
-        fine = [len(_numbers(row)) == kernel.SETS and min(_numbers(row)) > 0.0 for row in rows]
+        fine = [len(numbers_of(row)) == kernel.SETS and min(numbers_of(row)) > 0.0 for row in rows]
         if len(rows) != kernel.PERIODS or not all(fine):
             errors.append(
                 f"{prefix}{key}: expected {kernel.PERIODS} rows of {kernel.SETS} numbers > 0"
             )
     return errors
-
-
-def _numbers(value: object) -> list[float]:
-    """A list of finite numbers; empty when `value` is anything else."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return []
-    fine = all(_within(item, -1e300, 1e300) for item in value)
-    return [float(item) for item in value] if fine else []
-
-
-def _within(value: object, low: float, high: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

@@ -7,6 +7,8 @@ import subprocess
 import pytest
 from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
 
+from h2nav.io.recordings import open_recording
+
 FILTERS = ("default", "two_stage")
 
 
@@ -41,6 +43,11 @@ def test_a_recorded_flight_replays_to_the_very_same_estimates(tmp_path, filter_n
         running.wait_for_samples(400)
         assert running.stop() == 0
     log = the_log(tmp_path / "logs")
+    link = [fields for _, fields in open_recording(log).records("/link")][-1]
+    deframer = [fields for _, fields in open_recording(log).records("/deframer")][-1]
+    assert link["opened"] == 1
+    assert link["frames_out"] > 100
+    assert deframer["frames"] >= link["chunks_in"] > 400
     result = replayed(log)
     assert result["estimates_compared"] > 300
     assert result["estimates_equal"] == result["estimates_compared"]
