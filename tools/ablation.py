@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav.apps.dataset_filters import Conditions, run_shaped, shipped_rate
-from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.kernels import shaped_layout as layout
 from h2nav.attitude.scoring import errors, rms
 from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
 from h2nav.io import gain_files
@@ -56,22 +56,22 @@ def put(index: int, value: float) -> Change:
 def one_set(g: list[float]) -> None:
     """Always the set in the middle of what is used: omega0 = 0.25 rad/s."""
     middle = 5
-    for number in range(kernel.SETS):
+    for number in range(layout.SETS):
         for k in (1, 2):
-            source = g[kernel.G_SETS + kernel.SET_SIZE * middle + k]
-            g[kernel.G_SETS + kernel.SET_SIZE * number + k] = source
+            source = g[layout.G_SETS + layout.SET_SIZE * middle + k]
+            g[layout.G_SETS + layout.SET_SIZE * number + k] = source
 
 
 ABLATIONS: dict[str, Change | None] = {
     "the filter": None,
-    "gain blind to rotation": put(kernel.G_SCALE, 0.0),
-    "gain blind to motion": put(kernel.G_CORRELATION, 0.0),
+    "gain blind to rotation": put(layout.G_SCALE, 0.0),
+    "gain blind to motion": put(layout.G_CORRELATION, 0.0),
     "one gain set": one_set,
-    "bias from rest and field alone": put(kernel.G_INFLATE, 1e12),
-    "lasting innovations count as motion": put(kernel.G_T_DRIFT, 1e9),
-    "no latency of the field": put(kernel.G_LAG_MOST, 0.0),
-    "field noise blind to disturbance": put(kernel.G_FIELD_CORRELATION, 0.0),
-    "no easing into the start": put(kernel.G_T_EASE, 0.0),
+    "bias from rest and field alone": put(layout.G_INFLATE, 1e12),
+    "lasting innovations count as motion": put(layout.G_T_DRIFT, 1e9),
+    "no latency of the field": put(layout.G_LAG_MOST, 0.0),
+    "field noise blind to disturbance": put(layout.G_FIELD_CORRELATION, 0.0),
+    "no easing into the start": put(layout.G_T_EASE, 0.0),
 }
 
 

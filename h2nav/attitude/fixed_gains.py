@@ -18,7 +18,7 @@ from h2nav.attitude.gains import (
     two_stage_gains,
 )
 from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.attitude.kernels import shaped
+from h2nav.attitude.kernels import shaped_layout
 from h2nav.attitude.samples import EarthField
 from h2nav.attitude.shaped_gains import GRAVITY_M_S2, shaped_gains
 from h2nav.errors import BadInput
@@ -110,13 +110,13 @@ def fixed_model(file: GainFile, place: str) -> FixedModel:
         gains: TwoStageGains = two_stage_gains(file, place)
         return FixedModel(gains.name, gains.rate_hz, gains.densities, FORCE_WEIGHT)
     g = shaped_gains(file, place).g
-    gyro = math.sqrt(g[shaped.G_GYRO])
+    gyro = math.sqrt(g[shaped_layout.G_GYRO])
     horizontal = COMMON_FIELD.norm_ut * math.cos(COMMON_FIELD.dip_rad)
     densities = SensorDensities(
         gyro=gyro,
-        bias_walk=math.sqrt(g[shaped.G_BIAS_WALK]),
+        bias_walk=math.sqrt(g[shaped_layout.G_BIAS_WALK]),
         accelerometer=gyro * GRAVITY_M_S2 / TILT_BANDWIDTH,
-        magnetometer=math.sqrt(g[shaped.G_FIELD]) * horizontal,
+        magnetometer=math.sqrt(g[shaped_layout.G_FIELD]) * horizontal,
         gravity_m_s2=GRAVITY_M_S2,
         field=COMMON_FIELD,
     )

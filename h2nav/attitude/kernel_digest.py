@@ -7,7 +7,13 @@ import hashlib
 from collections.abc import Sequence
 
 # files in `kernels`, in the order in which their texts are hashed
-COMPILED_MODULES = ("shaped.py", "fixed_triad.py", "fixed_lean.py")
+COMPILED_MODULES = (
+    "shaped_layout.py",
+    "shaped.py",
+    "fixed_triad.py",
+    "fixed_motion.py",
+    "fixed_lean.py",
+)
 
 
 def digest(texts: Sequence[str]) -> str:

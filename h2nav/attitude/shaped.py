@@ -1,6 +1,6 @@
 """The default filter: velocity stays bounded, and measured levels pick gains made for that.
 
-Around the kernel (`kernels/shaped.py`) stands only what is not arithmetic of one sample: start,
+Around the kernel (`kernels/shaped*.py`) stands only what is not arithmetic of one sample: start,
 bad samples, long gaps, and which velocity holds the filter. Equations: docs/filter.md.
 """
 
@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.kernels import shaped_layout as layout
+from h2nav.attitude.kernels.shaped import step, turn_heading
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -37,12 +38,12 @@ CONVERGED_S = 10.0
 REFERENCED_RAD = 15.0 * math.pi / 180.0
 
 _BITS = (
-    (kernel.FORCE_USED, Trust.FORCE_USED),
-    (kernel.FIELD_USED, Trust.FIELD_USED),
-    (kernel.REST, Trust.REST),
-    (kernel.VELOCITY_USED, Trust.VELOCITY_USED),
-    (kernel.RESTARTED, Trust.RESTARTED),
-    (kernel.SATURATED, Trust.SATURATED),
+    (layout.FORCE_USED, Trust.FORCE_USED),
+    (layout.FIELD_USED, Trust.FIELD_USED),
+    (layout.REST, Trust.REST),
+    (layout.VELOCITY_USED, Trust.VELOCITY_USED),
+    (layout.RESTARTED, Trust.RESTARTED),
+    (layout.SATURATED, Trust.SATURATED),
 )
 # By number: making an IntFlag costs more than the rest of an estimate.
 _ALL_TRUST = tuple(Trust(number) for number in range(512))
@@ -61,15 +62,15 @@ class ShapedFilter:
     def __init__(self, gains: ShapedGains) -> None:
         self._gains = gains
         self._g = gains.g
-        self._x = [0.0] * kernel.X_SIZE
-        self._z = [0.0] * kernel.Z_SIZE
+        self._x = [0.0] * layout.X_SIZE
+        self._z = [0.0] * layout.Z_SIZE
         self._t_us: int | None = None
         self._aligned = False
         self._window: alignment.Alignment | None = None
         self._aiding = VelocityAiding()
-        self._x[kernel.X_T_NO_FIELD] = -1.0
+        self._x[layout.X_T_NO_FIELD] = -1.0
         for axis in (0, 4, 7):
-            self._x[kernel.X_P + axis] = self._g[kernel.G_BIAS_VAR]
+            self._x[layout.X_P + axis] = self._g[layout.G_BIAS_VAR]
         self.use_vehicle(VehicleState())
 
     @property
@@ -80,13 +81,13 @@ class ShapedFilter:
     @property
     def gain_set(self) -> int:
         """Number of the gain set in use, 0 the slowest."""
-        return int(self._x[kernel.X_SET])
+        return int(self._x[layout.X_SET])
 
     @property
     def field_latency_s(self) -> float:
         """How late the magnetometer's samples are, as learnt so far."""
-        lag = self._x[kernel.X_LAG_NUM] / (self._x[kernel.X_LAG_DEN] + self._g[kernel.G_LAG_PRIOR])
-        return min(max(lag, 0.0), self._g[kernel.G_LAG_MOST])
+        lag = self._x[layout.X_LAG_NUM] / (self._x[layout.X_LAG_DEN] + self._g[layout.G_LAG_PRIOR])
+        return min(max(lag, 0.0), self._g[layout.G_LAG_MOST])
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
@@ -99,7 +100,7 @@ class ShapedFilter:
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(self._t_us, 0) if self._aligned else None
         if not _is_plausible(sample):
-            return self._estimate(sample.t_us, kernel.SATURATED) if self._aligned else None
+            return self._estimate(sample.t_us, layout.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
             self._aligned = False
         if not self._aligned:
@@ -114,7 +115,7 @@ class ShapedFilter:
             z[10] = 1.0 if abs(z[7]) + abs(z[8]) + abs(z[9]) < MOST_FIELD else 0.0
         z[11] = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
         self._aiding.fill(sample.t_us, self._x, z)
-        bits = kernel.step(self._x, self._g, z)
+        bits = step(self._x, self._g, z)
         self._t_us = sample.t_us
         self._aiding.remember(sample.t_us, self._x)
         return self._estimate(sample.t_us, bits)
@@ -128,20 +129,20 @@ class ShapedFilter:
         if self._gains.cruise_speed_m_s > 0.0 and not vehicle.on_ground:
             airspeed = vehicle.airspeed_m_s
             nose = self._gains.cruise_speed_m_s if airspeed is None else airspeed
-        self._z[kernel.Z_REST] = rest
-        self._z[kernel.Z_NOSE] = nose if math.isfinite(nose) else self._gains.cruise_speed_m_s
+        self._z[layout.Z_REST] = rest
+        self._z[layout.Z_NOSE] = nose if math.isfinite(nose) else self._gains.cruise_speed_m_s
 
     def use_field(self, field: EarthField) -> None:
         """Norm and dip become the gate's reference; see `AttitudeFilter`."""
         x = self._x
-        change = field.declination_rad - x[kernel.X_DECLINATION]
-        x[kernel.X_DECLINATION] = field.declination_rad
-        x[kernel.X_REF_NORM] = field.norm_ut
-        x[kernel.X_REF_DIP] = field.dip_rad
-        x[kernel.X_REF_GIVEN] = 1.0
-        x[kernel.X_NEW_T] = 0.0
-        if self._aligned and x[kernel.X_T_NO_FIELD] >= 0.0 and x[kernel.X_AIDED] == 0.0:
-            kernel.turn_heading(x, self._g, change)
+        change = field.declination_rad - x[layout.X_DECLINATION]
+        x[layout.X_DECLINATION] = field.declination_rad
+        x[layout.X_REF_NORM] = field.norm_ut
+        x[layout.X_REF_DIP] = field.dip_rad
+        x[layout.X_REF_GIVEN] = 1.0
+        x[layout.X_NEW_T] = 0.0
+        if self._aligned and x[layout.X_T_NO_FIELD] >= 0.0 and x[layout.X_AIDED] == 0.0:
+            turn_heading(x, self._g, change)
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
@@ -167,15 +168,15 @@ class ShapedFilter:
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
-        start = 3 + kernel.X_SIZE + kernel.Z_SIZE
+        start = 3 + layout.X_SIZE + layout.Z_SIZE
         if state.filter_name != self.name or len(state.values) < start:
             raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
         t_us = state.values[0]
         self._t_us = None if t_us is None else int(t_us)
         numbers = [0.0 if value is None else float(value) for value in state.values]
         self._aligned = numbers[1] > 0.0
-        self._x = numbers[3 : 3 + kernel.X_SIZE]
-        self._z = numbers[3 + kernel.X_SIZE : start]
+        self._x = numbers[3 : 3 + layout.X_SIZE]
+        self._z = numbers[3 + layout.X_SIZE : start]
         end = start + int(numbers[2])
         self._window = _window_of(numbers[start:end]) if end > start else None
         self._aiding.load(numbers[end:])
@@ -187,7 +188,7 @@ class ShapedFilter:
         if self._window is None or sample.t_us - self._window.t_us > LONGEST_GAP_S * 1e6:
             self._window = alignment.begin(sample)
         else:
-            bias = (self._x[kernel.X_BIAS], self._x[kernel.X_BIAS + 1], self._x[kernel.X_BIAS + 2])
+            bias = (self._x[layout.X_BIAS], self._x[layout.X_BIAS + 1], self._x[layout.X_BIAS + 2])
             self._window = alignment.extend(self._window, sample, bias)
         window = self._window
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
@@ -195,55 +196,55 @@ class ShapedFilter:
             return None
         self._begin(sample, alignment.attitude(window), window.fields > 0)
         self._window = None
-        return self._estimate(sample.t_us, kernel.RESTARTED)
+        return self._estimate(sample.t_us, layout.RESTARTED)
 
     def _begin(self, sample: ImuSample, q_mb: Quat, has_field: bool) -> None:
         """Everything but bias, bias covariance, latency and references starts anew."""
         x, g = self._x, self._g
-        half = 0.5 * x[kernel.X_DECLINATION]
+        half = 0.5 * x[layout.X_DECLINATION]
         q_nb = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
         for i in range(4):
-            x[kernel.X_Q + i] = q_nb[i]
-        for i in range(kernel.X_UN, kernel.X_P):
+            x[layout.X_Q + i] = q_nb[i]
+        for i in range(layout.X_UN, layout.X_P):
             x[i] = 0.0
         for i in (3, 6, 8):
-            x[kernel.X_P + i] = 0.0
-        x[kernel.X_P + 9] = g[kernel.G_HEADING_VAR]
+            x[layout.X_P + i] = 0.0
+        x[layout.X_P + 9] = g[layout.G_HEADING_VAR]
         for i in (
-            *range(kernel.X_TURNING, kernel.X_REF_NORM),
-            *range(kernel.X_DOUBT, kernel.X_SIZE),
+            *range(layout.X_TURNING, layout.X_REF_NORM),
+            *range(layout.X_DOUBT, layout.X_SIZE),
         ):
             x[i] = 0.0
         for i in range(3):
-            x[kernel.X_RATE_LP + i] = sample.w_b[i]
-            x[kernel.X_FORCE_LP + i] = sample.f_b[i]
-        nose = self._z[kernel.Z_NOSE] / g[kernel.G_GRAVITY]
+            x[layout.X_RATE_LP + i] = sample.w_b[i]
+            x[layout.X_FORCE_LP + i] = sample.f_b[i]
+        nose = self._z[layout.Z_NOSE] / g[layout.G_GRAVITY]
         w, p, q, r = q_nb
-        x[kernel.X_S] = nose * (1.0 - 2.0 * (q * q + r * r))
-        x[kernel.X_S + 1] = nose * 2.0 * (p * q + w * r)
-        x[kernel.X_T_NO_FIELD] = 0.0 if has_field else -1.0
-        x[kernel.X_FIELD_AGE] = 0.0
-        x[kernel.X_NEW_T] = 0.0
-        x[kernel.X_AIDED] = 0.0
+        x[layout.X_S] = nose * (1.0 - 2.0 * (q * q + r * r))
+        x[layout.X_S + 1] = nose * 2.0 * (p * q + w * r)
+        x[layout.X_T_NO_FIELD] = 0.0 if has_field else -1.0
+        x[layout.X_FIELD_AGE] = 0.0
+        x[layout.X_NEW_T] = 0.0
+        x[layout.X_AIDED] = 0.0
         self._t_us = sample.t_us
         self._aligned = True
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         x, z = self._x, self._z
-        bias = (x[kernel.X_BIAS], x[kernel.X_BIAS + 1], x[kernel.X_BIAS + 2])
+        bias = (x[layout.X_BIAS], x[layout.X_BIAS + 1], x[layout.X_BIAS + 2])
         trust = _TRUST[bits]
-        if x[kernel.X_T_RUN] > CONVERGED_S:
+        if x[layout.X_T_RUN] > CONVERGED_S:
             trust |= 2
-        if x[kernel.X_P + 9] < REFERENCED_RAD * REFERENCED_RAD:
+        if x[layout.X_P + 9] < REFERENCED_RAD * REFERENCED_RAD:
             trust |= 16
-        if x[kernel.X_AIDED] > 0.0:
+        if x[layout.X_AIDED] > 0.0:
             trust |= 64
         return AttitudeEstimate(
             t_us,
             (x[0], x[1], x[2], x[3]),
             (z[1] - bias[0], z[2] - bias[1], z[3] - bias[2]),
             bias,
-            (x[kernel.X_INNOVATION], x[kernel.X_INNOVATION + 1], x[kernel.X_INNOVATION + 2]),
+            (x[layout.X_INNOVATION], x[layout.X_INNOVATION + 1], x[layout.X_INNOVATION + 2]),
             _tilt_sigma(x),
             _ALL_TRUST[trust],
         )
@@ -263,15 +264,15 @@ def _tilt_sigma(x: Sequence[float]) -> float:
 
     Source: docs/filter.md Eq. (11), (27), (30).
     """
-    u0, u1, u2 = x[kernel.X_UN], x[kernel.X_UN + 1], x[kernel.X_UN + 2]
-    v0, v1, v2 = x[kernel.X_UE], x[kernel.X_UE + 1], x[kernel.X_UE + 2]
+    u0, u1, u2 = x[layout.X_UN], x[layout.X_UN + 1], x[layout.X_UN + 2]
+    v0, v1, v2 = x[layout.X_UE], x[layout.X_UE + 1], x[layout.X_UE + 2]
     bias = (
-        x[kernel.X_P] * (u0 * u0 + v0 * v0)
-        + x[kernel.X_P + 4] * (u1 * u1 + v1 * v1)
-        + x[kernel.X_P + 7] * (u2 * u2 + v2 * v2)
+        x[layout.X_P] * (u0 * u0 + v0 * v0)
+        + x[layout.X_P + 4] * (u1 * u1 + v1 * v1)
+        + x[layout.X_P + 7] * (u2 * u2 + v2 * v2)
     )
-    gain_set = 2.0 * x[kernel.X_KT] * x[kernel.X_KV] * x[kernel.X_NV2]
-    return math.sqrt(gain_set + bias + x[kernel.X_DOUBT] * x[kernel.X_DOUBT])
+    gain_set = 2.0 * x[layout.X_KT] * x[layout.X_KV] * x[layout.X_NV2]
+    return math.sqrt(gain_set + bias + x[layout.X_DOUBT] * x[layout.X_DOUBT])
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.gains import GainFile, is_within, numbers_of
-from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.kernels import shaped_layout as layout
 from h2nav.errors import BadInput
 
 GRAVITY_M_S2 = 9.80665
@@ -33,41 +33,41 @@ class Parameter(NamedTuple):
 
 # One row per physical parameter; meaning and effect of each: docs/filter.md, section 7.
 PARAMETERS: dict[str, Parameter] = {
-    "gyro_noise_deg_s_rthz": Parameter(kernel.G_GYRO, _DEG, 2, 1e-4, 10.0),
-    "gyro_scale_noise_rthz": Parameter(kernel.G_SCALE, 1.0, 2, 0.0, 0.1),
-    "heading_scale_noise_rthz": Parameter(kernel.G_SCALE_HEADING, 1.0, 2, 0.0, 0.1),
-    "bias_start_deg_s": Parameter(kernel.G_BIAS_VAR, _DEG, 2, 1e-3, 20.0),
-    "bias_walk_deg_s_rts": Parameter(kernel.G_BIAS_WALK, _DEG, 2, 0.0, 1.0),
-    "bias_limit_deg_s": Parameter(kernel.G_BIAS_LIMIT, _DEG, 1, 0.1, 60.0),
-    "bias_inflation": Parameter(kernel.G_INFLATE, 1.0, 1, 1.0, 1e4),
-    "velocity_floor_m_s_rthz": Parameter(kernel.G_FLOOR, 1.0 / GRAVITY_M_S2, 2, 1e-3, 10.0),
-    "velocity_ceiling_m_s_rthz": Parameter(kernel.G_CEILING, 1.0 / GRAVITY_M_S2, 2, 1e-3, 1e4),
-    "velocity_correlation_s": Parameter(kernel.G_CORRELATION, 2.0, 1, 0.0, 60.0),
-    "impossible_velocity_m_s": Parameter(kernel.G_IMPOSSIBLE, 1.0 / GRAVITY_M_S2, 2, 1.0, 1e4),
-    "fix_floor_m_s_rthz": Parameter(kernel.G_FIX_FLOOR, 1.0 / GRAVITY_M_S2, 2, 1e-3, 10.0),
-    "fix_ceiling_m_s_rthz": Parameter(kernel.G_FIX_CEILING, 1.0 / GRAVITY_M_S2, 2, 1e-3, 1e4),
-    "fix_correlation_s": Parameter(kernel.G_FIX_CORRELATION, 2.0, 1, 0.0, 60.0),
-    "fix_gate_sigmas": Parameter(kernel.G_FIX_GATE, 1.0, 2, 1.0, 100.0),
-    "fix_inflation": Parameter(kernel.G_FIX_INFLATE, 1.0, 1, 1.0, 1e4),
-    "level_time_s": Parameter(kernel.G_T_LEVEL, 1.0, 1, 0.1, 60.0),
-    "drift_time_s": Parameter(kernel.G_T_DRIFT, 1.0, 1, 0.1, 600.0),
-    "start_factor": Parameter(kernel.G_START, 1.0, 1, 0.0, 20.0),
-    "start_time_s": Parameter(kernel.G_T_EASE, 1.0, 1, 0.0, 600.0),
-    "heading_start_deg": Parameter(kernel.G_HEADING_VAR, _DEG, 2, 1.0, 60.0),
-    "field_noise_deg_rthz": Parameter(kernel.G_FIELD, _DEG, 2, 1e-3, 100.0),
-    "field_correlation_s": Parameter(kernel.G_FIELD_CORRELATION, 2.0, 1, 0.0, 600.0),
-    "field_norm_gate": Parameter(kernel.G_NORM_GATE, 1.0, 1, 0.001, 1.0),
-    "field_dip_gate_deg": Parameter(kernel.G_DIP_GATE, _DEG, 1, 0.1, 45.0),
-    "field_reference_time_s": Parameter(kernel.G_T_REFERENCE, 1.0, 1, 1.0, 1e5),
-    "field_renewal_time_s": Parameter(kernel.G_T_NEW, 1.0, 1, 1.0, 1e5),
-    "field_renewal_turn_deg": Parameter(kernel.G_NEW_TURN, _DEG, 1, 0.0, 1e5),
-    "field_latency_limit_s": Parameter(kernel.G_LAG_MOST, 1.0, 1, 0.0, 1.0),
-    "field_latency_weight_rad2_s": Parameter(kernel.G_LAG_PRIOR, 1.0, 1, 1e-6, 1e6),
-    "rest_lowpass_s": Parameter(kernel.G_T_REST_LP, 1.0, 1, 0.01, 60.0),
-    "rest_rate_deg_s": Parameter(kernel.G_REST_RATE, _DEG, 2, 0.0, 60.0),
-    "rest_force_m_s2": Parameter(kernel.G_REST_FORCE, 1.0, 2, 0.0, 10.0),
-    "rest_time_s": Parameter(kernel.G_T_REST, 1.0, 1, 0.0, 600.0),
-    "rest_noise_deg_s_rthz": Parameter(kernel.G_REST_NOISE, _DEG, 2, 1e-4, 10.0),
+    "gyro_noise_deg_s_rthz": Parameter(layout.G_GYRO, _DEG, 2, 1e-4, 10.0),
+    "gyro_scale_noise_rthz": Parameter(layout.G_SCALE, 1.0, 2, 0.0, 0.1),
+    "heading_scale_noise_rthz": Parameter(layout.G_SCALE_HEADING, 1.0, 2, 0.0, 0.1),
+    "bias_start_deg_s": Parameter(layout.G_BIAS_VAR, _DEG, 2, 1e-3, 20.0),
+    "bias_walk_deg_s_rts": Parameter(layout.G_BIAS_WALK, _DEG, 2, 0.0, 1.0),
+    "bias_limit_deg_s": Parameter(layout.G_BIAS_LIMIT, _DEG, 1, 0.1, 60.0),
+    "bias_inflation": Parameter(layout.G_INFLATE, 1.0, 1, 1.0, 1e4),
+    "velocity_floor_m_s_rthz": Parameter(layout.G_FLOOR, 1.0 / GRAVITY_M_S2, 2, 1e-3, 10.0),
+    "velocity_ceiling_m_s_rthz": Parameter(layout.G_CEILING, 1.0 / GRAVITY_M_S2, 2, 1e-3, 1e4),
+    "velocity_correlation_s": Parameter(layout.G_CORRELATION, 2.0, 1, 0.0, 60.0),
+    "impossible_velocity_m_s": Parameter(layout.G_IMPOSSIBLE, 1.0 / GRAVITY_M_S2, 2, 1.0, 1e4),
+    "fix_floor_m_s_rthz": Parameter(layout.G_FIX_FLOOR, 1.0 / GRAVITY_M_S2, 2, 1e-3, 10.0),
+    "fix_ceiling_m_s_rthz": Parameter(layout.G_FIX_CEILING, 1.0 / GRAVITY_M_S2, 2, 1e-3, 1e4),
+    "fix_correlation_s": Parameter(layout.G_FIX_CORRELATION, 2.0, 1, 0.0, 60.0),
+    "fix_gate_sigmas": Parameter(layout.G_FIX_GATE, 1.0, 2, 1.0, 100.0),
+    "fix_inflation": Parameter(layout.G_FIX_INFLATE, 1.0, 1, 1.0, 1e4),
+    "level_time_s": Parameter(layout.G_T_LEVEL, 1.0, 1, 0.1, 60.0),
+    "drift_time_s": Parameter(layout.G_T_DRIFT, 1.0, 1, 0.1, 600.0),
+    "start_factor": Parameter(layout.G_START, 1.0, 1, 0.0, 20.0),
+    "start_time_s": Parameter(layout.G_T_EASE, 1.0, 1, 0.0, 600.0),
+    "heading_start_deg": Parameter(layout.G_HEADING_VAR, _DEG, 2, 1.0, 60.0),
+    "field_noise_deg_rthz": Parameter(layout.G_FIELD, _DEG, 2, 1e-3, 100.0),
+    "field_correlation_s": Parameter(layout.G_FIELD_CORRELATION, 2.0, 1, 0.0, 600.0),
+    "field_norm_gate": Parameter(layout.G_NORM_GATE, 1.0, 1, 0.001, 1.0),
+    "field_dip_gate_deg": Parameter(layout.G_DIP_GATE, _DEG, 1, 0.1, 45.0),
+    "field_reference_time_s": Parameter(layout.G_T_REFERENCE, 1.0, 1, 1.0, 1e5),
+    "field_renewal_time_s": Parameter(layout.G_T_NEW, 1.0, 1, 1.0, 1e5),
+    "field_renewal_turn_deg": Parameter(layout.G_NEW_TURN, _DEG, 1, 0.0, 1e5),
+    "field_latency_limit_s": Parameter(layout.G_LAG_MOST, 1.0, 1, 0.0, 1.0),
+    "field_latency_weight_rad2_s": Parameter(layout.G_LAG_PRIOR, 1.0, 1, 1e-6, 1e6),
+    "rest_lowpass_s": Parameter(layout.G_T_REST_LP, 1.0, 1, 0.01, 60.0),
+    "rest_rate_deg_s": Parameter(layout.G_REST_RATE, _DEG, 2, 0.0, 60.0),
+    "rest_force_m_s2": Parameter(layout.G_REST_FORCE, 1.0, 2, 0.0, 10.0),
+    "rest_time_s": Parameter(layout.G_T_REST, 1.0, 1, 0.0, 600.0),
+    "rest_noise_deg_s_rthz": Parameter(layout.G_REST_NOISE, _DEG, 2, 1e-4, 10.0),
 }
 CRUISE_SPEED = "cruise_speed_m_s"
 TABLES = ("set_bounds_s4", "k_tilt_s2", "k_velocity_s", "fix_periods_s", "k_fix_tilt_s")
@@ -139,20 +139,20 @@ def shaped_gains(file: GainFile, place: str) -> ShapedGains:
 
 def kernel_gains(values: Mapping[str, float], sets: GainSets) -> tuple[float, ...]:
     """The kernel's `g` from the parameters in the file's units and the gain sets."""
-    g = [0.0] * kernel.G_SIZE
-    g[kernel.G_GRAVITY] = GRAVITY_M_S2
+    g = [0.0] * layout.G_SIZE
+    g[layout.G_GRAVITY] = GRAVITY_M_S2
     for key, row in PARAMETERS.items():
         g[row.place] = (row.factor * values[key]) ** row.power
-    for number in range(kernel.SETS):
-        base = kernel.G_SETS + kernel.SET_SIZE * number
-        g[base] = sets.bounds[number] if number < kernel.SETS - 1 else 0.0
+    for number in range(layout.SETS):
+        base = layout.G_SETS + layout.SET_SIZE * number
+        g[base] = sets.bounds[number] if number < layout.SETS - 1 else 0.0
         g[base + 1] = sets.k_tilt[number]
         g[base + 2] = sets.k_velocity[number]
     for number_of_period, period in enumerate(sets.fix_periods):
-        base = kernel.G_PERIODS + kernel.PERIOD_SIZE * number_of_period
-        following = sets.fix_periods[min(number_of_period + 1, kernel.PERIODS - 1)]
+        base = layout.G_PERIODS + layout.PERIOD_SIZE * number_of_period
+        following = sets.fix_periods[min(number_of_period + 1, layout.PERIODS - 1)]
         g[base] = math.sqrt(period * following)
-        for number in range(kernel.SETS):
+        for number in range(layout.SETS):
             g[base + 1 + 2 * number] = sets.k_fix_tilt[number_of_period][number]
             g[base + 2 + 2 * number] = sets.k_fix_velocity[number_of_period][number]
     return tuple(g)
@@ -196,10 +196,10 @@ def key_errors(section: Mapping[str, object], expected: Sequence[str], prefix: s
 
 def _table_errors(section: Mapping[str, object], prefix: str) -> list[str]:
     sizes = {
-        "set_bounds_s4": kernel.SETS - 1,
-        "k_tilt_s2": kernel.SETS,
-        "k_velocity_s": kernel.SETS,
-        "fix_periods_s": kernel.PERIODS,
+        "set_bounds_s4": layout.SETS - 1,
+        "k_tilt_s2": layout.SETS,
+        "k_velocity_s": layout.SETS,
+        "fix_periods_s": layout.PERIODS,
     }
     errors = []
     for key, size in sizes.items():
@@ -210,9 +210,9 @@ def _table_errors(section: Mapping[str, object], prefix: str) -> list[str]:
     for key in ("k_fix_tilt_s", "k_fix_velocity"):
         table = section[key]
         rows = list(table) if isinstance(table, Sequence) and not isinstance(table, str) else []
-        fine = [len(numbers_of(row)) == kernel.SETS and min(numbers_of(row)) > 0.0 for row in rows]
-        if len(rows) != kernel.PERIODS or not all(fine):
+        fine = [len(numbers_of(row)) == layout.SETS and min(numbers_of(row)) > 0.0 for row in rows]
+        if len(rows) != layout.PERIODS or not all(fine):
             errors.append(
-                f"{prefix}{key}: expected {kernel.PERIODS} rows of {kernel.SETS} numbers > 0"
+                f"{prefix}{key}: expected {layout.PERIODS} rows of {layout.SETS} numbers > 0"
             )
     return errors

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from h2nav.attitude.kernels import shaped as kernel
+from h2nav.attitude.kernels import shaped_layout as layout
 from h2nav.attitude.samples import VelocityFix
 
 # A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
@@ -64,8 +64,8 @@ class VelocityAiding:
     def fill(self, t_us: int, x: Sequence[float], z: list[float]) -> None:
         """Writes the velocity's part of the kernel's sample."""
         is_aided = self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
-        z[kernel.Z_AIDED] = 1.0 if is_aided else 0.0
-        z[kernel.Z_FIX] = 0.0
+        z[layout.Z_AIDED] = 1.0 if is_aided else 0.0
+        z[layout.Z_FIX] = 0.0
         fix = self._waiting
         if fix is None:
             return
@@ -73,21 +73,21 @@ class VelocityAiding:
         if not is_aided:
             return
         gained = self._gained(float(fix.t_us), x)
-        z[kernel.Z_FIX] = 1.0
-        z[kernel.Z_FIX_V] = fix.v_n[0]
-        z[kernel.Z_FIX_V + 1] = fix.v_n[1]
-        z[kernel.Z_FIX_C] = gained[0]
-        z[kernel.Z_FIX_C + 1] = gained[1]
-        z[kernel.Z_FIX_VAR] = max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2
-        z[kernel.Z_FIX_DT] = self._period_s
+        z[layout.Z_FIX] = 1.0
+        z[layout.Z_FIX_V] = fix.v_n[0]
+        z[layout.Z_FIX_V + 1] = fix.v_n[1]
+        z[layout.Z_FIX_C] = gained[0]
+        z[layout.Z_FIX_C + 1] = gained[1]
+        z[layout.Z_FIX_VAR] = max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2
+        z[layout.Z_FIX_DT] = self._period_s
 
     def remember(self, t_us: int, x: Sequence[float]) -> None:
         """Keeps the velocity gained so far, for fixes that will turn out to be late."""
         past = self._past
-        if x[kernel.X_AIDED] == 0.0:
+        if x[layout.X_AIDED] == 0.0:
             past.clear()
         elif not past or t_us - past[-1][0] >= SPACING_US:
-            past.append((float(t_us), x[kernel.X_C], x[kernel.X_C + 1]))
+            past.append((float(t_us), x[layout.X_C], x[layout.X_C + 1]))
 
     def values(self) -> tuple[float, ...]:
         """Everything remembered, as flat numbers."""
@@ -121,4 +121,4 @@ class VelocityAiding:
                     row[2] + share * (later[2] - row[2]),
                 )
             later = row
-        return (x[kernel.X_C], x[kernel.X_C + 1]) if later is None else (later[1], later[2])
+        return (x[layout.X_C], x[layout.X_C + 1]) if later is None else (later[1], later[2])

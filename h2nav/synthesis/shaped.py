@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.attitude.gains import GainFile
-from h2nav.attitude.kernels.shaped import PERIODS, SETS
+from h2nav.attitude.kernels.shaped_layout import PERIODS, SETS
 from h2nav.attitude.plant import Matrix, Plant, discretise
 from h2nav.attitude.shaped_gains import (
     CRUISE_SPEED,

@@ -10,8 +10,10 @@ import pytest
 
 from h2nav.attitude.kernels import (
     fixed_lean,
+    fixed_motion,
     fixed_triad,
     shaped,
+    shaped_layout,
     two_stage,
     two_stage_correction,
     two_stage_layout,
@@ -185,7 +187,7 @@ def test_constants_in_use_only() -> None:
     assert "UNUSED" not in translated(text)
 
 
-LEAN = [source_of(fixed_triad), source_of(fixed_lean)]
+LEAN = [source_of(fixed_triad), source_of(fixed_motion), source_of(fixed_lean)]
 
 
 @pytest.mark.parametrize(
@@ -198,24 +200,29 @@ LEAN = [source_of(fixed_triad), source_of(fixed_lean)]
     ],
 )
 def test_a_mutation_of_the_kernel_changes_the_c(original: str, mutant: str) -> None:
-    text = LEAN[1].text
-    assert original in text
-    mutated = [LEAN[0], Source(LEAN[1].path, text.replace(original, mutant, 1))]
+    mutated = replaced(LEAN, original, mutant)
     assert translate(mutated, ["update"]).code != translate(LEAN, ["update"]).code
+
+
+def replaced(sources: list[Source], original: str, mutant: str) -> list[Source]:
+    """The sources with one piece of text changed, which must be in exactly one of them."""
+    assert sum(original in source.text for source in sources) == 1
+    return [Source(path, text.replace(original, mutant, 1)) for path, text in sources]
 
 
 def test_a_wider_input_of_the_lean_kernel_is_noticed() -> None:
     """Ranges are proved: with longer steps a turn no longer fits, and the proof fails."""
-    text = LEAN[1].text.replace("MOST_DT_US = 12500", "MOST_DT_US = 60000")
-    code = translate([LEAN[0], Source(LEAN[1].path, text)], ["update"]).code
+    wider = replaced(LEAN, "MOST_DT_US = 12500", "MOST_DT_US = 60000")
+    code = translate(wider, ["update"]).code
     assert "int64_t" in code  # no longer the 32-bit form
     assert "int64_t" not in translate(LEAN, ["update"]).code
 
 
+SHAPED = [shaped_layout, shaped]
 TWO_STAGE = [two_stage_layout, two_stage_motion, two_stage_trust, two_stage_correction, two_stage]
 
 
-@pytest.mark.parametrize("modules", [[shaped], TWO_STAGE], ids=["shaped", "two_stage"])
+@pytest.mark.parametrize("modules", [SHAPED, TWO_STAGE], ids=["shaped", "two_stage"])
 def test_the_float_kernels_compile_without_a_warning(tmp_path: Path, modules: list[object]) -> None:
     code = translate([source_of(module) for module in modules], ["step"]).code
     compiled(
