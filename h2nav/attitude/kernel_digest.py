@@ -9,9 +9,14 @@ from collections.abc import Sequence
 # files in `kernels`, in the order in which their texts are hashed
 COMPILED_MODULES = (
     "shaped_layout.py",
+    "shaped_motion.py",
+    "shaped_theta.py",
+    "shaped_doubt.py",
+    "shaped_velocity.py",
+    "shaped_field.py",
+    "shaped_rest.py",
     "shaped.py",
     "fixed_triad.py",
-    "fixed_motion.py",
     "fixed_lean.py",
 )
 

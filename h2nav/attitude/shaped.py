@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.kernels import shaped_layout as layout
-from h2nav.attitude.kernels.shaped import step, turn_heading
+from h2nav.attitude.kernels.shaped import step
+from h2nav.attitude.kernels.shaped_field import turn_heading
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,

@@ -24,10 +24,22 @@ class BatchKernel(NamedTuple):
 
 
 BATCH_KERNELS = (
-    BatchKernel("shaped", ("shaped_layout.py", "shaped.py"), "step", "double"),
     BatchKernel(
-        "fixed_lean", ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"), "update", "int32_t"
+        "shaped",
+        (
+            "shaped_layout.py",
+            "shaped_motion.py",
+            "shaped_theta.py",
+            "shaped_doubt.py",
+            "shaped_velocity.py",
+            "shaped_field.py",
+            "shaped_rest.py",
+            "shaped.py",
+        ),
+        "step",
+        "double",
     ),
+    BatchKernel("fixed_lean", ("fixed_triad.py", "fixed_lean.py"), "update", "int32_t"),
 )
 # Columns of a result row: the first words of the memory (attitude, bias), then the bits.
 KEPT = 7

@@ -10,10 +10,15 @@ import pytest
 
 from h2nav.attitude.kernels import (
     fixed_lean,
-    fixed_motion,
     fixed_triad,
     shaped,
+    shaped_doubt,
+    shaped_field,
     shaped_layout,
+    shaped_motion,
+    shaped_rest,
+    shaped_theta,
+    shaped_velocity,
     two_stage,
     two_stage_correction,
     two_stage_layout,
@@ -187,7 +192,7 @@ def test_constants_in_use_only() -> None:
     assert "UNUSED" not in translated(text)
 
 
-LEAN = [source_of(fixed_triad), source_of(fixed_motion), source_of(fixed_lean)]
+LEAN = [source_of(fixed_triad), source_of(fixed_lean)]
 
 
 @pytest.mark.parametrize(
@@ -218,7 +223,16 @@ def test_a_wider_input_of_the_lean_kernel_is_noticed() -> None:
     assert "int64_t" not in translate(LEAN, ["update"]).code
 
 
-SHAPED = [shaped_layout, shaped]
+SHAPED = [
+    shaped_layout,
+    shaped_motion,
+    shaped_theta,
+    shaped_doubt,
+    shaped_velocity,
+    shaped_field,
+    shaped_rest,
+    shaped,
+]
 TWO_STAGE = [two_stage_layout, two_stage_motion, two_stage_trust, two_stage_correction, two_stage]
 
 
