@@ -60,7 +60,7 @@ def kernel_sources() -> list["Source"]:
     from h2nav.translate.source import Source
 
     folder = Path(kernels.__file__).parent
-    names = ("fixed_triad.py", "fixed_lean.py")
+    names = ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py")
     return [Source(f"kernels/{name}", (folder / name).read_text("utf-8")) for name in names]
 
 

@@ -19,7 +19,7 @@ from h2nav.attitude.filter import AttitudeFilter, FilterState
 from h2nav.attitude.fixed import RATE_SCALE, FixedFilter
 from h2nav.attitude.fixed_gains import BIAS_UNIT
 from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest
-from h2nav.attitude.kernels import fixed_lean, shaped_layout
+from h2nav.attitude.kernels import fixed_lean, fixed_motion, shaped_layout
 from h2nav.attitude.samples import ImuSample
 from h2nav.attitude.shaped import (
     LONGEST_GAP_S,
@@ -260,7 +260,7 @@ def _run_fixed(
     gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
     finite = np.isfinite(_sizes(samples.gyr)) & np.isfinite(_sizes(samples.acc))
     finite &= np.isfinite(_sizes(samples.mag)) | ~samples.has_field
-    special = (gaps > fixed_lean.MOST_DT_US) | ~finite
+    special = (gaps > fixed_motion.MOST_DT_US) | ~finite
     special[:1] = True
     special[1:] |= ~finite[:-1]
     first, n = 0, len(samples.t_us)
@@ -287,7 +287,7 @@ def _fixed_chunk(
     field, integers = state.values[1:4], state.values[4:]
     norm = float(field[0] or 1.0)
     table = _fixed_table(samples, rows, attitude_filter.gravity_scale, norm)
-    table[:, fixed_lean.DT_US] = gaps
+    table[:, fixed_motion.DT_US] = gaps
     memory = np.array(integers, dtype=np.int32)
     params = np.array(attitude_filter.params, dtype=np.int32)
     out = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)

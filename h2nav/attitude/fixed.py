@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.fixed_gains import BIAS_UNIT, FixedModel, constant_gains, lean_image
 from h2nav.attitude.kernels import fixed_lean as kernel
+from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -35,7 +36,7 @@ def sample_integers(w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) ->
         w_b: angular rate, rad/s.
         gravity: opposite of the specific force in units of gravity.
         field: magnetic field in units of its expected norm; None for no new field.
-        dt_us: time since the sample before, 0 to `kernels.fixed_lean.MOST_DT_US`.
+        dt_us: time since the sample before, 0 to `kernels.fixed_motion.MOST_DT_US`.
     """
     rates = [to_fixed(w * RATE_SCALE, 40, *_INT32) for w in w_b]
     vectors = [to_fixed(part, 14, *_INT16) for part in (*gravity, *(field or (0.0, 0.0, 0.0)))]
@@ -95,9 +96,9 @@ class FixedFilter:
             raise ValueError("samples go forward in time")
         self._t_us = sample.t_us
         integers = self._integers(sample)
-        if dt_us > kernel.MOST_DT_US:
+        if dt_us > motion.MOST_DT_US:
             dt_us = self._coast(integers, dt_us)
-        integers[kernel.DT_US] = dt_us
+        integers[motion.DT_US] = dt_us
         bits = kernel.update(self._state, self._params, integers)
         if self._state[kernel.AGE_US] < 0 and not bits & kernel.DISAGREES:
             return None
@@ -114,21 +115,21 @@ class FixedFilter:
         integers = sample_integers(sample.w_b, (f_x * scale, f_y * scale, f_z * scale), field, 0)
         if sample.clipped:
             # vectors of length zero pass no gate
-            integers[kernel.G_X : kernel.DT_US] = _NO_VECTORS
+            integers[kernel.G_X : motion.DT_US] = _NO_VECTORS
         return integers
 
     def _coast(self, integers: Sequence[int], dt_us: int) -> int:
         """Turns by the gyro alone over the long part of a gap; returns what is left of it."""
-        alone = [*integers[: kernel.G_X], *_NO_VECTORS, kernel.MOST_DT_US]
-        while dt_us > kernel.MOST_DT_US:
+        alone = [*integers[: kernel.G_X], *_NO_VECTORS, motion.MOST_DT_US]
+        while dt_us > motion.MOST_DT_US:
             if self._state[kernel.AGE_US] >= 0:
                 kernel.update(self._state, self._params, alone)
-            dt_us -= kernel.MOST_DT_US
+            dt_us -= motion.MOST_DT_US
         return dt_us
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
         state = self._state
-        w, x, y, z = (float(word) for word in state[kernel.Q_W : kernel.Q_Z + 1])
+        w, x, y, z = (float(word) for word in state[motion.Q_W : motion.Q_Z + 1])
         length = math.sqrt(w * w + x * x + y * y + z * z)
         half = 0.5 * self._field.declination_rad
         bias = self._bias()
@@ -148,12 +149,12 @@ class FixedFilter:
         )
 
     def _bias(self) -> Vec3:
-        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._state[kernel.B_X : kernel.B_Z + 1])
+        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._state[motion.B_X : motion.B_Z + 1])
         return b_x, b_y, b_z
 
     def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
         """The correction that the next step will apply, as a rotation in n."""
-        t_x, t_y, t_z = (value * 2.0**-29 for value in self._state[kernel.T_X : kernel.T_Z + 1])
+        t_x, t_y, t_z = (value * 2.0**-29 for value in self._state[motion.T_X : motion.T_Z + 1])
         turned = multiply(multiply(q_nb, (0.0, t_x, t_y, t_z)), conjugate(q_nb))
         return turned[1], turned[2], turned[3]
 

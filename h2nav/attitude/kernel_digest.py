@@ -17,6 +17,7 @@ COMPILED_MODULES = (
     "shaped_rest.py",
     "shaped.py",
     "fixed_triad.py",
+    "fixed_motion.py",
     "fixed_lean.py",
 )
 

@@ -39,7 +39,9 @@ BATCH_KERNELS = (
         "step",
         "double",
     ),
-    BatchKernel("fixed_lean", ("fixed_triad.py", "fixed_lean.py"), "update", "int32_t"),
+    BatchKernel(
+        "fixed_lean", ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"), "update", "int32_t"
+    ),
 )
 # Columns of a result row: the first words of the memory (attitude, bias), then the bits.
 KEPT = 7

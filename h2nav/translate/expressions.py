@@ -240,10 +240,6 @@ class Expressions:
                 return self._clamped(node, value, lo, hi, state)
             case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
                 return self._clamped(node, value, lo, hi, state)
-            case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
-                return self._clamped(node, value, lo, hi, state)
-            case ast.Call(func=ast.Name(id="known"), args=[value, lo, hi]):
-                return self._clamped(node, value, lo, hi, state)
             case ast.Call(func=ast.Name(id=name)) if name in self._kernel.functions:
                 result = self._call(node, name, state)
                 if result is None:

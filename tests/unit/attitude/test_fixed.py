@@ -10,7 +10,7 @@ from h2nav.attitude.fixed import FixedFilter, sample_integers
 from h2nav.attitude.fixed_gains import FixedModel, fixed_model
 from h2nav.attitude.gains import SensorDensities
 from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.attitude.kernels import fixed_triad
+from h2nav.attitude.kernels import fixed_motion, fixed_triad
 from h2nav.attitude.samples import EarthField, ImuSample, Trust
 from h2nav.io import gain_files
 from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
@@ -200,6 +200,7 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(kernel, "known", checked)
     monkeypatch.setattr(fixed_triad, "known", checked)
+    monkeypatch.setattr(fixed_motion, "known", checked)
     rng = random.Random(5)
     params = list(FixedFilter(MODEL).params)
     state = [0] * kernel.STATE_SIZE

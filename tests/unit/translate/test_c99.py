@@ -10,6 +10,7 @@ import pytest
 
 from h2nav.attitude.kernels import (
     fixed_lean,
+    fixed_motion,
     fixed_triad,
     shaped,
     shaped_doubt,
@@ -192,7 +193,7 @@ def test_constants_in_use_only() -> None:
     assert "UNUSED" not in translated(text)
 
 
-LEAN = [source_of(fixed_triad), source_of(fixed_lean)]
+LEAN = [source_of(fixed_triad), source_of(fixed_motion), source_of(fixed_lean)]
 
 
 @pytest.mark.parametrize(
