@@ -23,7 +23,7 @@ from h2nav.translate.layout import (
     written_arrays,
 )
 from h2nav.translate.ranges import analyse, joined_operation, list_elements
-from h2nav.translate.runtime import RUNTIME
+from h2nav.translate.runtime import operations
 from h2nav.translate.source import (
     ConstantValue,
     Function,
@@ -74,7 +74,7 @@ def translate(
         writer = _FunctionWriter(kernel, facts, function, writers, runtime)
         writer.inline = function.path == sources[-1].path and name not in (*entries, *initialisers)
         functions.append(writer.text())
-    parts = [_constants(kernel, facts), *(RUNTIME[n] for n in RUNTIME if n in runtime), *functions]
+    parts = [_constants(kernel, facts), *operations(runtime), *functions]
     return Translation("\n".join(part for part in parts if part), kernel, facts)
 
 

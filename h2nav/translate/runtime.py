@@ -5,6 +5,7 @@ them branches on most compilers, so that a step costs the same number of instruc
 samples are.
 """
 
+from collections.abc import Collection
 from typing import Final
 
 # name -> text; the arguments stay within what the range analysis has proved
@@ -13,17 +14,17 @@ RUNTIME: Final[dict[str, str]] = {
     for bits in (32, 64)
     for name, text in {
         "shift_right": """\
-/* x / 2^n, rounded towards minus infinity; compilers make one arithmetic shift of it. */
+/* x / 2^n, rounded towards minus infinity: one arithmetic shift where compilers have it. */
 static inline intBITS_t shift_right_BITS(intBITS_t x, int32_t n)
 {
-    return x < 0 ? ~(~x >> n) : x >> n;
+    return -1 >> 1 == -1 || x >= 0 ? x >> n : ~(~x >> n);
 }
 """,
         "magnitude": """\
 /* Absolute value, without a branch. */
 static inline intBITS_t magnitude_BITS(intBITS_t x)
 {
-    const intBITS_t sign = x < 0 ? ~(~x >> TOP) : x >> TOP;
+    const intBITS_t sign = shift_right_BITS(x, TOP);
     return (x ^ sign) - sign;
 }
 """,
@@ -32,7 +33,7 @@ static inline intBITS_t magnitude_BITS(intBITS_t x)
 static inline intBITS_t at_most_BITS(intBITS_t x, intBITS_t high)
 {
     const intBITS_t above = x - high;
-    return x - (above & ~(above < 0 ? ~(~above >> TOP) : above >> TOP));
+    return x - (above & ~shift_right_BITS(above, TOP));
 }
 """,
         "at_least": """\
@@ -40,7 +41,7 @@ static inline intBITS_t at_most_BITS(intBITS_t x, intBITS_t high)
 static inline intBITS_t at_least_BITS(intBITS_t x, intBITS_t low)
 {
     const intBITS_t over = x - low;
-    return x - (over & (over < 0 ? ~(~over >> TOP) : over >> TOP));
+    return x - (over & shift_right_BITS(over, TOP));
 }
 """,
         "clamp": """\
@@ -48,10 +49,16 @@ static inline intBITS_t at_least_BITS(intBITS_t x, intBITS_t low)
 static inline intBITS_t clamp_BITS(intBITS_t x, intBITS_t low, intBITS_t high)
 {
     const intBITS_t above = x - high;
-    const intBITS_t limited = x - (above & ~(above < 0 ? ~(~above >> TOP) : above >> TOP));
+    const intBITS_t limited = x - (above & ~shift_right_BITS(above, TOP));
     const intBITS_t over = limited - low;
-    return limited - (over & (over < 0 ? ~(~over >> TOP) : over >> TOP));
+    return limited - (over & shift_right_BITS(over, TOP));
 }
 """,
     }.items()
 }
+
+
+def operations(names: Collection[str]) -> list[str]:
+    """Texts of the named operations and of those that they call, callees first."""
+    callers = "".join(RUNTIME[name] for name in names)
+    return [text for name, text in RUNTIME.items() if name in names or f"{name}(" in callers]
