@@ -226,13 +226,20 @@ def vectors(samples: Sequence[Sequence[int]], bits: Sequence[int], final: Sequen
 
 #define H2NAV_VECTORS {len(samples)}
 
-static const int32_t h2nav_samples[H2NAV_VECTORS][11] = {{
+/* An AVR has no memory for the tables: compile with -std=gnu99, and they stay in its flash. */
+#ifdef __FLASH
+#define H2NAV_TABLE const __flash
+#else
+#define H2NAV_TABLE const
+#endif
+
+static H2NAV_TABLE int32_t h2nav_samples[H2NAV_VECTORS][11] = {{
 {rows}
 }};
 
-static const int32_t h2nav_bits[H2NAV_VECTORS] = {{{flags}}};
+static H2NAV_TABLE int32_t h2nav_bits[H2NAV_VECTORS] = {{{flags}}};
 
-static const int32_t h2nav_final[16] = {{
+static H2NAV_TABLE int32_t h2nav_final[16] = {{
     {words}
 }};
 

@@ -1,5 +1,6 @@
 """Exported filters compiled for this computer and for others, and run."""
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -16,7 +17,19 @@ BOARDS = {
     "cortex-m3": "mps2-an385",
     "cortex-m4": "mps2-an386",
 }
-__all__ = ["BOARDS", "STRICT", "build_and_run", "build_bare_metal", "export", "run_board"]
+# Both have a hardware multiplier; the second has return addresses of three bytes.
+AVRS = ("atmega1284p", "atmega2560")
+__all__ = [
+    "AVRS",
+    "BOARDS",
+    "STRICT",
+    "build_and_run",
+    "build_avr",
+    "build_bare_metal",
+    "export",
+    "run_avr",
+    "run_board",
+]
 
 
 def export(folder: Path, gains: str = "mpu9250_100hz") -> Path:
@@ -70,3 +83,26 @@ def run_board(program: Path, core: str) -> list[str]:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     return (done.stdout + done.stderr).split()
+
+
+def build_avr(folder: Path, mcu: str, main_file: Path, steps: int = 0) -> Path:
+    """A program around the filter for an AVR, where an int has 16 bits."""
+    program = folder / f"{main_file.stem}_{mcu}.elf"
+    warnings = [flag for flag in STRICT if flag != "-pedantic" and not flag.startswith("-std")]
+    _called(
+        needs.need_program("avr-gcc"), *warnings, "-std=gnu99", "-O2", f"-mmcu={mcu}",
+        "-DBARE_METAL", f"-DSTEPS={steps}u", f"-I{folder}", f"-I{HERE}", f"-I{MCU}",
+        MCU / "startup_avr.c", main_file, folder / "h2nav_filter.c", "-o", program,
+    )  # fmt: skip
+    return program
+
+
+def run_avr(program: Path, mcu: str) -> list[str]:
+    """What a program prints through the serial port; its last word is the result of `main`."""
+    done = subprocess.run(
+        [needs.need_program("simavr"), "-m", mcu, "-f", "16000000", str(program)],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    words = re.findall(r"([0-9a-f]{8})\.", done.stderr)
+    assert len(words) >= 4, done.stderr[-2000:]
+    return [*words[:-4], words[-1]]  # the three before count cycles

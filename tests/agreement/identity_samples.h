@@ -10,7 +10,8 @@ static uint32_t seed = 1;
 static int32_t noise(int32_t bits)
 {
     seed = seed * 1664525u + 1013904223u;
-    return (int32_t)((seed >> 8) & ((1u << bits) - 1u)) - (int32_t)(1u << (bits - 1));
+    return (int32_t)((seed >> 8) & ((UINT32_C(1) << bits) - 1u)) -
+           (int32_t)(UINT32_C(1) << (bits - 1));
 }
 
 static int32_t corner(int32_t low, int32_t high)

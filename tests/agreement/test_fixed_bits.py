@@ -13,6 +13,7 @@ from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.io import gain_files
 
 STEPS = 1_000_000
+AVR_STEPS = 20_000  # four rounds of everything; a simulated AVR is slow
 
 
 @pytest.fixture(scope="module")
@@ -22,17 +23,22 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def python_words() -> list[str]:
-    """What the identity program prints, from Python integers."""
+    words, state = identity(STEPS)
+    assert state[kernel.SATURATIONS] > 1000  # the limits have been met
+    return words
+
+
+def identity(steps: int) -> tuple[list[str], list[int]]:
+    """What the identity program prints, from Python integers, and the memory at its end."""
     image = fixed_image(gain_files.load("mpu9250_100hz"), "mpu9250_100hz")
     params, state = list(image.params), [0] * kernel.STATE_SIZE
     kernel.reset(state)
     update, mix = kernel.update, 0
-    for sample in samples(STEPS):
+    for sample in samples(steps):
         bits = update(state, params, sample)
         q_w, q_x, q_y, q_z = state[:4]
         mix = (mix * 16777619 + q_w + 3 * q_x + 5 * q_y + 7 * q_z + bits) & 0xFFFFFFFF
-    assert state[kernel.SATURATIONS] > 1000  # the limits have been met
-    return [f"{word & 0xFFFFFFFF:08x}" for word in (mix, *state)]
+    return [f"{word & 0xFFFFFFFF:08x}" for word in (mix, *state)], state
 
 
 @pytest.mark.parametrize(
@@ -57,6 +63,32 @@ def test_aarch64(exported: Path, python_words: list[str]) -> None:
 def test_microcontroller(exported: Path, python_words: list[str], core: str) -> None:
     program = c_builds.build_bare_metal(exported, core, STEPS)
     assert c_builds.run_board(program, core) == python_words
+
+
+@pytest.mark.parametrize("mcu", c_builds.AVRS)
+def test_avr_where_an_int_has_16_bits(exported: Path, mcu: str) -> None:
+    main_file = c_builds.HERE / "identity_main.c"
+    program = c_builds.build_avr(exported, mcu, main_file, AVR_STEPS)
+    words, state = identity(AVR_STEPS)
+    assert state[kernel.SATURATIONS] > 1000
+    assert c_builds.run_avr(program, mcu) == [*words, "00000000"]
+
+
+@pytest.mark.parametrize("mcu", c_builds.AVRS)
+def test_avr_accepts_the_exported_vectors(exported: Path, mcu: str) -> None:
+    def result() -> list[str]:
+        program = c_builds.build_avr(exported, mcu, exported / "check_vectors.c")
+        return c_builds.run_avr(program, mcu)
+
+    assert result() == ["00000000"]
+    source = exported / "h2nav_vectors.h"
+    text = source.read_text()
+    head, last = text.rsplit(",\n    ", 1)
+    try:  # one wrong bit in the last word of the memory is noticed
+        source.write_text(f"{head},\n    1 ^ {last}")
+        assert result() == ["00000001"]
+    finally:
+        source.write_text(text)
 
 
 def test_undefined_behaviour_sanitizer_has_nothing_to_report(exported: Path) -> None:

@@ -8,4 +8,8 @@ void print_hex(uint32_t value);
 void paint_stack(void);
 uint32_t deepest_stack(void);
 
+/* What lies between these two is counted. */
+void step_begins(void);
+void step_ends(void);
+
 #endif
