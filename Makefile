@@ -33,7 +33,7 @@ install: $(FOR_TESTS)  ## .venv with the extras of EXTRAS=dev,...
 bench: $(FOR_TESTS)  ## speed of parser, filter, log, live loop, next to their peers
 	@for part in wire filter batch recording live; do $(BIN)/python tools/bench_$$part.py || exit 1; done
 
-bench-mcu: $(FOR_TESTS)  ## instructions, flash and memory of the exported filter on Cortex-M
+bench-mcu: $(FOR_TESTS)  ## instructions, flash and memory of the exported filter on Cortex-M and AVR
 	@$(BIN)/python tools/bench_mcu.py
 
 golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review

@@ -1,8 +1,9 @@
-"""Cost of the exported filter on Cortex-M, next to float filters: instructions, flash, RAM, stack.
+"""Cost of the exported filter on microcontrollers, next to float filters: time, flash, RAM, stack.
 
 Every program is built by gcc for the emulated board, run bare-metal under QEMU, and its
 instructions between two marks are counted one by one by a plugin: the counts are exact and the
-same on every machine. On this computer valgrind counts in the same way.
+same on every machine. On this computer valgrind counts in the same way. On an AVR under simavr the
+program counts its own cycles with two timers; without avr-gcc or simavr this part is left out.
 
     python tools/bench_mcu.py [--json] [--gains NAME] [--steps N]
 """
@@ -45,8 +46,12 @@ BOARDS = {
 }
 
 
+AVR = "ATmega1284P"
+AVR_PROGRAMS = ("avr-gcc", "avr-size", "avr-nm", "simavr")
+
+
 class Cost(NamedTuple):
-    """Cost of one filter on one core."""
+    """Cost of one filter on one core; on an AVR the counts are cycles, not instructions."""
 
     instructions_min: int
     instructions_max: int
@@ -64,15 +69,15 @@ def called(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return done
 
 
-def flash_size(program: Path) -> int:
+def flash_size(program: Path, tools: str = "arm-none-eabi") -> int:
     """Bytes of code and constants of a linked program."""
-    fields = called("arm-none-eabi-size", program).stdout.splitlines()[1].split()
+    fields = called(f"{tools}-size", program).stdout.splitlines()[1].split()
     return int(fields[0]) + int(fields[1])
 
 
-def state_size(program: Path, name: str) -> int:
+def state_size(program: Path, name: str, tools: str = "arm-none-eabi") -> int:
     """Bytes of the variables that a filter remembers."""
-    lines = called("arm-none-eabi-nm", "-S", program).stdout.splitlines()
+    lines = called(f"{tools}-nm", "-S", program).stdout.splitlines()
     fields = [line.split() for line in lines]
     return sum(int(f[1], 16) for f in fields if len(f) == 4 and f[3] in STATE[name])
 
@@ -131,6 +136,44 @@ def measure(folder: Path, plugin: Path, steps: int) -> dict[str, dict[str, Cost]
     return table
 
 
+def run_avr(folder: Path, name: str, steps: int) -> tuple[Path, list[int]]:
+    """The benchmark of one filter for the AVR; its stack and least, most and total cycles."""
+    program = folder / f"{name}_avr.elf"
+    extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+    called(
+        "avr-gcc", "-std=gnu99", "-O2", f"-mmcu={AVR.lower()}", "-fno-math-errno",
+        "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", f"-DSTEPS={steps}",
+        f"-I{folder}", f"-I{HERE}", HERE / "startup_avr.c", HERE / "bench_main.c",
+        HERE / f"bench_{name}.c", *extra, "-lm", "-o", program,
+    )  # fmt: skip
+    output = called("simavr", "-m", AVR.lower(), "-f", "16000000", program).stderr
+    words = re.findall(r"([0-9a-f]{8})\.", output)
+    assert len(words) == 6, output
+    stack, _, least, most, total, _ = (int(word, 16) for word in words)
+    return program, [stack, least, most, total]
+
+
+def on_avr(folder: Path, steps: int) -> dict[str, Cost] | None:
+    """Costs in cycles on an AVR, by filter; None without its programs."""
+    missing = [program for program in AVR_PROGRAMS if shutil.which(program) is None]
+    if missing:
+        print(f"{AVR} left out: {', '.join(missing)} not installed", file=sys.stderr)
+        return None
+    null, (null_stack, null_cycles, _, _) = run_avr(folder, "null", steps)
+    found = {}
+    for name in FILTERS:
+        program, (stack, least, most, total) = run_avr(folder, name, steps)
+        found[name] = Cost(
+            least - null_cycles,
+            most - null_cycles,
+            total / steps - null_cycles,
+            flash_size(program, "avr") - flash_size(null, "avr"),
+            state_size(program, name, "avr"),
+            stack - null_stack,
+        )
+    return found
+
+
 def on_this_computer(folder: Path) -> dict[str, float] | None:
     """Instructions per step by valgrind's callgrind; None without valgrind."""
     if shutil.which("valgrind") is None or shutil.which("gcc") is None:
@@ -154,11 +197,15 @@ def on_this_computer(folder: Path) -> dict[str, float] | None:
     return found
 
 
-def text_of(table: dict[str, dict[str, Cost]], host: dict[str, float] | None) -> str:
+def text_of(
+    table: dict[str, dict[str, Cost]], avr: dict[str, Cost] | None, host: dict[str, float] | None
+) -> str:
     """The table for people."""
     lines = []
-    for core, row in table.items():
-        lines.append(f"\n{core:32}  instructions/step        flash  state  stack  ratio")
+    rows = [*table.items(), *([] if avr is None else [(AVR, avr)])]
+    for core, row in rows:
+        unit = "cycles/step      " if core == AVR else "instructions/step"
+        lines.append(f"\n{core:32}  {unit}        flash  state  stack  ratio")
         lines.append(f"{'':32}    min     max    mean     bytes  bytes  bytes")
         lean = row["lean"].instructions_mean
         for name, cost in row.items():
@@ -190,12 +237,23 @@ def main() -> int:
         plugin = folder / "count.so"
         called("gcc", "-shared", "-fPIC", "-O2", "-o", plugin, HERE / "count_plugin.c")
         table = measure(folder, plugin, args.steps)
+        avr = on_avr(folder, args.steps)
         host = on_this_computer(folder)
     if args.json:
         costs = {core: {n: c._asdict() for n, c in row.items()} for core, row in table.items()}
-        print(json.dumps({"cores": costs, "host_instructions": host}))
+        cycles = (
+            None
+            if avr is None
+            else {
+                name: {
+                    key.replace("instructions", "cycles"): n for key, n in cost._asdict().items()
+                }
+                for name, cost in avr.items()
+            }
+        )
+        print(json.dumps({"cores": costs, "avr": cycles, "host_instructions": host}))
     else:
-        print(text_of(table, host), end="")
+        print(text_of(table, avr, host), end="")
     return 0
 
 

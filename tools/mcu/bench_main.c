@@ -1,16 +1,6 @@
-/* Runs a filter on STEPS samples between two marks that the counting plugin knows. */
+/* Runs a filter on STEPS samples between two marks. */
 #include "bench.h"
 #include "board.h"
-
-__attribute__((noinline)) void step_begins(void)
-{
-    __asm__ volatile("" ::: "memory");
-}
-
-__attribute__((noinline)) void step_ends(void)
-{
-    __asm__ volatile("" ::: "memory");
-}
 
 int main(void)
 {

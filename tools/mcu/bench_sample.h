@@ -9,7 +9,8 @@ static uint32_t bench_seed = 1;
 static int32_t bench_noise(int32_t bits)
 {
     bench_seed = bench_seed * 1664525u + 1013904223u;
-    return (int32_t)((bench_seed >> 8) & ((1u << bits) - 1u)) - (int32_t)(1u << (bits - 1));
+    return (int32_t)((bench_seed >> 8) & ((UINT32_C(1) << bits) - 1u)) -
+           (int32_t)(UINT32_C(1) << (bits - 1));
 }
 
 /* Rates in 1/1024 rad/s, vectors in 1/16384 of their norms; a field with every second sample. */
