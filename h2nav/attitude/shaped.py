@@ -100,7 +100,7 @@ class ShapedFilter:
         """
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(self._t_us, 0) if self._aligned else None
-        if not _is_plausible(sample):
+        if not is_plausible(sample):
             return self._estimate(sample.t_us, layout.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
             self._aligned = False
@@ -115,23 +115,31 @@ class ShapedFilter:
             z[7], z[8], z[9] = sample.m_b_ut
             z[10] = 1.0 if abs(z[7]) + abs(z[8]) + abs(z[9]) < MOST_FIELD else 0.0
         z[11] = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
-        self._aiding.fill(sample.t_us, self._x, z)
+        self._fill_velocity(sample.t_us)
         bits = step(self._x, self._g, z)
         self._t_us = sample.t_us
-        self._aiding.remember(sample.t_us, self._x)
+        x = self._x
+        aided = x[layout.X_AIDED] > 0.0
+        self._aiding.remember(sample.t_us, (x[layout.X_C], x[layout.X_C + 1]) if aided else None)
         return self._estimate(sample.t_us, bits)
+
+    def _fill_velocity(self, t_us: int) -> None:
+        """Writes the velocity's part of the kernel's sample."""
+        x, z = self._x, self._z
+        z[layout.Z_AIDED] = 1.0 if self._aiding.is_aided(t_us) else 0.0
+        z[layout.Z_FIX] = 0.0
+        fix = self._aiding.take(t_us, (x[layout.X_C], x[layout.X_C + 1]))
+        if fix is not None:
+            z[layout.Z_FIX] = 1.0
+            z[layout.Z_FIX_V], z[layout.Z_FIX_V + 1] = fix.v_n
+            z[layout.Z_FIX_C], z[layout.Z_FIX_C + 1] = fix.gained
+            z[layout.Z_FIX_VAR] = fix.variance
+            z[layout.Z_FIX_DT] = fix.period_s
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
-        rest = 1.0 if self._gains.vehicle_class == "handheld" else 0.0
-        if vehicle.on_ground is not None:
-            rest = 2.0 if vehicle.on_ground else 0.0
-        nose = 0.0
-        if self._gains.cruise_speed_m_s > 0.0 and not vehicle.on_ground:
-            airspeed = vehicle.airspeed_m_s
-            nose = self._gains.cruise_speed_m_s if airspeed is None else airspeed
-        self._z[layout.Z_REST] = rest
-        self._z[layout.Z_NOSE] = nose if math.isfinite(nose) else self._gains.cruise_speed_m_s
+        self._z[layout.Z_REST] = float(rest_belief(self._gains, vehicle))
+        self._z[layout.Z_NOSE] = nose_velocity_m_s(self._gains, vehicle)
 
     def use_field(self, field: EarthField) -> None:
         """Norm and dip become the gate's reference; see `AttitudeFilter`."""
@@ -251,7 +259,24 @@ class ShapedFilter:
         )
 
 
-def _is_plausible(sample: ImuSample) -> bool:
+def rest_belief(gains: ShapedGains, vehicle: VehicleState) -> int:
+    """0: never at rest, 1: the signals decide, 2: on the ground, as the autopilot says."""
+    if vehicle.on_ground is None:
+        return 1 if gains.vehicle_class == "handheld" else 0
+    return 2 if vehicle.on_ground else 0
+
+
+def nose_velocity_m_s(gains: ShapedGains, vehicle: VehicleState) -> float:
+    """Velocity along the nose that holds a filter without fixes, m/s."""
+    if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
+        return 0.0
+    airspeed = vehicle.airspeed_m_s
+    if airspeed is None or not math.isfinite(airspeed):
+        return gains.cruise_speed_m_s
+    return airspeed
+
+
+def is_plausible(sample: ImuSample) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
     w, f = sample.w_b, sample.f_b
     return (

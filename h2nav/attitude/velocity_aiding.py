@@ -3,8 +3,8 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from h2nav.attitude.kernels import shaped_layout as layout
 from h2nav.attitude.samples import VelocityFix
 
 # A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
@@ -23,15 +23,34 @@ SPACING_US = 10_000
 PAST_LENGTH = 72
 
 
+class TimedFix(NamedTuple):
+    """A fix and what the filter had integrated when it was true.
+
+    Attributes:
+        v_n: velocity north and east, m/s.
+        gained: velocity gained until then, north and east, in the filter's unit.
+        variance: of either part, (m/s)^2.
+        period_s: time since the fix before.
+    """
+
+    v_n: tuple[float, float]
+    gained: tuple[float, float]
+    variance: float
+    period_s: float
+
+
 class VelocityAiding:
-    """Offers fixes to the kernel's sample `z`, each at its own time."""
+    """Keeps fixes and a filter's past, so that each fix is used at its own time.
+
+    "Gained" is the velocity that the filter has integrated since aiding began, in its own unit.
+    """
 
     def __init__(self) -> None:
         self._fixes = 0
         self._fix_us = 0.0
         self._period_s = 0.0
         self._waiting: VelocityFix | None = None
-        # (time, velocity gained north, east) in the kernel's unit
+        # (time, velocity gained north, east)
         self._past: deque[tuple[float, float, float]] = deque(maxlen=PAST_LENGTH)
 
     def clear(self) -> None:
@@ -61,33 +80,37 @@ class VelocityAiding:
         self._waiting = fix
         return True
 
-    def fill(self, t_us: int, x: Sequence[float], z: list[float]) -> None:
-        """Writes the velocity's part of the kernel's sample."""
-        is_aided = self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
-        z[layout.Z_AIDED] = 1.0 if is_aided else 0.0
-        z[layout.Z_FIX] = 0.0
+    def is_aided(self, t_us: int) -> bool:
+        """True while good fixes come often enough."""
+        return self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
+
+    def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
+        """The fix that waits, once; None when there is none or aiding is off.
+
+        Args:
+            t_us: time of the sample that it is used with.
+            gained: velocity gained up to the sample before.
+        """
         fix = self._waiting
         if fix is None:
-            return
+            return None
         self._waiting = None
-        if not is_aided:
-            return
-        gained = self._gained(float(fix.t_us), x)
-        z[layout.Z_FIX] = 1.0
-        z[layout.Z_FIX_V] = fix.v_n[0]
-        z[layout.Z_FIX_V + 1] = fix.v_n[1]
-        z[layout.Z_FIX_C] = gained[0]
-        z[layout.Z_FIX_C + 1] = gained[1]
-        z[layout.Z_FIX_VAR] = max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2
-        z[layout.Z_FIX_DT] = self._period_s
+        if not self.is_aided(t_us):
+            return None
+        return TimedFix(
+            (fix.v_n[0], fix.v_n[1]),
+            self._gained(float(fix.t_us), gained),
+            max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2,
+            self._period_s,
+        )
 
-    def remember(self, t_us: int, x: Sequence[float]) -> None:
-        """Keeps the velocity gained so far, for fixes that will turn out to be late."""
+    def remember(self, t_us: int, gained: tuple[float, float] | None) -> None:
+        """Keeps the velocity gained so far, for fixes that are late; None while none is."""
         past = self._past
-        if x[layout.X_AIDED] == 0.0:
+        if gained is None:
             past.clear()
         elif not past or t_us - past[-1][0] >= SPACING_US:
-            past.append((float(t_us), x[layout.X_C], x[layout.X_C + 1]))
+            past.append((float(t_us), *gained))
 
     def values(self) -> tuple[float, ...]:
         """Everything remembered, as flat numbers."""
@@ -108,7 +131,7 @@ class VelocityAiding:
         for i in range(past, len(values), 3):
             self._past.append((values[i], values[i + 1], values[i + 2]))
 
-    def _gained(self, t_us: float, x: Sequence[float]) -> tuple[float, float]:
+    def _gained(self, t_us: float, now: tuple[float, float]) -> tuple[float, float]:
         """The velocity gained up to a past time, interpolated."""
         later: tuple[float, float, float] | None = None
         for row in reversed(self._past):
@@ -121,4 +144,4 @@ class VelocityAiding:
                     row[2] + share * (later[2] - row[2]),
                 )
             later = row
-        return (x[layout.X_C], x[layout.X_C + 1]) if later is None else (later[1], later[2])
+        return now if later is None else (later[1], later[2])
