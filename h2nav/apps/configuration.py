@@ -46,8 +46,8 @@ class FilterSettings:
 
     Attributes:
         name: `default`, or `two_stage` for the first form.
-        arithmetic: `float`, or `fixed` for the integers that microcontrollers run (the
-            constant-gain form of `two_stage`).
+        arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run: of
+            `default` the whole filter, of `two_stage` its constant-gain form.
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
         gains: a gain file; `auto` = the shipped one for class (or sensor) and rate.
         sensor: whose shipped gains `two_stage` takes.
@@ -158,20 +158,14 @@ def _link_complaints(url: str) -> list[str]:
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """The integers have the constant-gain form only; one filter knows instantaneous gyros."""
-    complaints = []
-    if settings.arithmetic == "fixed" and settings.name != "two_stage":
-        complaints.append(
-            "filter.arithmetic: fixed is the constant-gain form; set filter.name: two_stage, or "
-            "filter.arithmetic: float"
-        )
+    """One filter knows instantaneous gyros."""
     averages = settings.name == "two_stage" and settings.arithmetic == "float"
-    if settings.gyro_sampling == "instant" and not averages:
-        complaints.append(
-            "filter.gyro_sampling: instant is known to filter.name two_stage in floats only; set "
-            "mean, or filter.name: two_stage"
-        )
-    return complaints
+    if settings.gyro_sampling == "mean" or averages:
+        return []
+    return [
+        "filter.gyro_sampling: instant is known to filter.name two_stage in floats only; set "
+        "mean, or filter.name: two_stage with filter.arithmetic: float"
+    ]
 
 
 def _motion_complaints(configuration: Configuration) -> list[str]:

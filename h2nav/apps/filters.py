@@ -125,6 +125,13 @@ def _default(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     return ShapedFilter(shaped_gains(file, file.name))
 
 
+def _default_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.fixed_flight import FlightFilter
+    from h2nav.attitude.shaped_gains import shaped_gains
+
+    return FlightFilter(shaped_gains(file, file.name), file.name)
+
+
 def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     from h2nav.attitude.gains import two_stage_gains
     from h2nav.attitude.two_stage import TwoStageFilter
@@ -134,7 +141,7 @@ def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     return TwoStageFilter(two_stage_gains(file, file.name), sampling)
 
 
-def _fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+def _two_stage_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     from h2nav.attitude.fixed import FixedFilter
     from h2nav.attitude.fixed_gains import fixed_model
 
@@ -143,6 +150,7 @@ def _fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
 
 _MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {
     ("default", "float"): _default,
+    ("default", "fixed"): _default_fixed,
     ("two_stage", "float"): _two_stage,
-    ("two_stage", "fixed"): _fixed,
+    ("two_stage", "fixed"): _two_stage_fixed,
 }

@@ -137,6 +137,8 @@ class FlightFilter:
         self._fill_velocity(sample.t_us, words)
         bits = self._run(words, dt_us)
         self._t_us = sample.t_us
+        gained = (float(self._gained[0]), float(self._gained[1]))
+        self._aiding.remember(sample.t_us, gained if self._state[layout.AIDED] else None)
         if self._state[layout.AGE_US] < 0:
             return None
         return self._estimate(sample, bits)

@@ -16,12 +16,16 @@ RECORDING = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 EVERY = 25
 TOLERANCE_DEG = 0.002
 COLUMNS = ("t_us", "roll_deg", "pitch_deg", "yaw_deg", "trust")
-RAD_TO_DEG = 57.29577951308232
+FILTERS = {
+    "default": FilterSettings(),
+    "two_stage": FilterSettings(name="two_stage"),
+    "default_fixed": FilterSettings(arithmetic="fixed"),
+}
 
 
-@pytest.mark.parametrize("name", ["default", "two_stage"])
+@pytest.mark.parametrize("name", FILTERS)
 def test_takeoff_gives_the_golden_attitudes(name, update_golden):
-    replayed = Replayed(RECORDING, Configuration(filter=FilterSettings(name=name)))
+    replayed = Replayed(RECORDING, Configuration(filter=FILTERS[name]))
     rows = [
         [record.t_us, record.roll_deg, record.pitch_deg, record.yaw_deg, record.trust]
         for record in replayed.estimates[::EVERY]
@@ -44,10 +48,11 @@ def test_takeoff_gives_the_golden_attitudes(name, update_golden):
 
 
 @pytest.mark.parametrize(
-    ("name", "tilt_deg", "yaw_deg"), [("default", 0.3, 0.8), ("two_stage", 0.2, 0.8)]
+    ("name", "tilt_deg", "yaw_deg"),
+    [("default", 0.3, 0.8), ("two_stage", 0.2, 0.8), ("default_fixed", 0.3, 0.8)],
 )
 def test_takeoff_is_near_the_truth(name, tilt_deg, yaw_deg):
-    errors = Replayed(RECORDING, Configuration(filter=FilterSettings(name=name))).errors()
+    errors = Replayed(RECORDING, Configuration(filter=FILTERS[name])).errors()
     assert errors.reference == "SIMSTATE"
     assert errors.tilt < tilt_deg
     assert errors.yaw < yaw_deg

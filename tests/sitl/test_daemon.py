@@ -9,7 +9,7 @@ from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
 
 from h2nav.io.recordings import open_recording
 
-FILTERS = ("default", "two_stage")
+FILTERS = ("name: default", "name: two_stage", "arithmetic: fixed")
 
 
 def replayed(log, *arguments):
@@ -22,22 +22,22 @@ def replayed(log, *arguments):
     return json.loads(done.stdout)
 
 
-def configuration(folder, port, filter_name="default"):
+def configuration(folder, port, filter_keys="name: default"):
     path = folder / "config.yaml"
     path.write_text(
         f"link: {{url: 'udpin:127.0.0.1:{port}'}}\n"
-        f"filter: {{name: {filter_name}}}\n"
+        f"filter: {{{filter_keys}}}\n"
         f"autopilot: {{simulation_truth: true}}\n"
         f"log: {{folder: '{folder / 'logs'}'}}\n"
     )
     return str(path)
 
 
-@pytest.mark.parametrize("filter_name", FILTERS)
-def test_a_recorded_flight_replays_to_the_very_same_estimates(tmp_path, filter_name):
+@pytest.mark.parametrize("filter_keys", FILTERS)
+def test_a_recorded_flight_replays_to_the_very_same_estimates(tmp_path, filter_keys):
     port = free_udp_port()
     with (
-        daemon("-c", configuration(tmp_path, port, filter_name)) as running,
+        daemon("-c", configuration(tmp_path, port, filter_keys)) as running,
         fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "flight", "--seed", "3"),
     ):
         running.wait_for_samples(400)

@@ -65,8 +65,9 @@ def test_a_misspelt_section_is_an_error(tmp_path):
 @pytest.mark.parametrize(
     ("section", "key"),
     [
-        ("{arithmetic: fixed}", "filter.arithmetic"),
+        ("{name: default, arithmetic: double}", "filter.arithmetic"),
         ("{gyro_sampling: instant}", "filter.gyro_sampling"),
+        ("{arithmetic: fixed, gyro_sampling: instant}", "filter.gyro_sampling"),
         ("{name: two_stage, arithmetic: fixed, gyro_sampling: instant}", "filter.gyro_sampling"),
     ],
 )
