@@ -11,11 +11,11 @@ from h2nav.attitude.kernels.fixed_flight_doubt import (
     ALL_LOST,
     LEVEL_DOUBT,
     MOST_LOST,
-    contradicted,
+    ask_force,
     doubt_rate,
+    find_rest_gain,
     judge_rest,
     level,
-    measure_rest,
     restart_tilt,
     upright,
     watch_rest,
@@ -23,7 +23,8 @@ from h2nav.attitude.kernels.fixed_flight_doubt import (
 from h2nav.attitude.kernels.fixed_flight_field import (
     forget_heading,
     judge_field,
-    measure_heading,
+    learn_latency,
+    prepare_heading,
     resolve_field,
     take_field,
 )
@@ -41,10 +42,12 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     BIAS_VAR,
     CLIPPED,
     DECLINATION,
+    DENIED,
     DOUBT,
     E_D,
     E_MOST,
     E_N,
+    ERROR,
     F_FIELD,
     F_X,
     FIELD_AGE_US,
@@ -60,6 +63,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     HAS_FIX,
     IS_AIDED,
     LEVEL_MOST,
+    LOG_HEADING,
     LOG_NOISE,
     LOST,
     LP_FORCE,
@@ -71,6 +75,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     REST_US,
     RESTARTED,
     RESTING,
+    ROW,
     SATURATED,
     SATURATIONS,
     SEEN_US,
@@ -82,6 +87,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     T_REST_US,
     TURNING,
     USE,
+    V_E,
     V_N,
     Y_E,
     Y_N,
@@ -92,14 +98,18 @@ from h2nav.attitude.kernels.fixed_flight_theta import (
     apply_theta,
     ease_doubt,
     fade,
-    measure,
-    predict_theta,
+    find_gain,
+    predict_covariance,
+    predict_sensitivities,
+    use_gain,
 )
 from h2nav.attitude.kernels.fixed_flight_velocity import (
     accelerate,
     apply_fix,
     begin_frames,
     change_aiding,
+    choose_bounded,
+    choose_fix,
     correct_velocity,
     judge_bounded,
     judge_fix,
@@ -153,9 +163,10 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         doubt_rate(state, params, sample)
         met[0] = 1
     else:
+        is_anew = 0
         if state[LOST] > MOST_LOST:
             begin_anew(state, sample, r)
-            bits = RESTARTED
+            is_anew = 1
         state[LOST] = 0
         if sample[IS_AIDED] != state[AIDED]:
             change_aiding(state, sample, r)
@@ -170,9 +181,12 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         if sample[HAS_FIELD] > 0:
             take_field(state, sample, r, w)
         watch_rest(state, params, sample)
-        bits |= second_stage(state, params, sample, r, met)
+        if is_anew > 0:
+            bits |= RESTARTED
+        else:
+            bits |= second_stage(state, params, sample, r)
     drain(state, r)
-    if met[0] != 0:
+    if met[0] != 0 or bits & SATURATED != 0:
         state[SATURATIONS] = clamp(state[SATURATIONS] + 1, 0, SATURATIONS_MOST)
         bits |= SATURATED
     return bits
@@ -188,8 +202,8 @@ def rates(state: list[I32], sample: list[I32], w: list[I32]) -> None:
         rate = clamp(sample[W_X + i] >> 1, -RATE_LIMIT, RATE_LIMIT)
         w[i] = (rate - (state[B_X + i] >> BIAS_BITS)) >> 10
         square += w[i] * w[i]
-    # at most eight samples since the sum was zero
-    state[SUM_TURN] = known(state[SUM_TURN] + (square >> 4), 0, 1 << 30)
+    # at most sixteen samples since the sum was zero
+    state[SUM_TURN] = known(state[SUM_TURN] + (square >> 5), 0, 1 << 30)
 
 
 def drain(state: list[I32], r: list[I32]) -> None:
@@ -207,54 +221,125 @@ def drain(state: list[I32], r: list[I32]) -> None:
         state[T_X + i] = known(part, -CORRECTION_LIMIT, CORRECTION_LIMIT)
 
 
-def second_stage(
-    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], met: list[I32]
-) -> I32:
-    """One of the eight parts of a frame; returns bits.
+def second_stage(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> I32:
+    """One of the sixteen parts of a frame; returns bits.
 
     Source: docs/fixed-point.md Eq. (20).
     """
+    if state[DENIED] == 2:
+        level(state, state[LP_FORCE], state[LP_FORCE + 1], state[LP_FORCE + 2], r)
+        restart_tilt(state, sample, r)
+        begin_frames(state)
+        state[DOUBT] = LEVEL_DOUBT
+        return RESTARTED
     phase = state[PHASE]
     state[PHASE] = (phase + 1) & (FRAME - 1)
-    bits = 0
+    if phase < 4:
+        return judge_motion(state, params, sample, r, phase)
+    if phase < 10:
+        return use_motion(state, params, phase)
+    return use_field(state, params, sample, r, phase)
+
+
+def judge_motion(
+    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], phase: I32
+) -> I32:
+    """Theta over the frame; levels, noise and gains for its velocity; returns bits."""
     if phase == 0:
-        begin_frame(state, params, sample, r)
+        begin_frame(state, params, sample)
+        predict_covariance(state, params, r)
     elif phase == 1:
-        bits = judge_velocity(state, params, sample, r)
+        predict_sensitivities(state, r)
     elif phase == 2:
-        measure_velocity(state, V_N, Y_N)
-    elif phase == 3:
-        measure_velocity(state, V_N + 4, Y_E)
-    elif phase == 4:
+        return judge_velocity(state, params, sample, r)
+    elif state[USE] == 1:
+        choose_bounded(state, params)
+    elif state[USE] == 2:
+        choose_fix(state, params)
+    return 0
+
+
+def use_motion(state: list[I32], params: list[I32], phase: I32) -> I32:
+    """Theta from the frame's velocity, or from rest in its place; returns bits."""
+    if phase == 4:
+        find_motion_gain(state, params, V_N, Y_N)
+    elif phase == 6:
+        find_motion_gain(state, params, V_E, Y_E)
+    elif phase == 8:
         if state[USE] > 0:
             fade(state)
+            ease_doubt(state)
             if state[USE] == 2:
                 apply_fix(state)
-            apply_theta(state, params, met)
-            ease_doubt(state)
-    elif phase == 5:
+    elif phase == 9:
+        if rests(state, params) > 0:
+            return RESTING | apply_theta(state, params)
+        return apply_theta(state, params)
+    elif state[USE] > 0 or rests(state, params) > 0:
+        use_gain(state)
+    return 0
+
+
+def rests(state: list[I32], params: list[I32]) -> I32:
+    """1 when nothing has moved for long enough."""
+    if state[REST_US] > 0 and state[REST_US] >= params[T_REST_US]:
+        return 1
+    return 0
+
+
+def find_motion_gain(state: list[I32], params: list[I32], row: I32, innovation: I32) -> None:
+    """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
+
+    Source: docs/filter.md Eq. (18), (20).
+    """
+    if rests(state, params) > 0:
+        find_rest_gain(state, params)
+    elif state[USE] > 0:
+        find_gain(state, row, state[innovation], state[LOG_NOISE])
+
+
+def use_field(
+    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], phase: I32
+) -> I32:
+    """Heading, and theta through it, from the newest field; rest; returns bits."""
+    bits = 0
+    if phase == 15:
+        if state[SEEN_US] > 0 and state[BELIEVED] > 0:
+            bits = FIELD_USED | apply_theta(state, params)
+        state[SEEN_US] = 0
+        judge_rest(state, params, sample)
+        ask_force(state, params, sample, r)
+    elif phase == 10:
         if state[FIELD_AGE_US] > 0:
             resolve_field(state, params)
+    elif state[SEEN_US] > 0:
+        if phase == 11:
             judge_field(state, params)
-    elif phase == 6:
-        if state[SEEN_US] > 0 and state[BELIEVED] > 0:
-            bits = FIELD_USED
-            if measure_heading(state, params) > 0:
-                apply_theta(state, params, met)
-        state[SEEN_US] = 0
-    else:
-        bits = use_rest(state, params, sample, r, met)
+        elif state[BELIEVED] > 0:
+            measure_heading(state, params, phase)
     return bits
 
 
-def begin_frame(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> None:
-    """Closes the sums of the frame before; theta over its time.
+def measure_heading(state: list[I32], params: list[I32], phase: I32) -> None:
+    """Theta from the heading of a believed field."""
+    if phase == 12:
+        learn_latency(state)
+        prepare_heading(state, params)
+    elif state[BELIEVED] == 2:
+        if phase == 13:
+            find_gain(state, ROW, state[ERROR], state[LOG_HEADING])
+        else:
+            use_gain(state)
 
-    Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6), (8).
+
+def begin_frame(state: list[I32], params: list[I32], sample: list[I32]) -> None:
+    """Closes the sums of the frame before.
+
+    Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (8).
     """
     time_us = state[FRAME_US]
-    # 2^18 / 1e6
-    state[T_FRAME] = (time_us * 17180 + 32768) >> 16
+    # 2^17 / 1e6
+    state[T_FRAME] = (time_us * 8590 + 32768) >> 16
     raise_level(
         state, TURNING, clamp(state[SUM_TURN], 0, LEVEL_MOST), level_share(state, params, time_us)
     )
@@ -266,7 +351,6 @@ def begin_frame(state: list[I32], params: list[I32], sample: list[I32], r: list[
     state[SUM_E] = 0
     state[SUM_TURN] = 0
     set_ease(state, params)
-    predict_theta(state, params, r)
 
 
 def judge_velocity(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> I32:
@@ -277,37 +361,6 @@ def judge_velocity(state: list[I32], params: list[I32], sample: list[I32], r: li
     elif state[USE] > 0 and judge_bounded(state, params, sample, r) > 0:
         return RESTARTED
     return 0
-
-
-def measure_velocity(state: list[I32], row: I32, innovation: I32) -> None:
-    """Theta from one part of the frame's innovation.
-
-    Source: docs/filter.md Eq. (18).
-    """
-    if state[USE] == 0:
-        return
-    a = [0, 0, 0, 0]
-    for i in range(4):
-        a[i] = state[row + i]
-    measure(state, a, state[innovation], state[LOG_NOISE])
-
-
-def use_rest(
-    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], met: list[I32]
-) -> I32:
-    """Bias from the low-passed rate at rest; tilt from the low-passed force when it must be."""
-    judge_rest(state, params, sample)
-    if contradicted(state, params, sample, r) > 0:
-        level(state, state[LP_FORCE], state[LP_FORCE + 1], state[LP_FORCE + 2], r)
-        restart_tilt(state, sample, r)
-        begin_frames(state)
-        state[DOUBT] = LEVEL_DOUBT
-        return RESTARTED
-    if state[REST_US] <= 0 or state[REST_US] < params[T_REST_US]:
-        return 0
-    measure_rest(state, params)
-    apply_theta(state, params, met)
-    return RESTING
 
 
 def begin_anew(state: list[I32], sample: list[I32], r: list[I32]) -> None:

@@ -33,6 +33,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     REST_FORCE,
     REST_RATE,
     REST_US,
+    ROW,
     S_E,
     S_MOST,
     S_N,
@@ -44,7 +45,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     UNSTEADY,
     P,
 )
-from h2nav.attitude.kernels.fixed_flight_theta import forget_sensitivities, limit_heading, measure
+from h2nav.attitude.kernels.fixed_flight_theta import find_gain, forget_sensitivities, limit_heading
 from h2nav.attitude.kernels.fixed_functions import bits_of, limited, logarithm, power2, product
 from h2nav.attitude.kernels.fixed_motion import (
     B_X,
@@ -96,7 +97,7 @@ def judge_rest(state: list[I32], params: list[I32], sample: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (20), (31).
     """
-    time_us = (state[T_FRAME] * 15625) >> 12
+    time_us = (state[T_FRAME] * 15625) >> 11
     most = params[BIAS_MOST] >> 9
     is_steady = 1 + state[UNSTEADY]
     for i in range(3):
@@ -131,18 +132,19 @@ def moves(state: list[I32], axis: I32, variance: I32) -> I32:
     return 0
 
 
-def measure_rest(state: list[I32], params: list[I32]) -> None:
-    """Theta from one axis of the low-passed rate; the axes take turns.
+def find_rest_gain(state: list[I32], params: list[I32]) -> None:
+    """Gain for one axis of the low-passed rate taken as bias; the axes take turns.
 
     Source: docs/filter.md Eq. (20).
     """
     axis = state[REST_AXIS]
     state[REST_AXIS] = axis + 1 if axis < 2 else 0
-    a = [0, 0, 0, 0]
-    a[axis] = 1 << 24
-    # three frames' worth
+    for i in range(4):
+        state[ROW + i] = 0
+    state[ROW + axis] = 1 << 24
+    # two of three axes in a frame: each has the noise of one and a half
     log_time = logarithm(state[T_FRAME] * 3 + 1) - (18 << 8)
-    measure(state, a, bias_error(state, axis), params[LOG_REST] - log_time)
+    find_gain(state, ROW, bias_error(state, axis), params[LOG_REST] - log_time)
 
 
 def restart_tilt(state: list[I32], sample: list[I32], r: list[I32]) -> None:
@@ -195,8 +197,8 @@ def doubt_tilt(state: list[I32], angle: I32) -> None:
         state[DOUBT] = angle
 
 
-def contradicted(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> I32:
-    """1 when a low-passed force of size g denies the tilt, once something else does too.
+def ask_force(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> None:
+    """Notes when a low-passed force of size g denies the tilt, once something else does too.
 
     Source: docs/filter.md Eq. (31).
     """
@@ -204,7 +206,7 @@ def contradicted(state: list[I32], params: list[I32], sample: list[I32], r: list
     if state[DENIED] > 0:
         state[DENIED] = 0
     elif state[STEADY_US] < params[T_REST_US]:
-        return 0
+        return
     elif sample[REST] == 2:
         cosine_2 = GROUND_COSINE_2
     x = limited(state[LP_FORCE] >> 10, 32767)
@@ -213,11 +215,10 @@ def contradicted(state: list[I32], params: list[I32], sample: list[I32], r: list
     square = (x >> 1) * (x >> 1) + (y >> 1) * (y >> 1) + (z >> 1) * (z >> 1)
     down = (((r[6] * x) >> 1) + ((r[7] * y) >> 1) + ((r[8] * z) >> 1)) >> 15
     if abs(square - ONE_Q26) > LEVEL_SIZE:
-        return 0
+        return
     # half the force shows down, Q14 >> 1; its square is compared with that of the whole
-    if down < 0 and limited(down, 32767) * limited(down, 32767) > product(square, cosine_2):
-        return 0
-    return 1
+    if down >= 0 or limited(down, 32767) * limited(down, 32767) <= product(square, cosine_2):
+        state[DENIED] = 2
 
 
 def upright(state: list[I32], x: I32, y: I32, z: I32, north: list[I32]) -> I32:

@@ -14,6 +14,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     DIP_GATE,
     E_D,
     E_MOST,
+    ERROR,
     F_FIELD,
     FIELD,
     FIELD_AGE_US,
@@ -31,6 +32,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     LAG_PRIOR,
     LOG_EASE,
     LOG_GYRO,
+    LOG_HEADING,
     LOG_MOST,
     LOG_VELOCITY,
     M_RATE,
@@ -52,6 +54,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     REF_GIVEN,
     REF_MOST,
     REF_NORM,
+    ROW,
     S_E,
     S_N,
     SEEN_US,
@@ -65,7 +68,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     M,
     P,
 )
-from h2nav.attitude.kernels.fixed_flight_theta import forget_sensitivities, measure
+from h2nav.attitude.kernels.fixed_flight_theta import forget_sensitivities
 from h2nav.attitude.kernels.fixed_functions import (
     HALF_TURN_Q28,
     limited,
@@ -95,6 +98,9 @@ def take_field(state: list[I32], sample: list[I32], r: list[I32], w: list[I32]) 
 
     Source: docs/filter.md Eq. (21).
     """
+    if state[SEEN_US] > 0:
+        # the one before is being worked on; this one's time will count with the next
+        return
     x = sample[F_FIELD]
     y = sample[F_FIELD + 1]
     z = sample[F_FIELD + 2]
@@ -146,7 +152,7 @@ def resolve_field(state: list[I32], params: list[I32]) -> None:
 
 
 def judge_field(state: list[I32], params: list[I32]) -> None:
-    """Decides whether the field that waits is believed, and learns from it if so.
+    """Decides whether the field of the frame is believed, and learns from it if so.
 
     Source: docs/filter.md Eq. (22) to (24), (26).
     """
@@ -158,14 +164,11 @@ def judge_field(state: list[I32], params: list[I32]) -> None:
         state[REF_DOWN] = known(state[M + 2], -NORM_MOST, NORM_MOST) << 12
         state[REF_NORM] = state[NORM] << 12
     if state[NO_FIELD] < 2:
-        ahead = differs(state, params[NORM_GATE], params[DIP_GATE], REF_FLAT)
-        if ahead > 0:
-            if renew_reference(state, params) == 0:
-                return
-        else:
+        if differs(state, params[NORM_GATE], params[DIP_GATE], REF_FLAT) == 0:
             state[NEW_US] = 0
-        learn_latency(state)
-        learn_field(state, params)
+            learn_field(state, params)
+        elif renew_reference(state, params) == 0:
+            return
     state[BELIEVED] = 1
 
 
@@ -281,6 +284,8 @@ def learn_latency(state: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (21).
     """
+    if state[NO_FIELD] == 2:
+        return
     north_rate = state[M_RATE]
     east_rate = state[M_RATE + 1]
     down_rate = state[M_RATE + 2]
@@ -335,10 +340,9 @@ def turn_heading(state: list[I32], params: list[I32], angle: I32) -> None:
     forget_heading(state, params)
 
 
-def measure_heading(state: list[I32], params: list[I32]) -> I32:
-    """Theta from the heading of a believed field, seen through the tilt error; 1 if there is more.
+def prepare_heading(state: list[I32], params: list[I32]) -> None:
+    """What a believed field says of the heading, how that depends on theta, and its noise.
 
-    Returns 1 when D holds a correction, 0 when the heading was taken as it is.
     Source: docs/filter.md Eq. (25).
     """
     error = heading_error(state, params)
@@ -346,7 +350,8 @@ def measure_heading(state: list[I32], params: list[I32]) -> I32:
         turn_heading(state, params, limited(error, TURNED_AT_ONCE))
         if abs(error) <= TURNED_AT_ONCE:
             state[NO_FIELD] = 0
-        return 0
+        return
+    state[ERROR] = error
     # a tilt about magnetic north turns the dipping field sideways; theta's part of it is known
     slope = ratio(abs(state[REF_DOWN]), (state[REF_FLAT] << 3) + 1)
     square = (slope * slope) >> 15
@@ -354,16 +359,15 @@ def measure_heading(state: list[I32], params: list[I32]) -> I32:
         slope = -slope
     north = (slope * params[SIN_DECLINATION]) >> 14
     east = -((slope * params[COS_DECLINATION]) >> 14)
-    row = [0, 0, 0, 0]
     for i in range(4):
         part = (product(state[U_N + i], north) >> 1) + (product(state[U_E + i], east) >> 1)
-        row[i] = limited(part, 1 << 25) << 4
-    row[3] += HEADING_UNIT
+        state[ROW + i] = limited(part, 1 << 25) << 4
+    state[ROW + 3] += HEADING_UNIT
     tilt = limited(power2(((state[LOG_GYRO] + state[LOG_VELOCITY]) >> 1) + (26 << 8)), 1 << 29)
     seen = limited(product(tilt, square), 1 << 22) << 7
     disturbed = limited(product(state[MAGNETIC], params[FIELD_CORRELATION]), 1 << 26) << 3
     log_noise = logarithm(params[FIELD_VAR] + seen + disturbed) - (26 << 8) + state[LOG_EASE]
     log_noise -= logarithm(state[SEEN_US] | 1) - LOG_SECOND_Q8
     # row and error are Q28, for `measure` they are Q24 of a unit 2^-4 rad
-    measure(state, row, error, clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST))
-    return 1
+    state[LOG_HEADING] = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)
+    state[BELIEVED] = 2

@@ -28,7 +28,7 @@ PHASE = 47  # which part of the second stage runs with this sample
 FRAME_US = 48  # time of the frame so far
 SUM_N, SUM_E = range(49, 51)  # mean innovation of the frame so far
 SUM_TURN = 51  # mean squared rate of the frame so far
-T_FRAME = 52  # time of the frame before, s, Q18
+T_FRAME = 52  # time of the frame before, s, Q17
 Y_N, Y_E = range(53, 55)  # innovation that the second stage works on
 USE = 55  # 0: none, 1: bounded velocity, 2: a fix
 LOG_NOISE = 56  # of that innovation, s^2
@@ -52,7 +52,7 @@ UNSTEADY = 83  # -1: one sample of the frame was not steady
 REST_AXIS = 84  # which axis of the bias is measured next
 LOST = 85  # angle that the clipped samples in a row may have hidden, rad, Q28
 DOUBT = 86  # deviation of the tilt beyond that of the gain sets, rad, Q28
-DENIED = 87  # 1: fixes deny the tilt by far: the force is asked
+DENIED = 87  # 1: fixes deny the tilt by far: the force is asked; 2: the force denies it too
 AIDED = 88  # 1: a velocity from outside holds the filter
 MISSES = 89  # fixes refused in a row
 C_N, C_E = range(90, 92)  # velocity gained since aiding began, modulo 2^28
@@ -66,7 +66,7 @@ M = 101  # 3: field in n, Q14
 M_RATE = 104  # 3: its change by rotation, 2^14 / 2^14 in 1e6 2^-28 1/s
 FLAT, NORM = range(107, 109)  # its horizontal part and its length, Q14
 HEADING = 109  # its direction from north, rad, Q28
-BELIEVED = 110  # 1: the heading may be measured with it
+BELIEVED = 110  # 1: it agrees with its reference; 2: the heading is ready to be measured
 NO_FIELD = 111  # 0: a field has been believed; 1: none yet; 2: the next gives the heading
 REF_FLAT, REF_DOWN, REF_NORM = range(112, 115)  # reference of the field, Q26; norm 0: none yet
 REF_GIVEN = 115  # 1: it comes from a model of the earth's field
@@ -77,7 +77,15 @@ MAGNETIC = 121  # level of magnetic disturbance, rad^2, Q26
 LAG_NUM, LAG_DEN = range(122, 124)  # sums that give the latency of the field's samples
 LAG = 124  # latency in use, 8 us
 SEEN_US = 125  # time that the field of this frame stands for; 0: there is none
-STATE_SIZE = 126
+ROW = 126  # 4: how the heading depends on theta, rad, Q28
+ERROR = 130  # what the field says of the heading, rad, Q28
+LOG_HEADING = 131  # of its variance
+GAIN_H = 132  # 4: covariance of theta with the measurement, scaled to 15 digits
+GAIN_INVERSE = 136  # one over its variance, scaled
+GAIN_E = 137  # innovation over variance, scaled
+GAIN_D_SHIFT, GAIN_P_SHIFT = range(138, 140)  # what their products are divided by
+FIX_SPAN_US = 140  # time since the fix before, of the one in use
+STATE_SIZE = 141
 
 # parameters
 LP_SHIFT = 0  # the low-pass takes 2^-shift of the difference
@@ -142,7 +150,7 @@ RESTARTED = 16
 SATURATED = 32
 ALIGNED = 64  # this sample has given a first attitude
 
-FRAME = 8  # samples per frame of the second stage
+FRAME = 16  # samples per frame of the second stage
 E_MOST = 1 << 30
 S_MOST = 1 << 29  # 32 s: 313 m/s
 U_MOST = (1 << 30) - 1
@@ -155,7 +163,7 @@ DOUBT_MOST = 421439783  # 1.57 rad: nothing is known
 ONE_G = 1 << 20
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
-FRAME_MOST_US = 120000
+FRAME_MOST_US = 240000
 C_MASK = (1 << 28) - 1
 MOST_MISSES = 5
 LOG_MOST = 10240
@@ -207,7 +215,7 @@ STATE_RANGES = (
     (0, 2),
     (0, 1 << 30),
     (0, DOUBT_MOST),
-    (0, 1),
+    (0, 2),
     (0, 1),
     (0, MOST_MISSES),
     *(((0, C_MASK),) * 2),
@@ -220,7 +228,7 @@ STATE_RANGES = (
     *(((-32767, 32767),) * 3),
     *(((0, NORM_MOST),) * 2),
     (-(1 << 30), 1 << 30),
-    (0, 1),
+    (0, 2),
     (0, 2),
     (0, REF_MOST),
     (-REF_MOST, REF_MOST),
@@ -236,6 +244,14 @@ STATE_RANGES = (
     (0, 1 << 30),
     (0, 12500),
     (0, FIELD_MOST_US),
+    *(((-U_MOST, U_MOST),) * 4),
+    (-(1 << 30), 1 << 30),
+    (-LOG_MOST, LOG_MOST),
+    *(((-32768, 32767),) * 4),
+    (0, 32768),
+    (-32768, 32768),
+    *(((0, 31),) * 2),
+    (0, 1 << 22),
 )
 PARAMS_RANGES = (
     (0, 14),

@@ -17,6 +17,11 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     E_E,
     E_MOST,
     E_N,
+    GAIN_D_SHIFT,
+    GAIN_E,
+    GAIN_H,
+    GAIN_INVERSE,
+    GAIN_P_SHIFT,
     GYRO,
     HEADING_M,
     HEADING_S,
@@ -30,6 +35,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     S_E,
     S_MOST,
     S_N,
+    SATURATED,
     T_FRAME,
     TURNING,
     U_E,
@@ -58,26 +64,23 @@ NOISE_ORIGIN = 57 << 8  # log2 of 2^57: unit of the innovation's variance before
 MOST_NOISE = 29 << 8
 
 
-def predict_theta(state: list[I32], params: list[I32], r: list[I32]) -> None:
-    """Covariance of theta and the sensitivities over one frame.
+def heading_turn(state: list[I32], r: list[I32], turn: list[I32]) -> None:
+    """Writes the heading that one unit of each bias gives in the frame, Q22 of its unit."""
+    unit = (state[T_FRAME] * 15625) >> 14
+    for i in range(3):
+        turn[i] = (unit * r[6 + i] + 16384) >> 15
 
-    Source: docs/filter.md Eq. (6), (7), (12).
+
+def predict_covariance(state: list[I32], params: list[I32], r: list[I32]) -> None:
+    """P <- F P F^T + Q over one frame.
+
+    Source: docs/filter.md Eq. (12).
     """
-    time = state[T_FRAME]
-    # what one unit of bias turns in the frame, units of heading, Q23
-    unit = (time * 15625) >> 14
-    x = (unit * r[6] + 16384) >> 15
-    y = (unit * r[7] + 16384) >> 15
-    z = (unit * r[8] + 16384) >> 15
-    predict_covariance(state, params, x, y, z)
-    carry_velocity(state, V_N, U_N, x, y, z)
-    carry_velocity(state, V_E, U_E, x, y, z)
-    carry_tilt(state, U_N, unit * r[3], unit * r[4], unit * r[5], x, y, z)
-    carry_tilt(state, U_E, -unit * r[0], -unit * r[1], -unit * r[2], x, y, z)
-
-
-def predict_covariance(state: list[I32], params: list[I32], x: I32, y: I32, z: I32) -> None:
-    """P <- F P F^T + Q; x, y, z is the heading that one unit of each bias gives in the frame."""
+    turn = [0, 0, 0]
+    heading_turn(state, r, turn)
+    x = turn[0]
+    y = turn[1]
+    z = turn[2]
     time = state[T_FRAME]
     a = heading_of(state[P], state[P + 1], state[P + 2], x, y, z)
     b = heading_of(state[P + 1], state[P + 4], state[P + 5], x, y, z)
@@ -85,20 +88,20 @@ def predict_covariance(state: list[I32], params: list[I32], x: I32, y: I32, z: I
     both = heading_of(a, b, c, x, y, z)
     both -= 2 * heading_of(state[P + 3], state[P + 6], state[P + 8], x, y, z)
     noise = params[GYRO] + (product(state[TURNING] << 1, params[HEADING_M]) >> params[HEADING_S])
-    both += product(limited(noise, 1 << 30), time) >> 6
+    both += product(limited(noise, 1 << 30), time) >> 5
     state[P + 3] = limited(state[P + 3] - a, P_MOST)
     state[P + 6] = limited(state[P + 6] - b, P_MOST)
     state[P + 8] = limited(state[P + 8] - c, P_MOST)
     state[P + 9] = clamp(state[P + 9] + both, P_LEAST, P_MOST)
-    walk = (product(params[BIAS_WALK], time) >> 3) + 1
+    walk = (product(params[BIAS_WALK], time) >> 2) + 1
     grow(state, params, 0, walk)
     grow(state, params, 4, walk)
     grow(state, params, 7, walk)
 
 
 def heading_of(a: I32, b: I32, c: I32, x: I32, y: I32, z: I32) -> I32:
-    """A x + b y + c z, the second factors Q23."""
-    return (product(a, x) >> 8) + (product(b, y) >> 8) + (product(c, z) >> 8)
+    """Sum of a x, b y and c z, the second factors Q22."""
+    return (product(a, x) >> 7) + (product(b, y) >> 7) + (product(c, z) >> 7)
 
 
 def grow(state: list[I32], params: list[I32], i: I32, walk: I32) -> None:
@@ -107,29 +110,35 @@ def grow(state: list[I32], params: list[I32], i: I32, walk: I32) -> None:
         state[P + i] = clamp(state[P + i] + walk, P_LEAST, P_MOST)
 
 
-def carry_velocity(state: list[I32], v: I32, u: I32, x: I32, y: I32, z: I32) -> None:
-    """Sensitivity of a velocity over one frame."""
-    time = state[T_FRAME]
-    heading = state[v + 3]
-    state[v] = carried(state[v], product(state[u], time) >> 7, heading, x)
-    state[v + 1] = carried(state[v + 1], product(state[u + 1], time) >> 7, heading, y)
-    state[v + 2] = carried(state[v + 2], product(state[u + 2], time) >> 7, heading, z)
-    state[v + 3] = limited(heading + (product(state[u + 3], time) >> 7), V_MOST)
+def predict_sensitivities(state: list[I32], r: list[I32]) -> None:
+    """Sensitivities of velocity and tilt over one frame.
+
+    Source: docs/filter.md Eq. (6), (7).
+    """
+    turn = [0, 0, 0]
+    heading_turn(state, r, turn)
+    unit = (state[T_FRAME] * 15625) >> 14
+    for i in range(3):
+        carry(state, U_N, V_N, i, (unit * r[3 + i]) >> 10, turn[i])
+        carry(state, U_E, V_E, i, -((unit * r[i]) >> 10), turn[i])
+    carry_heading(state, U_N, V_N)
+    carry_heading(state, U_E, V_E)
 
 
-def carry_tilt(
-    state: list[I32], u: I32, turn_x: I32, turn_y: I32, turn_z: I32, x: I32, y: I32, z: I32
-) -> None:
-    """Sensitivity of a tilt over one frame, in which a unit of bias tilts by turn 2^-39."""
-    heading = state[u + 3]
-    state[u] = carried(state[u], turn_x >> 11, heading, x)
-    state[u + 1] = carried(state[u + 1], turn_y >> 11, heading, y)
-    state[u + 2] = carried(state[u + 2], turn_z >> 11, heading, z)
+def carry(state: list[I32], tilt: I32, velocity: I32, axis: I32, change: I32, turn: I32) -> None:
+    """Sensitivities to one bias; they refer to the heading error where that is now."""
+    u = state[tilt + axis]
+    v = state[velocity + axis] + (product(u, state[T_FRAME]) >> 6)
+    v += product(state[velocity + 3], turn) >> 7
+    state[velocity + axis] = limited(v, V_MOST)
+    u += change + (product(state[tilt + 3], turn) >> 7)
+    state[tilt + axis] = limited(u, U_MOST)
 
 
-def carried(value: I32, change: I32, heading: I32, turn: I32) -> I32:
-    """A sensitivity after its change; it refers to the heading error where that is now."""
-    return limited(value + change + (product(heading, turn) >> 8), U_MOST)
+def carry_heading(state: list[I32], tilt: I32, velocity: I32) -> None:
+    """Sensitivity of a velocity to the heading error."""
+    v = state[velocity + 3] + (product(state[tilt + 3], state[T_FRAME]) >> 6)
+    state[velocity + 3] = limited(v, V_MOST)
 
 
 def surplus(a: I32, b: I32, c: I32, d: I32) -> I32:
@@ -137,53 +146,75 @@ def surplus(a: I32, b: I32, c: I32, d: I32) -> I32:
     return clamp(bits_of(abs(a) | abs(b) | abs(c) | abs(d)) - 15, 0, 16)
 
 
-def measure(state: list[I32], a: list[I32], innovation: I32, log_noise: I32) -> None:
-    """One scalar measurement a . theta with noise; adds to D and takes from P.
+def find_gain(state: list[I32], row: I32, innovation: I32, log_noise: I32) -> None:
+    """Gain for one scalar measurement of theta; `use_gain` applies it with the next sample.
 
     Args:
         state: memory.
-        a: sensitivities, Q24 of their unit; scaled in place.
+        row: place of the sensitivities, Q24 of the measurement's unit.
         innovation: the same unit, Q24.
         log_noise: of its variance without the error of theta.
 
-    Source: docs/fixed-point.md Eq. (20) to (22).
+    Source: docs/fixed-point.md Eq. (20), (21).
     """
-    scale = surplus(a[0], a[1], a[2], a[3])
+    scale = surplus(state[row], state[row + 1], state[row + 2], state[row + 3])
+    a = [0, 0, 0, 0]
     for i in range(4):
-        a[i] = known(a[i] >> scale, -32768, 32767)
-    h = [0, 0, 0, 0]
-    h[0] = row_times(state, P, P + 1, P + 2, P + 3, a)
-    h[1] = row_times(state, P + 1, P + 4, P + 5, P + 6, a)
-    h[2] = row_times(state, P + 2, P + 5, P + 7, P + 8, a)
-    h[3] = row_times(state, P + 3, P + 6, P + 8, P + 9, a)
-    fall = surplus(h[0], h[1], h[2], h[3])
-    variance = 0
-    known_already = 0
-    for i in range(4):
-        h[i] = known(h[i] >> fall, -32768, 32767)
-        variance += (a[i] * h[i]) >> 2
-        known_already += product(state[D + i], a[i]) >> 2
-    variance = clamp(variance, 0, 1 << 30)
-    # the noise in the unit of the variance; if it is too large for that, both in a larger one
+        a[i] = known(state[row + i] >> scale, -32768, 32767)
+    h0 = row_times(state, P, P + 1, P + 2, P + 3, a)
+    h1 = row_times(state, P + 1, P + 4, P + 5, P + 6, a)
+    h2 = row_times(state, P + 2, P + 5, P + 7, P + 8, a)
+    h3 = row_times(state, P + 3, P + 6, P + 8, P + 9, a)
+    fall = surplus(h0, h1, h2, h3)
+    h0 = known(h0 >> fall, -32768, 32767)
+    h1 = known(h1 >> fall, -32768, 32767)
+    h2 = known(h2 >> fall, -32768, 32767)
+    h3 = known(h3 >> fall, -32768, 32767)
+    variance = (a[0] * h0 >> 2) + (a[1] * h1 >> 2) + (a[2] * h2 >> 2) + (a[3] * h3 >> 2)
+    # what the correction so far explains already
+    explained = times(state, D, a)
+    state[GAIN_H] = h0
+    state[GAIN_H + 1] = h1
+    state[GAIN_H + 2] = h2
+    state[GAIN_H + 3] = h3
+    y = limited(innovation, D_MOST) - limited(shifted(explained, 11 - scale), D_MOST)
     log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
+    weigh_gain(state, clamp(variance, 0, 1 << 30), limited(y, D_MOST), log_noise, scale, fall)
+
+
+def weigh_gain(
+    state: list[I32], variance: I32, y: I32, log_noise: I32, scale: I32, fall: I32
+) -> None:
+    """Divides by the variance of the innovation, noise included.
+
+    Args:
+        state: memory.
+        variance: without noise.
+        y: innovation.
+        log_noise: of the noise, in the unit of the variance.
+        scale: digits that the sensitivities have lost.
+        fall: digits that H has lost.
+
+    Source: docs/fixed-point.md Eq. (21), (22).
+    """
+    # noise that is too large for the unit of the variance: both in a larger one
     excess = 0
     if log_noise > MOST_NOISE:
         excess = (log_noise >> 8) - 28
     if excess > 30:
+        state[GAIN_INVERSE] = 0
+        state[GAIN_E] = 0
         return
     variance = (variance >> excess) + power2(log_noise - (excess << 8)) + 1
     digits = bits_of(variance)
     inverse = reciprocal(mantissa(variance, digits))
     lost = digits + excess
-
-    explained = limited(shifted(known_already, 11 - scale), D_MOST)
-    y = limited(limited(innovation, D_MOST) - explained, D_MOST)
-    y_scale = surplus(y, 0, 0, 0)
-    e = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
-    shift = clamp(lost + scale - 27 - y_scale, -12, 31)
-    for i in range(4):
-        state[D + i] = limited(state[D + i] + shifted(h[i] * e, shift), D_MOST)
-    shrink(state, h, inverse, clamp(lost - fall - 16, -12, 31))
+    y_scale = clamp(bits_of(abs(y)) - 15, 0, 16)
+    state[GAIN_INVERSE] = inverse
+    state[GAIN_E] = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
+    # a step that would need a shift to the left is beyond what theta can be
+    state[GAIN_D_SHIFT] = clamp(lost + scale - 27 - y_scale, 0, 31)
+    state[GAIN_P_SHIFT] = clamp(lost - fall - 16, 0, 31)
 
 
 def row_times(state: list[I32], i: I32, j: I32, k: I32, l: I32, a: list[I32]) -> I32:  # noqa: E741
@@ -196,22 +227,37 @@ def row_times(state: list[I32], i: I32, j: I32, k: I32, l: I32, a: list[I32]) ->
     )
 
 
-def shrink(state: list[I32], h: list[I32], inverse: I32, shift: I32) -> None:
-    """P <- P - h h^T / S; what is taken from a variance is rounded down."""
-    k = (h[0] * inverse + 16384) >> 15
-    lower_variance(state, P, shifted(k * h[0], shift))
-    lower(state, P + 1, shifted(k * h[1], shift))
-    lower(state, P + 2, shifted(k * h[2], shift))
-    lower(state, P + 3, shifted(k * h[3], shift))
-    k = (h[1] * inverse + 16384) >> 15
-    lower_variance(state, P + 4, shifted(k * h[1], shift))
-    lower(state, P + 5, shifted(k * h[2], shift))
-    lower(state, P + 6, shifted(k * h[3], shift))
-    k = (h[2] * inverse + 16384) >> 15
-    lower_variance(state, P + 7, shifted(k * h[2], shift))
-    lower(state, P + 8, shifted(k * h[3], shift))
-    k = (h[3] * inverse + 16384) >> 15
-    lower_variance(state, P + 9, shifted(k * h[3], shift))
+def use_gain(state: list[I32]) -> None:
+    """Correction and covariance with the gain that was found: D += h e, P <- P - h h^T / S.
+
+    What is taken from a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
+    """
+    h0 = state[GAIN_H]
+    h1 = state[GAIN_H + 1]
+    h2 = state[GAIN_H + 2]
+    h3 = state[GAIN_H + 3]
+    e = state[GAIN_E]
+    shift = state[GAIN_D_SHIFT]
+    state[D] = limited(state[D] + (h0 * e >> shift), D_MOST)
+    state[D + 1] = limited(state[D + 1] + (h1 * e >> shift), D_MOST)
+    state[D + 2] = limited(state[D + 2] + (h2 * e >> shift), D_MOST)
+    state[D + 3] = limited(state[D + 3] + (h3 * e >> shift), D_MOST)
+    inverse = state[GAIN_INVERSE]
+    shift = state[GAIN_P_SHIFT]
+    k = (h0 * inverse + 16384) >> 15
+    lower_variance(state, P, k * h0 >> shift)
+    lower(state, P + 1, k * h1 >> shift)
+    lower(state, P + 2, k * h2 >> shift)
+    lower(state, P + 3, k * h3 >> shift)
+    k = (h1 * inverse + 16384) >> 15
+    lower_variance(state, P + 4, k * h1 >> shift)
+    lower(state, P + 5, k * h2 >> shift)
+    lower(state, P + 6, k * h3 >> shift)
+    k = (h2 * inverse + 16384) >> 15
+    lower_variance(state, P + 7, k * h2 >> shift)
+    lower(state, P + 8, k * h3 >> shift)
+    k = (h3 * inverse + 16384) >> 15
+    lower_variance(state, P + 9, k * h3 >> shift)
 
 
 def lower(state: list[I32], i: I32, fall: I32) -> None:
@@ -244,8 +290,10 @@ def fade_one(state: list[I32], u: I32, v: I32) -> None:
     state[v] = limited(value - shifted(product(value, state[KV_M]), state[KV_S]), V_MOST)
 
 
-def apply_theta(state: list[I32], params: list[I32], met: list[I32]) -> None:
+def apply_theta(state: list[I32], params: list[I32]) -> I32:
     """Moves bias, velocity and attitude by the correction D, which is forgotten.
+
+    Returns SATURATED when the bias meets its limit, else 0.
 
     Source: docs/filter.md Eq. (19).
     """
@@ -253,10 +301,12 @@ def apply_theta(state: list[I32], params: list[I32], met: list[I32]) -> None:
     d = [0, 0, 0, 0]
     for i in range(4):
         d[i] = known(state[D + i] >> scale, -32768, 32767)
+    bits = 0
     for i in range(3):
         bias = state[B_X + i] + (state[D + i] >> 2)
-        state[B_X + i] = clamp(bias, -params[BIAS_MOST], params[BIAS_MOST])
-        met[0] |= bias - state[B_X + i]
+        state[B_X + i] = limited(bias, params[BIAS_MOST])
+        if state[B_X + i] != bias:
+            bits = SATURATED
     heading = state[D + 3]
     for i in range(4):
         state[D + i] = 0
@@ -267,6 +317,7 @@ def apply_theta(state: list[I32], params: list[I32], met: list[I32]) -> None:
     )
     state[E_D] = limited(state[E_D] + heading, E_MOST)
     limit_heading(state, params)
+    return bits
 
 
 def times(state: list[I32], row: I32, d: list[I32]) -> I32:

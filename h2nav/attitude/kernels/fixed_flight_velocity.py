@@ -33,6 +33,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     FIX_FLOOR,
     FIX_PERIOD_US,
     FIX_PERIODS_US,
+    FIX_SPAN_US,
     FIX_US,
     FIX_V,
     FIX_VAR,
@@ -186,33 +187,31 @@ def correct_velocity(state: list[I32], sample: list[I32], r: list[I32]) -> None:
     """
     north = limited(((sample[NOSE] * r[0]) >> 2) - state[S_N], Y_MOST)
     east = limited(((sample[NOSE] * r[3]) >> 2) - state[S_E], Y_MOST)
-    # at most eight samples since the sums were zero
-    state[SUM_N] = known(state[SUM_N] + (north >> 3), -Y_MOST, Y_MOST)
-    state[SUM_E] = known(state[SUM_E] + (east >> 3), -Y_MOST, Y_MOST)
-    north = north << 2
-    east = east << 2
+    # at most sixteen samples since the sums were zero
+    state[SUM_N] = known(state[SUM_N] + (north >> 4), -Y_MOST, Y_MOST)
+    state[SUM_E] = known(state[SUM_E] + (east >> 4), -Y_MOST, Y_MOST)
     # without aiding the gains are those of a frame, never larger than one
     gain = state[KT_M]
     shift = known(state[KT_S], 0, 31)
-    state[E_N] = limited(state[E_N] + (product(east, gain) >> shift), E_MOST)
-    state[E_E] = limited(state[E_E] - (product(north, gain) >> shift), E_MOST)
+    state[E_N] = limited(state[E_N] + (product(east << 1, gain) >> shift), E_MOST)
+    state[E_E] = limited(state[E_E] - (product(north << 1, gain) >> shift), E_MOST)
     gain = state[KV_M]
     shift = known(state[KV_S], 0, 31)
-    state[S_N] = limited(state[S_N] + (((product(north, gain) >> shift) + 16) >> 5), S_MOST)
-    state[S_E] = limited(state[S_E] + (((product(east, gain) >> shift) + 16) >> 5), S_MOST)
+    state[S_N] = limited(state[S_N] + (((product(north << 2, gain) >> shift) + 32) >> 6), S_MOST)
+    state[S_E] = limited(state[S_E] + (((product(east << 2, gain) >> shift) + 32) >> 6), S_MOST)
 
 
 def judge_bounded(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> I32:
-    """Levels of the frame's innovation, noise and gain set; restarts at impossible velocities.
+    """Levels of the frame's innovation; restarts at impossible velocities.
 
-    Returns 1 when the tilt has started anew. Source: docs/filter.md Eq. (9), (11), (14).
+    Returns 1 when the tilt has started anew. Source: docs/filter.md Eq. (11), (14).
     """
     square = square_of(state[Y_N], state[Y_E])
     if square > params[IMPOSSIBLE]:
         restart_tilt(state, sample, r)
         begin_frames(state)
         return 1
-    time_us = (state[T_FRAME] * 15625) >> 12
+    time_us = (state[T_FRAME] * 15625) >> 11
     share = level_share(state, params, time_us)
     raise_level(state, MOVING, square, share)
     # an innovation that stays is a wrong bias rather than motion: it must not hide itself
@@ -222,20 +221,25 @@ def judge_bounded(state: list[I32], params: list[I32], sample: list[I32], r: lis
     state[DRIFT_N] = limited(state[DRIFT_N] + product(north, slow), Y_MOST)
     state[DRIFT_E] = limited(state[DRIFT_E] + product(east, slow), Y_MOST)
     raise_level(state, SHAKING, square_of(north, east), share)
+    return 0
+
+
+def choose_bounded(state: list[I32], params: list[I32]) -> None:
+    """Noise and gain set for the levels.
+
+    Source: docs/filter.md Eq. (9), (11), (14).
+    """
     floor = params[FLOOR]
-    log_noise = params[LOG_INFLATE] + logarithm(
-        density(floor, params[CORRELATION], params[CEILING], state[SHAKING])
-    )
-    state[LOG_VELOCITY] = (
-        logarithm(density(floor, params[CORRELATION], params[CEILING], state[MOVING])) - Q24
-    )
+    noise = density(floor, params[CORRELATION], params[CEILING], state[MOVING])
+    state[LOG_VELOCITY] = logarithm(noise) - Q24
     select_set(state, params)
     set_frame_gains(state, params)
     # 1 / T + k_v, of which the second is small
     kept = state[KV_M] >> known(state[KV_S], 0, 31)
-    log_rate = (18 << 8) - logarithm(state[T_FRAME] | 1) + ((kept * 369) >> 15)
-    state[LOG_NOISE] = clamp(log_noise - Q24 + log_rate + state[LOG_EASE], -LOG_MOST, LOG_MOST)
-    return 0
+    log_rate = (17 << 8) - logarithm(state[T_FRAME] | 1) + ((kept * 369) >> 15)
+    noise = density(floor, params[CORRELATION], params[CEILING], state[SHAKING])
+    log_noise = logarithm(noise) - Q24 + params[LOG_INFLATE] + log_rate + state[LOG_EASE]
+    state[LOG_NOISE] = clamp(log_noise, -LOG_MOST, LOG_MOST)
 
 
 def square_of(north: I32, east: I32) -> I32:
@@ -296,8 +300,8 @@ def set_frame_gains(state: list[I32], params: list[I32]) -> None:
     time = state[T_FRAME] | 1
     digits = bits_of(time)
     m = mantissa(time, digits)
-    # the frame lasts m 2^(digits - 33) s
-    fall = 18 - digits
+    # the frame lasts m 2^(digits - 32) s
+    fall = 17 - digits
     gain = params[K_TILT + state[SET]]
     state[KT_M] = ((gain >> 5) * m) >> 15
     state[KT_S] = clamp((gain & 31) - 8 + fall, 0, 30)
@@ -320,13 +324,14 @@ def note_fix(state: list[I32], sample: list[I32]) -> None:
 
 
 def judge_fix(state: list[I32], params: list[I32]) -> I32:
-    """Gate, levels, noise and gains for the fix that waits; returns bits.
+    """Gate and level for the fix that waits; returns bits.
 
     Source: docs/filter.md Eq. (15), (16), (30).
     """
     state[Y_N] = state[FIX_Y_N]
     state[Y_E] = state[FIX_Y_E]
     period_us = state[FIX_US]
+    state[FIX_SPAN_US] = period_us
     state[FIX_US] = 0
     if state[MISSES] >= MOST_MISSES:
         believe_fixes(state)
@@ -343,6 +348,17 @@ def judge_fix(state: list[I32], params: list[I32]) -> I32:
         return 0
     state[MISSES] = 0
     raise_level(state, MOVING, square, level_share(state, params, period_us))
+    state[USE] = 2
+    return VELOCITY_USED
+
+
+def choose_fix(state: list[I32], params: list[I32]) -> None:
+    """Noise and gains for a fix that is believed.
+
+    Source: docs/filter.md Eq. (15), (16).
+    """
+    period_us = state[FIX_SPAN_US]
+    log_period = logarithm(period_us | 1) - LOG_SECOND
     floor = params[FIX_FLOOR] + power2(logarithm(state[FIX_VAR] | 1) + log_period)
     noise = density(
         limited(floor, 1 << 29), params[FIX_CORRELATION], params[FIX_CEILING], state[MOVING]
@@ -357,8 +373,6 @@ def judge_fix(state: list[I32], params: list[I32]) -> I32:
         -LOG_MOST,
         LOG_MOST,
     )
-    state[USE] = 2
-    return VELOCITY_USED
 
 
 def believe_fixes(state: list[I32]) -> None:
