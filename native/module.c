@@ -19,6 +19,10 @@ void run_shaped(double *memory, const double *gains, const double *samples, size
                 size_t columns, double *results);
 void run_fixed_lean(int32_t *memory, const int32_t *gains, const int32_t *samples, size_t rows,
                     size_t columns, int32_t *results);
+void run_fixed_flight(int32_t *memory, const int32_t *gains, const int32_t *samples, size_t rows,
+                      size_t columns, int32_t *results);
+
+enum kernel { SHAPED, FIXED_LEAN, FIXED_FLIGHT };
 
 /* The number of rows, or -1 with an error set when the buffers do not fit together. */
 static Py_ssize_t rows_of(const Py_buffer *samples, const Py_buffer *results, Py_ssize_t columns,
@@ -36,7 +40,7 @@ static Py_ssize_t rows_of(const Py_buffer *samples, const Py_buffer *results, Py
     return rows;
 }
 
-static PyObject *run(PyObject *arguments, int is_float)
+static PyObject *run(PyObject *arguments, enum kernel kernel)
 {
     Py_buffer buffers[BUFFERS];
     Py_ssize_t columns = 0;
@@ -44,16 +48,19 @@ static PyObject *run(PyObject *arguments, int is_float)
                           &buffers[3])) {
         return NULL;
     }
-    const Py_ssize_t size = is_float ? (Py_ssize_t)sizeof(double) : (Py_ssize_t)sizeof(int32_t);
+    const Py_ssize_t size = (Py_ssize_t)(kernel == SHAPED ? sizeof(double) : sizeof(int32_t));
     const Py_ssize_t rows = rows_of(&buffers[2], &buffers[3], columns, size);
     if (rows >= 0) {
         Py_BEGIN_ALLOW_THREADS
-        if (is_float) {
+        if (kernel == SHAPED) {
             run_shaped(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
                        (size_t)columns, buffers[3].buf);
-        } else {
+        } else if (kernel == FIXED_LEAN) {
             run_fixed_lean(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
                            (size_t)columns, buffers[3].buf);
+        } else {
+            run_fixed_flight(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
+                             (size_t)columns, buffers[3].buf);
         }
         Py_END_ALLOW_THREADS
     }
@@ -69,18 +76,26 @@ static PyObject *run(PyObject *arguments, int is_float)
 static PyObject *shaped(PyObject *self, PyObject *arguments)
 {
     (void)self;
-    return run(arguments, 1);
+    return run(arguments, SHAPED);
 }
 
 static PyObject *fixed_lean(PyObject *self, PyObject *arguments)
 {
     (void)self;
-    return run(arguments, 0);
+    return run(arguments, FIXED_LEAN);
+}
+
+static PyObject *fixed_flight(PyObject *self, PyObject *arguments)
+{
+    (void)self;
+    return run(arguments, FIXED_FLIGHT);
 }
 
 static PyMethodDef methods[] = {
     {"run_shaped", shaped, METH_VARARGS, "Rows of doubles through the default filter's step."},
     {"run_fixed_lean", fixed_lean, METH_VARARGS, "Rows of integers through the lean filter."},
+    {"run_fixed_flight", fixed_flight, METH_VARARGS,
+     "Rows of integers through the default filter in integers."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -20,6 +20,7 @@ import numpy as np
 from h2nav.attitude import batch
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed import FixedFilter
+from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.fixed_gains import fixed_model
 from h2nav.attitude.shaped import ShapedFilter
 from h2nav.attitude.shaped_gains import shaped_gains
@@ -47,7 +48,12 @@ def default_filter() -> AttitudeFilter:
     return ShapedFilter(shaped_gains(file, file.name))
 
 
-def integer_filter() -> AttitudeFilter:
+def default_integer_filter() -> AttitudeFilter:
+    file = gain_files.load("handheld_100hz")
+    return FlightFilter(shaped_gains(file, file.name), file.name)
+
+
+def constant_gain_integer_filter() -> AttitudeFilter:
     file = gain_files.load("mpu9250_100hz")
     return FixedFilter(fixed_model(file, file.name))
 
@@ -88,7 +94,11 @@ def imufusion(data: Arrays) -> float:
 
 
 def runners() -> dict[str, Runner]:
-    found = {"h2nav integers": ours(integer_filter), "h2nav default filter": ours(default_filter)}
+    found = {
+        "h2nav constant gain, integers": ours(constant_gain_integer_filter),
+        "h2nav default, integers": ours(default_integer_filter),
+        "h2nav default": ours(default_filter),
+    }
     peers = {"vqf updateBatch": ("vqf", vqf), "imufusion, loop": ("imufusion", imufusion)}
     for name, (package, run) in peers.items():
         if importlib.util.find_spec(package) is not None:
@@ -125,7 +135,7 @@ def main() -> int:
     for name, ns in times.items():
         ratios = "".join(f"   {times[peer] / ns:5.2f} x {peer}" for peer in peers if peer != name)
         total = f"{ns * args.samples * 1e-9:7.2f} s"
-        print(f"{name:22}{ns:7.0f} ns/sample{total}{ratios if name not in peers else ''}")
+        print(f"{name:30}{ns:7.0f} ns/sample{total}{ratios if name not in peers else ''}")
     return 0
 
 

@@ -19,6 +19,13 @@ COMPILED_MODULES = (
     "fixed_triad.py",
     "fixed_motion.py",
     "fixed_lean.py",
+    "fixed_functions.py",
+    "fixed_flight_layout.py",
+    "fixed_flight_theta.py",
+    "fixed_flight_doubt.py",
+    "fixed_flight_velocity.py",
+    "fixed_flight_field.py",
+    "fixed_flight.py",
 )
 
 

@@ -84,6 +84,10 @@ class VelocityAiding:
         """True while good fixes come often enough."""
         return self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
 
+    def is_idle(self, t_us: int) -> bool:
+        """True when no fix waits and none holds the filter."""
+        return self._waiting is None and not self.is_aided(t_us)
+
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
         """The fix that waits, once; None when there is none or aiding is off.
 

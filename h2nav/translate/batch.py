@@ -42,6 +42,22 @@ BATCH_KERNELS = (
     BatchKernel(
         "fixed_lean", ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"), "update", "int32_t"
     ),
+    BatchKernel(
+        "fixed_flight",
+        (
+            "fixed_triad.py",
+            "fixed_motion.py",
+            "fixed_functions.py",
+            "fixed_flight_layout.py",
+            "fixed_flight_theta.py",
+            "fixed_flight_doubt.py",
+            "fixed_flight_velocity.py",
+            "fixed_flight_field.py",
+            "fixed_flight.py",
+        ),
+        "update",
+        "int32_t",
+    ),
 )
 # Columns of a result row: the first words of the memory (attitude, bias), then the bits.
 KEPT = 7
