@@ -71,6 +71,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
 from h2nav.attitude.kernels.fixed_flight_theta import forget_sensitivities
 from h2nav.attitude.kernels.fixed_functions import (
     HALF_TURN_Q28,
+    length,
     limited,
     logarithm,
     polar,
@@ -147,8 +148,7 @@ def resolve_field(state: list[I32], params: list[I32]) -> None:
     polar(state[M], state[M + 1], size_and_angle)
     state[FLAT] = clamp(size_and_angle[0], 0, NORM_MOST)
     state[HEADING] = known(size_and_angle[1], -(1 << 30), 1 << 30)
-    polar(state[FLAT], state[M + 2], size_and_angle)
-    state[NORM] = clamp(size_and_angle[0], 0, NORM_MOST)
+    state[NORM] = clamp(length(state[FLAT], state[M + 2]), 0, NORM_MOST)
 
 
 def judge_field(state: list[I32], params: list[I32]) -> None:
@@ -187,10 +187,10 @@ def differs(state: list[I32], norm_gate: I32, dip_gate: I32, reference: I32) -> 
         dip_gate: sine, Q15.
         reference: place of its horizontal part, vertical part, length.
     """
-    length = state[reference + 2] >> 12
-    if abs(state[NORM] - length) >= product(length, norm_gate):
+    expected = state[reference + 2] >> 12
+    if abs(state[NORM] - expected) >= product(expected, norm_gate):
         return 1
-    both = (state[NORM] >> 2) * (length >> 2)
+    both = (state[NORM] >> 2) * (expected >> 2)
     if abs(crossed(state, reference)) >= product(both, dip_gate):
         return 1
     flat = (state[FLAT] >> 2) * (state[reference] >> 14)
@@ -264,9 +264,9 @@ def learn_field(state: list[I32], params: list[I32]) -> None:
     Source: docs/filter.md Eq. (23), (24).
     """
     age = state[SEEN_US]
-    length = state[REF_NORM] >> 12
-    norm_error = ratio(abs(state[NORM] - length), length + 1)
-    both = (state[NORM] >> 2) * (length >> 2)
+    expected = state[REF_NORM] >> 12
+    norm_error = ratio(abs(state[NORM] - expected), expected + 1)
+    both = (state[NORM] >> 2) * (expected >> 2)
     dip_error = ratio(abs(crossed(state, REF_FLAT)), both + 1)
     cosine = ratio(state[FLAT], state[NORM] + 1)
     shown = ((norm_error * norm_error) >> 1) + ((dip_error * dip_error) >> 1)
