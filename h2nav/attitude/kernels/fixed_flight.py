@@ -163,10 +163,9 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         doubt_rate(state, params, sample)
         met[0] = 1
     else:
-        is_anew = 0
         if state[LOST] > MOST_LOST:
             begin_anew(state, sample, r)
-            is_anew = 1
+            bits = RESTARTED
         state[LOST] = 0
         if sample[IS_AIDED] != state[AIDED]:
             change_aiding(state, sample, r)
@@ -181,9 +180,7 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         if sample[HAS_FIELD] > 0:
             take_field(state, sample, r, w)
         watch_rest(state, params, sample)
-        if is_anew > 0:
-            bits |= RESTARTED
-        else:
+        if bits & RESTARTED == 0:
             bits |= second_stage(state, params, sample, r)
     drain(state, r)
     if met[0] != 0 or bits & SATURATED != 0:
@@ -420,8 +417,6 @@ def begin(state: list[I32], params: list[I32], sample: list[I32]) -> None:
     state[AIDED] = 0
     state[FIX_US] = 0
     state[FIELD_US] = 0
-    state[FIELD_AGE_US] = 0
-    state[SEEN_US] = 0
     state[NEW_US] = 0
     if sample[HAS_FIELD] > 0:
         # the attitude is that of magnetic north

@@ -15,6 +15,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     E_D,
     E_E,
     E_N,
+    FIELD_AGE_US,
     FORCE_MOST,
     LOG_REST,
     LOST,
@@ -37,6 +38,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     S_E,
     S_MOST,
     S_N,
+    SEEN_US,
     SHAKING,
     STEADY_US,
     T_FRAME,
@@ -255,6 +257,9 @@ def upright(state: list[I32], x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     state[E_N] = 0
     state[E_E] = 0
     state[E_D] = 0
+    # a field that waits was turned by another attitude
+    state[FIELD_AGE_US] = 0
+    state[SEEN_US] = 0
     return 1
 
 

@@ -12,8 +12,8 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     COS_DECLINATION,
     DECLINATION,
     DIP_GATE,
+    DUE,
     E_D,
-    E_MOST,
     ERROR,
     F_FIELD,
     FIELD,
@@ -68,7 +68,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     M,
     P,
 )
-from h2nav.attitude.kernels.fixed_flight_theta import forget_sensitivities
+from h2nav.attitude.kernels.fixed_flight_theta import add_heading, forget_sensitivities
 from h2nav.attitude.kernels.fixed_functions import (
     HALF_TURN_Q28,
     length,
@@ -113,6 +113,7 @@ def take_field(state: list[I32], sample: list[I32], r: list[I32], w: list[I32]) 
     # one that is not used before the next comes counts with it
     state[FIELD_AGE_US] = clamp(state[FIELD_AGE_US] + state[FIELD_US], 1, FIELD_MOST_US)
     state[FIELD_US] = 0
+    state[DUE] = state[E_D]
     # what the rotation since the sample was taken has done to it
     change_x = (w[1] * z - w[2] * y) >> 15
     change_y = (w[2] * x - w[0] * z) >> 15
@@ -317,13 +318,13 @@ def learn_latency(state: list[I32]) -> None:
 
 
 def heading_error(state: list[I32], params: list[I32]) -> I32:
-    """Heading that the field shows less the heading that is to come, rad, Q28."""
+    """Heading that the field shows, less what was corrected since it came or will be, rad, Q28."""
     error = params[DECLINATION] - state[HEADING]
     if error > HALF_TURN_Q28:
         error -= 2 * HALF_TURN_Q28
     elif error < -HALF_TURN_Q28:
         error += 2 * HALF_TURN_Q28
-    return limited(known(error, -(1 << 30), 1 << 30) - (state[E_D] >> 1), 1 << 30)
+    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (state[DUE] >> 1), 1 << 30)
 
 
 def turn_heading(state: list[I32], params: list[I32], angle: I32) -> None:
@@ -331,7 +332,7 @@ def turn_heading(state: list[I32], params: list[I32], angle: I32) -> None:
 
     Source: docs/filter.md Eq. (26).
     """
-    state[E_D] = limited(state[E_D] + 2 * limited(angle, 1 << 28), E_MOST)
+    add_heading(state, 2 * limited(angle, 1 << 28))
     # velocity and sensitivities were in the frame that has turned
     forget_sensitivities(state)
     state[S_N] = 0

@@ -85,7 +85,8 @@ GAIN_INVERSE = 136  # one over its variance, scaled
 GAIN_E = 137  # innovation over variance, scaled
 GAIN_D_SHIFT, GAIN_P_SHIFT = range(138, 140)  # what their products are divided by
 FIX_SPAN_US = 140  # time since the fix before, of the one in use
-STATE_SIZE = 141
+DUE = 141  # E_D as if nothing had been turned since the field in M came
+STATE_SIZE = 142
 
 # parameters
 LP_SHIFT = 0  # the low-pass takes 2^-shift of the difference
@@ -252,6 +253,7 @@ STATE_RANGES = (
     (-32768, 32768),
     *(((0, 31),) * 2),
     (0, 1 << 22),
+    (-E_MOST, E_MOST),
 )
 PARAMS_RANGES = (
     (0, 14),

@@ -13,6 +13,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     D_MOST,
     DOUBT,
     DOUBT_MOST,
+    DUE,
     E_D,
     E_E,
     E_MOST,
@@ -315,7 +316,7 @@ def apply_theta(state: list[I32], params: list[I32]) -> I32:
     turn(
         state, shifted(times(state, U_N, d), 10 - scale), shifted(times(state, U_E, d), 10 - scale)
     )
-    state[E_D] = limited(state[E_D] + heading, E_MOST)
+    add_heading(state, heading)
     limit_heading(state, params)
     return bits
 
@@ -334,6 +335,12 @@ def turn(state: list[I32], tilt_n: I32, tilt_e: I32) -> None:
     """Adds a tilt north and east (half radians, Q30) to the correction to come."""
     state[E_N] = limited(state[E_N] + limited(tilt_e, 1 << 29), E_MOST)
     state[E_E] = limited(state[E_E] - limited(tilt_n, 1 << 29), E_MOST)
+
+
+def add_heading(state: list[I32], angle: I32) -> None:
+    """Adds a heading (half radians, Q30) to the correction to come."""
+    state[E_D] = limited(state[E_D] + angle, E_MOST)
+    state[DUE] = limited(state[DUE] + angle, E_MOST)
 
 
 def limit_heading(state: list[I32], params: list[I32]) -> None:

@@ -170,6 +170,7 @@ def begin_frames(state: list[I32]) -> None:
     """No frame is complete yet, and no gain is known."""
     state[PHASE] = 1
     state[FRAME_US] = 0
+    state[T_FRAME] = 0
     state[SUM_N] = 0
     state[SUM_E] = 0
     state[SUM_TURN] = 0

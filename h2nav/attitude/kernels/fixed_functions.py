@@ -43,7 +43,7 @@ def limited(x: I32, most: I32) -> I32:
 
 
 def product(a: I32, b: I32) -> I32:
-    """A b / 2^15 of a 31-bit and a 16-bit factor, rounded down; the product is made of two halves.
+    """Product a b / 2^15 of a 31-bit and a 16-bit factor, rounded down, made of two halves.
 
     Source: docs/fixed-point.md Eq. (15).
     """
