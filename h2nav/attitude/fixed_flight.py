@@ -5,6 +5,7 @@ are the same bits in Python, in C on any computer and on a microcontroller.
 """
 
 import math
+from collections.abc import Iterator
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.flight_gains import (
@@ -43,6 +44,7 @@ from h2nav.attitude.velocity_aiding import VelocityAiding
 from h2nav.maths.fixedpoint import to_fixed
 
 BIAS_WORD_RAD_S = 2e6 / 2.0**53
+SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
 _INT32 = (-(1 << 31), (1 << 31) - 1)
 _INT16 = (-32768, 32767)
 _TRUST = (
@@ -76,6 +78,23 @@ def sample_integers(sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> lis
     words[layout.CLIPPED] = int(sample.clipped or sample.f_b == (0.0, 0.0, 0.0))
     words[layout.FIX_VARIANCE] = words[layout.FIX_PERIOD_US] = 1
     return words
+
+
+def parts_of(words: list[int], dt_us: int) -> Iterator[list[int]]:
+    """A sample in the fewest equal parts that the kernel takes; field and fix come with the last.
+
+    Args:
+        words: the sample; the same list comes again and again, refilled.
+        dt_us: its time, of any length.
+    """
+    steps = max(-(-dt_us // motion.MOST_DT_US), 1)
+    field, fix = words[layout.HAS_FIELD], words[layout.HAS_FIX]
+    for number in range(steps):
+        is_last = number == steps - 1
+        words[layout.HAS_FIELD] = field if is_last else 0
+        words[layout.HAS_FIX] = fix if is_last else 0
+        words[motion.DT_US] = (number + 1) * dt_us // steps - number * dt_us // steps
+        yield words
 
 
 class FlightFilter:
@@ -136,6 +155,10 @@ class FlightFilter:
         words[layout.NOSE] = self._nose
         self._fill_velocity(sample.t_us, words)
         bits = self._run(words, dt_us)
+        if bits & layout.ALIGNED:
+            self._settle()
+        if not words[layout.CLIPPED]:
+            bits |= self._standing()
         self._t_us = sample.t_us
         gained = (float(self._gained[0]), float(self._gained[1]))
         self._aiding.remember(sample.t_us, gained if self._state[layout.AIDED] else None)
@@ -156,16 +179,33 @@ class FlightFilter:
 
     def _run(self, words: list[int], dt_us: int) -> int:
         """One sample in as many equal steps as its time needs; field and fix come with the last."""
-        steps = max(-(-dt_us // motion.MOST_DT_US), 1)
-        field, fix = words[layout.HAS_FIELD], words[layout.HAS_FIX]
         bits = 0
-        for number in range(steps):
-            is_last = number == steps - 1
-            words[layout.HAS_FIELD] = field if is_last else 0
-            words[layout.HAS_FIX] = fix if is_last else 0
-            words[motion.DT_US] = (number + 1) * dt_us // steps - number * dt_us // steps
-            bits |= kernel.update(self._state, self._params, words)
+        for part in parts_of(words, dt_us):
+            bits |= kernel.update(self._state, self._params, part)
             self._follow_gained()
+        return bits
+
+    def _settle(self) -> None:
+        """Turns at once by the correction to come: samples that take no time and measure nothing.
+
+        The first heading is that of magnetic north, and a new declination counts at once.
+        """
+        words = [0] * layout.SAMPLE_SIZE
+        words[layout.CLIPPED] = 1
+        saturations = self._state[layout.SATURATIONS]
+        while max(abs(part) for part in self._state[layout.E_N : layout.E_D + 1]) >> SETTLED_BITS:
+            kernel.update(self._state, self._params, words)
+        kernel.update(self._state, self._params, words)
+        self._state[layout.SATURATIONS] = saturations
+
+    def _standing(self) -> int:
+        """Bits of what holds from one frame to the next; the kernel gives them once per frame."""
+        state = self._state
+        bits = 0
+        if state[layout.BELIEVED] > 0 and state[layout.FIELD_US] < layout.FIELD_MOST_US:
+            bits = layout.FIELD_USED
+        if state[layout.REST_US] >= max(self._params[layout.T_REST_US], 1):
+            bits |= layout.RESTING
         return bits
 
     def _follow_gained(self) -> None:
@@ -214,6 +254,7 @@ class FlightFilter:
         referenced = state[layout.AGE_US] >= 0 and state[layout.NO_FIELD] == 0
         if referenced and not state[layout.AIDED]:
             field_kernel.turn_heading(state, self._params, change)
+            self._settle()
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 Block = Sequence[ast.stmt]
 _WIDTH = 100
-_BREAKS = (" + ", " - ", ", ", " && ", " || ", " ? ", " : ", " * ", " & ")
+_BREAKS = (" + ", " - ", ", ", " && ", " || ", " ? ", " : ", " * ", " & ", " | ")
 
 
 def inner_blocks(statement: ast.stmt) -> list[Block]:

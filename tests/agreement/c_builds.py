@@ -6,7 +6,6 @@ from pathlib import Path
 
 import needs
 
-from h2nav.apps import export_c
 from h2nav.cli import main
 
 HERE = Path(__file__).resolve().parent
@@ -35,7 +34,6 @@ __all__ = [
 def export(folder: Path, gains: str = "mpu9250_100hz") -> Path:
     """The exported C files of a shipped gain file."""
     assert main(["export", "c", gains, "-o", str(folder), "--json"]) == 0
-    assert export_c.VECTOR_ROWS > 0
     return folder
 
 
