@@ -56,13 +56,14 @@ def _before(wanted: npt.NDArray[np.bool_], rows: slice) -> slice:
 
 
 def _is_ordinary(state: FilterState, t_us: int) -> bool:
-    """True where time goes on without a long gap and no outside velocity is at hand."""
+    """True for an aligned filter without a long gap, for which no outside velocity is at hand."""
     before, memory = state.values[0], state.values[_MEMORY]
     if before is None or not 0 < t_us - int(before) <= LONGEST_GAP_S * 1e6:
         return False
     aiding = VelocityAiding()
     aiding.load([float(value or 0.0) for value in state.values[_MEMORY.stop :]])
-    return memory[layout.AIDED] == 0 and aiding.is_idle(t_us)
+    is_aligned = int(memory[layout.AGE_US] or 0) >= 0
+    return is_aligned and memory[layout.AIDED] == 0 and aiding.is_idle(t_us)
 
 
 def _chunk(
@@ -78,7 +79,6 @@ def _chunk(
     gaps = np.diff(t_us, prepend=int(state.values[0] or 0))
     table, last = _divided(_table(samples, rows, state), gaps)
     memory = np.array(state.values[_MEMORY], dtype=np.int32)
-    was_aligned = memory[layout.AGE_US] >= 0
     params = np.array(attitude_filter.params, dtype=np.int32)
     out = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)
     native.run_fixed_flight(memory, params, table, table.shape[1], out)
@@ -88,10 +88,6 @@ def _chunk(
     for column, values in enumerate((w, x, y, z)):
         np.divide(values, length, out=result.q_nb[rows, column])
     np.multiply(ends[:, 4:7], BIAS_WORD_RAD_S, out=result.bias_b[rows])
-    if not was_aligned:
-        unknown = ~np.logical_or.accumulate(out[:, 7] & layout.ALIGNED != 0)[last]
-        result.q_nb[rows][unknown] = np.nan
-        result.bias_b[rows][unknown] = np.nan
     head = (int(t_us[-1]), *state.values[1:_HEAD])
     attitude_filter.restore(
         FilterState(state.filter_name, (*head, *memory.tolist(), *state.values[_MEMORY.stop :]))
