@@ -21,15 +21,56 @@ from typing import NamedTuple
 from h2nav.cli import main as h2nav
 
 HERE = Path(__file__).resolve().parent / "mcu"
-FILTERS = ("lean", "mahony", "madgwick", "mekf")
-NAMES = {
-    "lean": "h2nav, constant gain, integers",
-    "mahony": "Mahony, float",
-    "madgwick": "Madgwick, float",
-    "mekf": "6-state MEKF, float",
+
+
+class Program(NamedTuple):
+    """One filter of the bench.
+
+    Attributes:
+        title: for people.
+        source: C file in ``tools/mcu``.
+        form: of the exported filter that it needs; empty for a float filter.
+        state: the variables that it remembers between two steps.
+        flags: for the compiler.
+        null: flags that give the harness without a filter the same samples.
+        rounds: how many times as many samples it takes.
+    """
+
+    title: str
+    source: str
+    form: str
+    state: frozenset[str]
+    flags: tuple[str, ...] = ()
+    null: tuple[str, ...] = ()
+    rounds: int = 1
+
+
+_MEMORY = frozenset({"filter"})
+_TURNING = ("-DTURNING",)
+FILTERS = {
+    "flight": Program(
+        "h2nav, flight form, integers", "bench_flight.c", "flight", _MEMORY, (), _TURNING, 3
+    ),
+    "flight_fixes": Program(
+        "  with velocity fixes at 5 Hz",
+        "bench_flight.c",
+        "flight",
+        _MEMORY,
+        ("-DWITH_FIXES",),
+        _TURNING,
+        3,
+    ),
+    "lean": Program("h2nav, constant gain, integers", "bench_lean.c", "lean", _MEMORY),
+    "mahony": Program("Mahony, float", "bench_mahony.c", "", frozenset({"q", "bias"})),
+    "madgwick": Program("Madgwick, float", "bench_madgwick.c", "", frozenset({"q"})),
+    "mekf": Program("6-state MEKF, float", "bench_mekf.c", "", frozenset({"q", "bias", "p"})),
 }
-# what each remembers between two steps
-STATE = {"lean": {"filter"}, "mahony": {"q", "bias"}, "madgwick": {"q"}, "mekf": {"q", "bias", "p"}}
+
+
+def harness(program: Program) -> Program:
+    """What a filter's program costs without the filter."""
+    flags, rounds = program.null, program.rounds
+    return Program("harness", "bench_null.c", "", frozenset(), flags, rounds=rounds)
 
 
 class Board(NamedTuple):
@@ -75,25 +116,30 @@ def flash_size(program: Path, tools: str = "arm-none-eabi") -> int:
     return int(fields[0]) + int(fields[1])
 
 
-def state_size(program: Path, name: str, tools: str = "arm-none-eabi") -> int:
+def state_size(program: Path, names: frozenset[str], tools: str = "arm-none-eabi") -> int:
     """Bytes of the variables that a filter remembers."""
     lines = called(f"{tools}-nm", "-S", program).stdout.splitlines()
     fields = [line.split() for line in lines]
-    return sum(int(f[1], 16) for f in fields if len(f) == 4 and f[3] in STATE[name])
+    return sum(int(f[1], 16) for f in fields if len(f) == 4 and f[3] in names)
 
 
-def build(folder: Path, name: str, board: Board, steps: int) -> Path:
+def sources(folder: Path, program: Program) -> list[str | Path]:
+    """Source files, macros and folders of a filter's program but for `main`."""
+    form = folder / program.form
+    exported = [form / "h2nav_filter.c"] if program.form else []
+    return [*program.flags, f"-I{form}", f"-I{HERE}", HERE / program.source, *exported]
+
+
+def build(folder: Path, program: Program, board: Board, steps: int) -> Path:
     """The linked benchmark of one filter."""
-    program = folder / f"{name}_{board.machine}.elf"
-    extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+    linked = folder / "bench.elf"
     called(
         "arm-none-eabi-gcc", "-std=gnu99", "-O2", "-mthumb", *board.flags, "-fno-math-errno",
         "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles",
-        f"-DSTEPS={steps}", f"-I{folder}", f"-I{HERE}", f"-T{HERE / 'cortex_m.ld'}",
-        HERE / "startup.c", HERE / "bench_main.c", HERE / f"bench_{name}.c", *extra, "-lm",
-        "-o", program,
+        f"-DSTEPS={steps * program.rounds}", f"-T{HERE / 'cortex_m.ld'}",
+        HERE / "startup.c", HERE / "bench_main.c", *sources(folder, program), "-lm", "-o", linked,
     )  # fmt: skip
-    return program
+    return linked
 
 
 def run(program: Path, board: Board, plugin: Path) -> tuple[list[int], int]:
@@ -118,39 +164,38 @@ def measure(folder: Path, plugin: Path, steps: int) -> dict[str, dict[str, Cost]
     """Costs by core and filter; what the harness itself costs is taken off."""
     table: dict[str, dict[str, Cost]] = {}
     for core, board in BOARDS.items():
-        null = build(folder, "null", board, steps)
-        (null_min, _, _), null_stack = run(null, board, plugin)
-        null_flash = flash_size(null)
         table[core] = {}
-        for name in FILTERS:
-            program = build(folder, name, board, steps)
-            (least, most, total), stack = run(program, board, plugin)
+        for name, program in FILTERS.items():
+            null = build(folder, harness(program), board, steps)
+            (null_min, _, _), null_stack = run(null, board, plugin)
+            null_flash = flash_size(null)
+            linked = build(folder, program, board, steps)
+            (least, most, total), stack = run(linked, board, plugin)
             table[core][name] = Cost(
                 least - null_min,
                 most - null_min,
-                total / steps - null_min,
-                flash_size(program) - null_flash,
-                state_size(program, name),
+                total / (steps * program.rounds) - null_min,
+                flash_size(linked) - null_flash,
+                state_size(linked, program.state),
                 stack - null_stack,
             )
     return table
 
 
-def run_avr(folder: Path, name: str, steps: int) -> tuple[Path, list[int]]:
+def run_avr(folder: Path, program: Program, steps: int) -> tuple[Path, list[int]]:
     """The benchmark of one filter for the AVR; its stack and least, most and total cycles."""
-    program = folder / f"{name}_avr.elf"
-    extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+    linked = folder / "bench_avr.elf"
     called(
         "avr-gcc", "-std=gnu99", "-O2", f"-mmcu={AVR.lower()}", "-fno-math-errno",
-        "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", f"-DSTEPS={steps}",
-        f"-I{folder}", f"-I{HERE}", HERE / "startup_avr.c", HERE / "bench_main.c",
-        HERE / f"bench_{name}.c", *extra, "-lm", "-o", program,
+        "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections",
+        f"-DSTEPS={steps * program.rounds}", HERE / "startup_avr.c", HERE / "bench_main.c",
+        *sources(folder, program), "-lm", "-o", linked,
     )  # fmt: skip
-    output = called("simavr", "-m", AVR.lower(), "-f", "16000000", program).stderr
+    output = called("simavr", "-m", AVR.lower(), "-f", "16000000", linked).stderr
     words = re.findall(r"([0-9a-f]{8})\.", output)
     assert len(words) == 6, output
     stack, _, least, most, total, _ = (int(word, 16) for word in words)
-    return program, [stack, least, most, total]
+    return linked, [stack, least, most, total]
 
 
 def on_avr(folder: Path, steps: int) -> dict[str, Cost] | None:
@@ -159,16 +204,17 @@ def on_avr(folder: Path, steps: int) -> dict[str, Cost] | None:
     if missing:
         print(f"{AVR} left out: {', '.join(missing)} not installed", file=sys.stderr)
         return None
-    null, (null_stack, null_cycles, _, _) = run_avr(folder, "null", steps)
     found = {}
-    for name in FILTERS:
-        program, (stack, least, most, total) = run_avr(folder, name, steps)
+    for name, program in FILTERS.items():
+        null, (null_stack, null_cycles, _, _) = run_avr(folder, harness(program), steps)
+        null_flash = flash_size(null, "avr")
+        linked, (stack, least, most, total) = run_avr(folder, program, steps)
         found[name] = Cost(
             least - null_cycles,
             most - null_cycles,
-            total / steps - null_cycles,
-            flash_size(program, "avr") - flash_size(null, "avr"),
-            state_size(program, name, "avr"),
+            total / (steps * program.rounds) - null_cycles,
+            flash_size(linked, "avr") - null_flash,
+            state_size(linked, program.state, "avr"),
             stack - null_stack,
         )
     return found
@@ -179,21 +225,19 @@ def on_this_computer(folder: Path) -> dict[str, float] | None:
     if shutil.which("valgrind") is None or shutil.which("gcc") is None:
         return None
     found = {}
-    for name in FILTERS:
-        program = folder / f"{name}_host"
-        extra = [folder / "h2nav_filter.c"] if name == "lean" else []
+    for name, program in FILTERS.items():
+        linked, steps = folder / "bench_host", 2000 * program.rounds
         called(
-            "gcc", "-std=gnu99", "-O2", "-fno-math-errno", "-DSTEPS=2000", f"-I{folder}",
-            f"-I{HERE}", HERE / "bench_host.c", HERE / f"bench_{name}.c", *extra, "-lm",
-            "-o", program,
+            "gcc", "-std=gnu99", "-O2", "-fno-math-errno", f"-DSTEPS={steps}",
+            HERE / "bench_host.c", *sources(folder, program), "-lm", "-o", linked,
         )  # fmt: skip
         output = called(
             "valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null",
-            "--toggle-collect=bench_step", program,
+            "--toggle-collect=bench_step", linked,
         )  # fmt: skip
         counted = re.search(r"Collected : (\d+)", output.stderr)
         assert counted is not None
-        found[name] = int(counted[1]) / 2001
+        found[name] = int(counted[1]) / (steps + 1)
     return found
 
 
@@ -210,21 +254,29 @@ def text_of(
         lean = row["lean"].instructions_mean
         for name, cost in row.items():
             lines.append(
-                f"{NAMES[name]:32}{cost.instructions_min:7}{cost.instructions_max:8}"
+                f"{FILTERS[name].title:32}{cost.instructions_min:7}{cost.instructions_max:8}"
                 f"{cost.instructions_mean:9.1f}{cost.flash_bytes:9}{cost.state_bytes:7}"
                 f"{cost.stack_bytes:7}{cost.instructions_mean / lean:7.1f}"
             )
     if host is not None:
         lines.append("\nthis computer (callgrind)         instructions/step, mean")
-        lines.extend(f"{NAMES[name]:32}{count:9.1f}" for name, count in host.items())
+        lines.extend(f"{FILTERS[name].title:32}{count:9.1f}" for name, count in host.items())
     return "\n".join(lines) + "\n"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", action="store_true", help="machine-readable result")
-    parser.add_argument("--gains", default="mpu9250_100hz", help="gain file to export")
-    parser.add_argument("--steps", type=int, default=2000, help="samples per filter")
+    parser.add_argument("--gains", default="mpu9250_100hz", help="gain file of the lean form")
+    parser.add_argument(
+        "--flight-gains", default="handheld_100hz", help="gain file of the flight form"
+    )
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=2000,
+        help="samples per filter; the flight form takes three times as many",
+    )
     args = parser.parse_args()
     for program in ("arm-none-eabi-gcc", "qemu-system-arm", "gcc"):
         if shutil.which(program) is None:
@@ -232,7 +284,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         stdout, sys.stdout = sys.stdout, sys.stderr
-        h2nav(["export", "c", args.gains, "-o", str(folder)])
+        for form, gains in (("lean", args.gains), ("flight", args.flight_gains)):
+            h2nav(["export", "c", gains, "--form", form, "-o", str(folder / form)])
         sys.stdout = stdout
         plugin = folder / "count.so"
         called("gcc", "-shared", "-fPIC", "-O2", "-o", plugin, HERE / "count_plugin.c")

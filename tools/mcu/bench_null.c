@@ -1,6 +1,11 @@
 /* Nothing: what the harness and the call of a step cost. */
 #include "bench.h"
+#ifdef TURNING
+#include "bench_turning.h"
+#define bench_sample bench_turning
+#else
 #include "bench_sample.h"
+#endif
 
 static int32_t sink[9];
 

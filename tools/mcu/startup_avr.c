@@ -54,20 +54,20 @@ void step_ends(void)
     total += cycles;
 }
 
+#define STACK_BYTES 2048
 #define STACK_PATTERN 0x5au
-
-extern uint8_t _end[]; /* of the variables */
 
 void paint_stack(void)
 {
-    for (volatile uint8_t *byte = _end; byte < (uint8_t *)SP - 16; byte++) {
+    for (volatile uint8_t *byte = (uint8_t *)RAMEND - STACK_BYTES; byte < (uint8_t *)SP - 16;
+         byte++) {
         *byte = STACK_PATTERN;
     }
 }
 
 uint32_t deepest_stack(void)
 {
-    const uint8_t *byte = _end;
+    const uint8_t *byte = (const uint8_t *)RAMEND - STACK_BYTES;
     while (*byte == STACK_PATTERN) {
         byte++;
     }
