@@ -134,6 +134,11 @@ class FlightFilter:
         """The kernel's parameters in use."""
         return tuple(self._params)
 
+    @property
+    def gain_set(self) -> int:
+        """Number of the gain set in use, 0 the slowest."""
+        return self._state[layout.SET]
+
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
 
@@ -240,10 +245,10 @@ class FlightFilter:
         state = self._state
         self._field_scale = 0
         declination, sine, cosine = field_params(field)
-        change = declination - self._params[layout.DECLINATION]
-        self._params[layout.DECLINATION] = declination
-        self._params[layout.SIN_DECLINATION] = sine
-        self._params[layout.COS_DECLINATION] = cosine
+        change = declination - state[layout.DECLINATION]
+        state[layout.DECLINATION] = declination
+        state[layout.SIN_DECLINATION] = sine
+        state[layout.COS_DECLINATION] = cosine
         norm = field.norm_ut / FIELD_UNIT_UT
         parts = (norm * math.cos(field.dip_rad), norm * math.sin(field.dip_rad), norm)
         for i, part in enumerate(parts):
@@ -269,26 +274,24 @@ class FlightFilter:
 
     def state(self) -> FilterState:
         """The complete memory of the filter."""
-        params = self._params[layout.DECLINATION : layout.COS_DECLINATION + 1]
-        head = (self._t_us, self._field_scale, self._rest, self._nose, *self._gained, *params)
+        head = (self._t_us, self._field_scale, self._rest, self._nose, *self._gained)
         return FilterState(self.name, (*head, *self._state, *self._aiding.values()))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
         t_us, scale, *rest = state.values if len(state.values) > 1 else (None, None)
-        if state.filter_name != self.name or len(rest) < 7 + layout.STATE_SIZE:
+        if state.filter_name != self.name or len(rest) < 4 + layout.STATE_SIZE:
             raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
         numbers = [0 if value is None else value for value in rest]
-        integers = [int(value) for value in numbers[: 7 + layout.STATE_SIZE]]
-        for value, (low, high) in zip(integers[7:], layout.STATE_RANGES, strict=True):
+        integers = [int(value) for value in numbers[: 4 + layout.STATE_SIZE]]
+        for value, (low, high) in zip(integers[4:], layout.STATE_RANGES, strict=True):
             if not low <= value <= high:
                 raise ValueError(f"the state holds {value}, outside {low}..{high}")
         self._t_us = None if t_us is None else int(t_us)
         self._field_scale = None if scale is None else int(scale)
         self._rest, self._nose, *self._gained = integers[:4]
-        self._params[layout.DECLINATION : layout.COS_DECLINATION + 1] = integers[4:7]
-        self._state = integers[7:]
-        self._aiding.load([float(value) for value in numbers[7 + layout.STATE_SIZE :]])
+        self._state = integers[4:]
+        self._aiding.load([float(value) for value in numbers[4 + layout.STATE_SIZE :]])
 
     def _bias(self) -> Vec3:
         b_x, b_y, b_z = (
@@ -340,8 +343,8 @@ class FlightFilter:
         """Rotation that the last frame's measurements asked for, rad, NED."""
         state = self._state
         tilt = state[layout.KT_M] * 2.0 ** -(15 + state[layout.KT_S])
-        heading = state[layout.HEADING] if state[layout.NORM] else self._params[layout.DECLINATION]
-        error = (self._params[layout.DECLINATION] - heading) * 2.0**-28
+        heading = state[layout.HEADING] if state[layout.NORM] else state[layout.DECLINATION]
+        error = (state[layout.DECLINATION] - heading) * 2.0**-28
         return (
             tilt * state[layout.Y_E] * 2.0**-24,
             -tilt * state[layout.Y_N] * 2.0**-24,

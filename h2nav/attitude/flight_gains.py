@@ -163,10 +163,6 @@ def _set_field(image: _Image, g: tuple[float, ...]) -> None:
     most(layout.NEW_TURN_LEAST, g[shaped.G_NEW_TURN] * 2.0**16, "field_renewal_turn_deg")
     most(layout.LAG_PRIOR, g[shaped.G_LAG_PRIOR] / LAG_DEN_UNIT, "field_latency_weight_rad2_s")
     most(layout.LAG_MOST, g[shaped.G_LAG_MOST] / LAG_UNIT_S, "field_latency_limit_s")
-    declination, sine, cosine = field_params(EarthField(1.0, 0.0, 0.0))
-    put(layout.DECLINATION, declination, "declination")
-    put(layout.SIN_DECLINATION, sine, "declination")
-    put(layout.COS_DECLINATION, cosine, "declination")
 
 
 def _set_tables(image: _Image, g: tuple[float, ...]) -> list[float]:

@@ -23,6 +23,7 @@ from h2nav.attitude.kernels.fixed_flight_doubt import (
 from h2nav.attitude.kernels.fixed_flight_field import (
     forget_heading,
     judge_field,
+    learn_field,
     learn_latency,
     prepare_heading,
     resolve_field,
@@ -41,6 +42,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     BELIEVED,
     BIAS_VAR,
     CLIPPED,
+    COS_DECLINATION,
     DECLINATION,
     DENIED,
     DOUBT,
@@ -234,8 +236,8 @@ def second_stage(state: list[I32], params: list[I32], sample: list[I32], r: list
     if phase < 4:
         return judge_motion(state, params, sample, r, phase)
     if phase < 10:
-        return use_motion(state, params, phase)
-    return use_field(state, params, sample, r, phase)
+        return use_motion(state, params, sample, r, phase)
+    return use_field(state, params, phase)
 
 
 def judge_motion(
@@ -256,7 +258,9 @@ def judge_motion(
     return 0
 
 
-def use_motion(state: list[I32], params: list[I32], phase: I32) -> I32:
+def use_motion(
+    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], phase: I32
+) -> I32:
     """Theta from the frame's velocity, or from rest in its place; returns bits."""
     if phase == 4:
         find_motion_gain(state, params, V_N, Y_N)
@@ -272,8 +276,12 @@ def use_motion(state: list[I32], params: list[I32], phase: I32) -> I32:
         if rests(state, params) > 0:
             return RESTING | apply_theta(state, params)
         return apply_theta(state, params)
-    elif state[USE] > 0 or rests(state, params) > 0:
-        use_gain(state)
+    else:
+        if state[USE] > 0 or rests(state, params) > 0:
+            use_gain(state)
+        if phase == 7:
+            judge_rest(state, params, sample)
+            ask_force(state, params, sample, r)
     return 0
 
 
@@ -295,38 +303,37 @@ def find_motion_gain(state: list[I32], params: list[I32], row: I32, innovation: 
         find_gain(state, row, state[innovation], state[LOG_NOISE])
 
 
-def use_field(
-    state: list[I32], params: list[I32], sample: list[I32], r: list[I32], phase: I32
-) -> I32:
-    """Heading, and theta through it, from the newest field; rest; returns bits."""
-    bits = 0
-    if phase == 15:
-        if state[SEEN_US] > 0 and state[BELIEVED] > 0:
-            bits = FIELD_USED | apply_theta(state, params)
-        state[SEEN_US] = 0
-        judge_rest(state, params, sample)
-        ask_force(state, params, sample, r)
-    elif phase == 10:
+def use_field(state: list[I32], params: list[I32], phase: I32) -> I32:
+    """Theta from the heading of the newest field, if that is believed; returns bits.
+
+    What it finds is applied with what the next frame's velocity finds.
+    """
+    if phase == 10:
+        state[BELIEVED] = 0
         if state[FIELD_AGE_US] > 0:
             resolve_field(state, params)
-    elif state[SEEN_US] > 0:
-        if phase == 11:
+    elif phase == 11:
+        if state[SEEN_US] > 0:
             judge_field(state, params)
-        elif state[BELIEVED] > 0:
-            measure_heading(state, params, phase)
-    return bits
+    elif state[BELIEVED] > 0:
+        if phase == 12:
+            learn_field(state, params)
+        elif phase == 13:
+            learn_latency(state)
+            prepare_heading(state, params)
+            state[SEEN_US] = 0
+            return FIELD_USED
+        elif state[BELIEVED] == 2:
+            measure_heading(state, phase)
+    return 0
 
 
-def measure_heading(state: list[I32], params: list[I32], phase: I32) -> None:
-    """Theta from the heading of a believed field."""
-    if phase == 12:
-        learn_latency(state)
-        prepare_heading(state, params)
-    elif state[BELIEVED] == 2:
-        if phase == 13:
-            find_gain(state, ROW, state[ERROR], state[LOG_HEADING])
-        else:
-            use_gain(state)
+def measure_heading(state: list[I32], phase: I32) -> None:
+    """Theta from the heading that has been prepared."""
+    if phase == 14:
+        find_gain(state, ROW, state[ERROR], state[LOG_HEADING])
+    else:
+        use_gain(state)
 
 
 def begin_frame(state: list[I32], params: list[I32], sample: list[I32]) -> None:
@@ -420,7 +427,7 @@ def begin(state: list[I32], params: list[I32], sample: list[I32]) -> None:
     state[NEW_US] = 0
     if sample[HAS_FIELD] > 0:
         # the attitude is that of magnetic north
-        state[E_D] = known(params[DECLINATION], -(1 << 29), 1 << 29) * 2
+        state[E_D] = known(state[DECLINATION], -(1 << 29), 1 << 29) * 2
 
 
 def reset(state: list[I32]) -> None:
@@ -432,6 +439,7 @@ def reset(state: list[I32]) -> None:
     state[P + 4] = P_LEAST
     state[P + 7] = P_LEAST
     state[P + 9] = P_LEAST
+    state[COS_DECLINATION] = UNIT_Q14
     state[AGE_US] = -1
 
 

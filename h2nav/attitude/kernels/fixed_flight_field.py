@@ -10,6 +10,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     AGE_MOST_US,
     BELIEVED,
     COS_DECLINATION,
+    D_MOST,
     DECLINATION,
     DIP_GATE,
     DUE,
@@ -153,12 +154,12 @@ def resolve_field(state: list[I32], params: list[I32]) -> None:
 
 
 def judge_field(state: list[I32], params: list[I32]) -> None:
-    """Decides whether the field of the frame is believed, and learns from it if so.
+    """Decides whether the field of the frame is believed.
 
-    Source: docs/filter.md Eq. (22) to (24), (26).
+    Source: docs/filter.md Eq. (22), (26).
     """
-    state[BELIEVED] = 0
     if state[NORM] == 0:
+        state[SEEN_US] = 0
         return
     if state[REF_NORM] == 0:
         state[REF_FLAT] = state[FLAT] << 12
@@ -167,8 +168,8 @@ def judge_field(state: list[I32], params: list[I32]) -> None:
     if state[NO_FIELD] < 2:
         if differs(state, params[NORM_GATE], params[DIP_GATE], REF_FLAT) == 0:
             state[NEW_US] = 0
-            learn_field(state, params)
         elif renew_reference(state, params) == 0:
+            state[SEEN_US] = 0
             return
     state[BELIEVED] = 1
 
@@ -264,16 +265,19 @@ def learn_field(state: list[I32], params: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (23), (24).
     """
+    if state[NO_FIELD] == 2:
+        return
     age = state[SEEN_US]
     expected = state[REF_NORM] >> 12
     norm_error = ratio(abs(state[NORM] - expected), expected + 1)
     both = (state[NORM] >> 2) * (expected >> 2)
     dip_error = ratio(abs(crossed(state, REF_FLAT)), both + 1)
-    cosine = ratio(state[FLAT], state[NORM] + 1)
     shown = ((norm_error * norm_error) >> 1) + ((dip_error * dip_error) >> 1)
-    # a hundredth keeps the quotient finite where the field is vertical
-    flat = ((cosine * cosine) >> 1) + 5368709
-    shown = limited(power2(logarithm(shown + 1) - logarithm(flat) + (25 << 8)), 1 << 26)
+    # over twice the dip's cosine squared; a little keeps it finite where the field is vertical
+    norm = (state[NORM] >> 2) * (state[NORM] >> 2) + 1
+    flat = (state[FLAT] >> 2) * (state[FLAT] >> 2) + (norm >> 7) + 1
+    log_shown = logarithm(shown + 1) + logarithm(norm) - logarithm(flat) - (4 << 8)
+    shown = limited(power2(log_shown), 1 << 26)
     share = ratio(age, params[T_LEVEL_US] + age)
     state[MAGNETIC] = clamp(state[MAGNETIC] + product(shown - state[MAGNETIC], share), 0, 1 << 26)
     if state[REF_GIVEN] == 0:
@@ -317,14 +321,14 @@ def learn_latency(state: list[I32]) -> None:
     state[LAG_DEN] = den
 
 
-def heading_error(state: list[I32], params: list[I32]) -> I32:
+def heading_error(state: list[I32]) -> I32:
     """Heading that the field shows, less what was corrected since it came or will be, rad, Q28."""
-    error = params[DECLINATION] - state[HEADING]
+    error = state[DECLINATION] - state[HEADING]
     if error > HALF_TURN_Q28:
         error -= 2 * HALF_TURN_Q28
     elif error < -HALF_TURN_Q28:
         error += 2 * HALF_TURN_Q28
-    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (state[DUE] >> 1), 1 << 30)
+    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (state[DUE] >> 1), D_MOST)
 
 
 def turn_heading(state: list[I32], params: list[I32], angle: I32) -> None:
@@ -346,7 +350,7 @@ def prepare_heading(state: list[I32], params: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (25).
     """
-    error = heading_error(state, params)
+    error = heading_error(state)
     if state[NO_FIELD] > 0:
         turn_heading(state, params, limited(error, TURNED_AT_ONCE))
         if abs(error) <= TURNED_AT_ONCE:
@@ -358,8 +362,8 @@ def prepare_heading(state: list[I32], params: list[I32]) -> None:
     square = (slope * slope) >> 15
     if state[REF_DOWN] < 0:
         slope = -slope
-    north = (slope * params[SIN_DECLINATION]) >> 14
-    east = -((slope * params[COS_DECLINATION]) >> 14)
+    north = (slope * state[SIN_DECLINATION]) >> 14
+    east = -((slope * state[COS_DECLINATION]) >> 14)
     for i in range(4):
         part = (product(state[U_N + i], north) >> 1) + (product(state[U_E + i], east) >> 1)
         state[ROW + i] = limited(part, 1 << 25) << 4

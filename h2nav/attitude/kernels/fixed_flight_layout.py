@@ -86,7 +86,9 @@ GAIN_E = 137  # innovation over variance, scaled
 GAIN_D_SHIFT, GAIN_P_SHIFT = range(138, 140)  # what their products are divided by
 FIX_SPAN_US = 140  # time since the fix before, of the one in use
 DUE = 141  # E_D as if nothing had been turned since the field in M came
-STATE_SIZE = 142
+DECLINATION = 142  # rad, Q28
+SIN_DECLINATION, COS_DECLINATION = range(143, 145)  # Q14
+STATE_SIZE = 145
 
 # parameters
 LP_SHIFT = 0  # the low-pass takes 2^-shift of the difference
@@ -115,9 +117,7 @@ T_NEW_US = 33
 NEW_TURN_LEAST = 34  # rad, Q16
 LAG_PRIOR = 35  # in units of LAG_DEN for a field of Q14 norm one
 LAG_MOST = 36  # units of 8 us
-DECLINATION = 37  # rad, Q28
-SIN_DECLINATION, COS_DECLINATION = range(38, 40)  # Q14
-LOG_BOUNDS = 40  # 11: omega0^4 up to which a set is taken
+LOG_BOUNDS = 37  # 11: omega0^4 up to which a set is taken
 SETS = 12
 K_TILT = LOG_BOUNDS + SETS - 1  # 12: 1/s^2, packed
 K_VELOCITY = K_TILT + SETS  # 12: 1/s, packed
@@ -194,10 +194,10 @@ STATE_RANGES = (
     *(((-D_MOST, D_MOST),) * 4),
     (0, FRAME - 1),
     (0, FRAME_MOST_US),
-    *(((-(1 << 30), 1 << 30),) * 2),
+    *(((-Y_MOST, Y_MOST),) * 2),
     (0, 1 << 30),
     (0, 32767),
-    *(((-(1 << 30), 1 << 30),) * 2),
+    *(((-D_MOST, D_MOST),) * 2),
     (0, 2),
     *(((-LOG_MOST, LOG_MOST),) * 4),
     (0, 32767),
@@ -220,7 +220,7 @@ STATE_RANGES = (
     (0, 1),
     (0, MOST_MISSES),
     *(((0, C_MASK),) * 2),
-    *(((-(1 << 30), 1 << 30),) * 2),
+    *(((-D_MOST, D_MOST),) * 2),
     (0, 1 << 24),
     (0, 1 << 22),
     *(((-32768, 32767),) * 3),
@@ -246,7 +246,7 @@ STATE_RANGES = (
     (0, 12500),
     (0, FIELD_MOST_US),
     *(((-U_MOST, U_MOST),) * 4),
-    (-(1 << 30), 1 << 30),
+    (-D_MOST, D_MOST),
     (-LOG_MOST, LOG_MOST),
     *(((-32768, 32767),) * 4),
     (0, 32768),
@@ -254,6 +254,8 @@ STATE_RANGES = (
     *(((0, 31),) * 2),
     (0, 1 << 22),
     (-E_MOST, E_MOST),
+    (1 - (1 << 30), (1 << 30) - 1),
+    *(((-(1 << 14), 1 << 14),) * 2),
 )
 PARAMS_RANGES = (
     (0, 14),
@@ -282,8 +284,6 @@ PARAMS_RANGES = (
     (0, 1 << 30),
     (1, 1 << 29),
     (0, 12500),
-    (1 - (1 << 30), (1 << 30) - 1),
-    *(((-(1 << 14), 1 << 14),) * 2),
     *(((-LOG_MOST, LOG_MOST),) * 11),
     *(((0, PACKED_MOST),) * 24),
     *(((0, 1 << 22),) * 4),

@@ -36,10 +36,10 @@ def set_place(state: list[I32], params: list[I32], place: list[I32]) -> None:
         declination = limited(flat[1], HALF_TURN_Q28)
     level = clamp(flat[0], 0, NORM_MOST)
     polar(level, place[2], whole)
-    change = declination - params[DECLINATION]
-    params[DECLINATION] = declination
-    params[SIN_DECLINATION] = part_of(place[1], level)
-    params[COS_DECLINATION] = part_of(place[0], level)
+    change = declination - state[DECLINATION]
+    state[DECLINATION] = declination
+    state[SIN_DECLINATION] = part_of(place[1], level)
+    state[COS_DECLINATION] = part_of(place[0], level)
     # Q14 to Q26
     state[REF_FLAT] = level << 12
     state[REF_DOWN] = place[2] * 4096

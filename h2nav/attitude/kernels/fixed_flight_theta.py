@@ -61,7 +61,7 @@ from h2nav.attitude.kernels.fixed_functions import (
 from h2nav.attitude.kernels.fixed_motion import B_X
 from h2nav.maths.fixedpoint import I32, clamp, known
 
-NOISE_ORIGIN = 57 << 8  # log2 of 2^57: unit of the innovation's variance before scaling
+NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
 MOST_NOISE = 29 << 8
 
 
@@ -142,9 +142,14 @@ def carry_heading(state: list[I32], tilt: I32, velocity: I32) -> None:
     state[velocity + 3] = limited(v, V_MOST)
 
 
-def surplus(a: I32, b: I32, c: I32, d: I32) -> I32:
-    """Number of digits that the largest of four numbers has beyond 15."""
-    return clamp(bits_of(abs(a) | abs(b) | abs(c) | abs(d)) - 15, 0, 16)
+def size_of(a: I32) -> I32:
+    """Size of a number, or one less: as many binary digits as it."""
+    return known(a ^ (a >> 31), 0, 2147483647)
+
+
+def digits_of(a: I32, b: I32, c: I32, d: I32) -> I32:
+    """Number of binary digits of the largest of four numbers."""
+    return bits_of(size_of(a) | size_of(b) | size_of(c) | size_of(d))
 
 
 def find_gain(state: list[I32], row: I32, innovation: I32, log_noise: I32) -> None:
@@ -158,29 +163,29 @@ def find_gain(state: list[I32], row: I32, innovation: I32, log_noise: I32) -> No
 
     Source: docs/fixed-point.md Eq. (20), (21).
     """
-    scale = surplus(state[row], state[row + 1], state[row + 2], state[row + 3])
+    scale = clamp(digits_of(state[row], state[row + 1], state[row + 2], state[row + 3]) - 13, 0, 18)
     a = [0, 0, 0, 0]
     for i in range(4):
-        a[i] = known(state[row + i] >> scale, -32768, 32767)
+        a[i] = known(state[row + i] >> scale, -8192, 8191)
     h0 = row_times(state, P, P + 1, P + 2, P + 3, a)
     h1 = row_times(state, P + 1, P + 4, P + 5, P + 6, a)
     h2 = row_times(state, P + 2, P + 5, P + 7, P + 8, a)
     h3 = row_times(state, P + 3, P + 6, P + 8, P + 9, a)
-    fall = surplus(h0, h1, h2, h3)
+    fall = clamp(digits_of(h0, h1, h2, h3) - 15, 0, 16)
     h0 = known(h0 >> fall, -32768, 32767)
     h1 = known(h1 >> fall, -32768, 32767)
     h2 = known(h2 >> fall, -32768, 32767)
     h3 = known(h3 >> fall, -32768, 32767)
-    variance = (a[0] * h0 >> 2) + (a[1] * h1 >> 2) + (a[2] * h2 >> 2) + (a[3] * h3 >> 2)
+    variance = a[0] * h0 + a[1] * h1 + a[2] * h2 + a[3] * h3
     # what the correction so far explains already
     explained = times(state, D, a)
     state[GAIN_H] = h0
     state[GAIN_H + 1] = h1
     state[GAIN_H + 2] = h2
     state[GAIN_H + 3] = h3
-    y = limited(innovation, D_MOST) - limited(shifted(explained, 11 - scale), D_MOST)
+    y = innovation - limited(shifted(explained, 13 - scale), D_MOST)
     log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
-    weigh_gain(state, clamp(variance, 0, 1 << 30), limited(y, D_MOST), log_noise, scale, fall)
+    weigh_gain(state, clamp(variance, 0, 1 << 30), y, log_noise, scale, fall)
 
 
 def weigh_gain(
@@ -210,21 +215,21 @@ def weigh_gain(
     digits = bits_of(variance)
     inverse = reciprocal(mantissa(variance, digits))
     lost = digits + excess
-    y_scale = clamp(bits_of(abs(y)) - 15, 0, 16)
+    y_scale = clamp(bits_of(size_of(y)) - 15, 0, 16)
     state[GAIN_INVERSE] = inverse
     state[GAIN_E] = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
     # a step that would need a shift to the left is beyond what theta can be
-    state[GAIN_D_SHIFT] = clamp(lost + scale - 27 - y_scale, 0, 31)
+    state[GAIN_D_SHIFT] = clamp(lost + scale - 29 - y_scale, 0, 31)
     state[GAIN_P_SHIFT] = clamp(lost - fall - 16, 0, 31)
 
 
 def row_times(state: list[I32], i: I32, j: I32, k: I32, l: I32, a: list[I32]) -> I32:  # noqa: E741
-    """A row of P, given by its places, times a; a quarter of 2^15 less."""
+    """A row of P, given by its places, times a, over 2^15."""
     return (
-        (product(state[i], a[0]) >> 2)
-        + (product(state[j], a[1]) >> 2)
-        + (product(state[k], a[2]) >> 2)
-        + (product(state[l], a[3]) >> 2)
+        product(state[i], a[0])
+        + product(state[j], a[1])
+        + product(state[k], a[2])
+        + product(state[l], a[3])
     )
 
 
@@ -298,10 +303,10 @@ def apply_theta(state: list[I32], params: list[I32]) -> I32:
 
     Source: docs/filter.md Eq. (19).
     """
-    scale = surplus(state[D], state[D + 1], state[D + 2], state[D + 3])
+    scale = clamp(digits_of(state[D], state[D + 1], state[D + 2], state[D + 3]) - 13, 0, 18)
     d = [0, 0, 0, 0]
     for i in range(4):
-        d[i] = known(state[D + i] >> scale, -32768, 32767)
+        d[i] = known(state[D + i] >> scale, -8192, 8191)
     bits = 0
     for i in range(3):
         bias = state[B_X + i] + (state[D + i] >> 2)
@@ -311,10 +316,10 @@ def apply_theta(state: list[I32], params: list[I32]) -> I32:
     heading = state[D + 3]
     for i in range(4):
         state[D + i] = 0
-    state[S_N] = limited(state[S_N] + shifted(times(state, V_N, d), 11 - scale), S_MOST)
-    state[S_E] = limited(state[S_E] + shifted(times(state, V_E, d), 11 - scale), S_MOST)
+    state[S_N] = limited(state[S_N] + shifted(times(state, V_N, d), 13 - scale), S_MOST)
+    state[S_E] = limited(state[S_E] + shifted(times(state, V_E, d), 13 - scale), S_MOST)
     turn(
-        state, shifted(times(state, U_N, d), 10 - scale), shifted(times(state, U_E, d), 10 - scale)
+        state, shifted(times(state, U_N, d), 12 - scale), shifted(times(state, U_E, d), 12 - scale)
     )
     add_heading(state, heading)
     limit_heading(state, params)
@@ -322,13 +327,8 @@ def apply_theta(state: list[I32], params: list[I32]) -> I32:
 
 
 def times(state: list[I32], row: I32, d: list[I32]) -> I32:
-    """Sensitivities times the scaled correction; a quarter of 2^15 less."""
-    return (
-        (product(state[row], d[0]) >> 2)
-        + (product(state[row + 1], d[1]) >> 2)
-        + (product(state[row + 2], d[2]) >> 2)
-        + (product(state[row + 3], d[3]) >> 2)
-    )
+    """Four numbers of the memory times four of 13 digits, over 2^15."""
+    return row_times(state, row, row + 1, row + 2, row + 3, d)
 
 
 def turn(state: list[I32], tilt_n: I32, tilt_e: I32) -> None:

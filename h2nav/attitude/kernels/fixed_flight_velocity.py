@@ -17,6 +17,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     C_N,
     CEILING,
     CORRELATION,
+    D_MOST,
     DENIED,
     DOUBT,
     DRIFT_E,
@@ -317,9 +318,9 @@ def note_fix(state: list[I32], sample: list[I32]) -> None:
     Source: docs/filter.md Eq. (15).
     """
     gained = ((state[C_N] - sample[FIX_C] + (1 << 27)) & C_MASK) - (1 << 27)
-    state[FIX_Y_N] = limited(sample[FIX_V] - state[S_N] + gained, 1 << 30)
+    state[FIX_Y_N] = limited(sample[FIX_V] - state[S_N] + gained, D_MOST)
     gained = ((state[C_E] - sample[FIX_C + 1] + (1 << 27)) & C_MASK) - (1 << 27)
-    state[FIX_Y_E] = limited(sample[FIX_V + 1] - state[S_E] + gained, 1 << 30)
+    state[FIX_Y_E] = limited(sample[FIX_V + 1] - state[S_E] + gained, D_MOST)
     state[FIX_VAR] = sample[FIX_VARIANCE]
     state[FIX_US] = sample[FIX_PERIOD_US]
 
