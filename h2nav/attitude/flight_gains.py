@@ -1,6 +1,6 @@
 """The integer image of the default filter's gains: what the flight filter in integers takes.
 
-Source: docs/fixed-point.md Eq. (26), (27).
+Source: docs/fixed-point.md Eq. (24), (25).
 """
 
 import math

@@ -4,7 +4,7 @@ The first stage runs with every sample. The second stage runs once per frame of 
 part of it with each, so that no sample costs much more than another. Around it stands what finds
 the first attitude. Formats and the proof of the ranges: docs/fixed-point.md.
 
-Source: docs/fixed-point.md Eq. (15) to (31); docs/filter.md.
+Source: docs/fixed-point.md Eq. (15) to (29); docs/filter.md.
 """
 
 from h2nav.attitude.kernels.fixed_flight_doubt import (

@@ -75,7 +75,7 @@ ONE_Q26 = 1 << 26
 def watch_rest(state: list[I32], params: list[I32], sample: list[I32]) -> None:
     """Low-passes rate and force; notes a sample that is far from either.
 
-    Source: docs/fixed-point.md Eq. (28).
+    Source: docs/fixed-point.md Eq. (26).
     """
     shift = params[LP_SHIFT]
     rate = 0

@@ -3,7 +3,7 @@
 The reference is kept as horizontal and vertical part; its dip is compared by cross products, so
 that no angle but the heading is ever computed.
 
-Source: docs/fixed-point.md Eq. (29) to (31); docs/filter.md Eq. (21) to (26).
+Source: docs/fixed-point.md Eq. (27) to (29); docs/filter.md Eq. (21) to (26).
 """
 
 from h2nav.attitude.kernels.fixed_flight_layout import (

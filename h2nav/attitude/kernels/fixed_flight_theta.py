@@ -3,7 +3,7 @@
 Factors are scaled to 15 digits, each group by its largest, and the powers of two are followed
 beside them: the covariance spans nine decades, a product never more than 32 bits.
 
-Source: docs/fixed-point.md Eq. (20) to (24); docs/filter.md Eq. (6), (7), (12), (17) to (19).
+Source: docs/fixed-point.md Eq. (19) to (22); docs/filter.md Eq. (6), (7), (12), (17) to (19).
 """
 
 from h2nav.attitude.kernels.fixed_flight_layout import (

@@ -1,6 +1,6 @@
 """First stage of the flight filter in integers: velocity, its levels, gain sets, fixes.
 
-Source: docs/fixed-point.md Eq. (25) to (27); docs/filter.md Eq. (5), (8) to (11), (13) to (16).
+Source: docs/fixed-point.md Eq. (23) to (25); docs/filter.md Eq. (5), (8) to (11), (13) to (16).
 """
 
 from h2nav.attitude.kernels.fixed_flight_doubt import doubt_tilt, restart_tilt
@@ -185,7 +185,7 @@ def begin_frames(state: list[I32]) -> None:
 def correct_velocity(state: list[I32], sample: list[I32], r: list[I32]) -> None:
     """The constant gain for a velocity near zero, or near NOSE along the nose.
 
-    Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (25).
+    Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (23).
     """
     north = limited(((sample[NOSE] * r[0]) >> 2) - state[S_N], Y_MOST)
     east = limited(((sample[NOSE] * r[3]) >> 2) - state[S_E], Y_MOST)
@@ -297,7 +297,7 @@ def select_set(state: list[I32], params: list[I32]) -> None:
 def set_frame_gains(state: list[I32], params: list[I32]) -> None:
     """Gains of the set for the time of a frame.
 
-    Source: docs/fixed-point.md Eq. (26).
+    Source: docs/fixed-point.md Eq. (24).
     """
     time = state[T_FRAME] | 1
     digits = bits_of(time)
