@@ -139,6 +139,7 @@ from h2nav.maths.fixedpoint import I32, clamp, known
 STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
 FIELD_WAIT_US = 250000
 NOSE_DOWN = 14189  # sine of 60 degrees, Q14
+MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: most of a declination that the start takes
 SATURATIONS_MOST = 1 << 30
 
 
@@ -427,7 +428,10 @@ def begin(state: list[I32], params: list[I32], sample: list[I32]) -> None:
     state[NEW_US] = 0
     if sample[HAS_FIELD] > 0:
         # the attitude is that of magnetic north
-        state[E_D] = known(state[DECLINATION], -(1 << 29), 1 << 29) * 2
+        state[E_D] = limited(state[DECLINATION], MOST_AT_ONCE) * 2
+        if abs(state[DECLINATION]) > MOST_AT_ONCE:
+            # beside a pole: the fields to come give the rest
+            state[NO_FIELD] = 1
 
 
 def reset(state: list[I32]) -> None:
