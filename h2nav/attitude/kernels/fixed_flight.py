@@ -120,6 +120,7 @@ from h2nav.attitude.kernels.fixed_flight_velocity import (
     raise_level,
     set_ease,
 )
+from h2nav.attitude.kernels.fixed_functions import limited
 from h2nav.attitude.kernels.fixed_motion import (
     B_X,
     BIAS_BITS,
@@ -138,7 +139,6 @@ from h2nav.maths.fixedpoint import I32, clamp, known
 
 STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
 FIELD_WAIT_US = 250000
-NOSE_DOWN = 14189  # sine of 60 degrees, Q14
 MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: most of a declination that the start takes
 SATURATIONS_MOST = 1 << 30
 
