@@ -161,7 +161,6 @@ P_LEAST = 256  # variances stay positive
 Y_MOST = 1 << 27  # 8 s: 78 m/s
 LEVEL_MOST = 1 << 29
 DOUBT_MOST = 421439783  # 1.57 rad: nothing is known
-ONE_G = 1 << 20
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
 FRAME_MOST_US = 240000
