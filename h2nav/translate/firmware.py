@@ -23,7 +23,6 @@ class IntegerForm(NamedTuple):
         layout: the kernel module that names memory, parameters and sample, and has their ranges.
         modules: file names in ``attitude/kernels``, imported ones first.
         entries: kernel functions that the interface calls.
-        memory: members of ``h2nav_filter``, in C.
         words: words of the memory that a program reads.
         sample_words: words of a sample that a program writes itself.
         bits: of a step's result.
@@ -37,7 +36,6 @@ class IntegerForm(NamedTuple):
     layout: ModuleType
     modules: tuple[str, ...]
     entries: tuple[str, ...]
-    memory: str
     words: tuple[Row, ...]
     sample_words: tuple[Row, ...]
     bits: tuple[Row, ...]
@@ -90,7 +88,8 @@ def header(form: IntegerForm, firmware: Firmware) -> str:
 
 /* The filter's whole memory. */
 typedef struct {{
-{form.memory}}} h2nav_filter;
+    int32_t words[H2NAV_STATE_SIZE];
+}} h2nav_filter;
 
 {enumeration("Words of the memory.", form.words)}/* One sample. */
 typedef struct {{

@@ -60,7 +60,8 @@ void h2nav_init(h2nav_filter *filter);
 void h2nav_reset(h2nav_filter *filter);
 
 /* Tells the field of the place, as a model of the earth's field gives it: true north, east, down,
- * 2^14 = 64 uT. Before, the attitude is to magnetic north and the field's norm and dip are learnt.
+ * 2^14 = 64 uT. Before, the attitude is to magnetic north and the field's norm and dip are learnt;
+ * afterwards the heading turns by the declination with the next samples.
  */
 void h2nav_set_field(h2nav_filter *filter, const int16_t field[3]);
 
@@ -100,7 +101,6 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample);
 
 # limits of what a program gives, as the kernel's samples declare them
 _LIMITS = f"""\
-#define PARAMS_SIZE {layout.PARAMS_SIZE}
 #define LONGEST_PART_US {motion.MOST_DT_US}
 #define LEAST_FORCE ({layout.SAMPLE_RANGES[layout.A_X][0]})
 #define MOST_FORCE {layout.SAMPLE_RANGES[layout.A_X][1]}
@@ -118,11 +118,8 @@ static int32_t within(int32_t x, int32_t low, int32_t high)
 
 void h2nav_init(h2nav_filter *filter)
 {
-    for (int32_t i = 0; i < PARAMS_SIZE; i++) {
-        filter->params[i] = PARAMS[i];
-    }
     reset(filter->words);
-    prepare(filter->words, filter->params);
+    prepare(filter->words, PARAMS);
 }
 
 void h2nav_reset(h2nav_filter *filter)
@@ -136,7 +133,7 @@ void h2nav_set_field(h2nav_filter *filter, const int16_t field[3])
     for (int32_t i = 0; i < 3; i++) {
         place[i] = field[i];
     }
-    set_place(filter->words, filter->params, place);
+    set_place(filter->words, PARAMS, place);
 }
 
 void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force[3],
@@ -198,12 +195,12 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
     int32_t bits = 0;
     int32_t parts = 1;
     if (time_us <= LONGEST_PART_US) {
-        return update(filter->words, filter->params, words);
+        return update(filter->words, PARAMS, words);
     }
     if (time_us > H2NAV_LONGEST_GAP_US) {
         restart(filter->words);
         words[DT_US] = 0;
-        bits = update(filter->words, filter->params, words);
+        bits = update(filter->words, PARAMS, words);
         words[DT_US] = time_us;
         return bits;
     }
@@ -224,7 +221,7 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
             words[HAS_FIELD] = has_field;
             words[HAS_FIX] = has_fix;
         }
-        bits |= update(filter->words, filter->params, words);
+        bits |= update(filter->words, PARAMS, words);
     }
     words[DT_US] = time_us;
     return bits;
@@ -280,10 +277,6 @@ FLIGHT: Final = IntegerForm(
         "fixed_flight.py",
     ),
     entries=("update", "restart", "prepare", "set_place"),
-    memory=f"""\
-    int32_t words[H2NAV_STATE_SIZE];
-    int32_t params[{layout.PARAMS_SIZE}];
-""",
     words=_WORDS,
     sample_words=_SAMPLE_WORDS,
     bits=_BITS,

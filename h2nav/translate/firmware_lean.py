@@ -98,7 +98,6 @@ LEAN: Final = IntegerForm(
     layout=layout,
     modules=("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"),
     entries=("update", "restart"),
-    memory="    int32_t words[H2NAV_STATE_SIZE];\n",
     words=(
         ("Q_W", motion.Q_W, "attitude, scalar first, 2^29 = 1; norm within 0.0005 of one"),
         ("Q_X", motion.Q_X, ""),
