@@ -15,6 +15,7 @@ import numpy.typing as npt
 from h2nav.apps.filters import SHIPPED_RATES_HZ
 from h2nav.attitude import alignment, batch
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
 from h2nav.attitude.samples import (
@@ -100,15 +101,29 @@ def shipped_rate(rate_hz: float) -> int:
 
 def run_default(trial: Trial, conditions: Conditions) -> Track:
     """The default filter with the shipped gains of the class and the nearest rate."""
-    name = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
-    return run_shaped(trial, conditions, shaped_gains(gain_files.load(name), name))
+    return run_shaped(trial, conditions, _class_gains(trial, conditions))
+
+
+def run_default_fixed(trial: Trial, conditions: Conditions) -> Track:
+    """The same in integers."""
+    gains = _at_cruise(_class_gains(trial, conditions), conditions)
+    return _run(trial, conditions, FlightFilter(gains, gains.name))
 
 
 def run_shaped(trial: Trial, conditions: Conditions, gains: ShapedGains) -> Track:
     """The default filter with given gains."""
-    if conditions.cruise_speed_m_s is not None:
-        gains = gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
-    return _run(trial, conditions, ShapedFilter(gains))
+    return _run(trial, conditions, ShapedFilter(_at_cruise(gains, conditions)))
+
+
+def _class_gains(trial: Trial, conditions: Conditions) -> ShapedGains:
+    name = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
+    return shaped_gains(gain_files.load(name), name)
+
+
+def _at_cruise(gains: ShapedGains, conditions: Conditions) -> ShapedGains:
+    if conditions.cruise_speed_m_s is None:
+        return gains
+    return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
 
 
 def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
@@ -122,7 +137,8 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
     is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
-    if is_plain and isinstance(chosen, ShapedFilter) and batch.backend() == "native":
+    is_compiled = isinstance(chosen, ShapedFilter | FlightFilter) and batch.backend() == "native"
+    if is_plain and is_compiled:
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)
 
@@ -136,7 +152,7 @@ def _tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix)
         chosen.use_vehicle(what)
 
 
-def _run_batch(trial: Trial, told: Sequence[Told], chosen: ShapedFilter) -> Track:
+def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
     """The stretches between things told, each through the compiled kernel."""
     count = len(trial.t_us)
     q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
@@ -174,7 +190,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
             _tell(chosen, following.what)
             following = next(coming, None)
         estimates.append(chosen.update(sample))
-        if isinstance(chosen, ShapedFilter):
+        if isinstance(chosen, ShapedFilter | FlightFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     known = np.array([estimate is not None for estimate in estimates])

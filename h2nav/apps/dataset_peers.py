@@ -29,6 +29,7 @@ def installed() -> dict[str, Runner]:
     """Name -> filter, ours first, then the peers that are installed."""
     found: dict[str, Runner] = {
         "default": ours.run_default,
+        "default_fixed": ours.run_default_fixed,
         "two_stage": ours.run_two_stage,
         "paper": ours.run_paper,
     }

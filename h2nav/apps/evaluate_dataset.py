@@ -84,7 +84,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="F",
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
-        "default, two_stage, paper; where installed vqf, imufusion, ahrs.madgwick, ahrs.ekf",
+        "default, default_fixed (the same in 32-bit integers), two_stage, paper; where installed "
+        "vqf, imufusion, ahrs.madgwick, ahrs.ekf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
     parser.add_argument(

@@ -15,7 +15,7 @@ from h2nav.attitude.batch_rows import (
     special_rows,
 )
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.fixed_flight import BIAS_WORD_RAD_S, FlightFilter
+from h2nav.attitude.fixed_flight import BIAS_WORD_RAD_S, HEAD_SIZE, FlightFilter
 from h2nav.attitude.flight_gains import FIELD_UNIT_UT
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels.fixed_motion import DT_US, MOST_DT_US, W_X
@@ -24,10 +24,7 @@ from h2nav.attitude.shaped_gains import GRAVITY_M_S2
 from h2nav.attitude.velocity_aiding import VelocityAiding
 
 Integers = npt.NDArray[np.int32]
-# Words of `FlightFilter.state`: time, scale of the field, rest, nose, velocity gained, declination;
-# then the kernel's memory, then the aiding.
-_HEAD = 9
-_MEMORY = slice(_HEAD, _HEAD + layout.STATE_SIZE)
+_MEMORY = slice(HEAD_SIZE, HEAD_SIZE + layout.STATE_SIZE)
 
 
 def run_flight(
@@ -39,7 +36,7 @@ def run_flight(
     while first < n:
         state = attitude_filter.state()
         rows = ordinary(special, first)
-        if state.values[1] is None:  # the unit of the field follows from the first one
+        if state.values[2] is None:  # the unit of the field follows from the first one
             rows = _before(samples.has_field, rows)
         if rows.stop == first or not _is_ordinary(state, int(samples.t_us[first])):
             run_python(attitude_filter, samples, result, first, first + 1)
@@ -88,7 +85,11 @@ def _chunk(
     for column, values in enumerate((w, x, y, z)):
         np.divide(values, length, out=result.q_nb[rows, column])
     np.multiply(ends[:, 4:7], BIAS_WORD_RAD_S, out=result.bias_b[rows])
-    head = (int(t_us[-1]), *state.values[1:_HEAD])
+    believed = np.flatnonzero(out[:, 7] & layout.FIELD_USED)
+    believed_us = state.values[1]
+    if len(believed):
+        believed_us = int(t_us[np.searchsorted(last, believed[-1])])
+    head = (int(t_us[-1]), believed_us, *state.values[2:HEAD_SIZE])
     attitude_filter.restore(
         FilterState(state.filter_name, (*head, *memory.tolist(), *state.values[_MEMORY.stop :]))
     )
@@ -99,7 +100,7 @@ def _table(samples: Samples, rows: slice, state: FilterState) -> Integers:
 
     Powers of two are exact factors, so it does not matter when they come in.
     """
-    _, scale, rest, nose = state.values[:4]
+    scale, rest, nose = state.values[2:5]
     has_field = samples.has_field[rows]
     table = np.zeros((rows.stop - rows.start, layout.SAMPLE_SIZE), dtype=np.int32)
     numbers = np.empty((rows.stop - rows.start, 3))

@@ -45,6 +45,10 @@ from h2nav.maths.fixedpoint import to_fixed
 
 BIAS_WORD_RAD_S = 2e6 / 2.0**53
 SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
+# Words of `FlightFilter.state` before the kernel's: times of the last sample and of the last field
+# that was believed, scale of the field, rest, nose, velocity gained; behind them the aiding's.
+HEAD_SIZE = 7
+BELIEVED_US = 220_000  # more than the longest frame
 _INT32 = (-(1 << 31), (1 << 31) - 1)
 _INT16 = (-32768, 32767)
 _TRUST = (
@@ -122,6 +126,7 @@ class FlightFilter:
         self._rest = 0
         # log2 of the field's unit over FIELD_UNIT_UT; None before the first field
         self._field_scale: int | None = None
+        self._believed_us: int | None = None
         self.use_vehicle(VehicleState())
 
     @property
@@ -162,8 +167,10 @@ class FlightFilter:
         bits = self._run(words, dt_us)
         if bits & layout.ALIGNED:
             self._settle()
+        if bits & layout.FIELD_USED:
+            self._believed_us = sample.t_us
         if not words[layout.CLIPPED]:
-            bits |= self._standing()
+            bits |= self._standing(sample.t_us)
         self._t_us = sample.t_us
         gained = (float(self._gained[0]), float(self._gained[1]))
         self._aiding.remember(sample.t_us, gained if self._state[layout.AIDED] else None)
@@ -203,13 +210,12 @@ class FlightFilter:
         kernel.update(self._state, self._params, words)
         self._state[layout.SATURATIONS] = saturations
 
-    def _standing(self) -> int:
+    def _standing(self, t_us: int) -> int:
         """Bits of what holds from one frame to the next; the kernel gives them once per frame."""
-        state = self._state
         bits = 0
-        if state[layout.BELIEVED] > 0 and state[layout.FIELD_US] < layout.FIELD_MOST_US:
+        if self._believed_us is not None and t_us - self._believed_us < BELIEVED_US:
             bits = layout.FIELD_USED
-        if state[layout.REST_US] >= max(self._params[layout.T_REST_US], 1):
+        if self._state[layout.REST_US] >= max(self._params[layout.T_REST_US], 1):
             bits |= layout.RESTING
         return bits
 
@@ -269,29 +275,30 @@ class FlightFilter:
     def restart(self) -> None:
         """Forgets time and attitude; bias, field and what is known of the sensors stay."""
         kernel.restart(self._state)
-        self._t_us = None
+        self._t_us = self._believed_us = None
         self._aiding.clear()
 
     def state(self) -> FilterState:
         """The complete memory of the filter."""
-        head = (self._t_us, self._field_scale, self._rest, self._nose, *self._gained)
+        times = (self._t_us, self._believed_us)
+        head = (*times, self._field_scale, self._rest, self._nose, *self._gained)
         return FilterState(self.name, (*head, *self._state, *self._aiding.values()))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
-        t_us, scale, *rest = state.values if len(state.values) > 1 else (None, None)
-        if state.filter_name != self.name or len(rest) < 4 + layout.STATE_SIZE:
+        end = HEAD_SIZE + layout.STATE_SIZE
+        if state.filter_name != self.name or len(state.values) < end:
             raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
-        numbers = [0 if value is None else value for value in rest]
-        integers = [int(value) for value in numbers[: 4 + layout.STATE_SIZE]]
-        for value, (low, high) in zip(integers[4:], layout.STATE_RANGES, strict=True):
+        optional = [None if value is None else int(value) for value in state.values[:3]]
+        numbers = [0 if value is None else value for value in state.values]
+        integers = [int(value) for value in numbers[:end]]
+        for value, (low, high) in zip(integers[HEAD_SIZE:], layout.STATE_RANGES, strict=True):
             if not low <= value <= high:
                 raise ValueError(f"the state holds {value}, outside {low}..{high}")
-        self._t_us = None if t_us is None else int(t_us)
-        self._field_scale = None if scale is None else int(scale)
-        self._rest, self._nose, *self._gained = integers[:4]
-        self._state = integers[4:]
-        self._aiding.load([float(value) for value in numbers[4 + layout.STATE_SIZE :]])
+        self._t_us, self._believed_us, self._field_scale = optional
+        self._rest, self._nose, *self._gained = integers[3:HEAD_SIZE]
+        self._state = integers[HEAD_SIZE:]
+        self._aiding.load([float(value) for value in numbers[end:]])
 
     def _bias(self) -> Vec3:
         b_x, b_y, b_z = (

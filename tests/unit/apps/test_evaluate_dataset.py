@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,14 @@ from needs import DEG, absent
 from synthetic_imu import FIELD, fly, slow
 
 from h2nav import cli
-from h2nav.apps.dataset_filters import Conditions, run_default, run_two_stage, to_true_north
+from h2nav.apps.dataset_filters import (
+    Conditions,
+    Track,
+    run_default,
+    run_default_fixed,
+    run_two_stage,
+    to_true_north,
+)
 from h2nav.attitude import batch
 from h2nav.attitude.samples import VehicleState, VelocityFix
 from h2nav.io.trials import Told, Trial, read_trial
@@ -60,6 +68,19 @@ def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) 
     assert "trial_2" in table
 
 
+def test_the_integers_stand_next_to_the_floats(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ("default", "default_fixed")
+    words = ["evaluate", "dataset", str(folder), *(w for name in names for w in ("--filter", name))]
+    assert cli.main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["filters"]
+    assert found["default_fixed"]["backend"] == found["default"]["backend"] == batch.backend()
+    for trial, row in found["default"]["trials"].items():
+        for key, value in row.items():
+            assert found["default_fixed"]["trials"][trial][key] == pytest.approx(value, abs=0.3)
+
+
 def test_plots(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     plots = tmp_path / "figures"
@@ -91,12 +112,15 @@ def trial(folder: Path) -> Trial:
     return found._replace(told=(*told, Told(len(found.t_us), VehicleState(True))))
 
 
-def test_compiled_kernels_give_the_same_bits(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("run", [run_default, run_default_fixed])
+def test_compiled_kernels_give_the_same_bits(
+    trial: Trial, run: Callable[[Trial, Conditions], Track], monkeypatch: pytest.MonkeyPatch
+) -> None:
     if batch.backend() != "native":
         absent("the compiled kernels are not built from these sources")
-    native = run_default(trial, Conditions("multirotor"))
+    native = run(trial, Conditions("multirotor"))
     monkeypatch.setenv(batch.SWITCH, "forbid")
-    python = run_default(trial, Conditions("multirotor"))
+    python = run(trial, Conditions("multirotor"))
     assert (native.backend, python.backend) == ("native", "python")
     assert np.array_equal(native.q_es, python.q_es)
     assert native.bias is not None

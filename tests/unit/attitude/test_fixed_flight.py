@@ -130,7 +130,7 @@ def both(
         a, b = floats.update(sample), integers.update(sample)
         if a is not None and b is not None and sample.t_us >= skip_s * 1e6:
             result.pairs.append((a, b))
-            result.sets.append((floats.gain_set, integers._state[layout.SET]))
+            result.sets.append((floats.gain_set, integers.gain_set))
             result.q_nb.append(q_nb)
     return result
 
