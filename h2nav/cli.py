@@ -208,15 +208,15 @@ def _sentence(text: str) -> str:
 
 
 class _Version(argparse.Action):
-    """Prints the version and which backend batches run on."""
+    """Prints the version and which backend the kernels run on."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None) -> None:  # noqa: A002
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        batch = importlib.import_module("h2nav.attitude.batch")
+        native = importlib.import_module("h2nav.attitude.native")
         python = platform.python_version()
-        print(f"h2nav {__version__} ({batch.backend()} batch kernels, Python {python})")
+        print(f"h2nav {__version__} ({native.backend()} kernels, Python {python})")
         parser.exit()
 
 

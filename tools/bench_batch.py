@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from h2nav.attitude import batch
+from h2nav.attitude import batch, native
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed import FixedFilter
 from h2nav.attitude.fixed_flight import FlightFilter
@@ -124,13 +124,13 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=1_000_000, help="samples of the batches")
     parser.add_argument("--repetitions", type=int, default=5)
     args = parser.parse_args()
-    if batch.backend() == "python":
+    if native.backend() == "python":
         args.samples = min(args.samples, LOOPED)
     times = ns_per_sample(args.repetitions, recording(args.samples))
     if args.json:
-        print(json.dumps({"backend": batch.backend(), "ns_per_sample": times}))
+        print(json.dumps({"backend": native.backend(), "ns_per_sample": times}))
         return 0
-    print(f"backend {batch.backend()}, {args.samples} samples, load {os.getloadavg()[0]:.1f}")
+    print(f"backend {native.backend()}, {args.samples} samples, load {os.getloadavg()[0]:.1f}")
     peers = [name for name in times if not name.startswith("h2nav")]
     for name, ns in times.items():
         ratios = "".join(f"   {times[peer] / ns:5.2f} x {peer}" for peer in peers if peer != name)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from h2nav.apps.filters import SHIPPED_RATES_HZ
-from h2nav.attitude import alignment, batch
+from h2nav.attitude import alignment, batch, native
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.gains import two_stage_gains
@@ -137,7 +137,7 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
     is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
-    is_compiled = isinstance(chosen, ShapedFilter | FlightFilter) and batch.backend() == "native"
+    is_compiled = isinstance(chosen, ShapedFilter | FlightFilter) and native.backend() == "native"
     if is_plain and is_compiled:
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)

@@ -119,17 +119,20 @@ class FilterFactory:
 
 
 def _default(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.native import compiled_step
     from h2nav.attitude.shaped import ShapedFilter
     from h2nav.attitude.shaped_gains import shaped_gains
 
-    return ShapedFilter(shaped_gains(file, file.name))
+    return ShapedFilter(shaped_gains(file, file.name), compiled_step("shaped"))
 
 
 def _default_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     from h2nav.attitude.fixed_flight import FlightFilter
+    from h2nav.attitude.native import compiled_step
     from h2nav.attitude.shaped_gains import shaped_gains
 
-    return FlightFilter(shaped_gains(file, file.name), file.name)
+    compiled = compiled_step("fixed_flight")
+    return FlightFilter(shaped_gains(file, file.name), file.name, compiled)
 
 
 def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
@@ -144,8 +147,9 @@ def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
 def _two_stage_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     from h2nav.attitude.fixed import FixedFilter
     from h2nav.attitude.fixed_gains import fixed_model
+    from h2nav.attitude.native import compiled_step
 
-    return FixedFilter(fixed_model(file, file.name))
+    return FixedFilter(fixed_model(file, file.name), compiled_step("fixed_lean"))
 
 
 _MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {

@@ -1,14 +1,4 @@
-"""Whole recordings through a filter: compiled kernels where they are built, the same bits without.
-
-The environment variable H2NAV_NATIVE says ``require`` (an error without the compiled kernels) or
-``forbid`` (Python even where they exist).
-"""
-
-import functools
-import importlib
-import os
-from importlib import resources
-from types import ModuleType
+"""Whole recordings through a filter: compiled kernels where they are built, the same bits without."""
 
 import numpy as np
 import numpy.typing as npt
@@ -20,48 +10,8 @@ from h2nav.attitude.batch_shaped import run_shaped
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed import FixedFilter
 from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest
+from h2nav.attitude.native import native_kernels
 from h2nav.attitude.shaped import ShapedFilter
-from h2nav.errors import BadInput
-
-SWITCH = "H2NAV_NATIVE"
-
-
-def native_kernels() -> ModuleType | None:
-    """The compiled kernels; None when they are absent or forbidden.
-
-    Raises:
-        BadInput: H2NAV_NATIVE requires them and they are absent, or it says something unknown.
-    """
-    wish = os.environ.get(SWITCH, "")
-    if wish not in ("", "require", "forbid"):
-        raise BadInput(f"{SWITCH}: expected require or forbid, found {wish!r}; or leave it unset")
-    if wish == "forbid":
-        return None
-    native = _current_build()
-    if native is None and wish == "require":
-        raise BadInput(
-            f"{SWITCH}: the compiled kernels are absent or older than the Python ones; "
-            "install h2nav again with a C compiler"
-        )
-    return native
-
-
-@functools.cache
-def _current_build() -> ModuleType | None:
-    """The compiled kernels, if they were made from the kernels that Python runs."""
-    try:
-        native = importlib.import_module("h2nav.attitude._native")
-    except ImportError:
-        return None
-    folder = resources.files("h2nav.attitude.kernels")
-    texts = [folder.joinpath(name).read_text("utf-8") for name in COMPILED_MODULES]
-    return native if native.kernel_digest == digest(texts) else None
-
-
-def backend() -> str:
-    """``native`` or ``python``: what batches run on."""
-    return "python" if native_kernels() is None else "native"
 
 
 def filter_array(

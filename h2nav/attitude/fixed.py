@@ -5,12 +5,13 @@ the same bits in Python, in C on any computer and on a microcontroller.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.fixed_gains import BIAS_UNIT, FixedModel, constant_gains, lean_image
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.kernels import fixed_motion as motion
+from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -48,11 +49,15 @@ class FixedFilter:
 
     Args:
         model: of a gain file; the constant gains follow from it, here and at every new field.
+        compiled: the compiled kernel; None for the one in Python.
     """
 
-    def __init__(self, model: FixedModel) -> None:
+    def __init__(self, model: FixedModel, compiled: CompiledStep | None = None) -> None:
         self._model = model
-        self._state = [0] * kernel.STATE_SIZE
+        self._step: Callable[[list[int], list[int], list[int]], int]
+        self._step = kernel.update if compiled is None else compiled
+        self._numbers = list if compiled is None else compiled.numbers
+        self._state: list[int] = self._numbers([0] * kernel.STATE_SIZE)
         kernel.reset(self._state)
         self._t_us: int | None = None
         self._field = model.densities.field
@@ -78,7 +83,7 @@ class FixedFilter:
         model = self._model
         densities = model.densities._replace(field=field)
         gains = constant_gains(densities, model.rate_hz, model.force_weight)
-        self._params = list(lean_image(gains, model.name).params)
+        self._params = self._numbers(lean_image(gains, model.name).params)
         self._field = field
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
@@ -99,7 +104,7 @@ class FixedFilter:
         if dt_us > motion.MOST_DT_US:
             dt_us = self._coast(integers, dt_us)
         integers[motion.DT_US] = dt_us
-        bits = kernel.update(self._state, self._params, integers)
+        bits = self._step(self._state, self._params, self._numbers(integers))
         if self._state[kernel.AGE_US] < 0 and not bits & kernel.DISAGREES:
             return None
         return self._estimate(sample, bits)
@@ -120,10 +125,10 @@ class FixedFilter:
 
     def _coast(self, integers: Sequence[int], dt_us: int) -> int:
         """Turns by the gyro alone over the long part of a gap; returns what is left of it."""
-        alone = [*integers[: kernel.G_X], *_NO_VECTORS, motion.MOST_DT_US]
+        alone = self._numbers([*integers[: kernel.G_X], *_NO_VECTORS, motion.MOST_DT_US])
         while dt_us > motion.MOST_DT_US:
             if self._state[kernel.AGE_US] >= 0:
-                kernel.update(self._state, self._params, alone)
+                self._step(self._state, self._params, alone)
             dt_us -= motion.MOST_DT_US
         return dt_us
 
@@ -207,5 +212,5 @@ class FixedFilter:
         for value, (lo, hi) in zip(integers, kernel.STATE_RANGES, strict=True):
             if not lo <= value <= hi:
                 raise ValueError(f"the state holds {value}, outside {lo}..{hi}")
-        self._state = integers
+        self._state = self._numbers(integers)
         self._t_us = None if t_us is None else int(t_us)

@@ -5,7 +5,7 @@ are the same bits in Python, in C on any computer and on a microcontroller.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.flight_gains import (
@@ -20,6 +20,7 @@ from h2nav.attitude.kernels import fixed_flight as kernel
 from h2nav.attitude.kernels import fixed_flight_field as field_kernel
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import fixed_motion as motion
+from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -107,16 +108,22 @@ class FlightFilter:
     Args:
         gains: of a gain file of kind shaped.
         place: what to name in an error.
+        compiled: the compiled kernel; None for the one in Python.
 
     Raises:
         BadInput: a gain is outside what the integers hold.
     """
 
-    def __init__(self, gains: ShapedGains, place: str) -> None:
+    def __init__(
+        self, gains: ShapedGains, place: str, compiled: CompiledStep | None = None
+    ) -> None:
         image: FlightImage = flight_image(gains, place)
         self._gains = gains
-        self._params = list(image.params)
-        self._state = [0] * layout.STATE_SIZE
+        self._step: Callable[[list[int], list[int], list[int]], int]
+        self._step = kernel.update if compiled is None else compiled
+        self._numbers = list if compiled is None else compiled.numbers
+        self._params: list[int] = self._numbers(image.params)
+        self._state: list[int] = self._numbers([0] * layout.STATE_SIZE)
         kernel.reset(self._state)
         kernel.prepare(self._state, self._params)
         self._t_us: int | None = None
@@ -193,7 +200,7 @@ class FlightFilter:
         """One sample in as many equal steps as its time needs; field and fix come with the last."""
         bits = 0
         for part in parts_of(words, dt_us):
-            bits |= kernel.update(self._state, self._params, part)
+            bits |= self._step(self._state, self._params, self._numbers(part))
             self._follow_gained()
         return bits
 
@@ -202,12 +209,12 @@ class FlightFilter:
 
         The first heading is that of magnetic north, and a new declination counts at once.
         """
-        words = [0] * layout.SAMPLE_SIZE
+        words = self._numbers([0] * layout.SAMPLE_SIZE)
         words[layout.CLIPPED] = 1
         saturations = self._state[layout.SATURATIONS]
         while max(abs(part) for part in self._state[layout.E_N : layout.E_D + 1]) >> SETTLED_BITS:
-            kernel.update(self._state, self._params, words)
-        kernel.update(self._state, self._params, words)
+            self._step(self._state, self._params, words)
+        self._step(self._state, self._params, words)
         self._state[layout.SATURATIONS] = saturations
 
     def _standing(self, t_us: int) -> int:
@@ -297,7 +304,7 @@ class FlightFilter:
                 raise ValueError(f"the state holds {value}, outside {low}..{high}")
         self._t_us, self._believed_us, self._field_scale = optional
         self._rest, self._nose, *self._gained = integers[3:HEAD_SIZE]
-        self._state = integers[HEAD_SIZE:]
+        self._state = self._numbers(integers[HEAD_SIZE:])
         self._aiding.load([float(value) for value in numbers[end:]])
 
     def _bias(self) -> Vec3:

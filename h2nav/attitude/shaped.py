@@ -5,13 +5,14 @@ bad samples, long gaps, and which velocity holds the filter. Equations: docs/fil
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.kernels import shaped_layout as layout
 from h2nav.attitude.kernels.shaped import step
 from h2nav.attitude.kernels.shaped_field import turn_heading
+from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -58,13 +59,18 @@ class ShapedFilter:
 
     Args:
         gains: of a gain file of kind shaped.
+        compiled: the compiled kernel; None for the one in Python.
     """
 
-    def __init__(self, gains: ShapedGains) -> None:
+    def __init__(self, gains: ShapedGains, compiled: CompiledStep | None = None) -> None:
         self._gains = gains
-        self._g = gains.g
-        self._x = [0.0] * layout.X_SIZE
-        self._z = [0.0] * layout.Z_SIZE
+        self._step: Callable[[list[float], Sequence[float], Sequence[float]], int]
+        self._step = step if compiled is None else compiled
+        numbers = list if compiled is None else compiled.numbers
+        self._g: Sequence[float] = numbers(gains.g)
+        self._x: list[float] = numbers([0.0] * layout.X_SIZE)
+        self._z: list[float] = numbers([0.0] * layout.Z_SIZE)
+        self._numbers = numbers
         self._t_us: int | None = None
         self._aligned = False
         self._window: alignment.Alignment | None = None
@@ -116,7 +122,7 @@ class ShapedFilter:
             z[10] = 1.0 if abs(z[7]) + abs(z[8]) + abs(z[9]) < MOST_FIELD else 0.0
         z[11] = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
         self._fill_velocity(sample.t_us)
-        bits = step(self._x, self._g, z)
+        bits = self._step(self._x, self._g, z)
         self._t_us = sample.t_us
         x = self._x
         aided = x[layout.X_AIDED] > 0.0
@@ -184,8 +190,8 @@ class ShapedFilter:
         self._t_us = None if t_us is None else int(t_us)
         numbers = [0.0 if value is None else float(value) for value in state.values]
         self._aligned = numbers[1] > 0.0
-        self._x = numbers[3 : 3 + layout.X_SIZE]
-        self._z = numbers[3 + layout.X_SIZE : start]
+        self._x = self._numbers(numbers[3 : 3 + layout.X_SIZE])
+        self._z = self._numbers(numbers[3 + layout.X_SIZE : start])
         end = start + int(numbers[2])
         self._window = _window_of(numbers[start:end]) if end > start else None
         self._aiding.load(numbers[end:])

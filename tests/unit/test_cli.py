@@ -59,7 +59,7 @@ def test_names_keep_their_capitals(capsys):
 
 def test_version_names_the_backend(capsys, monkeypatch):
     monkeypatch.setenv("H2NAV_NATIVE", "forbid")
-    assert f"h2nav {__version__} (python batch kernels" in said(capsys, "--version")
+    assert f"h2nav {__version__} (python kernels" in said(capsys, "--version")
 
 
 @pytest.mark.parametrize("words", [[], ["fly"], ["log"], ["evaluate", "nothing"]])

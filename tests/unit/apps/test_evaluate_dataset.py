@@ -16,7 +16,7 @@ from h2nav.apps.dataset_filters import (
     run_two_stage,
     to_true_north,
 )
-from h2nav.attitude import batch
+from h2nav.attitude import native
 from h2nav.attitude.samples import VehicleState, VelocityFix
 from h2nav.io.trials import Told, Trial, read_trial
 from h2nav.maths import frames, quaternion
@@ -51,7 +51,7 @@ def test_json_has_the_promised_keys(folder: Path, capsys: pytest.CaptureFixture[
     assert result["mean"]["total"] == pytest.approx(sum(totals) / 2)
     assert result["mean"]["total"] < 3.0
     assert result["us_per_sample"] > 0.0
-    assert result["backend"] == batch.backend()
+    assert result["backend"] == native.backend()
     assert "trial_3: default: left out: " in err
     assert "trial_3.npz: no truth: key q" in err
 
@@ -75,7 +75,7 @@ def test_the_integers_stand_next_to_the_floats(
     words = ["evaluate", "dataset", str(folder), *(w for name in names for w in ("--filter", name))]
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["filters"]
-    assert found["default_fixed"]["backend"] == found["default"]["backend"] == batch.backend()
+    assert found["default_fixed"]["backend"] == found["default"]["backend"] == native.backend()
     for trial, row in found["default"]["trials"].items():
         for key, value in row.items():
             assert found["default_fixed"]["trials"][trial][key] == pytest.approx(value, abs=0.3)
@@ -116,10 +116,10 @@ def trial(folder: Path) -> Trial:
 def test_compiled_kernels_give_the_same_bits(
     trial: Trial, run: Callable[[Trial, Conditions], Track], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if batch.backend() != "native":
+    if native.backend() != "native":
         absent("the compiled kernels are not built from these sources")
     native = run(trial, Conditions("multirotor"))
-    monkeypatch.setenv(batch.SWITCH, "forbid")
+    monkeypatch.setenv(native.SWITCH, "forbid")
     python = run(trial, Conditions("multirotor"))
     assert (native.backend, python.backend) == ("native", "python")
     assert np.array_equal(native.q_es, python.q_es)
@@ -136,7 +136,7 @@ def test_what_the_kernels_cannot_show_runs_in_python(trial: Trial) -> None:
     fixes = [Told(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
     flying = trial._replace(told=tuple(fixes))
     assert run_default(flying, Conditions("handheld", True)).backend == "python"
-    assert run_default(flying, Conditions("handheld")).backend == batch.backend()
+    assert run_default(flying, Conditions("handheld")).backend == native.backend()
 
 
 def test_a_clipped_sample_reaches_the_filter(trial: Trial) -> None:

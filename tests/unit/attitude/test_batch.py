@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from needs import absent
 
-from h2nav.attitude import batch
+from h2nav.attitude import batch, native
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed import FixedFilter
 from h2nav.attitude.fixed_flight import FlightFilter
@@ -38,7 +38,7 @@ FILTERS = [shaped_filter, flight_filter, fixed_filter]
 
 
 def need_native() -> None:
-    if batch._current_build() is None:
+    if native._current_build() is None:
         absent("the compiled kernels are not built, or not from these kernels")
 
 
@@ -72,7 +72,7 @@ def both_ways(
     need_native()
     results, states = [], []
     for wish in ("require", "forbid"):
-        monkeypatch.setenv(batch.SWITCH, wish)
+        monkeypatch.setenv(native.SWITCH, wish)
         attitude_filter = make()
         if halves is None:
             parts = [batch.filter_array(*recording, attitude_filter)]
@@ -85,8 +85,8 @@ def both_ways(
             parts.append(batch.filter_array(*rest, attitude_filter))
         results.append([np.concatenate(columns) for columns in zip(*parts, strict=True)])
         states.append(attitude_filter.state())
-    for native, python in zip(*results, strict=True):
-        assert np.array_equal(native, python, equal_nan=True)
+    for compiled, python in zip(*results, strict=True):
+        assert np.array_equal(compiled, python, equal_nan=True)
     assert states[0] == states[1]
     return batch.BatchResult(*results[0])
 
@@ -121,7 +121,7 @@ def test_ordinary_samples_do_go_through_the_compiled_kernel(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     need_native()
-    monkeypatch.setenv(batch.SWITCH, "require")
+    monkeypatch.setenv(native.SWITCH, "require")
     attitude_filter, calls = make(), []
     update = attitude_filter.update
     monkeypatch.setattr(attitude_filter, "update", lambda sample: calls.append(0) or update(sample))
@@ -200,28 +200,28 @@ def test_two_halves_are_the_whole(recording: Recording, make: Callable[[], Attit
 
 def test_every_translated_module_is_part_of_the_digest() -> None:
     translated = [name for kernel in BATCH_KERNELS for name in kernel.modules]
-    assert tuple(dict.fromkeys(translated)) == batch.COMPILED_MODULES
+    assert tuple(dict.fromkeys(translated)) == native.COMPILED_MODULES
 
 
 def test_backend_follows_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(batch.SWITCH, "forbid")
-    assert batch.backend() == "python"
-    monkeypatch.setenv(batch.SWITCH, "perhaps")
+    monkeypatch.setenv(native.SWITCH, "forbid")
+    assert native.backend() == "python"
+    monkeypatch.setenv(native.SWITCH, "perhaps")
     with pytest.raises(BadInput, match="H2NAV_NATIVE: expected require or forbid"):
-        batch.backend()
+        native.backend()
 
 
 def test_requiring_what_is_absent_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(batch.importlib, "import_module", missing)
-    monkeypatch.setattr(batch, "_current_build", batch._current_build.__wrapped__)
-    monkeypatch.setenv(batch.SWITCH, "require")
+    monkeypatch.setattr(native.importlib, "import_module", missing)
+    monkeypatch.setattr(native, "_current_build", native._current_build.__wrapped__)
+    monkeypatch.setenv(native.SWITCH, "require")
     with pytest.raises(BadInput, match="install h2nav again with a C compiler"):
-        batch.backend()
-    monkeypatch.delenv(batch.SWITCH)
-    assert batch.backend() == "python"
+        native.backend()
+    monkeypatch.delenv(native.SWITCH)
+    assert native.backend() == "python"
 
 
 @pytest.mark.parametrize(
@@ -236,9 +236,10 @@ def test_arrays_that_do_not_fit_are_refused(
 
 def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:
     need_native()
-    native = batch.importlib.import_module("h2nav.attitude._native")
+    compiled = native.native_kernels()
+    assert compiled is not None
     memory, gains = np.zeros(16, np.int32), np.zeros(22, np.int32)
     with pytest.raises(ValueError, match="rows of the given number of columns"):
-        native.run_fixed_lean(memory, gains, np.zeros(12, np.int32), 11, np.zeros(8, np.int32))
+        compiled.run_fixed_lean(memory, gains, np.zeros(12, np.int32), 11, np.zeros(8, np.int32))
     with pytest.raises(ValueError, match="one row of 8 numbers"):
-        native.run_fixed_lean(memory, gains, np.zeros(22, np.int32), 11, np.zeros(8, np.int32))
+        compiled.run_fixed_lean(memory, gains, np.zeros(22, np.int32), 11, np.zeros(8, np.int32))

@@ -1,0 +1,64 @@
+"""The compiled step behind a filter: the same estimates and memory as the one in Python."""
+
+from collections.abc import Callable
+
+import pytest
+
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.fixed import FixedFilter
+from h2nav.attitude.fixed_flight import FlightFilter
+from h2nav.attitude.fixed_gains import fixed_model
+from h2nav.attitude.native import CompiledStep, compiled_step
+from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
+from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
+from h2nav.io import gain_files
+
+Maker = Callable[[CompiledStep | None], AttitudeFilter]
+
+
+def multirotor() -> ShapedGains:
+    name = "multirotor_100hz"
+    return shaped_gains(gain_files.load(name), name)
+
+
+MAKERS: dict[str, Maker] = {
+    "shaped": lambda compiled: ShapedFilter(multirotor(), compiled),
+    "fixed_lean": lambda compiled: FixedFilter(
+        fixed_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz"), compiled
+    ),
+    "fixed_flight": lambda compiled: FlightFilter(multirotor(), "multirotor_100hz", compiled),
+}
+
+
+def flown(chosen: AttitudeFilter, start: int, stop: int) -> list[object]:
+    """Estimates over turns, a gap, a clipped sample, a new place and velocity fixes."""
+    found: list[object] = []
+    for i in range(start, stop):
+        t_us = 10_000 * i + (300_000 if i > 700 else 0)
+        if i == 100:
+            chosen.use_field(EarthField(48.0, 1.1, 0.05))
+            chosen.use_vehicle(VehicleState(on_ground=False))
+        if i % 20 == 0 and 300 < i < 900:
+            chosen.use_velocity(VelocityFix(t_us - 110_000, (0.02 * i, -1.0, 0.0), 0.2))
+        wave = 0.3 * ((i % 200) - 100) / 100
+        field = (20.0 + wave, 0.01 * (i % 7), 43.0) if i % 4 == 0 else None
+        found.append(
+            chosen.update(
+                ImuSample(t_us, (wave, -0.1, 0.5 * wave), (wave, 0.1, -9.8), field, i % 150 == 7)
+            )
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(MAKERS))
+def test_a_compiled_step_gives_the_same_estimates(name: str) -> None:
+    compiled = compiled_step(name)
+    if compiled is None:
+        pytest.skip("the compiled kernels are not built")
+    plain, fast = MAKERS[name](None), MAKERS[name](compiled)
+    assert flown(plain, 1, 1200) == flown(fast, 1, 1200)
+    assert plain.state() == fast.state()
+    again = MAKERS[name](compiled_step(name))
+    again.restore(plain.state())
+    assert flown(again, 1200, 1300) == flown(plain, 1200, 1300)
