@@ -10,6 +10,7 @@ from h2nav import __version__
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration, LogSettings
 from h2nav.apps.filters import FilterFactory
+from h2nav.attitude import native
 from h2nav.io import strict_yaml
 from h2nav.io.log_folder import MIB, LogLimits
 from h2nav.io.recorder import Recorder
@@ -55,6 +56,7 @@ def attach_inputs(
             "version": __version__,
             "python": platform.python_version(),
             "machine": platform.machine(),
+            "kernels": native.backend(),
             "unix_s": repr(unix_s),
         },
     )
