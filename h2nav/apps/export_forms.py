@@ -112,8 +112,11 @@ def lean_samples(rows: int = 400, seed: int = 1) -> list[Words]:
     return samples
 
 
-def flight_samples(rows: int = 400, seed: int = 1) -> list[Words]:
-    """Motion with fields, then with fixes too, then whatever the formats hold; some are long."""
+def flight_samples(rows: int = 360, seed: int = 1) -> list[Words]:
+    """Motion with fields, then with fixes too, then whatever the formats hold; some are long.
+
+    No more rows than fit 32 kB, the largest table of an AVR.
+    """
     rng = random.Random(seed)
     samples = []
     for row in range(rows):
@@ -130,7 +133,7 @@ def flight_samples(rows: int = 400, seed: int = 1) -> list[Words]:
             sample[flight.HAS_FIX] = int(row >= rows // 4 and row % 20 == 0)
             sample[flight.FIX_VARIANCE] = 170000
             sample[flight.FIX_PERIOD_US] = 200000
-        sample[fixed_motion.DT_US] = {37: 30000, 90: 100001, 350: 1500000}.get(row, 10000)
+        sample[fixed_motion.DT_US] = {37: 30000, 90: 100001, 340: 1500000}.get(row, 10000)
         samples.append(sample)
     return samples
 

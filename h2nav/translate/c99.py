@@ -268,13 +268,8 @@ class _FunctionWriter:
         texts = [
             self._expressions.expression(e).widened(element_type(array)).text for e in elements
         ]
-        is_new = name not in self._declared
-        self._declared.add(name)
-        head = f"{indent}{element_type(array)} {name}[{array.length}]"
-        if is_new and len(texts) == 1:
-            self._lines.append(f"{head} = {{{', '.join(texts)}}};{remark}")
-            return
-        # of a longer initialiser some compilers make a call of memset
-        if is_new:
-            self._lines.append(f"{head};{remark}")
+        # of an initialiser some compilers make a call of memset
+        if name not in self._declared:
+            self._declared.add(name)
+            self._lines.append(f"{indent}{element_type(array)} {name}[{array.length}];{remark}")
         self._lines.extend(f"{indent}{name}[{i}] = {text};" for i, text in enumerate(texts))

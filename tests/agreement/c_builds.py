@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import needs
+from agreement.identity import Identity
 
 from h2nav.cli import main
 
@@ -31,10 +32,17 @@ __all__ = [
 ]
 
 
-def export(folder: Path, gains: str = "mpu9250_100hz") -> Path:
-    """The exported C files of a shipped gain file."""
-    assert main(["export", "c", gains, "-o", str(folder), "--json"]) == 0
+def export(folder: Path, identity: Identity) -> Path:
+    """The exported C files, and what the identity program includes beside them."""
+    gains, form = identity.gains, identity.name
+    assert main(["export", "c", gains, "--form", form, "-o", str(folder), "--json"]) == 0
+    identity.write_header(folder)
     return folder
+
+
+def _identity_flags(folder: Path, identity: Identity, steps: int) -> list[str]:
+    samples = f'-DSAMPLES="{identity.header}"'
+    return [samples, f"-DSTEPS={steps}u", f"-I{folder}", f"-I{HERE}"]
 
 
 def _called(*words: str | Path) -> str:
@@ -46,24 +54,30 @@ def _called(*words: str | Path) -> str:
 
 
 def build_and_run(
-    folder: Path, compiler: str, flags: tuple[str, ...], steps: int, runner: tuple[str, ...] = ()
+    folder: Path,
+    identity: Identity,
+    compiler: str,
+    flags: tuple[str, ...],
+    steps: int,
+    runner: tuple[str, ...] = (),
 ) -> list[str]:
     """Words that the identity program prints when built by `compiler`."""
     program = folder / f"identity_{compiler}_{'_'.join(flags).replace('-', '')}"
     _called(
-        needs.need_program(compiler), *STRICT, *flags, f"-DSTEPS={steps}u", f"-I{folder}",
-        f"-I{HERE}", HERE / "identity_main.c", folder / "h2nav_filter.c", "-o", program,
+        needs.need_program(compiler), *STRICT, *flags, *_identity_flags(folder, identity, steps),
+        HERE / "identity_main.c", folder / "h2nav_filter.c", "-o", program,
     )  # fmt: skip
     return _called(*runner, program).split()
 
 
-def build_bare_metal(folder: Path, core: str, steps: int) -> Path:
+def build_bare_metal(folder: Path, identity: Identity, core: str, steps: int) -> Path:
     """The identity program for a Cortex-M."""
     program = folder / f"identity_{core}.elf"
     _called(
         needs.need_program("arm-none-eabi-gcc"), "-std=gnu99", "-O2", "-mthumb", f"-mcpu={core}",
-        "-ffreestanding", "-nostdlib", "-nostartfiles", "-DBARE_METAL", f"-DSTEPS={steps}u",
-        f"-I{folder}", f"-I{HERE}", f"-I{MCU}", f"-T{MCU / 'cortex_m.ld'}", MCU / "startup.c",
+        "-ffreestanding", "-nostdlib", "-nostartfiles", "-DBARE_METAL",
+        *_identity_flags(folder, identity, steps), f"-I{MCU}", f"-T{MCU / 'cortex_m.ld'}",
+        MCU / "startup.c",
         HERE / "identity_main.c", folder / "h2nav_filter.c", "-lgcc", "-o", program,
     )  # fmt: skip
     return program
@@ -83,13 +97,16 @@ def run_board(program: Path, core: str) -> list[str]:
     return (done.stdout + done.stderr).split()
 
 
-def build_avr(folder: Path, mcu: str, main_file: Path, steps: int = 0) -> Path:
-    """A program around the filter for an AVR, where an int has 16 bits."""
+def build_avr(folder: Path, identity: Identity, mcu: str, main_file: Path, steps: int = 0) -> Path:
+    """A program around the filter for an AVR, where an int has 16 bits.
+
+    Its old compiler warns where it builds on signed numbers that do not overflow: they are proved.
+    """
     program = folder / f"{main_file.stem}_{mcu}.elf"
     warnings = [flag for flag in STRICT if flag != "-pedantic" and not flag.startswith("-std")]
     _called(
-        needs.need_program("avr-gcc"), *warnings, "-std=gnu99", "-O2", f"-mmcu={mcu}",
-        "-DBARE_METAL", f"-DSTEPS={steps}u", f"-I{folder}", f"-I{HERE}", f"-I{MCU}",
+        needs.need_program("avr-gcc"), *warnings, "-Wno-strict-overflow", "-std=gnu99", "-O2",
+        f"-mmcu={mcu}", "-DBARE_METAL", *_identity_flags(folder, identity, steps), f"-I{MCU}",
         MCU / "startup_avr.c", main_file, folder / "h2nav_filter.c", "-o", program,
     )  # fmt: skip
     return program

@@ -1,5 +1,5 @@
 /* Runs STEPS samples; prints the memory and a running mix of all results, as hexadecimal words. */
-#include "identity_samples.h"
+#include SAMPLES
 #ifdef BARE_METAL
 #include "board.h"
 #else
@@ -17,13 +17,14 @@ int main(void)
     uint32_t mix = 0;
     h2nav_init(&filter);
     for (uint32_t step = 0; step < STEPS; step++) {
-        next_sample(sample.words, step);
+        next_sample(sample.words, &filter, step);
         const int32_t bits = h2nav_step(&filter, &sample);
         mix = mix * 16777619u + (uint32_t)filter.words[0] + 3u * (uint32_t)filter.words[1] +
               5u * (uint32_t)filter.words[2] + 7u * (uint32_t)filter.words[3] + (uint32_t)bits;
+        next_call(&filter, step);
     }
     print_hex(mix);
-    for (int32_t i = 0; i < 16; i++) {
+    for (int32_t i = 0; i < H2NAV_STATE_SIZE; i++) {
         print_hex((uint32_t)filter.words[i]);
     }
     return 0;

@@ -6,39 +6,32 @@ from pathlib import Path
 import needs
 import pytest
 from agreement import c_builds
-from agreement.identity_samples import samples
-
-from h2nav.attitude.fixed_gains import fixed_image
-from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.io import gain_files
+from agreement.identity import IDENTITIES, Identity, Run, run
 
 STEPS = 1_000_000
-AVR_STEPS = 20_000  # four rounds of everything; a simulated AVR is slow
+AVR_STEPS = 20_000  # several rounds of everything; a simulated AVR is slow
+
+
+@pytest.fixture(scope="module", params=sorted(IDENTITIES))
+def identity(request: pytest.FixtureRequest) -> Identity:
+    return IDENTITIES[request.param]
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return c_builds.export(tmp_path_factory.mktemp("exported"))
+def exported(identity: Identity, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return c_builds.export(tmp_path_factory.mktemp("exported"), identity)
 
 
 @pytest.fixture(scope="module")
-def python_words() -> list[str]:
-    words, state = identity(STEPS)
-    assert state[kernel.SATURATIONS] > 1000  # the limits have been met
-    return words
+def python(identity: Identity) -> Run:
+    return run(identity, STEPS)
 
 
-def identity(steps: int) -> tuple[list[str], list[int]]:
-    """What the identity program prints, from Python integers, and the memory at its end."""
-    image = fixed_image(gain_files.load("mpu9250_100hz"), "mpu9250_100hz")
-    params, state = list(image.params), [0] * kernel.STATE_SIZE
-    kernel.reset(state)
-    update, mix = kernel.update, 0
-    for sample in samples(steps):
-        bits = update(state, params, sample)
-        q_w, q_x, q_y, q_z = state[:4]
-        mix = (mix * 16777619 + q_w + 3 * q_x + 5 * q_y + 7 * q_z + bits) & 0xFFFFFFFF
-    return [f"{word & 0xFFFFFFFF:08x}" for word in (mix, *state)], state
+def test_the_samples_reach_everything(identity: Identity, python: Run) -> None:
+    """Limits are met, every bit of the result is set and cleared."""
+    assert python.state[identity.layout.SATURATIONS] > 1000
+    for name, bit, _ in identity.form.text.bits:
+        assert 1 < python.bits[bit] < STEPS - 1, name
 
 
 @pytest.mark.parametrize(
@@ -46,38 +39,36 @@ def identity(steps: int) -> tuple[list[str], list[int]]:
     [("gcc", ("-O0",)), ("gcc", ("-O2",)), ("gcc", ("-Os",)), ("clang", ("-O2",))],
 )
 def test_this_computer(
-    exported: Path, python_words: list[str], compiler: str, flags: tuple[str, ...]
+    exported: Path, identity: Identity, python: Run, compiler: str, flags: tuple[str, ...]
 ) -> None:
-    assert c_builds.build_and_run(exported, compiler, flags, STEPS) == python_words
+    assert c_builds.build_and_run(exported, identity, compiler, flags, STEPS) == python.words
 
 
-def test_aarch64(exported: Path, python_words: list[str]) -> None:
+def test_aarch64(exported: Path, identity: Identity, python: Run) -> None:
     runner = (needs.need_program("qemu-aarch64"),)
     words = c_builds.build_and_run(
-        exported, "aarch64-linux-gnu-gcc", ("-O2", "-static"), STEPS, runner
+        exported, identity, "aarch64-linux-gnu-gcc", ("-O2", "-static"), STEPS, runner
     )
-    assert words == python_words
+    assert words == python.words
 
 
 @pytest.mark.parametrize("core", c_builds.BOARDS)
-def test_microcontroller(exported: Path, python_words: list[str], core: str) -> None:
-    program = c_builds.build_bare_metal(exported, core, STEPS)
-    assert c_builds.run_board(program, core) == python_words
+def test_microcontroller(exported: Path, identity: Identity, python: Run, core: str) -> None:
+    program = c_builds.build_bare_metal(exported, identity, core, STEPS)
+    assert c_builds.run_board(program, core) == python.words
 
 
 @pytest.mark.parametrize("mcu", c_builds.AVRS)
-def test_avr_where_an_int_has_16_bits(exported: Path, mcu: str) -> None:
+def test_avr_where_an_int_has_16_bits(exported: Path, identity: Identity, mcu: str) -> None:
     main_file = c_builds.HERE / "identity_main.c"
-    program = c_builds.build_avr(exported, mcu, main_file, AVR_STEPS)
-    words, state = identity(AVR_STEPS)
-    assert state[kernel.SATURATIONS] > 1000
-    assert c_builds.run_avr(program, mcu) == [*words, "00000000"]
+    program = c_builds.build_avr(exported, identity, mcu, main_file, AVR_STEPS)
+    assert c_builds.run_avr(program, mcu) == [*run(identity, AVR_STEPS).words, "00000000"]
 
 
 @pytest.mark.parametrize("mcu", c_builds.AVRS)
-def test_avr_accepts_the_exported_vectors(exported: Path, mcu: str) -> None:
+def test_avr_accepts_the_exported_vectors(exported: Path, identity: Identity, mcu: str) -> None:
     def result() -> list[str]:
-        program = c_builds.build_avr(exported, mcu, exported / "check_vectors.c")
+        program = c_builds.build_avr(exported, identity, mcu, exported / "check_vectors.c")
         return c_builds.run_avr(program, mcu)
 
     assert result() == ["00000000"]
@@ -101,7 +92,7 @@ def test_avr_accepts_the_exported_vectors(exported: Path, mcu: str) -> None:
     ],
 )
 def test_undefined_behaviour_sanitizer_has_nothing_to_report(
-    exported: Path, compiler: str, checks: tuple[str, ...]
+    exported: Path, identity: Identity, compiler: str, checks: tuple[str, ...]
 ) -> None:
     # clang's report needs a library that is not always installed with it; a trap needs none
     after = {
@@ -109,15 +100,18 @@ def test_undefined_behaviour_sanitizer_has_nothing_to_report(
         "clang": ("-fsanitize-trap=all", "-fno-sanitize=unsigned-integer-overflow"),
     }[compiler]
     flags = ("-O1", f"-fsanitize={','.join(checks)}", *after)
-    words = c_builds.build_and_run(exported, compiler, flags, 3 * STEPS)
-    assert len(words) == 1 + kernel.STATE_SIZE
+    words = c_builds.build_and_run(exported, identity, compiler, flags, 3 * STEPS)
+    assert len(words) == 1 + identity.layout.STATE_SIZE
 
 
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-O3"])
 @pytest.mark.parametrize("compiler", ["gcc", "clang", "arm-none-eabi-gcc"])
-def test_freestanding_without_any_undefined_symbol(exported: Path, compiler: str) -> None:
+def test_freestanding_without_any_undefined_symbol(
+    exported: Path, compiler: str, level: str
+) -> None:
     extra = ("-mthumb", "-mcpu=cortex-m0") if compiler.startswith("arm") else ()
     target = exported / f"{compiler}.o"
-    command = (needs.need_program(compiler), *c_builds.STRICT, *extra, "-O2", "-ffreestanding")
+    command = (needs.need_program(compiler), *c_builds.STRICT, *extra, level, "-ffreestanding")
     subprocess.run(
         [*command, "-nostdlib", "-c", exported / "h2nav_filter.c", "-o", target], check=True
     )
@@ -137,5 +131,5 @@ def test_the_exported_programs_accept_their_own_build(exported: Path) -> None:
 def test_no_float_no_division_in_the_exported_source(exported: Path) -> None:
     text = (exported / "h2nav_filter.c").read_text()
     code = "".join(part.split("*/", 1)[-1] for part in text.split("/*"))
-    for word in ("float", "double", " / ", " % ", "#include <"):
+    for word in ("float", "double", " / ", " % ", "int64_t", "#include <"):
         assert word not in code

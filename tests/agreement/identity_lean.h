@@ -1,18 +1,10 @@
-/* One sequence of samples for every machine: ordinary motion, corners, noise, stuck, spikes.
- * tests/agreement/identity_samples.py makes the same numbers.
+/* One sequence of samples for every machine, for the lean form: ordinary motion, corners, noise,
+ * stuck, spikes. tests/agreement/identity_lean.py makes the same numbers.
  */
-#ifndef IDENTITY_SAMPLES_H
-#define IDENTITY_SAMPLES_H
+#ifndef IDENTITY_LEAN_H
+#define IDENTITY_LEAN_H
 #include "h2nav_filter.h"
-
-static uint32_t seed = 1;
-
-static int32_t noise(int32_t bits)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return (int32_t)((seed >> 8) & ((UINT32_C(1) << bits) - 1u)) -
-           (int32_t)(UINT32_C(1) << (bits - 1));
-}
+#include "identity_noise.h"
 
 static int32_t corner(int32_t low, int32_t high)
 {
@@ -32,8 +24,9 @@ static void ordinary(int32_t *words)
     words[10] = 10000;
 }
 
-static void next_sample(int32_t *words, uint32_t step)
+static void next_sample(int32_t *words, const h2nav_filter *filter, uint32_t step)
 {
+    (void)filter;
     const uint32_t mode = (step >> 10) % 5u;
     if (mode == 0u || mode == 4u) {
         ordinary(words);
@@ -63,5 +56,11 @@ static void next_sample(int32_t *words, uint32_t step)
             words[i] = noise(16);
         }
     }
+}
+
+static void next_call(h2nav_filter *filter, uint32_t step)
+{
+    (void)filter;
+    (void)step;
 }
 #endif

@@ -1,23 +1,21 @@
-"""The samples of ``identity_samples.h``, number for number."""
+"""The samples of ``identity_lean.h``, number for number."""
 
-from collections.abc import Iterator
+from agreement.identity_noise import Noise
 
 from h2nav.attitude.kernels import fixed_lean as kernel
 
 _STILL = (0, 0, 16384, 8192, 0, 14189)
 
 
-def samples(count: int) -> Iterator[list[int]]:
-    """The first `count` samples; the same list object, refilled."""
-    seed = 1
+class LeanSamples:
+    """Refills one sample from step to step."""
 
-    def noise(bits: int) -> int:
-        nonlocal seed
-        seed = (seed * 1664525 + 1013904223) & 0xFFFFFFFF
-        return ((seed >> 8) & ((1 << bits) - 1)) - (1 << (bits - 1))
+    def __init__(self) -> None:
+        self._noise = Noise()
 
-    words = [0] * kernel.SAMPLE_SIZE
-    for step in range(count):
+    def next_sample(self, words: list[int], _state: list[int], step: int) -> None:
+        """Writes sample number `step`; all before it must have been written."""
+        noise = self._noise
         mode = (step >> 10) % 5
         if mode in (0, 4):
             words[:3] = [noise(21) for _ in range(3)]
@@ -33,4 +31,6 @@ def samples(count: int) -> Iterator[list[int]]:
             words[10] = noise(13) + 4096
         if mode == 4 and step & 15 == 0:
             words[3:9] = [noise(16) for _ in range(6)]
-        yield words
+
+    def next_call(self, state: list[int], params: list[int], step: int) -> None:
+        """Nothing beside the steps."""
