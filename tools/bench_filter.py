@@ -1,4 +1,4 @@
-"""Cost of one attitude-filter step in plain Python: `python tools/bench_filter.py [NAME...]`.
+"""Cost of one filter step, compiled and in plain Python: `python tools/bench_filter.py [NAME...]`.
 
 Prints microseconds per sample for each filter in `FILTERS`: the best of several runs, which take
 turns, so that a busy moment hits all of them; and the ratio to the first.
@@ -11,8 +11,10 @@ from collections.abc import Callable, Sequence
 
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.fixed import FixedFilter
+from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.fixed_gains import fixed_model
 from h2nav.attitude.gains import two_stage_gains
+from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
 from h2nav.attitude.samples import ImuSample
 from h2nav.attitude.shaped import ShapedFilter
 from h2nav.attitude.shaped_gains import shaped_gains
@@ -27,22 +29,35 @@ def _two_stage() -> AttitudeFilter:
     return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
-def _default() -> AttitudeFilter:
+def _default(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "multirotor_100hz"
-    return ShapedFilter(shaped_gains(gain_files.load(name), name))
+    return ShapedFilter(shaped_gains(gain_files.load(name), name), compiled)
 
 
-def _integers() -> AttitudeFilter:
+def _default_fixed(compiled: CompiledStep | None = None) -> AttitudeFilter:
+    name = "multirotor_100hz"
+    return FlightFilter(shaped_gains(gain_files.load(name), name), name, compiled)
+
+
+def _lean(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "mpu9250_100hz"
-    return FixedFilter(fixed_model(gain_files.load(name), name))
+    return FixedFilter(fixed_model(gain_files.load(name), name), compiled)
 
 
 # Add a filter here: name -> maker of a fresh one with shipped gains for 100 Hz.
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
     "two_stage": _two_stage,
     "default": _default,
-    "integers": _integers,
+    "default, integers": _default_fixed,
+    "lean, integers": _lean,
 }
+COMPILED: dict[str, Callable[[], AttitudeFilter]] = {
+    "default, compiled": lambda: _default(compiled_step("shaped")),
+    "default, integers, compiled": lambda: _default_fixed(compiled_step("fixed_flight")),
+    "lean, integers, compiled": lambda: _lean(compiled_step("fixed_lean")),
+}
+if native_kernels() is not None:
+    FILTERS |= COMPILED
 
 
 def samples(count: int) -> list[ImuSample]:
@@ -85,7 +100,7 @@ def main() -> None:
     times = microseconds_per_sample(args.names or list(FILTERS), args.runs, args.samples)
     first = next(iter(times.values()))
     for name, us in times.items():
-        print(f"{name:12} {us:7.2f} us {us / first:7.2f}")
+        print(f"{name:28} {us:7.2f} us {us / first:7.2f}")
 
 
 if __name__ == "__main__":
