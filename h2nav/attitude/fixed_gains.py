@@ -134,7 +134,7 @@ def fixed_image(file: GainFile, place: str) -> "LeanImage":
 
 
 def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
-    """The `fixed_point` section of a gain file: image, rounding error, stability after rounding.
+    """The lean `fixed_point` section: image, rounding error, stability after rounding.
 
     Raises:
         BadInput: the file's gains are not usable, or outside the fixed-point format.

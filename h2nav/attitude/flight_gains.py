@@ -4,13 +4,13 @@ Source: docs/fixed-point.md Eq. (24), (25).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import shaped_layout as shaped
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.shaped_gains import ShapedGains
+from h2nav.attitude.shaped_gains import GainSets, ShapedGains
 from h2nav.errors import BadInput
 
 # units of theta
@@ -68,6 +68,21 @@ def flight_image(gains: ShapedGains, place: str) -> FlightImage:
     _set_scalars(image, g, gains.rate_hz)
     errors = _set_tables(image, g)
     return FlightImage(tuple(params), max(errors))
+
+
+def rounded_sets(params: Sequence[int], exact: GainSets) -> GainSets:
+    """The gain sets that the kernel's parameters stand for; bounds and periods as in `exact`."""
+
+    def gains(first: int) -> tuple[float, ...]:
+        return tuple(unpacked(pack) for pack in params[first : first + layout.SETS])
+
+    fixes = range(0, layout.PERIODS * layout.SETS, layout.SETS)
+    return exact._replace(
+        k_tilt=gains(layout.K_TILT),
+        k_velocity=gains(layout.K_VELOCITY),
+        k_fix_tilt=tuple(gains(layout.K_FIX_TILT + row) for row in fixes),
+        k_fix_velocity=tuple(gains(layout.K_FIX_VELOCITY + row) for row in fixes),
+    )
 
 
 def field_params(field: EarthField) -> tuple[int, int, int]:

@@ -70,7 +70,7 @@ def prove(plant: Plant, L: Matrix) -> LoopCertificate:
     """
     if L.shape != plant.C_y.T.shape or not np.all(np.isfinite(L)):
         raise CertificateError(f"the gain is not a finite {plant.C_y.T.shape} matrix")
-    abscissa, radius = _spectrum(plant, L)
+    abscissa, radius = spectrum(plant, L)
     if not abscissa < 0.0:
         raise CertificateError(f"the closed loop is unstable: spectral abscissa {abscissa:.3g} 1/s")
     P = closed_loop_covariance(plant, L)
@@ -222,8 +222,13 @@ def _dynamics_block(closed: DeltaPlant, X: Matrix) -> Matrix:
     return block
 
 
-def _spectrum(plant: Plant, L: Matrix) -> tuple[float, float | None]:
-    """Spectral abscissa (1/s) and, of a discrete loop, spectral radius."""
+def spectrum(plant: Plant, L: Matrix) -> tuple[float, float | None]:
+    """Spectral abscissa (1/s) and, of a discrete loop, spectral radius of the error dynamics.
+
+    Args:
+        plant: continuous or discrete.
+        L: (n, p) gain, per second or per step.
+    """
     delta = delta_form(plant)
     values = np.asarray(
         linalg.eigvals(delta.F - delta_gain(plant, L) @ delta.C), dtype=np.complex128

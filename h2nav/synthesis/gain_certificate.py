@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.fixed_gains import fixed_point_section
 from h2nav.attitude.gain_seal import seal
 from h2nav.attitude.gains import GainFile
 from h2nav.attitude.plant import Matrix, Plant
 from h2nav.synthesis.certificate import (
     OPTIMAL,
+    REPEATABLE,
     CertificateError,
     LoopCertificate,
     prove,
@@ -70,14 +70,19 @@ class Verdict(NamedTuple):
     h2_norm: float | None
 
 
-def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
+def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]) -> GainFile:
     """The file with its integer image and a new certificate over all its other sections.
+
+    Args:
+        file: complete but for the two.
+        loops: that it vouches for.
+        fixed_point: the section of its integer image.
 
     Raises:
         CertificateError: a loop cannot be proved; the message names it.
     """
-    file = replace(file, fixed_point=fixed_point_section(file, file.name))
-    image_problems = _image_problems(file)
+    file = replace(file, fixed_point=fixed_point)
+    image_problems = _image_problems(file, fixed_point)
     if image_problems:
         raise CertificateError(image_problems[0])
     sections = {}
@@ -93,9 +98,15 @@ def certified(file: GainFile, loops: Sequence[Loop]) -> GainFile:
     return replace(file, certificate={"sha256": seal(file), "loops": sections})
 
 
-def checked(file: GainFile, loops: Sequence[Loop]) -> Verdict:
-    """Checks a file's certificate against its loops, without believing anything in it."""
-    problems = [*_seal_problems(file), *_image_problems(file)]
+def checked(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]) -> Verdict:
+    """Checks a file's certificate against its loops, without believing anything in it.
+
+    Args:
+        file: of any kind.
+        loops: rebuilt from its model.
+        fixed_point: the section of its integer image, computed anew from its gains.
+    """
+    problems = [*_seal_problems(file), *_image_problems(file, fixed_point)]
     stored = file.certificate.get("loops")
     if not isinstance(stored, Mapping):
         problems.append("certificate.loops: there is no certificate")
@@ -131,15 +142,22 @@ def _seal_problems(file: GainFile) -> list[str]:
     return []
 
 
-def _image_problems(file: GainFile) -> list[str]:
+def _image_problems(file: GainFile, fresh: Mapping[str, object]) -> list[str]:
     """What is wrong with the integer image: not that of the gains, or not stable once rounded."""
-    fresh = fixed_point_section(file, file.name)
-    if file.fixed_point.get("params") != fresh["params"]:
-        return ["fixed_point.params: not the integer image of the gains"]
+    for key in ("format", "params"):
+        if file.fixed_point.get(key) != fresh[key]:
+            return [f"fixed_point.{key}: not that of the integer image of the gains"]
+    problems = []
+    for key in ("rounding_error", "spectral_radius"):
+        stored, now = file.fixed_point.get(key), float(str(fresh[key]))
+        if not isinstance(stored, float) or not abs(stored - now) <= REPEATABLE * now:
+            problems.append(f"fixed_point.{key}: stored {stored!r} is not the recomputed {now!r}")
     radius = float(str(fresh["spectral_radius"]))
     if not radius < 1.0:
-        return [f"fixed_point.spectral_radius: {radius:g}: the rounded gains are not stable"]
-    return []
+        problems.append(
+            f"fixed_point.spectral_radius: {radius:g}: the rounded gains are not stable"
+        )
+    return problems
 
 
 def _section(proof: LoopCertificate) -> dict[str, object]:

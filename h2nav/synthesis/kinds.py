@@ -1,15 +1,29 @@
-"""Which loops a gain file of each kind vouches for."""
+"""What a gain file of each kind vouches for: its loops and its integer image."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
+from h2nav.attitude import fixed_gains
 from h2nav.attitude.gains import GainFile
 from h2nav.synthesis import shaped, two_stage
 from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
-# kind -> function from the file and its place (for errors) to the loops of its certificate.
-LOOPS: dict[str, Callable[[GainFile, str], list[Loop]]] = {
-    "two_stage": two_stage.loops,
-    "shaped": shaped.loops,
+
+class Kind(NamedTuple):
+    """How a kind of gain file is checked; both take the file and its place, for errors.
+
+    Attributes:
+        loops: of its certificate.
+        fixed_point: the section of its integer image, from its gains.
+    """
+
+    loops: Callable[[GainFile, str], list[Loop]]
+    fixed_point: Callable[[GainFile, str], Mapping[str, object]]
+
+
+KINDS: dict[str, Kind] = {
+    "two_stage": Kind(two_stage.loops, fixed_gains.fixed_point_section),
+    "shaped": Kind(shaped.loops, shaped.fixed_point_section),
 }
 
 
@@ -23,4 +37,5 @@ def check(file: GainFile, place: str) -> Verdict:
     Raises:
         BadInput: model or gains are not what the file's kind needs.
     """
-    return checked(file, LOOPS[file.kind](file, place))
+    kind = KINDS[file.kind]
+    return checked(file, kind.loops(file, place), kind.fixed_point(file, place))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from h2nav.attitude.flight_gains import flight_image, rounded_sets
 from h2nav.attitude.gains import GainFile
 from h2nav.attitude.kernels.shaped_layout import PERIODS, SETS
 from h2nav.attitude.plant import Matrix, Plant, discretise
@@ -24,7 +25,7 @@ from h2nav.attitude.shaped_gains import (
     shaped_gains,
 )
 from h2nav.errors import BadInput
-from h2nav.synthesis.certificate import CertificateError, accept
+from h2nav.synthesis.certificate import CertificateError, accept, spectrum
 from h2nav.synthesis.gain_certificate import Loop, certified
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.riccati import solve_riccati
@@ -35,6 +36,7 @@ STEP = 2.0
 # Velocity fixes come at 10, 5, 2 and 1 Hz.
 FIX_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 assert len(FIX_PERIODS_S) == PERIODS
+FIXED_POINT_FORMAT = "flight-1"
 
 _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
 _DEG = np.pi / 180.0
@@ -127,7 +129,8 @@ def synthesise(
         fixed_point={},
         made_by="h2nav synthesize",
     )
-    return Synthesis(certified(file, loops(file, place)), wall_time_s)
+    image = fixed_point_section(file, place)
+    return Synthesis(certified(file, loops(file, place), image), wall_time_s)
 
 
 def gain_ladder(gyro_density: float, rate_hz: float) -> GainSets:
@@ -153,9 +156,32 @@ def loops(file: GainFile, place: str) -> list[Loop]:
     Raises:
         BadInput: a section of the file is not what this kind needs.
     """
-    disturbance = _checked(file.model, place)
     shaped_gains(file, place)
-    sets = sets_of(file.gains)
+    return _loops_of(file, place, sets_of(file.gains))
+
+
+def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
+    """The `fixed_point` section: image, rounding error, stability of the loops after rounding.
+
+    The spectral radius is the largest of the loops that `loops` gives, with the rounded gains.
+
+    Raises:
+        BadInput: the file's gains are not usable, or outside what the integers hold.
+    """
+    image = flight_image(shaped_gains(file, place), place)
+    rounded = _loops_of(file, place, rounded_sets(image.params, sets_of(file.gains)))
+    radii = [spectrum(loop.plant, loop.L)[1] or 0.0 for loop in rounded]
+    return {
+        "format": FIXED_POINT_FORMAT,
+        "params": list(image.params),
+        "rounding_error": image.rounding_error,
+        "spectral_radius": max(radii),
+    }
+
+
+def _loops_of(file: GainFile, place: str, sets: GainSets) -> list[Loop]:
+    """The loops of some gain sets with the plants of a file's model."""
+    disturbance = _checked(file.model, place)
     gyro = float(str(disturbance["gyro_noise_deg_s_rthz"])) * _DEG
     dt_s = 1.0 / file.rate_hz
     result = []

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav import __version__
+from h2nav.attitude.fixed_gains import fixed_point_section
 from h2nav.attitude.gains import (
     GainFile,
     GainLevel,
@@ -109,7 +110,8 @@ def synthesise(
         fixed_point={},
         made_by=f"h2nav {__version__} synthesize",
     )
-    return Synthesis(certified(file, loops(file, place)), wall_time_s)
+    image = fixed_point_section(file, place)
+    return Synthesis(certified(file, loops(file, place), image), wall_time_s)
 
 
 def loops(file: GainFile, place: str) -> list[Loop]:

@@ -96,7 +96,7 @@ def test_tampered_level_is_caught_even_with_a_new_certificate(level: int) -> Non
 
     file = tampered(gain_files.load("mpu9250_100hz"), level)
     with pytest.raises(CertificateError, match=f"level_{level}: the gain is not"):
-        certified(file, two_stage.loops(file, "g.yaml"))
+        certified(file, *(make(file, "g.yaml") for make in kinds.KINDS["two_stage"]))
 
 
 def test_missing_loop_is_caught() -> None:

@@ -1,26 +1,74 @@
 """The integer image in a gain file is that of its gains, and stable once rounded."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
+from h2nav.attitude.fixed_flight import FlightFilter
+from h2nav.attitude.kernels import fixed_flight_layout as layout
+from h2nav.attitude.shaped_gains import shaped_gains
 from h2nav.io import gain_files
-from h2nav.synthesis import kinds
+from h2nav.synthesis import kinds, shaped
+from h2nav.synthesis.certificate import CertificateError
+from h2nav.synthesis.gain_certificate import certified
 
 
-@pytest.mark.parametrize("name", ["mpu9250_100hz", "multirotor_200hz"])
-def test_a_shipped_image_is_certified(name):
+@pytest.mark.parametrize(
+    ("name", "form"), [("mpu9250_100hz", "lean-1"), ("multirotor_200hz", "flight-1")]
+)
+def test_a_shipped_image_is_certified(name, form):
     file = gain_files.load(name)
+    assert file.fixed_point["format"] == form
     assert file.fixed_point["params"]
+    assert 0.0 < float(str(file.fixed_point["rounding_error"])) < 2e-4
     assert float(str(file.fixed_point["spectral_radius"])) < 1.0
     assert kinds.check(file, name).problems == ()
 
 
-def test_another_image_is_noticed():
-    file = gain_files.load("mpu9250_100hz")
-    params = list(file.fixed_point["params"])
-    params[1] += 1
-    changed = replace(file, fixed_point={**file.fixed_point, "params": params})
+@pytest.mark.parametrize("name", ["mpu9250_100hz", "multirotor_200hz"])
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("params", None), ("format", "flight-0"), ("rounding_error", 0.0), ("spectral_radius", 0.9)],
+)
+def test_another_image_is_noticed(name, key, value):
+    file = gain_files.load(name)
+    if key == "params":
+        value = list(file.fixed_point["params"])
+        value[1] += 1
+    changed = replace(file, fixed_point={**file.fixed_point, key: value})
     problems = kinds.check(changed, "changed").problems
-    assert any(problem.startswith("fixed_point.params") for problem in problems)
+    assert any(problem.startswith(f"fixed_point.{key}") for problem in problems)
     assert any(problem.startswith("certificate.sha256") for problem in problems)
+
+
+def test_the_flight_form_of_a_file_is_its_image():
+    name = "fixed-wing_50hz"
+    file = gain_files.load(name)
+    made = FlightFilter(shaped_gains(file, name), name)
+    assert list(made.params) == file.fixed_point["params"]
+
+
+def test_the_radius_is_that_of_the_slowest_loop():
+    """Set 0 of the slowest poles, 0.044 / sqrt(2) rad/s, at the file's rate."""
+    file = gain_files.load("multirotor_100hz")
+    radius = float(str(file.fixed_point["spectral_radius"]))
+    assert radius == pytest.approx(math.exp(-(2.0**-4.5) / math.sqrt(2.0) / 100.0), abs=1e-6)
+
+
+def test_rounded_gains_that_are_not_stable_get_no_certificate(monkeypatch):
+    """The largest gain that the format holds, in place of one at fixes."""
+    file = gain_files.load("multirotor_100hz")
+    real = shaped.flight_image
+
+    def broken(gains, place):
+        image = real(gains, place)
+        params = list(image.params)
+        params[layout.K_FIX_VELOCITY] = 32767 << 5
+        return image._replace(params=tuple(params))
+
+    monkeypatch.setattr(shaped, "flight_image", broken)
+    section = shaped.fixed_point_section(file, "broken")
+    assert float(str(section["spectral_radius"])) > 1.0
+    with pytest.raises(CertificateError, match="the rounded gains are not stable"):
+        certified(file, shaped.loops(file, "broken"), section)
