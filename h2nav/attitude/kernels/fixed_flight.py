@@ -391,9 +391,10 @@ def align(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         return 0
     north = [UNIT_Q14, 0, 0]
     if sample[HAS_FIELD] > 0:
-        # half of it: its direction counts
+        # half of it, a quarter of a strong one: its direction counts, and `triad` takes 1.25
+        size = abs(sample[F_FIELD]) + abs(sample[F_FIELD + 1]) + abs(sample[F_FIELD + 2])
         for i in range(3):
-            north[i] = sample[F_FIELD + i] >> 1
+            north[i] = sample[F_FIELD + i] >> (2 if size > 32767 else 1)
     elif abs(sample[A_X]) > abs(sample[A_Y]) + abs(sample[A_Z]):
         north[0] = 0
         north[2] = UNIT_Q14
