@@ -58,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
             "h2_norm": norm,
             "certificate": file.certificate,
             "methods": file.methods,
+            "fixed_point": file.fixed_point,
             "wall_time_s": wall_time_s,
             "solver_wall_time_s": solver_wall_time_s,
         }
@@ -65,6 +66,8 @@ def run(args: argparse.Namespace) -> int:
         sys.stdout.write("\n")
         return 0
     sys.stdout.write(_report(file.methods, norm))
+    if "refused" in file.fixed_point:
+        sys.stderr.write(f"{args.output}: for floats only: {file.fixed_point['refused']}\n")
     sys.stderr.write(f"{args.output}: written and certified in {wall_time_s:.1f} s\n")
     return 0
 

@@ -1,4 +1,4 @@
-"""Whole recordings through a filter: compiled kernels where they are built, the same bits without."""
+"""Recordings through a filter: compiled kernels where they are built, the same bits without."""
 
 import numpy as np
 import numpy.typing as npt

@@ -144,9 +144,11 @@ def _seal_problems(file: GainFile) -> list[str]:
 
 def _image_problems(file: GainFile, fresh: Mapping[str, object]) -> list[str]:
     """What is wrong with the integer image: not that of the gains, or not stable once rounded."""
-    for key in ("format", "params"):
-        if file.fixed_point.get(key) != fresh[key]:
+    for key in ("format", "params", "refused"):
+        if file.fixed_point.get(key) != fresh.get(key):
             return [f"fixed_point.{key}: not that of the integer image of the gains"]
+    if "refused" in fresh:
+        return []
     problems = []
     for key in ("rounding_error", "spectral_radius"):
         stored, now = file.fixed_point.get(key), float(str(fresh[key]))

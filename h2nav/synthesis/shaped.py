@@ -163,12 +163,17 @@ def loops(file: GainFile, place: str) -> list[Loop]:
 def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
     """The `fixed_point` section: image, rounding error, stability of the loops after rounding.
 
-    The spectral radius is the largest of the loops that `loops` gives, with the rounded gains.
+    The spectral radius is the largest of the loops that `loops` gives, with the rounded gains. A
+    model that the integers do not hold serves the filter in floats; the section then says why.
 
     Raises:
-        BadInput: the file's gains are not usable, or outside what the integers hold.
+        BadInput: the file's gains are not usable.
     """
-    image = flight_image(shaped_gains(file, place), place)
+    gains = shaped_gains(file, place)
+    try:
+        image = flight_image(gains, file.name)
+    except BadInput as error:
+        return {"format": FIXED_POINT_FORMAT, "refused": str(error)}
     rounded = _loops_of(file, place, rounded_sets(image.params, sets_of(file.gains)))
     radii = [spectrum(loop.plant, loop.L)[1] or 0.0 for loop in rounded]
     return {

@@ -8,6 +8,7 @@ import pytest
 from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.errors import BadInput
 from h2nav.io import gain_files
 from h2nav.synthesis import kinds, shaped
 from h2nav.synthesis.certificate import CertificateError
@@ -54,6 +55,19 @@ def test_the_radius_is_that_of_the_slowest_loop():
     file = gain_files.load("multirotor_100hz")
     radius = float(str(file.fixed_point["spectral_radius"]))
     assert radius == pytest.approx(math.exp(-(2.0**-4.5) / math.sqrt(2.0) / 100.0), abs=1e-6)
+
+
+def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
+    """5 deg/s of bias at the start: synthesised and certified, and no integer filter."""
+    model = dict(gain_files.load("multirotor_100hz").model)
+    disturbance = {**model["disturbance"], "bias_start_deg_s": 5.0}
+    file = shaped.synthesise({**model, "disturbance": disturbance}, 100.0, "model", ()).file
+    assert "bias_start_deg_s is outside" in str(file.fixed_point["refused"])
+    assert kinds.check(file, "made").problems == ()
+    with pytest.raises(BadInput, match="bias_start_deg_s is outside what the integer filter"):
+        FlightFilter(shaped_gains(file, "made"), "made")
+    hidden = replace(file, fixed_point=gain_files.load("multirotor_100hz").fixed_point)
+    assert any(p.startswith("fixed_point.") for p in kinds.check(hidden, "made").problems)
 
 
 def test_rounded_gains_that_are_not_stable_get_no_certificate(monkeypatch):
