@@ -118,14 +118,14 @@ def test_compiled_kernels_give_the_same_bits(
 ) -> None:
     if native.backend() != "native":
         absent("the compiled kernels are not built from these sources")
-    native = run(trial, Conditions("multirotor"))
+    compiled = run(trial, Conditions("multirotor"))
     monkeypatch.setenv(native.SWITCH, "forbid")
     python = run(trial, Conditions("multirotor"))
-    assert (native.backend, python.backend) == ("native", "python")
-    assert np.array_equal(native.q_es, python.q_es)
-    assert native.bias is not None
+    assert (compiled.backend, python.backend) == ("native", "python")
+    assert np.array_equal(compiled.q_es, python.q_es)
+    assert compiled.bias is not None
     assert python.bias is not None
-    assert np.array_equal(native.bias, python.bias)
+    assert np.array_equal(compiled.bias, python.bias)
 
 
 def test_what_the_kernels_cannot_show_runs_in_python(trial: Trial) -> None:
