@@ -169,7 +169,7 @@ def watched_run(rng: random.Random, params: Words, count: int) -> None:
             fixed_flight_place.set_place(state, params, place)
         for number in range(20):  # first attitudes from anything
             fixed_flight.restart(state)
-            take(state, params, rng.choice((corners, anything, weak))(rng, state, number))
+            take(state, params, rng.choice((spin, corners, weak))(rng, state, number))
 
 
 def take(state: Words, params: Words, sample: Words) -> None:
