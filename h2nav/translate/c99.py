@@ -72,10 +72,17 @@ def translate(
     for name in facts.functions:
         function = kernel.functions[name]
         writer = _FunctionWriter(kernel, facts, function, writers, runtime)
-        writer.inline = function.path == sources[-1].path and name not in (*entries, *initialisers)
+        melts = function.path == sources[-1].path or _is_expression(function)
+        writer.inline = melts and name not in (*entries, *initialisers)
         functions.append(writer.text())
     parts = [_constants(kernel, facts), *operations(runtime), *functions]
     return Translation("\n".join(part for part in parts if part), kernel, facts)
+
+
+def _is_expression(function: Function) -> bool:
+    """True for a function that does nothing but return an expression."""
+    body = function.node.body
+    return isinstance(body[1 if ast.get_docstring(function.node) else 0], ast.Return)
 
 
 def _constants(kernel: Kernel, facts: Facts) -> str:
@@ -115,7 +122,7 @@ class _FunctionWriter:
         self._expressions = ExpressionWriter(kernel, facts, function, self._found, runtime)
         self._homes = home_blocks(function.node.body)
         self._lines: list[str] = []
-        # Small functions of the entry's own module are meant to melt into it.
+        # The functions of the entry's own module and single expressions melt into their callers.
         self.inline = False
         self._declared: set[str] = {argument.arg for argument in function.node.args.args}
         self._last_line = function.node.body[0].lineno - 1
