@@ -185,6 +185,9 @@ def step(state: list[I32], params: list[I32], sample: list[I32]) -> I32:
         watch_rest(state, params, sample)
         if bits & RESTARTED == 0:
             bits |= second_stage(state, params, sample, r)
+        else:
+            # it has joined the sums of a new frame, without the part that predicts over none
+            state[PHASE] = 2
     drain(state, r)
     if met[0] != 0 or bits & SATURATED != 0:
         state[SATURATIONS] = clamp(state[SATURATIONS] + 1, 0, SATURATIONS_MOST)
