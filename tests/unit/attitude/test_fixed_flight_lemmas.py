@@ -125,6 +125,21 @@ def circling(rng: random.Random, state: Words, number: int) -> Words:
     return words
 
 
+def relaunched(rng: random.Random, state: Words, number: int) -> Words:
+    """Clipped turns that restart the frame, then the largest innovation for a whole one."""
+    words = _still(rng, state)
+    part = number % 24
+    words[layout.CLIPPED] = int(part < 4)
+    words[fixed_motion.W_Z] = 38482906 if part < 4 else 0
+    words[layout.IS_AIDED] = number // 24 & 1 if part < 4 else 0
+    words[layout.NOSE] = -32767 if part < 5 else 32767
+    if part == 4:
+        for i in range(2):
+            words[layout.A_X + i] = rng.choice((-layout.FORCE_MOST, layout.FORCE_MOST - 1))
+    words[fixed_motion.DT_US] = fixed_motion.MOST_DT_US
+    return words
+
+
 def _still(rng: random.Random, _state: Words) -> Words:
     words = [0] * layout.SAMPLE_SIZE
     words[layout.A_Z] = -(1 << 20)
@@ -136,7 +151,8 @@ def _still(rng: random.Random, _state: Words) -> Words:
 
 
 MAKERS: tuple[Maker, ...] = (
-    quiet, corners, quiet, anything, circling, small, aided, spin, thrust, weak, aided, quiet,
+    quiet, corners, quiet, anything, circling, small, aided, spin, thrust, weak, aided, relaunched,
+    quiet,
 )  # fmt: skip
 
 
