@@ -115,6 +115,7 @@ from h2nav.maths.fixedpoint import I32, clamp, known
 ACCELERATION_MOST = 113600  # three axes at 16 g, Q12
 LOG_SECOND = 5102  # log2 of 1e6
 Q24 = 24 << 8
+EASE_MOST = 21 << 8
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
 DENIED_DOUBT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
 
@@ -421,5 +422,7 @@ def set_ease(state: list[I32], params: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (14).
     """
-    ease = (logarithm(params[T_EASE_US] | 1) - logarithm(state[AGE_US] | 1)) << 2
-    state[LOG_EASE] = clamp(ease, 0, LOG_MOST)
+    # 1 + (t_0 / t)^4 with 8 fraction bits
+    ramp = (logarithm(params[T_EASE_US] | 1) - logarithm(state[AGE_US] | 1)) << 2
+    ease = power2(clamp(ramp, -LOG_MOST, EASE_MOST) + (8 << 8)) + 256
+    state[LOG_EASE] = clamp(logarithm(ease) - (8 << 8), 0, LOG_MOST)
