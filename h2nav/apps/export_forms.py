@@ -8,7 +8,7 @@ from h2nav.attitude.fixed_flight import parts_of
 from h2nav.attitude.fixed_gains import fixed_image
 from h2nav.attitude.flight_gains import flight_image
 from h2nav.attitude.gains import GainFile
-from h2nav.attitude.kernels import fixed_flight, fixed_lean, fixed_motion
+from h2nav.attitude.kernels import fixed_flight, fixed_flight_start, fixed_lean, fixed_motion
 from h2nav.attitude.kernels import fixed_flight_layout as flight
 from h2nav.attitude.samples import VehicleState
 from h2nav.attitude.shaped import LONGEST_GAP_S, nose_velocity_m_s, rest_belief
@@ -80,8 +80,8 @@ def _flight_image(file: GainFile, place: str) -> Image:
 
 def _flight_start(params: Sequence[int]) -> Words:
     state = [0] * flight.STATE_SIZE
-    fixed_flight.reset(state)
-    fixed_flight.prepare(state, list(params))
+    fixed_flight_start.reset(state)
+    fixed_flight_start.prepare(state, list(params))
     return state
 
 
@@ -89,7 +89,7 @@ def flight_step(state: Words, params: Words, sample: Words) -> int:
     """What ``h2nav_step`` of the flight form does, for a sample of any length."""
     dt_us = sample[fixed_motion.DT_US]
     if dt_us > _LONGEST_GAP_US:
-        fixed_flight.restart(state)
+        fixed_flight_start.restart(state)
         dt_us = 0
     bits = 0
     for part in parts_of(list(sample), dt_us):

@@ -19,6 +19,7 @@ from h2nav.attitude.flight_gains import (
 from h2nav.attitude.kernels import fixed_flight as kernel
 from h2nav.attitude.kernels import fixed_flight_field as field_kernel
 from h2nav.attitude.kernels import fixed_flight_layout as layout
+from h2nav.attitude.kernels import fixed_flight_start as start_kernel
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.samples import (
@@ -124,8 +125,8 @@ class FlightFilter:
         self._numbers = list if compiled is None else compiled.numbers
         self._params: list[int] = self._numbers(image.params)
         self._state: list[int] = self._numbers([0] * layout.STATE_SIZE)
-        kernel.reset(self._state)
-        kernel.prepare(self._state, self._params)
+        start_kernel.reset(self._state)
+        start_kernel.prepare(self._state, self._params)
         self._t_us: int | None = None
         self._aiding = VelocityAiding()
         self._gained = [0, 0]
@@ -165,7 +166,7 @@ class FlightFilter:
             return self._estimate(held, layout.SATURATED) if is_aligned else None
         dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
         if dt_us > LONGEST_GAP_S * 1e6:
-            kernel.restart(self._state)
+            start_kernel.restart(self._state)
             dt_us = 0
         words = sample_integers(sample, self._field_unit(sample.m_b_ut))
         words[layout.REST] = self._rest
@@ -281,7 +282,7 @@ class FlightFilter:
 
     def restart(self) -> None:
         """Forgets time and attitude; bias, field and what is known of the sensors stay."""
-        kernel.restart(self._state)
+        start_kernel.restart(self._state)
         self._t_us = self._believed_us = None
         self._aiding.clear()
 

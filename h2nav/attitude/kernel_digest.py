@@ -24,7 +24,10 @@ COMPILED_MODULES = (
     "fixed_flight_theta.py",
     "fixed_flight_doubt.py",
     "fixed_flight_velocity.py",
+    "fixed_flight_fixes.py",
     "fixed_flight_field.py",
+    "fixed_flight_start.py",
+    "fixed_flight_frame.py",
     "fixed_flight.py",
 )
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from agreement.identity_noise import Noise
 
-from h2nav.attitude.kernels import fixed_flight as kernel
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import fixed_flight_place as place
+from h2nav.attitude.kernels import fixed_flight_start as start
 from h2nav.attitude.kernels import fixed_motion as motion
 
 WORDS = {
@@ -82,7 +82,7 @@ class FlightSamples:
         if step % 30011 == 14000:
             place.set_place(state, params, [self._noise(16) for _ in range(3)])
         if step % 50021 == 50020:
-            kernel.restart(state)
+            start.restart(state)
 
     def _still(self, words: list[int], bits: int) -> None:
         noise = self._noise

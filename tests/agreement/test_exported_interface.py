@@ -16,7 +16,7 @@ from agreement.identity import IDENTITIES
 from h2nav.apps import export_c
 from h2nav.apps.export_forms import FORMS
 from h2nav.attitude.fixed_flight import FlightFilter, parts_of, sample_integers
-from h2nav.attitude.kernels import fixed_flight, fixed_flight_place
+from h2nav.attitude.kernels import fixed_flight, fixed_flight_place, fixed_flight_start
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.samples import EarthField, ImuSample
@@ -142,7 +142,7 @@ def test_a_step_of_any_length_is_that_of_the_daemon(library: ctypes.CDLL, dt_us:
         assert list(program.sample) == words
         t_us += words[motion.DT_US]
         if last and dt_us > 1_000_000:
-            fixed_flight.restart(state)
+            fixed_flight_start.restart(state)
             words[motion.DT_US] = 0
         for part in parts_of(words, words[motion.DT_US]):
             fixed_flight.update(state, list(python.params), part)

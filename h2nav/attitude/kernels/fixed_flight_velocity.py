@@ -1,9 +1,9 @@
-"""First stage of the flight filter in integers: velocity, its levels, gain sets, fixes.
+"""First stage of the flight filter in integers: velocity, its levels, gain sets.
 
-Source: docs/fixed-point.md Eq. (23) to (25); docs/filter.md Eq. (5), (8) to (11), (13) to (16).
+Source: docs/fixed-point.md Eq. (23) to (25); docs/filter.md Eq. (5), (8) to (11), (13), (14).
 """
 
-from h2nav.attitude.kernels.fixed_flight_doubt import doubt_tilt, restart_tilt
+from h2nav.attitude.kernels.fixed_flight_doubt import restart_tilt
 from h2nav.attitude.kernels.fixed_flight_layout import (
     A_E,
     A_N,
@@ -17,9 +17,7 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     C_N,
     CEILING,
     CORRELATION,
-    D_MOST,
     DENIED,
-    DOUBT,
     DRIFT_E,
     DRIFT_N,
     E_E,
@@ -28,26 +26,12 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     F_X,
     F_Y,
     F_Z,
-    FIX_C,
-    FIX_CEILING,
-    FIX_CORRELATION,
-    FIX_FLOOR,
-    FIX_PERIOD_US,
-    FIX_PERIODS_US,
-    FIX_SPAN_US,
     FIX_US,
-    FIX_V,
-    FIX_VAR,
-    FIX_VARIANCE,
-    FIX_Y_E,
-    FIX_Y_N,
     FLOOR,
     FRAME_US,
     GYRO,
     IMPOSSIBLE,
     IS_AIDED,
-    K_FIX_TILT,
-    K_FIX_VELOCITY,
     K_TILT,
     K_VELOCITY,
     KT_M,
@@ -57,8 +41,6 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     LEVEL_MOST,
     LOG_BOUNDS,
     LOG_EASE,
-    LOG_FIX_GATE,
-    LOG_FIX_INFLATE,
     LOG_GYRO,
     LOG_INFLATE,
     LOG_MOST,
@@ -69,7 +51,6 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     MOST_MISSES,
     MOVING,
     NOSE,
-    PERIODS,
     PHASE,
     S_E,
     S_MOST,
@@ -93,12 +74,11 @@ from h2nav.attitude.kernels.fixed_flight_layout import (
     V_E,
     V_MOST,
     V_N,
-    VELOCITY_USED,
     Y_E,
     Y_MOST,
     Y_N,
 )
-from h2nav.attitude.kernels.fixed_flight_theta import forget_velocity, turn
+from h2nav.attitude.kernels.fixed_flight_theta import forget_velocity
 from h2nav.attitude.kernels.fixed_functions import (
     bits_of,
     limited,
@@ -107,17 +87,13 @@ from h2nav.attitude.kernels.fixed_functions import (
     power2,
     product,
     ratio,
-    shifted,
 )
 from h2nav.attitude.kernels.fixed_motion import DT_US
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 ACCELERATION_MOST = 113600  # three axes at 16 g, Q12
-LOG_SECOND = 5102  # log2 of 1e6
 Q24 = 24 << 8
 EASE_MOST = 21 << 8
-STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
-DENIED_DOUBT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
 
 
 def accelerate(state: list[I32], sample: list[I32], r: list[I32]) -> None:
@@ -311,110 +287,6 @@ def set_frame_gains(state: list[I32], params: list[I32]) -> None:
     gain = params[K_VELOCITY + state[SET]]
     state[KV_M] = ((gain >> 5) * m) >> 15
     state[KV_S] = clamp((gain & 31) - 8 + fall, 0, 30)
-
-
-def note_fix(state: list[I32], sample: list[I32]) -> None:
-    """Keeps the innovation of a fix, at the time for which it was true, for its frame.
-
-    Source: docs/filter.md Eq. (15).
-    """
-    gained = ((state[C_N] - sample[FIX_C] + (1 << 27)) & C_MASK) - (1 << 27)
-    state[FIX_Y_N] = limited(sample[FIX_V] - state[S_N] + gained, D_MOST)
-    gained = ((state[C_E] - sample[FIX_C + 1] + (1 << 27)) & C_MASK) - (1 << 27)
-    state[FIX_Y_E] = limited(sample[FIX_V + 1] - state[S_E] + gained, D_MOST)
-    state[FIX_VAR] = sample[FIX_VARIANCE]
-    state[FIX_US] = sample[FIX_PERIOD_US]
-
-
-def judge_fix(state: list[I32], params: list[I32]) -> I32:
-    """Gate and level for the fix that waits; returns bits.
-
-    Source: docs/filter.md Eq. (15), (16), (30).
-    """
-    state[Y_N] = state[FIX_Y_N]
-    state[Y_E] = state[FIX_Y_E]
-    period_us = state[FIX_US]
-    state[FIX_SPAN_US] = period_us
-    state[FIX_US] = 0
-    if state[MISSES] >= MOST_MISSES:
-        believe_fixes(state)
-        return VELOCITY_USED
-    log_period = logarithm(period_us | 1) - LOG_SECOND
-    square = square_of(state[Y_N], state[Y_E])
-    floor = power2(logarithm(params[FIX_FLOOR]) - log_period) + state[FIX_VAR] + 1
-    gate = limited(floor, 1 << 29) + state[MOVING]
-    log_square = logarithm(square | 1)
-    if log_square > state[LOG_EASE] + params[LOG_FIX_GATE] + logarithm(gate):
-        state[MISSES] = clamp(state[MISSES] + 1, 0, MOST_MISSES)
-        # the tilt that would explain it: y / (5 T), Q28
-        doubt_tilt(state, power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8)))
-        return 0
-    state[MISSES] = 0
-    raise_level(state, MOVING, square, level_share(state, params, period_us))
-    state[USE] = 2
-    return VELOCITY_USED
-
-
-def choose_fix(state: list[I32], params: list[I32]) -> None:
-    """Noise and gains for a fix that is believed.
-
-    Source: docs/filter.md Eq. (15), (16).
-    """
-    period_us = state[FIX_SPAN_US]
-    log_period = logarithm(period_us | 1) - LOG_SECOND
-    floor = params[FIX_FLOOR] + power2(logarithm(state[FIX_VAR] | 1) + log_period)
-    noise = density(
-        limited(floor, 1 << 29), params[FIX_CORRELATION], params[FIX_CEILING], state[MOVING]
-    )
-    state[LOG_VELOCITY] = logarithm(noise) - Q24
-    select_set(state, params)
-    set_fix_gains(state, params, period_us)
-    kept = 32768 - shifted(state[KV_M], state[KV_S])
-    log_span = log_period + logarithm(clamp(kept, 1, 32768)) - (15 << 8)
-    state[LOG_NOISE] = clamp(
-        state[LOG_EASE] + params[LOG_FIX_INFLATE] + state[LOG_VELOCITY] - log_span,
-        -LOG_MOST,
-        LOG_MOST,
-    )
-
-
-def believe_fixes(state: list[I32]) -> None:
-    """Nothing is known of the velocity yet, or the fixes agree in contradicting it."""
-    forget_velocity(state)
-    state[S_N] = limited(state[S_N] + state[Y_N], S_MOST)
-    state[S_E] = limited(state[S_E] + state[Y_E], S_MOST)
-    state[MISSES] = 0
-    if state[DOUBT] > DENIED_DOUBT and state[LOG_EASE] < STARTED:
-        state[DENIED] = 1
-
-
-def set_fix_gains(state: list[I32], params: list[I32], period_us: I32) -> None:
-    """Gains of the set for the nearest period that gains were made for."""
-    row = 0
-    for i in range(PERIODS - 1):
-        if period_us > params[FIX_PERIODS_US + i]:
-            row = (i + 1) * SETS
-    row += state[SET]
-    gain = params[K_FIX_TILT + row]
-    state[KT_M] = gain >> 5
-    state[KT_S] = clamp((gain & 31) - 8, -3, 23)
-    gain = params[K_FIX_VELOCITY + row]
-    state[KV_M] = gain >> 5
-    state[KV_S] = clamp((gain & 31) - 8, -3, 23)
-
-
-def apply_fix(state: list[I32]) -> None:
-    """The constant gain for a measured velocity.
-
-    Source: docs/filter.md Eq. (16).
-    """
-    tilt_n = shifted(product(state[Y_N], state[KT_M]), state[KT_S] - 5)
-    tilt_e = shifted(product(state[Y_E], state[KT_M]), state[KT_S] - 5)
-    turn(state, tilt_n, tilt_e)
-    north = shifted(product(state[Y_N], state[KV_M]), state[KV_S])
-    east = shifted(product(state[Y_E], state[KV_M]), state[KV_S])
-    state[S_N] = limited(state[S_N] + limited(north, 1 << 30), S_MOST)
-    state[S_E] = limited(state[S_E] + limited(east, 1 << 30), S_MOST)
 
 
 def set_ease(state: list[I32], params: list[I32]) -> None:

@@ -12,6 +12,7 @@ from h2nav.attitude.kernels import (
     fixed_flight_doubt,
     fixed_flight_field,
     fixed_flight_place,
+    fixed_flight_start,
     fixed_flight_theta,
     fixed_flight_velocity,
     fixed_functions,
@@ -175,8 +176,8 @@ def shipped_params(name: str) -> Words:
 def watched_run(rng: random.Random, params: Words, count: int) -> None:
     """Runs blocks of samples, with restarts and new places between them."""
     state = [rng.choice((-(1 << 31), (1 << 31) - 1)) for _ in range(layout.STATE_SIZE)]
-    fixed_flight.reset(state)
-    fixed_flight.prepare(state, params)
+    fixed_flight_start.reset(state)
+    fixed_flight_start.prepare(state, params)
     for maker in blocks(rng, count):
         for number in range(BLOCK):
             take(state, params, maker(rng, state, number))
@@ -184,7 +185,7 @@ def watched_run(rng: random.Random, params: Words, count: int) -> None:
             place = [rng.choice((-32768, 0, 6400, 32767)) for _ in range(3)]
             fixed_flight_place.set_place(state, params, place)
         for number in range(20):  # first attitudes from anything
-            fixed_flight.restart(state)
+            fixed_flight_start.restart(state)
             take(state, params, rng.choice((spin, corners, weak))(rng, state, number))
 
 
