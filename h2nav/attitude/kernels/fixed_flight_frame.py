@@ -106,8 +106,6 @@ def use_motion(
         if state[USE] > 0:
             fade(state)
             ease_doubt(state)
-            if state[USE] == 2:
-                apply_fix(state)
     elif phase == 9:
         if rests(state, params) > 0:
             return RESTING | apply_theta(state, params)
@@ -118,6 +116,8 @@ def use_motion(
         if phase == 7:
             judge_rest(state, params, sample)
             ask_force(state, params, sample, r)
+        elif state[USE] == 2:
+            apply_fix(state)
     return 0
 
 
