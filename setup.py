@@ -14,7 +14,7 @@ from setuptools.errors import CompileError
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 
-from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest  # noqa: E402
+from h2nav.attitude.kernel_modules import COMPILED_MODULES, digest  # noqa: E402
 from h2nav.errors import BadInput  # noqa: E402
 from h2nav.translate.batch import BATCH_KERNELS, batch_c  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402

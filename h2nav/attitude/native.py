@@ -13,7 +13,7 @@ from importlib import resources
 from types import ModuleType
 from typing import TypeVar, cast
 
-from h2nav.attitude.kernel_digest import COMPILED_MODULES, digest
+from h2nav.attitude.kernel_modules import COMPILED_MODULES, digest
 from h2nav.errors import BadInput
 
 SWITCH = "H2NAV_NATIVE"

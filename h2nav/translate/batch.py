@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from h2nav.attitude.kernel_modules import FLIGHT_MODULES, LEAN_MODULES, SHAPED_MODULES
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Source
 
@@ -24,43 +25,9 @@ class BatchKernel(NamedTuple):
 
 
 BATCH_KERNELS = (
-    BatchKernel(
-        "shaped",
-        (
-            "shaped_layout.py",
-            "shaped_motion.py",
-            "shaped_theta.py",
-            "shaped_doubt.py",
-            "shaped_velocity.py",
-            "shaped_field.py",
-            "shaped_rest.py",
-            "shaped.py",
-        ),
-        "step",
-        "double",
-    ),
-    BatchKernel(
-        "fixed_lean", ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"), "update", "int32_t"
-    ),
-    BatchKernel(
-        "fixed_flight",
-        (
-            "fixed_triad.py",
-            "fixed_motion.py",
-            "fixed_functions.py",
-            "fixed_flight_layout.py",
-            "fixed_flight_theta.py",
-            "fixed_flight_doubt.py",
-            "fixed_flight_velocity.py",
-            "fixed_flight_fixes.py",
-            "fixed_flight_field.py",
-            "fixed_flight_start.py",
-            "fixed_flight_frame.py",
-            "fixed_flight.py",
-        ),
-        "update",
-        "int32_t",
-    ),
+    BatchKernel("shaped", SHAPED_MODULES, "step", "double"),
+    BatchKernel("fixed_lean", LEAN_MODULES, "update", "int32_t"),
+    BatchKernel("fixed_flight", FLIGHT_MODULES, "update", "int32_t"),
 )
 # Columns of a result row: the first words of the memory (attitude, bias), then the bits.
 KEPT = 7

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from h2nav.attitude.kernel_modules import FLIGHT_MODULES
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.shaped import LONGEST_GAP_S
@@ -264,21 +265,7 @@ int main(void)
 FLIGHT: Final = IntegerForm(
     name="flight",
     layout=layout,
-    modules=(
-        "fixed_triad.py",
-        "fixed_motion.py",
-        "fixed_functions.py",
-        "fixed_flight_layout.py",
-        "fixed_flight_theta.py",
-        "fixed_flight_doubt.py",
-        "fixed_flight_velocity.py",
-        "fixed_flight_fixes.py",
-        "fixed_flight_field.py",
-        "fixed_flight_place.py",
-        "fixed_flight_start.py",
-        "fixed_flight_frame.py",
-        "fixed_flight.py",
-    ),
+    modules=(*FLIGHT_MODULES[:-1], "fixed_flight_place.py", FLIGHT_MODULES[-1]),
     entries=("update", "restart", "prepare", "set_place"),
     words=_WORDS,
     sample_words=_SAMPLE_WORDS,

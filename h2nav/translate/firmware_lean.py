@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from h2nav.attitude.kernel_modules import LEAN_MODULES
 from h2nav.attitude.kernels import fixed_lean as layout
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.translate.firmware import IntegerForm
@@ -96,7 +97,7 @@ int main(void)
 LEAN: Final = IntegerForm(
     name="lean",
     layout=layout,
-    modules=("fixed_triad.py", "fixed_motion.py", "fixed_lean.py"),
+    modules=LEAN_MODULES,
     entries=("update", "restart"),
     words=(
         ("Q_W", motion.Q_W, "attitude, scalar first, 2^29 = 1; norm within 0.0005 of one"),

@@ -1,13 +1,12 @@
-"""Which kernels are compiled for batches, and the name of one version of them.
+"""Which files of `kernels` make a kernel, imported ones first, and the name of one version of them.
 
-The build writes the name into the extension, so that one made from older kernels is noticed.
+The build writes that name into the extension, so that one made from older kernels is noticed.
 """
 
 import hashlib
 from collections.abc import Sequence
 
-# files in `kernels`, in the order in which their texts are hashed
-COMPILED_MODULES = (
+SHAPED_MODULES = (
     "shaped_layout.py",
     "shaped_motion.py",
     "shaped_theta.py",
@@ -16,9 +15,11 @@ COMPILED_MODULES = (
     "shaped_field.py",
     "shaped_rest.py",
     "shaped.py",
+)
+LEAN_MODULES = ("fixed_triad.py", "fixed_motion.py", "fixed_lean.py")
+FLIGHT_MODULES = (
     "fixed_triad.py",
     "fixed_motion.py",
-    "fixed_lean.py",
     "fixed_functions.py",
     "fixed_flight_layout.py",
     "fixed_flight_theta.py",
@@ -30,6 +31,8 @@ COMPILED_MODULES = (
     "fixed_flight_frame.py",
     "fixed_flight.py",
 )
+# all that are compiled, each once
+COMPILED_MODULES = tuple(dict.fromkeys((*SHAPED_MODULES, *LEAN_MODULES, *FLIGHT_MODULES)))
 
 
 def digest(texts: Sequence[str]) -> str:
