@@ -1,6 +1,6 @@
 """Second stage of the flight filter in integers: one part of a frame with each of its samples.
 
-Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (32).
+Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 """
 
 from h2nav.attitude.kernels.fixed_flight_doubt import ask_force, find_rest_gain, judge_rest
