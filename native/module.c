@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RESULT_COLUMNS = 8, BUFFERS = 4 };
+enum { RESULT_COLUMNS = 8, BUFFERS = 4, BATCH_ROWS = 64 };
 
 void run_shaped(double *memory, const double *gains, const double *samples, size_t rows,
                 size_t columns, double *results);
@@ -51,7 +51,8 @@ static PyObject *run(PyObject *arguments, enum kernel kernel)
     const Py_ssize_t size = (Py_ssize_t)(kernel == SHAPED ? sizeof(double) : sizeof(int32_t));
     const Py_ssize_t rows = rows_of(&buffers[2], &buffers[3], columns, size);
     if (rows >= 0) {
-        Py_BEGIN_ALLOW_THREADS
+        /* Other threads may run beside a batch; a single sample is shorter than the hand-over. */
+        PyThreadState *thread = rows >= BATCH_ROWS ? PyEval_SaveThread() : NULL;
         if (kernel == SHAPED) {
             run_shaped(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
                        (size_t)columns, buffers[3].buf);
@@ -62,7 +63,9 @@ static PyObject *run(PyObject *arguments, enum kernel kernel)
             run_fixed_flight(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
                              (size_t)columns, buffers[3].buf);
         }
-        Py_END_ALLOW_THREADS
+        if (thread != NULL) {
+            PyEval_RestoreThread(thread);
+        }
     }
     for (int i = 0; i < BUFFERS; i++) {
         PyBuffer_Release(&buffers[i]);
