@@ -86,6 +86,12 @@ def sample_integers(sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> lis
     return words
 
 
+def _is_limited(words: list[int]) -> bool:
+    """True when a force stands at the end of its format; the kernel itself watches the rates."""
+    forces = range(layout.A_X, layout.A_Z + 1)
+    return any(words[i] in layout.SAMPLE_RANGES[i] for i in forces)
+
+
 def parts_of(words: list[int], dt_us: int) -> Iterator[list[int]]:
     """A sample in the fewest equal parts that the kernel takes; field and fix come with the last.
 
@@ -173,6 +179,8 @@ class FlightFilter:
         words[layout.NOSE] = self._nose
         self._fill_velocity(sample.t_us, words)
         bits = self._run(words, dt_us)
+        if _is_limited(words):
+            bits |= layout.SATURATED
         if bits & layout.ALIGNED:
             self._settle()
         if bits & layout.FIELD_USED:

@@ -142,6 +142,18 @@ def test_iron_nearby_is_not_believed() -> None:
 # --- bad samples --------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("force_m_s2", "is_limited"), [(150.0, False), (160.0, True)])
+def test_a_force_beyond_16_g_is_said_to_stand_at_its_limit(
+    force_m_s2: float, is_limited: bool
+) -> None:
+    *before, last = fly(still, 1.0, 2).samples
+    filter_ = new_filter()
+    drive(filter_, before)
+    estimate = filter_.update(last._replace(f_b=(0.0, force_m_s2, -9.8)))
+    assert estimate is not None
+    assert bool(estimate.trust & Trust.SATURATED) is is_limited
+
+
 def test_a_clipped_or_zero_force_is_integrated_but_corrects_nothing() -> None:
     flight = fly(gentle, 20.0, 16)
     for spoilt in ({"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}):
