@@ -13,6 +13,7 @@ from h2nav.attitude.kernels import fixed_flight_layout as flight
 from h2nav.attitude.samples import VehicleState
 from h2nav.attitude.shaped import LONGEST_GAP_S, nose_velocity_m_s, rest_belief
 from h2nav.attitude.shaped_gains import GRAVITY_M_S2, shaped_gains
+from h2nav.maths.fixedpoint import to_fixed
 from h2nav.translate.firmware import IntegerForm, Row
 from h2nav.translate.firmware_flight import FLIGHT
 from h2nav.translate.firmware_lean import LEAN
@@ -70,7 +71,8 @@ def _flight_image(file: GainFile, place: str) -> Image:
     gains = shaped_gains(file, place)
     image = flight_image(gains, place)
     untold = VehicleState()
-    nose = round(nose_velocity_m_s(gains, untold) / GRAVITY_M_S2 * 2.0**11)
+    ends = flight.SAMPLE_RANGES[flight.NOSE]
+    nose = to_fixed(nose_velocity_m_s(gains, untold) / GRAVITY_M_S2, 11, *ends)
     constants = (
         ("REST_UNTOLD", rest_belief(gains, untold), "word REST of a vehicle that tells nothing"),
         ("NOSE_UNTOLD", nose, "word NOSE of it"),

@@ -4,13 +4,14 @@ Source: docs/fixed-point.md Eq. (24), (25).
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, NoReturn
 
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import shaped_layout as shaped
+from h2nav.attitude.kernels.fixed_motion import MOST_DT_US
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.shaped_gains import GainSets, ShapedGains
+from h2nav.attitude.shaped_gains import GRAVITY_M_S2, GainSets, ShapedGains
 from h2nav.errors import BadInput
 
 # units of theta
@@ -26,6 +27,12 @@ LAG_UNIT_S = 8e-6
 # one of LAG_DEN: (field/s)^2 s
 LAG_DEN_UNIT = (1e6 * 2.0**-28) ** 2 * 2.0**6 * 1.024e-3
 PACK_BIAS = 8
+# what the velocity along the nose can be
+FASTEST_M_S = layout.SAMPLE_RANGES[layout.NOSE][1] * 2.0**-11 * GRAVITY_M_S2
+# a gain times the longest frame stays below one
+LARGEST_GAIN = 1e6 / (layout.FRAME * MOST_DT_US)
+LARGEST_FIX_GAIN = 8.0
+LEAST_GAIN = 2.0**-22
 
 
 class FlightImage(NamedTuple):
@@ -60,11 +67,12 @@ def flight_image(gains: ShapedGains, place: str) -> FlightImage:
         place: what to name in an error.
 
     Raises:
-        BadInput: a parameter is outside what its format holds.
+        BadInput: a parameter or a gain is outside what its format holds.
     """
     g = gains.g
     params = [0] * layout.PARAMS_SIZE
     image = _Image(params, place)
+    image.check_cruise_speed(gains.cruise_speed_m_s)
     _set_scalars(image, g, gains.rate_hz)
     errors = _set_tables(image, g)
     return FlightImage(tuple(params), max(errors))
@@ -107,15 +115,30 @@ class _Image:
         low, high = layout.PARAMS_RANGES[index]
         number = round(value)
         if not low <= number <= high:
-            raise BadInput(
-                f"{self._place}: {what} is outside what the integer filter holds "
-                f"({number} of {low}..{high}); expected a value nearer to the shipped ones"
-            )
+            self._refuse(what, f"{number} of {low}..{high}")
         self._params[index] = number
+
+    def _refuse(self, what: str, found: str) -> NoReturn:
+        raise BadInput(
+            f"{self._place}: {what} is outside what the integer filter holds "
+            f"({found}); expected a value nearer to the shipped ones"
+        )
+
+    def check_cruise_speed(self, speed_m_s: float) -> None:
+        """Refuses a velocity along the nose that a sample does not hold."""
+        if speed_m_s > FASTEST_M_S:
+            self._refuse("cruise_speed_m_s", f"{speed_m_s:g} of 0..{FASTEST_M_S:.0f}")
 
     def put_most(self, index: int, value: float, what: str) -> None:
         """The same for an upper limit: larger ones than the format holds never bind."""
         self.put(index, min(value, layout.PARAMS_RANGES[index][1]), what)
+
+    def put_gain(self, index: int, value: float, most: float, what: str) -> float:
+        """A packed gain; returns the relative error of its rounding."""
+        if not LEAST_GAIN <= value < most:
+            self._refuse(what, f"{value:g} of {LEAST_GAIN:.1g}..{most:g}")
+        self.put(index, packed(value), what)
+        return abs(unpacked(packed(value)) / value - 1.0)
 
     def put_scale(self, index: int, value: float, what: str) -> None:
         """A factor below one as M 2^-(15 + S)."""
@@ -133,7 +156,10 @@ def _log(value: float) -> float:
 
 def _set_scalars(image: _Image, g: tuple[float, ...], rate_hz: float) -> None:
     put, most = image.put, image.put_most
-    put(layout.LP_SHIFT, math.log2(max(g[shaped.G_T_REST_LP] * rate_hz, 1.0)), "rest_lowpass_s")
+    # a sample longer than a step is taken in several
+    step_rate_hz = rate_hz * math.ceil(1e6 / (rate_hz * MOST_DT_US))
+    lowpass = math.log2(max(g[shaped.G_T_REST_LP] * step_rate_hz, 1.0))
+    put(layout.LP_SHIFT, lowpass, "rest_lowpass_s")
     most(layout.REST_RATE, g[shaped.G_REST_RATE] / REST_RATE_UNIT, "rest_rate_deg_s")
     force = g[shaped.G_REST_FORCE] / g[shaped.G_GRAVITY] ** 2
     most(layout.REST_FORCE, force / REST_FORCE_UNIT, "rest_force_m_s2")
@@ -187,21 +213,19 @@ def _set_tables(image: _Image, g: tuple[float, ...]) -> list[float]:
         base = shaped.G_SETS + shaped.SET_SIZE * number
         if number < layout.SETS - 1:
             image.put(layout.LOG_BOUNDS + number, _log(g[base]), "set_bounds_s4")
-        errors.append(_put_gain(image.put, layout.K_TILT + number, g[base + 1], "k_tilt_s2"))
-        errors.append(_put_gain(image.put, layout.K_VELOCITY + number, g[base + 2], "k_velocity_s"))
+        for place, value, what in (
+            (layout.K_TILT, g[base + 1], "k_tilt_s2"),
+            (layout.K_VELOCITY, g[base + 2], "k_velocity_s"),
+        ):
+            errors.append(image.put_gain(place + number, value, LARGEST_GAIN, what))
     for period in range(layout.PERIODS):
         base = shaped.G_PERIODS + shaped.PERIOD_SIZE * period
         image.put(layout.FIX_PERIODS_US + period, g[base] * 1e6, "fix_periods_s")
         for number in range(layout.SETS):
             row = period * layout.SETS + number
-            tilt, velocity = g[base + 1 + 2 * number : base + 3 + 2 * number]
-            errors.append(_put_gain(image.put, layout.K_FIX_TILT + row, tilt, "k_fix_tilt_s"))
-            errors.append(
-                _put_gain(image.put, layout.K_FIX_VELOCITY + row, velocity, "k_fix_velocity")
-            )
+            for place, value, what in (
+                (layout.K_FIX_TILT, g[base + 1 + 2 * number], "k_fix_tilt_s"),
+                (layout.K_FIX_VELOCITY, g[base + 2 + 2 * number], "k_fix_velocity"),
+            ):
+                errors.append(image.put_gain(place + row, value, LARGEST_FIX_GAIN, what))
     return errors
-
-
-def _put_gain(put: Callable[[int, float, str], None], index: int, value: float, what: str) -> float:
-    put(index, packed(value), what)
-    return abs(unpacked(packed(value)) / value - 1.0)

@@ -194,7 +194,7 @@ def begin_frame(state: list[I32], params: list[I32], sample: list[I32]) -> None:
 
 
 def judge_velocity(state: list[I32], params: list[I32], sample: list[I32], r: list[I32]) -> I32:
-    """Levels, noise and gains for the innovation of the frame; returns bits."""
+    """Levels and gate for the innovation of the frame; returns bits."""
     if state[AIDED] > 0:
         if state[FIX_US] > 0:
             return judge_fix(state, params)

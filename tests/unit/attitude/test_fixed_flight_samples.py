@@ -3,12 +3,14 @@
 import math
 
 import pytest
+from bad_samples import BAD_ROWS, Rows, check_survival
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from integer_flights import (
     BIAS,
     FIXED_WING,
     GROUND,
+    MULTIROTOR,
     NO_BIAS,
     breeze,
     drive,
@@ -28,14 +30,17 @@ from synthetic_imu import (
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.fixed_flight import FlightFilter
+from h2nav.attitude.flight_gains import flight_image
+from h2nav.attitude.kernels import fixed_flight_layout as layout
+from h2nav.attitude.kernels import shaped_layout
 from h2nav.attitude.samples import (
     EarthField,
-    ImuSample,
     Quat,
     Trust,
     Vec3,
     VehicleState,
 )
+from h2nav.errors import BadInput
 from h2nav.maths import quaternion
 
 # --- start, field and heading -------------------------------------------------------------------
@@ -244,33 +249,11 @@ def test_a_sample_that_is_not_later_changes_nothing(t_us: int) -> None:
     assert filter_.state() == state
 
 
-NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
-VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
-
-
 @settings(derandomize=True, deadline=None, max_examples=40)
-@given(
-    st.lists(
-        st.tuples(st.integers(1, 3_000_000), VECTORS, VECTORS, st.none() | VECTORS, st.booleans()),
-        min_size=1,
-        max_size=30,
-    )
-)
-def test_no_input_makes_an_estimate_or_a_state_outside_its_ranges(rows) -> None:
+@given(BAD_ROWS)
+def test_no_input_makes_an_estimate_or_a_state_outside_its_ranges(rows: Rows) -> None:
     filter_ = new_filter(GROUND)
-    flight = fly(gentle, 1.0, 18).samples
-    drive(filter_, flight)
-    t_us = flight[-1].t_us
-    for gap_us, w, f, m, clipped in rows:
-        t_us += gap_us
-        filter_.update(ImuSample(t_us, w, f, m, clipped))
-    for sample in flight:
-        t_us += 10_000
-        estimate = filter_.update(sample._replace(t_us=t_us))
-        if estimate is not None:
-            numbers = (*estimate.q_nb, *estimate.w_b, *estimate.bias_b, estimate.sigma_tilt_rad)
-            assert all(map(math.isfinite, numbers))
-            assert math.hypot(*estimate.q_nb) == pytest.approx(1.0, abs=1e-6)
+    check_survival(filter_, fly(gentle, 1.0, 18).samples, rows)
     new_filter().restore(filter_.state())
 
 
@@ -329,3 +312,33 @@ def test_a_state_outside_the_ranges_is_refused() -> None:
     broken = tuple((1 << 31) - 1 if value == 0 else value for value in values)
     with pytest.raises(ValueError, match="the state holds 2147483647, outside"):
         filter_.restore(FilterState(name, broken))
+
+
+# --- gains that the integers do not hold --------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "what"),
+    [
+        (shaped_layout.G_SETS + 2, 6.0, "k_velocity_s"),  # more than one per frame of 200 ms
+        (shaped_layout.G_PERIODS + 1, 9.0, "k_fix_tilt_s"),
+        (shaped_layout.G_SETS + 1, 1e-9, "k_tilt_s2"),
+    ],
+)
+def test_a_gain_beyond_the_format_is_refused(place: int, value: float, what: str) -> None:
+    g = list(MULTIROTOR.g)
+    g[place] = value
+    with pytest.raises(BadInput, match=rf"^mine: {what} is outside what the integer filter holds"):
+        FlightFilter(MULTIROTOR._replace(g=tuple(g)), "mine")
+
+
+def test_a_cruise_speed_beyond_the_format_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"cruise_speed_m_s .* \(200 of 0\.\.157\)"):
+        FlightFilter(FIXED_WING._replace(cruise_speed_m_s=200.0), "mine")
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 50.0, 100.0])
+def test_the_lowpass_follows_the_steps_that_a_sample_is_taken_in(rate_hz: float) -> None:
+    """At 25 and 50 Hz too a step lasts 10 ms: half a second are 2^6 of them, within a root of 2."""
+    params = flight_image(MULTIROTOR._replace(rate_hz=rate_hz), "mine").params
+    assert params[layout.LP_SHIFT] == 6
