@@ -1,7 +1,11 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
+import traceback
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
@@ -11,8 +15,11 @@ from h2nav.io.recorder import Recorder
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
+from h2nav.wire.readers import READERS, Envelope, Message, message_name
+from h2nav.wire.refused import Refused
 
 LINK_NAME = "autopilot"
+HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 LOG_LEVELS = {
     Severity.CRITICAL: LogLevel.FATAL,
     Severity.ERROR: LogLevel.ERROR,
@@ -58,8 +65,29 @@ class Outlets(NamedTuple):
     watcher: Watcher
 
 
+def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
+    """Takes a frame of `Service.message_ids` across the wire boundary; what the service wants done.
+
+    Args:
+        service: the behaviour.
+        frame: a good frame.
+        t_ns: host time of its arrival.
+        now_ns: host time now.
+    """
+    envelope = Envelope(t_ns, now_ns, (frame.sysid, frame.compid), frame.msg_id)
+    if not service.heeds(envelope):
+        return []
+    try:
+        message = READERS[frame.msg_id](codec.decode(frame))
+    except Refused as refusal:
+        return service.on_refusal(envelope, refusal.reason)
+    return service.on_message(envelope, message)
+
+
 class Pipeline:
     """Deframes, decodes, asks the service, and carries out what it wants.
+
+    Whatever raises on the way is counted and told by the service; the next frame gets its turn.
 
     Args:
         service: the behaviour.
@@ -77,33 +105,59 @@ class Pipeline:
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
         self._timer_ns = 0
+        self._now_ns = 0
 
     @property
     def next_timer_ns(self) -> int:
         """When `tick` has something to do."""
         return self._timer_ns
 
-    def received(self, t_ns: int, data: bytes) -> None:
-        """Takes one datagram or chunk as it came from the link."""
+    def received(self, t_ns: int, data: bytes, now_ns: int | None = None) -> None:
+        """Takes one datagram or chunk as it came from the link.
+
+        Args:
+            t_ns: host time of its arrival.
+            data: the bytes.
+            now_ns: host time now, where they have waited since.
+        """
+        now_ns = t_ns if now_ns is None else now_ns
         if self._recorder is not None:
             self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
         for frame in self.deframer.feed(data):
             if frame.msg_id in self._watched_ids:
                 self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
-                sender = (frame.sysid, frame.compid)
-                fields = codec.decode(frame)
-                self._carry_out(t_ns, self.service.on_message(t_ns, sender, frame.msg_id, fields))
+                try:
+                    self._carry_out(t_ns, deliver(self.service, frame, t_ns, now_ns))
+                except Exception as error:
+                    self._fault(t_ns, message_name(frame.msg_id), error)
+
+    def vouches_for(self, data: bytes) -> bool:
+        """Whether a stranger's datagram holds a frame of the bound autopilot, or of one to bind."""
+        t_ns = self._now_ns
+        for frame in Deframer().feed(data):
+            message: Message | None = None
+            if frame.msg_id == HEARTBEAT:
+                message = READERS[HEARTBEAT](codec.decode(frame))
+            envelope = Envelope(t_ns, t_ns, (frame.sysid, frame.compid), frame.msg_id)
+            if self.service.speaks_for_vehicle(envelope, message):
+                return True
+        return False
 
     def tick(self, t_ns: int) -> None:
         """Runs what is due by the clock, if anything is."""
+        self._now_ns = t_ns
         if t_ns >= self._timer_ns:
-            self._carry_out(t_ns, self.service.on_timer(t_ns))
+            self._guarded(t_ns, "timer", lambda: self.service.on_timer(t_ns))
             self._timer_ns = self.service.next_timer_ns(t_ns)
 
-    def link(self, t_ns: int, is_up: bool) -> None:
-        """Tells the service that the link is up or down."""
-        self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
+    def link(self, t_ns: int, is_up: bool, error: str = "") -> None:
+        """Tells the service of the link's state, and of its latest error."""
+        self._guarded(t_ns, "link", lambda: self.service.on_link(t_ns, is_up, error))
+
+    def stalled(self, t_ns: int, length_ns: int) -> None:
+        """Tells the service that the program was held up."""
+        self._guarded(t_ns, "stall", lambda: self.service.on_stall(t_ns, length_ns))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
         """Writes the counters of link and log to the log, and tells of trouble with the log."""
@@ -120,6 +174,17 @@ class Pipeline:
         """Tells people something that the service does not know of."""
         self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
 
+    def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
+        """Carries out what an event leads to."""
+        try:
+            self._carry_out(t_ns, event())
+        except Exception as error:
+            self._fault(t_ns, where, error)
+
+    def _fault(self, t_ns: int, where: str, error: Exception) -> None:
+        """A fault of ours costs one event and no more."""
+        self._carry_out(t_ns, self.service.on_fault(t_ns, where, _in_one_line(error)))
+
     def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
         for effect in effects:
             if isinstance(effect, Used):
@@ -132,10 +197,10 @@ class Pipeline:
                 self._say(t_ns, effect)
 
     def _log_used(self, t_ns: int, effect: Used) -> None:
-        sample, estimate = effect
+        sample, estimate, late_ns = effect
         self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
         if estimate is not None:
-            record = estimate_record(estimate)
+            record = estimate_record(estimate, late_ns)
             self._watcher.estimate(t_ns, record)
             self._log(t_ns, "/estimate", record, estimate.t_us)
             if self._recorder is not None:
@@ -147,7 +212,7 @@ class Pipeline:
             level = LOG_LEVELS[effect.severity]
             self._recorder.text(self._unix_ns(t_ns), level, effect.text)
 
-    def _log(self, t_ns: int, topic: str, record: Any, t_us: int | None) -> None:
+    def _log(self, t_ns: int, topic: str, record: object, t_us: int | None) -> None:
         if self._recorder is not None:
             published_ns = self._publish_ns(t_ns, t_us)
             self._recorder.record(topic, record, self._unix_ns(t_ns), published_ns)
@@ -169,3 +234,10 @@ class Pipeline:
         self._send(frame)
         if self._recorder is not None:
             self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), frame)
+
+
+def _in_one_line(error: Exception) -> str:
+    """Kind, text and place of an error."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}: {error}{place}"

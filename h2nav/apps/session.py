@@ -50,7 +50,7 @@ class Session:
             filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
         )
         self.service = Service(configuration.service, surroundings)
-        self.link = open_link(configuration.link.url)
+        self.link = open_link(configuration.link.url, self._vouches_for)
         outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)
         self._pipeline = Pipeline(self.service, configuration.output.component_id, outlets)
 
@@ -64,6 +64,9 @@ class Session:
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self.service.health)
+
+    def _vouches_for(self, data: bytes) -> bool:
+        return self._pipeline.vouches_for(data)
 
     def __enter__(self) -> "Session":
         return self

@@ -136,7 +136,7 @@ def test_port_in_use_is_tried_again_with_back_off(stack: ExitStack, clock: Clock
     stack.callback(link.close)
     link.maintain(clock.t_ns)
     assert not link.is_up
-    assert "in use" in link.last_error
+    assert "another program listens on this port" in link.last_error
     for _ in range(99):
         link.maintain(clock.advance(1))
     assert link.statistics.errors == 1
