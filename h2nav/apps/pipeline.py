@@ -170,9 +170,9 @@ class Pipeline:
         for notice in self._recorder.notices():
             self.note(t_ns, notice.text)
 
-    def note(self, t_ns: int, text: str) -> None:
+    def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Tells people something that the service does not know of."""
-        self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
+        self._carry_out(t_ns, [Notice(severity, text)])
 
     def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
         """Carries out what an event leads to."""

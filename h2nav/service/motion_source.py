@@ -3,6 +3,7 @@
 from enum import StrEnum
 
 from h2nav.service.autopilot import Autopilot, Sender
+from h2nav.wire.motion import POSE_STRAY_TIME
 
 # A source that is silent for so long gives way to another one.
 SILENT_NS = 5_000_000_000
@@ -13,7 +14,7 @@ class Refusal(StrEnum):
 
     OTHER_SOURCE = "pose_other_source"
     BEFORE_ATTITUDE = "pose_before_attitude"
-    STRAY_TIME = "pose_stray_time"
+    STRAY_TIME = POSE_STRAY_TIME
 
 
 class Source:

@@ -16,7 +16,7 @@ from h2nav.service.motion_records import wheels_record
 from h2nav.service.motion_source import Source
 from h2nav.service.outputs import Motion
 from h2nav.service.stream_requests import Wish
-from h2nav.wire.motion import PoseReading, WheelDistances
+from h2nav.wire.motion import WHEELS_STRAY_TIME, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 
 STALE_NS = round(STALE_S * 1e9)
@@ -82,7 +82,7 @@ class WheelMotion:
             self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
         t_us = self._clock.imu_time(t_ns, measured.usec)
         if t_us is None:
-            reason = "wheels_stray_time" if self._clock.kind else "wheels_before_imu"
+            reason = WHEELS_STRAY_TIME if self._clock.kind else "wheels_before_imu"
             self._refused[reason] += 1
             return self._out.refusals.refused(t_ns, reason)
         counted = self._wheels.counts.copy()

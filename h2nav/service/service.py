@@ -53,6 +53,8 @@ TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
 # A program that has used samples and uses none for so long, though its autopilot is there, hangs.
 HANGING_NS = 5 * SECOND_NS
+# A lack of samples is told when it outlasts this after binding.
+START_NS = 3 * SECOND_NS // 2
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
@@ -128,6 +130,7 @@ class Service:
         self._told_dependent = False
         self._sample_ns: int | None = None  # when a sample was last used, whenever it had arrived
         self._heartbeat_ns = 0  # when the bound autopilot was last heard, likewise
+        self._bound_ns = 0
         self._stall: tuple[int, int] | None = None
         self._short_streams: set[int] = set()
         self._faults: dict[str, int] = {}
@@ -315,6 +318,7 @@ class Service:
     def _on_binding(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
         assert identity is not None
+        self._bound_ns = t_ns
         self._estimation.begin(identity)
         self._lateness.restart()
         self.time_sync.restart()
@@ -528,7 +532,9 @@ class Service:
     def _tell_state(self, t_ns: int, verdict: Verdict) -> list[Effect]:
         """Tells a change; one that comes back within a minute waits to be told until it lasts."""
         change = f"{self._told} -> {verdict[:2]}"
-        if not self._notices.may_tell(t_ns, change):
+        # Streams have to be asked for first.
+        starting = verdict.state is State.NO_IMU and t_ns - self._bound_ns < START_NS
+        if starting or not self._notices.may_tell(t_ns, change):
             return []
         good = verdict.state in (State.ACTIVE, State.ALIGNING)
         severity = Severity.INFO if good else Severity.WARNING

@@ -70,7 +70,7 @@ def _integers(time: int, m: Any) -> ImuReading:
 
 
 def _raw_imu(m: Any) -> ImuReading:
-    return _integers(need_time(m.time_usec), m)
+    return _integers(need_time("time_out_of_range", m.time_usec), m)
 
 
 def _scaled_imu(m: Any) -> ImuReading:
@@ -89,7 +89,9 @@ def _highres_imu(m: Any) -> ImuReading:
         raise Refused("zero_force")
     need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
     need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
-    return ImuReading(need_time(m.time_usec), rate, force, field, clipped=False)
+    return ImuReading(
+        need_time("time_out_of_range", m.time_usec), rate, force, field, clipped=False
+    )
 
 
 def _highres_field(m_b_ut: Vec3) -> Vec3 | None:

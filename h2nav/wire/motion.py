@@ -18,6 +18,8 @@ BODY_FRD = (mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_FRAME_BODY_NED)
 # Why a pose is refused before anybody looks at who sent it.
 POSE_NOT_FINITE = PoseVerdict.NOT_FINITE.value
 POSE_WRONG_FRAME = PoseVerdict.WRONG_FRAME.value
+POSE_STRAY_TIME = "pose_stray_time"
+WHEELS_STRAY_TIME = "wheels_stray_time"
 POSE_FAILED = "pose_failed"  # the source says that it has lost track
 POSE_OF_AUTOPILOT = "pose_of_autopilot"  # the autopilot's own estimate is no measurement
 
@@ -61,7 +63,7 @@ def odometry(m: Any) -> PoseReading:
     q, p = tuple(m.q), (m.x, m.y, m.z)
     need_finite(POSE_NOT_FINITE, *q, *p)
     placed = _in_our_frames(m.frame_id, m.child_frame_id, q, p)
-    return PoseReading(need_time(m.time_usec), *placed, m.reset_counter)
+    return PoseReading(need_time(POSE_STRAY_TIME, m.time_usec), *placed, m.reset_counter)
 
 
 def vision_position_estimate(m: Any) -> PoseReading:
@@ -69,19 +71,21 @@ def vision_position_estimate(m: Any) -> PoseReading:
     angles, p = (m.roll, m.pitch, m.yaw), (m.x, m.y, m.z)
     need_finite(POSE_NOT_FINITE, *angles, *p)
     q = quaternion.from_euler(*angles)
-    return PoseReading(need_time(m.usec), q, p, PoseFrame.LOCAL_FRD, m.reset_counter)
+    return PoseReading(
+        need_time(POSE_STRAY_TIME, m.usec), q, p, PoseFrame.LOCAL_FRD, m.reset_counter
+    )
 
 
 def att_pos_mocap(m: Any) -> PoseReading:
     """ATT_POS_MOCAP."""
     q, p = tuple(m.q), (m.x, m.y, m.z)
     need_finite(POSE_NOT_FINITE, *q, *p)
-    return PoseReading(need_time(m.time_usec), q, p, PoseFrame.LOCAL_FRD, 0)
+    return PoseReading(need_time(POSE_STRAY_TIME, m.time_usec), q, p, PoseFrame.LOCAL_FRD, 0)
 
 
 def wheel_distance(m: Any) -> WheelDistances:
     """WHEEL_DISTANCE; distances that are no numbers are judged where wheels are known."""
-    return WheelDistances(need_time(m.time_usec), tuple(m.distance[: m.count]))
+    return WheelDistances(need_time(WHEELS_STRAY_TIME, m.time_usec), tuple(m.distance[: m.count]))
 
 
 def _in_our_frames(world: int, body: int, q: Quat, p: Vec3) -> tuple[Quat, Vec3, PoseFrame]:

@@ -31,8 +31,8 @@ def need_within(reason: str, limit: float, *values: float) -> None:
             raise Refused(reason)
 
 
-def need_time(usec: int) -> int:
+def need_time(reason: str, usec: int) -> int:
     """A time stamp in microseconds that can be one; refuses others."""
     if usec > LATEST_USEC:
-        raise Refused("time_out_of_range")
+        raise Refused(reason)
     return usec
