@@ -39,8 +39,8 @@ class Signs(NamedTuple):
         last_sample_ns: host time of the last sample that was used; None before the first.
         has_estimate: the filter is past its alignment.
         complaint: a lasting objection (wrong units); empty when there is none.
-        rate_hz: measured IMU rate; None until measured.
-        wanted_rate_hz: the rate that was asked for.
+        rate_hz: measured rate of the IMU message in use; None until measured.
+        granted_rate_hz: the rate that was settled on with the autopilot; None where none was.
     """
 
     link_is_up: bool
@@ -49,7 +49,7 @@ class Signs(NamedTuple):
     has_estimate: bool
     complaint: str
     rate_hz: float | None
-    wanted_rate_hz: float
+    granted_rate_hz: float | None
 
 
 def judge(signs: Signs, t_ns: int) -> tuple[State, str]:
@@ -64,6 +64,7 @@ def judge(signs: Signs, t_ns: int) -> tuple[State, str]:
         return State.ALIGNING, "finding the first attitude"
     if signs.complaint:
         return State.DEGRADED, signs.complaint
-    if signs.rate_hz is not None and signs.rate_hz < LOW_RATE_SHARE * signs.wanted_rate_hz:
-        return State.DEGRADED, f"IMU rate {signs.rate_hz:.0f} of {signs.wanted_rate_hz:.0f} Hz"
+    rate_hz, granted_hz = signs.rate_hz, signs.granted_rate_hz
+    if rate_hz is not None and granted_hz is not None and rate_hz < LOW_RATE_SHARE * granted_hz:
+        return State.DEGRADED, f"IMU rate {rate_hz:.0f} of {granted_hz:.0f} Hz"
     return State.ACTIVE, ""

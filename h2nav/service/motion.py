@@ -16,7 +16,7 @@ from h2nav.service.motion_twist import TwistMotion
 from h2nav.service.motion_wheels import WheelMotion
 from h2nav.service.outputs import Outputs
 from h2nav.service.settings import ServiceSettings
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 
 
 class MotionEstimation(Protocol):

@@ -20,7 +20,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_poses import POSE_MESSAGES, PoseReading, Refusal, Sender, Source
 from h2nav.service.motion_records import pose_record, twist_record
 from h2nav.service.outputs import Motion
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 
 DOWN_N = (0.0, 0.0, 1.0)
 TAKEN = frozenset(

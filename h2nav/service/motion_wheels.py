@@ -16,7 +16,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_poses import Sender, Source
 from h2nav.service.motion_records import wheels_record
 from h2nav.service.outputs import Motion
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 
 STALE_NS = round(STALE_S * 1e9)
 NO_REFUSAL = frozenset({WheelEvent.USED, WheelEvent.NEW_EPOCH})

@@ -25,9 +25,10 @@ from h2nav.service.parameters import Parameters
 from h2nav.service.sample_clock import Verdict
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.status_text import StatusText
-from h2nav.service.stream_requests import StreamRequests, Wish
+from h2nav.service.stream_requests import StreamRequests
 from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
+from h2nav.service.wished_stream import Wish
 
 SECOND_NS = 1_000_000_000
 TIMER_NS = 100_000_000
@@ -84,7 +85,6 @@ class Service:
         self._link_is_up = False
         self._state = State.NO_LINK
         self._reason = ""
-        self._short_streams: set[int] = set()
         self._rivals: set[tuple[int, int]] = set()
         self._next_ns: dict[Callable[[int], list[Effect]], int] = {
             self._heartbeat: 0,
@@ -96,6 +96,7 @@ class Service:
             **self._aiding.handlers,
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_time_sync,
             mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
+            mavlink.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
         }
         self._questions: dict[int, Callable[[Any, tuple[int, int]], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._commands.answer,
@@ -212,8 +213,14 @@ class Service:
             assert identity is not None
             self._estimation.begin(identity)
             self.motion.restart()
-            self._streams = StreamRequests(self._wishes(identity.autopilot))
+            self._streams = StreamRequests(
+                self._wishes(identity.autopilot),
+                identity.autopilot,
+                self._settings.autopilot.request_streams,
+            )
             effects += self._tell(t_ns, Severity.INFO, f"bound to {identity.description}")
+        if self._streams is not None and self._autopilot.owns(*sender):
+            self._streams.heard(t_ns)
         for rival in self._autopilot.rivals - self._rivals:
             self._rivals.add(rival)
             text = f"another autopilot {rival[0]}/{rival[1]} on this link"
@@ -274,6 +281,11 @@ class Service:
             self._streams.acknowledged(t_ns, fields.result)
         return []
 
+    def _on_text(self, _t_ns: int, fields: Any) -> list[Effect]:
+        if self._streams is not None:
+            self._streams.said(fields.text)
+        return []
+
     def _on_question(
         self,
         question: Callable[[Any, tuple[int, int]], list[Any]],
@@ -324,12 +336,8 @@ class Service:
         effects: list[Effect] = [Record("/health", self.health)]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
-        short = {row[0]: row for row in self._streams.shortfalls()} if self._streams else {}
-        for message_id in short.keys() - self._short_streams:
-            _, achieved_hz, asked_hz = short[message_id]
-            text = f"{_name(message_id)} {achieved_hz:.0f} of {asked_hz:.0f} Hz: link full?"
-            effects += self._tell(t_ns, Severity.WARNING, text)
-        self._short_streams = set(short)
+        for notice in self._streams.notices() if self._streams else ():
+            effects += self._tell(t_ns, notice.severity, notice.text)
         return effects
 
     # --- the rest -----------------------------------------------------------------------------
@@ -356,6 +364,10 @@ class Service:
         row = self._estimation.imu_message
         return self._streams.measured_hz(row.message_id) if row and self._streams else None
 
+    def _granted_rate_hz(self) -> float | None:
+        row = self._estimation.imu_message
+        return self._streams.granted_hz(row.message_id) if row and self._streams else None
+
     def _judge(self, t_ns: int) -> list[Effect]:
         """Looks at the state; a change is told once."""
         signs = Signs(
@@ -366,7 +378,7 @@ class Service:
             has_estimate=self._estimation.has_estimate,
             complaint="; ".join((*self._units.report.complaints, *self._estimation.complaints)),
             rate_hz=self._imu_rate_hz(),
-            wanted_rate_hz=self._settings.autopilot.imu_rate_hz,
+            granted_rate_hz=self._granted_rate_hz(),
         )
         state, reason = health.judge(signs, t_ns)
         if (state, reason) == (self._state, self._reason):
@@ -388,7 +400,3 @@ class Service:
 
     def _send(self, message: Any) -> Send:
         return Send(message, self.system_id)
-
-
-def _name(message_id: int) -> str:
-    return str(mavlink.mavlink_map[message_id].msgname)
