@@ -60,6 +60,7 @@ class Estimation:
         self.rejected: Counter[str] = Counter()
         self.used = 0
         self.last_used_ns: int | None = None
+        self.last_gap_ns: int | None = None
         self.has_estimate = False
         self.is_independent = True
 
@@ -147,6 +148,7 @@ class Estimation:
         assert self._filter is not None
         self._newest_us = sample.t_us
         self.used += 1
+        self.last_gap_ns = None if self.last_used_ns is None else t_ns - self.last_used_ns
         self.last_used_ns = t_ns
         if self._watch.suspects(sample):
             sample = sample._replace(clipped=True)

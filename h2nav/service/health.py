@@ -37,6 +37,7 @@ class Signs(NamedTuple):
         link_is_up: bytes can come.
         autopilot_known: a heartbeat made the binding, and heartbeats still come.
         last_sample_ns: host time of the last sample that was used; None before the first.
+        last_gap_ns: time between the last two samples that were used; None before the second.
         has_estimate: the filter is past its alignment.
         complaint: a lasting objection (wrong units); empty when there is none.
         rate_hz: measured rate of the IMU message in use; None until measured.
@@ -46,6 +47,7 @@ class Signs(NamedTuple):
     link_is_up: bool
     autopilot_known: bool
     last_sample_ns: int | None
+    last_gap_ns: int | None
     has_estimate: bool
     complaint: str
     rate_hz: float | None
@@ -59,6 +61,9 @@ def judge(signs: Signs, t_ns: int) -> tuple[State, str]:
     if not signs.autopilot_known:
         return State.NO_AUTOPILOT, "no autopilot heartbeat"
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
+        return State.NO_IMU, "no IMU samples"
+    if signs.last_gap_ns is None or signs.last_gap_ns > SILENT_IMU_NS:
+        # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
         return State.NO_IMU, "no IMU samples"
     if not signs.has_estimate:
         return State.ALIGNING, "finding the first attitude"

@@ -375,6 +375,7 @@ class Service:
             autopilot_known=self._autopilot.identity is not None
             and not self._autopilot.is_lost(t_ns),
             last_sample_ns=self._estimation.last_used_ns,
+            last_gap_ns=self._estimation.last_gap_ns,
             has_estimate=self._estimation.has_estimate,
             complaint="; ".join((*self._units.report.complaints, *self._estimation.complaints)),
             rate_hz=self._imu_rate_hz(),
