@@ -6,13 +6,15 @@ Rows are those of the table in docs/faults.md.
 import dataclasses
 
 import pytest
+from needs import REPOSITORY
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
 
+from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.stream_requests import MOST_PER_MINUTE
-from h2nav.sim.personalities import ARDUPLANE, PX4
+from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 
 BATTERY_SWAP = ("power-off@10+100",)
 
@@ -124,6 +126,25 @@ def test_a_slow_line_is_settled_on_and_told_once():
     assert flight.seen.states[-1][1] == "active"
     assert len(requests(flight, 30.0)) <= 4
     assert states_since(flight, 30.0) == []
+
+
+@pytest.mark.parametrize("personality", [ARDUPILOT, ARDUPLANE], ids=lambda p: p.name)
+def test_a_telemetry_radio_is_left_to_the_ground_station(personality):
+    """57,600 baud: both directions together take at most a quarter, and the state is active."""
+    radio = configuration.read(REPOSITORY / "configs" / "telemetry-radio.yaml")
+    silent = dataclasses.replace(radio.autopilot, request_streams=False)
+    seconds, line_bytes_per_s = 60.0, 5760.0
+    flight, unasked = (
+        SimulatedFlight(
+            configuration=chosen, personality=personality, line_bytes_per_s=line_bytes_per_s
+        ).run(seconds)
+        for chosen in (radio, dataclasses.replace(radio, autopilot=silent))
+    )
+    ours = flight.bytes_received - unasked.bytes_received + flight.bytes_sent
+    assert ours < 0.25 * line_bytes_per_s * seconds
+    assert flight.seen.states[-1][1] == "active"
+    assert flight.health.imu_rate_hz == pytest.approx(20.0, rel=0.05)
+    assert stream_notices(flight) == []
 
 
 def test_the_rate_is_judged_of_the_message_in_use():
