@@ -55,6 +55,7 @@ class SimulatedFlight:
         sensor: the kind of IMU on board.
         extra_streams: messages of other components that the autopilot forwards.
         field_at: the field model.
+        line_bytes_per_s: capacity of the autopilot's serial line; None = anything.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class SimulatedFlight:
         sensor: ImuParameters = MPU_9250,
         extra_streams: tuple[Stream, ...] = (),
         field_at: EarthFieldAt = earth_field_at,
+        line_bytes_per_s: float | None = None,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -76,12 +78,15 @@ class SimulatedFlight:
             tuple(parse_fault(text) for text in faults),
             sensor,
             extra_streams,
+            line_bytes_per_s=line_bytes_per_s,
         )
         self.autopilot = FakeAutopilot(options)
         self.seen = Seen()
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
         self.t_ns = START_NS
+        self.bytes_received = 0
+        self.bytes_sent = 0
         self._encoders: dict[tuple[int, int], codec.Encoder] = {}
         self._line = Delivery(self.autopilot.schedule, seed, START_NS)
         self._back = Deframer()
@@ -114,6 +119,7 @@ class SimulatedFlight:
             for outgoing in self.autopilot.advance(self.t_ns):
                 self._line.put(outgoing.t_ns, self._encoded(outgoing))
             for data in self._line.take(self.t_ns):
+                self.bytes_received += len(data)
                 self.pipeline.received(self.t_ns, data)
             self.pipeline.tick(self.t_ns)
             state = self.health.state
@@ -161,6 +167,7 @@ class SimulatedFlight:
         return self._encoders[sender].encode(outgoing.message)
 
     def _hears(self, data: bytes) -> None:
+        self.bytes_sent += len(data)
         for frame in self._back.feed(data):
             fields = codec.decode(frame)
             self.seen.sent.append((self.t_s, fields))

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=sorted(_examples()),
         help="print this configuration to start from, instead",
     )
-    parser.add_argument("--json", action="store_true", help="ok and errors as JSON")
+    parser.add_argument("--json", action="store_true", help="ok, errors and warnings as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,15 +28,17 @@ def run(args: argparse.Namespace) -> int:
         print(_examples()[args.example].read_text(encoding="utf-8"), end="")
         return 0
     errors: tuple[str, ...] = ()
+    warnings: list[str] = []
     try:
-        configuration.read(args.config)
+        chosen = configuration.read(args.config)
+        warnings = [f"{args.config}: {line}" for line in configuration.warnings(chosen)]
     except BadInput as error:
         errors = error.lines
     if args.json:
-        print(json.dumps({"ok": not errors, "errors": list(errors)}))
+        print(json.dumps({"ok": not errors, "errors": list(errors), "warnings": warnings}))
     elif not errors:
         print(f"{args.config}: fine")
-    for line in errors:
+    for line in (*errors, *warnings):
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
 

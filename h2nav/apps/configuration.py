@@ -3,7 +3,7 @@
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from h2nav.errors import BadInput
 from h2nav.io import strict_yaml
@@ -20,13 +20,20 @@ from h2nav.service.settings import (
 from h2nav.validation import OneOf, Within
 
 # Bytes on the wire per message (MAVLink 2, unsigned, as observed), for the bandwidth check.
-IMU_FRAME_BYTES = 74
+HIGHRES_IMU_FRAME_BYTES = 74
+IMU_FRAME_BYTES = {
+    "RAW_IMU": 41,
+    "SCALED_IMU": 36,
+    "SCALED_IMU2": 36,
+    "SCALED_IMU3": 36,
+}
 ATTITUDE_FRAME_BYTES = 40
 ATTITUDE_QUATERNION_FRAME_BYTES = 44
 ODOMETRY_FRAME_BYTES = 245
 WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600.0
 BITS_PER_SERIAL_BYTE = 10
+MOST_OF_A_SHARED_LINK = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,34 +199,72 @@ def _motion_complaints(configuration: Configuration) -> list[str]:
     return complaints
 
 
-def _bandwidth_complaints(configuration: Configuration) -> list[str]:
-    """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
-    link = parse_link_url(configuration.link.url)
-    if not isinstance(link, SerialUrl):
-        return []
-    baud, capacity = link.baud, link.baud / BITS_PER_SERIAL_BYTE
-    asked = configuration.autopilot
-    output, motion = configuration.output, configuration.motion
+class LinkLoad(NamedTuple):
+    """What the configuration puts on the link to the autopilot, bytes/s.
+
+    Attributes:
+        imu_frame: bytes of one IMU message; the longest where the choice is left open.
+        besides: what the autopilot sends because of us besides its IMU.
+        inbound: all that the autopilot sends because of us.
+        outbound: what we send.
+    """
+
+    imu_frame: int
+    besides: float
+    inbound: float
+    outbound: float
+
+
+def link_load(configuration: Configuration) -> LinkLoad:
+    """Estimates the load from the rates that are asked for."""
+    asked, output, motion = configuration.autopilot, configuration.output, configuration.motion
     besides = OTHER_TRAFFIC_BYTES_S
     if motion.estimator == "wheels":
         besides += motion.wheel_distance_rate_hz * WHEEL_DISTANCE_FRAME_BYTES
-    inbound = asked.imu_rate_hz * IMU_FRAME_BYTES + besides
     outbound = (
         output.attitude_rate_hz * ATTITUDE_FRAME_BYTES
         + output.attitude_quaternion_rate_hz * ATTITUDE_QUATERNION_FRAME_BYTES
     )
     if motion.estimator != "none":
         outbound += motion.odometry_rate_hz * ODOMETRY_FRAME_BYTES
+    imu_frame = IMU_FRAME_BYTES.get(asked.imu_message, HIGHRES_IMU_FRAME_BYTES)
+    return LinkLoad(imu_frame, besides, asked.imu_rate_hz * imu_frame + besides, outbound)
+
+
+def _bandwidth_complaints(configuration: Configuration) -> list[str]:
+    """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
+    link = parse_link_url(configuration.link.url)
+    if not isinstance(link, SerialUrl):
+        return []
+    baud, capacity = link.baud, link.baud / BITS_PER_SERIAL_BYTE
+    load = link_load(configuration)
     complaints = []
-    if inbound > capacity:
-        best_hz = max(0.0, (capacity - besides) / IMU_FRAME_BYTES)
+    if load.inbound > capacity:
+        best_hz = max(0.0, (capacity - load.besides) / load.imu_frame)
         complaints.append(
-            f"autopilot.imu_rate_hz: {asked.imu_rate_hz:g} Hz needs {inbound:.0f} B/s, {baud} baud "
-            f"carries {capacity:.0f}; lower it to {best_hz:.0f} or raise the baud rate in link.url"
+            f"autopilot.imu_rate_hz: {configuration.autopilot.imu_rate_hz:g} Hz needs "
+            f"{load.inbound:.0f} B/s, {baud} baud carries {capacity:.0f}; lower it to "
+            f"{best_hz:.0f} or raise the baud rate in link.url"
         )
-    if outbound > capacity:
+    if load.outbound > capacity:
         complaints.append(
-            f"output.attitude_rate_hz: the outputs need {outbound:.0f} B/s, {baud} baud carries "
-            f"{capacity:.0f}; lower their rates or raise the baud rate in link.url"
+            f"output.attitude_rate_hz: the outputs need {load.outbound:.0f} B/s, {baud} baud "
+            f"carries {capacity:.0f}; lower their rates or raise the baud rate in link.url"
         )
     return complaints
+
+
+def warnings(configuration: Configuration) -> list[str]:
+    """What works and may yet be unwise, each with its key."""
+    link = parse_link_url(configuration.link.url)
+    if not isinstance(link, SerialUrl):
+        return []
+    load = link_load(configuration)
+    share = (load.inbound + load.outbound) / (link.baud / BITS_PER_SERIAL_BYTE)
+    if share <= MOST_OF_A_SHARED_LINK:
+        return []
+    return [
+        f"link.url: what we ask for and send is {100.0 * share:.0f} % of what {link.baud} baud "
+        "carry one way; on a radio that a ground station shares, start from "
+        "`h2nav check-config --example telemetry-radio`"
+    ]

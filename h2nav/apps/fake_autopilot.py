@@ -42,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all random numbers")
     parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
     parser.add_argument(
-        "--autopilot", default="ardupilot", metavar="MAKE", help="ardupilot (default) or px4"
+        "--autopilot",
+        default="ardupilot",
+        metavar="MAKE",
+        help="ardupilot (default), arduplane or px4",
     )
     parser.add_argument(
         "--fault",

@@ -52,24 +52,26 @@ class Signs(NamedTuple):
             nothing about others. 0 when we were not.
         autopilot_known: a heartbeat made the binding, and heartbeats still come.
         last_sample_ns: host time of the last sample that was used; None before the first.
+        last_gap_ns: time between the last two samples that were used; None before the second.
         no_imu: why there may be no samples.
         has_estimate: the filter is past its alignment.
         late_ns: how late estimates have been for a while; 0 when they are not.
         objections: lasting ones, such as wrong units.
         rate_hz: measured rate of the IMU message in use; None until measured.
-        wanted_rate_hz: the rate that it should have.
+        granted_rate_hz: the rate that was settled on with the autopilot; None where none was.
     """
 
     link_error: str | None
     stall_ns: int
     autopilot_known: bool
     last_sample_ns: int | None
+    last_gap_ns: int | None
     no_imu: Objection
     has_estimate: bool
     late_ns: int
     objections: tuple[Objection, ...]
     rate_hz: float | None
-    wanted_rate_hz: float
+    granted_rate_hz: float | None
 
 
 class Verdict(NamedTuple):
@@ -105,14 +107,17 @@ def judge(signs: Signs, t_ns: int) -> Verdict:
         return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
         return Verdict(State.NO_IMU, *signs.no_imu)
+    if signs.last_gap_ns is None or signs.last_gap_ns > SILENT_IMU_NS:
+        # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
+        return Verdict(State.NO_IMU, *signs.no_imu)
     if not signs.has_estimate:
         return Verdict(State.ALIGNING, "alignment", "finding the first attitude")
     objections = list(signs.objections)
     if signs.late_ns:
         objections.insert(0, Objection("late", _late(signs.late_ns)))
-    if signs.rate_hz is not None and signs.rate_hz < LOW_RATE_SHARE * signs.wanted_rate_hz:
-        text = f"IMU rate {signs.rate_hz:.0f} of {signs.wanted_rate_hz:.0f} Hz"
-        objections.append(Objection("rate", text))
+    rate_hz, granted_hz = signs.rate_hz, signs.granted_rate_hz
+    if rate_hz is not None and granted_hz is not None and rate_hz < LOW_RATE_SHARE * granted_hz:
+        objections.append(Objection("rate", f"IMU rate {rate_hz:.0f} of {granted_hz:.0f} Hz"))
     if not objections:
         return Verdict(State.ACTIVE)
     causes, texts = zip(*objections, strict=True)

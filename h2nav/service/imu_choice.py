@@ -34,7 +34,7 @@ class ImuChoice:
         ranked_ids: message ids, best first.
     """
 
-    SETTLED = 20
+    SETTLED = 100
     SILENT_NS = 200_000_000  # arrivals were seen up to 157 ms late
 
     def __init__(self, ranked_ids: tuple[int, ...]) -> None:

@@ -17,7 +17,7 @@ from h2nav.service.motion_wheels import WheelMotion
 from h2nav.service.notices import Tell
 from h2nav.service.outputs import Outputs
 from h2nav.service.settings import ServiceSettings
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 

@@ -19,7 +19,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import pose_record, twist_record
 from h2nav.service.motion_source import Refusal, Source
 from h2nav.service.outputs import Motion
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import POSE_OF_AUTOPILOT, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 

@@ -15,7 +15,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import wheels_record
 from h2nav.service.motion_source import Source
 from h2nav.service.outputs import Motion
-from h2nav.service.stream_requests import Wish
+from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import WHEELS_STRAY_TIME, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 

@@ -28,21 +28,23 @@ from h2nav.service.notices import Notices
 from h2nav.service.outputs import Outputs
 from h2nav.service.sample_clock import Verdict as ClockVerdict
 from h2nav.service.settings import ServiceSettings
-from h2nav.service.stream_requests import StreamRequests, Wish
+from h2nav.service.stream_requests import StreamRequests
 from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
+from h2nav.service.wished_stream import Wish
 from h2nav.wire import outbound
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
 from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
 from h2nav.wire.questions import Command, ParameterList, ParameterRead, ParameterWrite
-from h2nav.wire.readers import MOTION_READERS, READERS, Envelope, Message, message_name
+from h2nav.wire.readers import MOTION_READERS, READERS, Envelope, Message
 from h2nav.wire.vehicle import (
     Airspeed,
     CommandAck,
     Heartbeat,
     LandedState,
+    StatusText,
     SystemTime,
     TimeSyncMessage,
 )
@@ -58,6 +60,7 @@ START_NS = 3 * SECOND_NS // 2
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
+DENIED_IMU = Objection("denied", "the autopilot denies every IMU message")
 
 
 class Surroundings(NamedTuple):
@@ -129,10 +132,10 @@ class Service:
         self._told = health.AT_START[:2]
         self._told_dependent = False
         self._sample_ns: int | None = None  # when a sample was last used, whenever it had arrived
+        self._sample_gap_ns: int | None = None
         self._heartbeat_ns = 0  # when the bound autopilot was last heard, likewise
         self._bound_ns = 0
         self._stall: tuple[int, int] | None = None
-        self._short_streams: set[int] = set()
         self._faults: dict[str, int] = {}
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
@@ -308,11 +311,11 @@ class Service:
             self._heartbeat_ns = now_ns
         if heard is Heard.BOUND:
             effects += self._on_binding(t_ns)
-        elif heard is Heard.RETURNED and self._streams is not None:
-            self._streams.restart()
         elif heard is Heard.RIVAL:
             text = f"another autopilot {sender[0]}/{sender[1]} on this link"
             effects += self._notices.tell(t_ns, Severity.WARNING, text, "rival")
+        if self._streams is not None and self._autopilot.owns(sender):
+            self._streams.heard(t_ns)
         return effects + self._aiding.tell_vehicle(t_ns)
 
     def _on_binding(self, t_ns: int) -> list[Effect]:
@@ -323,7 +326,11 @@ class Service:
         self._lateness.restart()
         self.time_sync.restart()
         self.motion.restart()
-        self._streams = StreamRequests(self._wishes(identity.autopilot))
+        self._streams = StreamRequests(
+            self._wishes(identity.autopilot),
+            identity.autopilot,
+            self._settings.autopilot.request_streams,
+        )
         return self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
 
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
@@ -335,6 +342,7 @@ class Service:
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
+        self._sample_gap_ns = None if self._sample_ns is None else envelope.now_ns - self._sample_ns
         self._sample_ns = envelope.now_ns
         self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
         self._outputs.are_held = self._lateness.is_late
@@ -391,6 +399,9 @@ class Service:
                 return aiding.on_autopilot_velocity(t_ns, message)
             case CommandAck():
                 self._on_ack(t_ns, message)
+            case StatusText():
+                if self._streams is not None:
+                    self._streams.said(message.text)
             case NoFix():
                 pass
         return []
@@ -454,13 +465,8 @@ class Service:
         effects: list[Effect] = [Record("/health", self.health)]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
-        short = {row[0]: row for row in self._streams.shortfalls()} if self._streams else {}
-        for message_id in short.keys() - self._short_streams:
-            _, achieved_hz, asked_hz = short[message_id]
-            name = message_name(message_id)
-            text = f"{name} {achieved_hz:.0f} of {asked_hz:.0f} Hz: link full?"
-            effects += self._notices.tell(t_ns, Severity.WARNING, text, f"short {name}")
-        self._short_streams = set(short)
+        for notice in self._streams.notices() if self._streams else ():
+            effects += self._notices.tell(t_ns, notice.severity, notice.text)
         return effects + self._tell_dependence(t_ns)
 
     # --- the rest -----------------------------------------------------------------------------
@@ -491,6 +497,20 @@ class Service:
         row = self._estimation.imu_message
         return self._streams.measured_hz(row.message_id) if row and self._streams else None
 
+    def _granted_rate_hz(self) -> float | None:
+        row = self._estimation.imu_message
+        return self._streams.granted_hz(row.message_id) if row and self._streams else None
+
+    def _why_no_imu(self, t_ns: int) -> Objection:
+        found = self._estimation.why_no_samples(t_ns)
+        if found is not None:
+            return found
+        identity = self._autopilot.identity
+        if identity is None or self._streams is None:
+            return SILENT_IMU
+        wished = preference(identity.autopilot, self._settings.autopilot.imu_message)
+        return DENIED_IMU if self._streams.is_refused(wished[0]) else SILENT_IMU
+
     def _is_heard(self, t_ns: int) -> bool:
         """An autopilot is bound, and its heartbeats come."""
         return self._autopilot.identity is not None and t_ns - self._heartbeat_ns <= LOST_NS
@@ -508,12 +528,13 @@ class Service:
             stall_ns=self._stall_ns(t_ns),
             autopilot_known=self._is_heard(t_ns),
             last_sample_ns=self._sample_ns,
-            no_imu=self._estimation.why_no_samples(t_ns) or SILENT_IMU,
+            last_gap_ns=self._sample_gap_ns,
+            no_imu=self._why_no_imu(t_ns),
             has_estimate=self._estimation.has_estimate,
             late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
             objections=(*units, *self._estimation.objections(t_ns)),
             rate_hz=self._imu_rate_hz(),
-            wanted_rate_hz=self._settings.autopilot.imu_rate_hz,
+            granted_rate_hz=self._granted_rate_hz(),
         )
 
     def _judge(self, t_ns: int) -> list[Effect]:

@@ -1,22 +1,36 @@
-"""Asks the autopilot for streams, believes only the rate that is measured, and asks again.
+"""Asks the autopilot for the streams that are missing, and believes only rates that are measured.
 
-The autopilot may refuse, may lose all streams at a reboot, may have them overridden by a ground
-station (REQUEST_DATA_STREAM), and acknowledges rates that the link cannot carry. So: one
-SET_MESSAGE_INTERVAL at a time, wait for its ACK, measure, ask again with growing pauses, and fall
-back to REQUEST_DATA_STREAM when the command is not answered or not known.
+The autopilot may send all by itself (PX4) or nothing (ArduPilot), may refuse, may lose all streams
+at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and acknowledges
+rates that the link cannot carry. So: listen first; one SET_MESSAGE_INTERVAL at a time, because its
+COMMAND_ACK does not say which message it is about; measure; ask again with growing pauses, at most
+`MOST_PER_MINUTE` times; nothing at all while the autopilot is silent. REQUEST_DATA_STREAM is the
+way where the command is not answered or not known.
+
+What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at
+its other messages, `acknowledged` at its answers, `measure` and `next_request` ten times a second,
+`restart` when its time begins anew; and it tells people the `notices`.
 """
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+import math
+import re
+from collections import deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.service.effects import Notice, Severity
+from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
+from h2nav.service.wished_stream import SHORTEST_LOOK_NS, Phase, Trouble, Wish, WishedStream
+from h2nav.wire import outbound
+from h2nav.wire.outbound import Address, OutMessage
+from h2nav.wire.readers import message_name
+
 ACK_WAIT_NS = 1_000_000_000
-WINDOW_NS = 2_000_000_000
-FIRST_PAUSE_NS = 3_000_000_000
-LAST_PAUSE_NS = 60_000_000_000
+SILENT_NS = 2_500_000_000
+MINUTE_NS = 60_000_000_000
+REPEAT_NS = 10 * MINUTE_NS
+MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
-ENOUGH = 0.8
 
 # MAV_DATA_STREAM group that carries a message, for autopilots without SET_MESSAGE_INTERVAL.
 DATA_STREAMS = {
@@ -30,52 +44,9 @@ DATA_STREAMS = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: mavlink.MAV_DATA_STREAM_EXTRA2,
 }
 ANSWERED_WELL = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
-
-
-class Wish(NamedTuple):
-    """A stream that is wanted.
-
-    Attributes:
-        message_id: of the message.
-        rate_hz: how often.
-        alternatives: message ids to ask for instead, in order, where this one is refused.
-    """
-
-    message_id: int
-    rate_hz: float
-    alternatives: tuple[int, ...] = ()
-
-
-class _Stream:
-    """What is known of one wished stream."""
-
-    def __init__(self, wish: Wish) -> None:
-        self.wish = wish
-        self.candidates = (wish.message_id, *wish.alternatives)
-        self.index = 0
-        self.count = 0
-        self.measured_hz: float | None = None
-        self.is_measured = False  # since it was last asked for
-        self.asked_ns: int | None = None
-        self.pause_ns = FIRST_PAUSE_NS
-        self.refusals = 0
-
-    @property
-    def message_id(self) -> int:
-        return self.candidates[self.index]
-
-    def is_enough(self) -> bool:
-        return self.measured_hz is not None and self.measured_hz >= ENOUGH * self.wish.rate_hz
-
-    def is_due(self, t_ns: int) -> bool:
-        return self.asked_ns is None or t_ns - self.asked_ns >= self.pause_ns
-
-    def refuse(self) -> None:
-        """Takes the next candidate at once; after the last one begins anew, after a pause."""
-        self.refusals += 1
-        self.index = (self.index + 1) % len(self.candidates)
-        if self.index:
-            self.asked_ns = None
+# ArduPilot sends one of these words along with its refusal; PX4 refuses nothing but messages.
+UNKNOWN_MESSAGE = re.compile(r"No ap_message for mavlink id \((\d+)\)")
+LIMITS = {mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "SCHED_LOOP_RATE"}
 
 
 class StreamRequests:
@@ -83,114 +54,229 @@ class StreamRequests:
 
     Args:
         wishes: what is wanted, the most important first.
+        autopilot: MAV_AUTOPILOT of its heartbeat.
+        asks: whether anything is asked for; False where another program does, and in a replay.
     """
 
-    def __init__(self, wishes: tuple[Wish, ...]) -> None:
-        self._streams = [_Stream(wish) for wish in wishes]
-        self._waiting: _Stream | None = None
-        self._waiting_since_ns = 0
+    def __init__(
+        self,
+        wishes: tuple[Wish, ...],
+        autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC,
+        asks: bool = True,
+    ) -> None:
+        self._streams = [WishedStream(wish) for wish in wishes]
+        self._autopilot = autopilot
+        self._asks = asks
+        self._meter = RateMeter()
+        self._heard_ns: int | None = None
+        self._asked_ns: deque[int] = deque(maxlen=MOST_PER_MINUTE)
+        self._unknown_ids: set[int] = set()
+        self._told_ns: dict[tuple[int, Trouble, float], int] = {}
+        self._notices: list[Notice] = []
+        self._held_hz: dict[int, float] = {}
+        self._waiting: WishedStream | None = None
+        self._refused_waiting = False
         self._unanswered = 0
-        self._window_start_ns: int | None = None
-
-    def arrived(self, message_id: int) -> None:
-        """Counts a message of the bound autopilot."""
-        for stream in self._streams:
-            if message_id == stream.message_id:
-                stream.count += 1
+        self._listening_since_ns: int | None = None
+        self._most_hz = math.inf
 
     def restart(self) -> None:
-        """All streams may be gone (reboot, new link): measure and ask from the beginning."""
+        """All streams may be gone (reboot, new link): listen and ask from the beginning."""
         self._waiting = None
-        self._window_start_ns = None
+        self._refused_waiting = False
         self._unanswered = 0
-        for index, stream in enumerate(self._streams):
-            self._streams[index] = _Stream(stream.wish)
+        self._listening_since_ns = None
+        self._most_hz = math.inf
+        self._held_hz.clear()
+        self._meter.restart()
+        for stream in self._streams:
+            stream.restart()
+
+    # --- what comes ---------------------------------------------------------------------------
+
+    def heard(self, t_ns: int) -> None:
+        """A heartbeat of the autopilot came; the first one after a silence begins all anew."""
+        if self._is_silent(t_ns):
+            self.restart()
+        self._heard_ns = t_ns
+
+    def arrived(self, message_id: int) -> None:
+        """Another message of the autopilot came."""
+        self._meter.arrived(message_id)
+
+    def said(self, text: str) -> None:
+        """The autopilot sent a STATUSTEXT, perhaps to say why it refuses."""
+        match = UNKNOWN_MESSAGE.search(text)
+        if match is not None:
+            wished = {f"{i}": i for stream in self._streams for i in stream.candidates}
+            if match[1] in wished:
+                self._unknown_ids.add(wished[match[1]])
 
     def acknowledged(self, t_ns: int, result: int) -> None:
-        """Takes the COMMAND_ACK for our SET_MESSAGE_INTERVAL."""
-        if self._waiting is None:
+        """The COMMAND_ACK for our SET_MESSAGE_INTERVAL came."""
+        stream = self._waiting
+        if stream is None or self._refused_waiting:
             return
-        stream, self._waiting = self._waiting, None
         self._unanswered = 0
-        if result not in ANSWERED_WELL:
-            stream.refuse()
+        if result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+            self._waiting = None
+            stream.unanswered(t_ns, at_once=False)
+        elif result == mavlink.MAV_RESULT_UNSUPPORTED:
+            self._waiting = None
+            self._unanswered = UNANSWERED_BEFORE_FALLBACK
+            stream.unanswered(t_ns, at_once=True)
+        elif result in ANSWERED_WELL:
+            self._waiting = None
+            self._granted(t_ns, stream)
+        else:
+            # The reason follows in a text: judge with the next request.
+            self._refused_waiting = True
 
     def measure(self, t_ns: int) -> None:
-        """Turns the counts of a finished window into rates; call it several times a second."""
-        if self._window_start_ns is None:
-            self._window_start_ns = t_ns
-        elif t_ns - self._window_start_ns >= WINDOW_NS:
-            seconds = (t_ns - self._window_start_ns) * 1e-9
-            for stream in self._streams:
-                stream.measured_hz = stream.count / seconds
-                stream.is_measured = True
-            self._window_start_ns = t_ns
-        else:
+        """Looks at what has come; call it ten times a second."""
+        if self._is_silent(t_ns) or not self._meter.sample(t_ns):
             return
+        if self._listening_since_ns is None:
+            self._listening_since_ns = t_ns
+        if not self._asks:
+            self._note_held()
+            return
+        listened_ns = t_ns - self._listening_since_ns
+        if listened_ns >= SHORTEST_LOOK_NS and not any(map(self._comes, self._streams)):
+            # An autopilot that sends nothing unasked: there is nothing to wait for.
+            for stream in self._streams:
+                stream.want_now(t_ns)
         for stream in self._streams:
-            stream.count = 0
+            trouble = stream.review(t_ns, self._meter)
+            if trouble is not None and self._unanswered == 0:
+                self._tell(t_ns, stream, trouble)
 
-    def measured_hz(self, message_id: int) -> float | None:
-        """Achieved rate of a wished stream over the last window; None before the first."""
-        for stream in self._streams:
-            if message_id == stream.message_id:
-                return stream.measured_hz
-        return None
+    # --- what is asked ------------------------------------------------------------------------
 
-    def shortfalls(self) -> Iterator[tuple[int, float, float]]:
-        """Streams that were asked for, yet arrive too slowly: (message id, achieved, asked) Hz."""
-        for stream in self._streams:
-            measured_hz = stream.measured_hz if stream.is_measured else None
-            if stream.asked_ns is not None and measured_hz is not None and not stream.is_enough():
-                yield stream.message_id, measured_hz, stream.wish.rate_hz
-
-    def next_request(self, t_ns: int, target: tuple[int, int]) -> Any | None:
+    def next_request(self, t_ns: int, target: Address) -> OutMessage | None:
         """What to send now, at most one message.
 
         Args:
             t_ns: host monotonic time.
             target: system and component id of the autopilot.
         """
-        if self._waiting is not None:
-            if t_ns - self._waiting_since_ns < ACK_WAIT_NS:
-                return None
-            stream, self._waiting = self._waiting, None
-            self._unanswered += 1
-            if self._unanswered < UNANSWERED_BEFORE_FALLBACK:
-                stream.asked_ns = None  # it was lost (a reboot's silence): ask again at once
+        if self._is_silent(t_ns) or self._is_waiting(t_ns):
+            return None
+        if len(self._asked_ns) == MOST_PER_MINUTE and t_ns - self._asked_ns[0] < MINUTE_NS:
+            return None
         for stream in self._streams:
-            if stream.is_enough() or not stream.is_due(t_ns):
-                continue
-            if stream.asked_ns is not None and not stream.is_measured:
-                continue
-            others_come = any(other.measured_hz for other in self._streams)
-            if stream.asked_ns is not None and stream.measured_hz == 0.0 and others_come:
-                stream.refuse()
-            return self._ask(t_ns, stream, target)
+            if stream.is_due(t_ns):
+                self._asked_ns.append(t_ns)
+                return self._ask(t_ns, stream, target)
         return None
 
-    def _ask(self, t_ns: int, stream: _Stream, target: tuple[int, int]) -> Any:
-        if stream.asked_ns is not None:
-            stream.pause_ns = min(2 * stream.pause_ns, LAST_PAUSE_NS)
-        stream.asked_ns = t_ns
-        stream.is_measured = False
-        self._window_start_ns = None
-        if self._unanswered >= UNANSWERED_BEFORE_FALLBACK and stream.message_id in DATA_STREAMS:
-            return mavlink.MAVLink_request_data_stream_message(
-                *target, DATA_STREAMS[stream.message_id], round(stream.wish.rate_hz), 1
-            )
-        self._waiting = stream
-        self._waiting_since_ns = t_ns
-        interval_us = 1e6 / stream.wish.rate_hz
-        return mavlink.MAVLink_command_long_message(
-            *target,
-            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-            0,
-            float(stream.message_id),
-            interval_us,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
+    # --- what is known ------------------------------------------------------------------------
+
+    def measured_hz(self, message_id: int) -> float | None:
+        """The rate of any message over the last two seconds; None before one can tell."""
+        return self._meter.hz(message_id)
+
+    def granted_hz(self, message_id: int) -> float | None:
+        """The rate at which a message (or its alternative) may be expected to come.
+
+        It is what the autopilot and we settled on. Where nothing is asked for, it is the best rate
+        that was ever held, and None before one can tell.
+        """
+        for stream in self._streams:
+            if message_id in stream.candidates and self._asks:
+                return stream.rate_hz
+            if message_id in stream.candidates and message_id in self._held_hz:
+                return min(self._held_hz[message_id], stream.wish.rate_hz)
+        return None
+
+    def is_refused(self, message_id: int) -> bool:
+        """Whether the autopilot refuses a wished message, its alternatives and lower rates, too."""
+        return any(
+            stream.phase is Phase.REFUSED
+            for stream in self._streams
+            if message_id in stream.candidates
         )
+
+    def notices(self) -> list[Notice]:
+        """What people should know since the last call."""
+        notices, self._notices = self._notices, []
+        return notices
+
+    # --- the rest -----------------------------------------------------------------------------
+
+    def _is_silent(self, t_ns: int) -> bool:
+        return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
+
+    def _comes(self, stream: WishedStream) -> bool:
+        """Whether any message of the wish has come."""
+        return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
+
+    def _is_waiting(self, t_ns: int) -> bool:
+        """Whether the latest request is still open; closes it when it is over."""
+        stream = self._waiting
+        if stream is None:
+            return False
+        if self._refused_waiting:
+            self._refused_waiting = False
+            is_px4 = self._autopilot == mavlink.MAV_AUTOPILOT_PX4
+            is_unknown = is_px4 or stream.message_id in self._unknown_ids
+            trouble = stream.refused(t_ns, is_unknown)
+            if trouble is not None:
+                self._tell(t_ns, stream, trouble)
+        elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
+            return True
+        else:
+            self._unanswered += 1
+            stream.unanswered(t_ns, at_once=self._unanswered <= UNANSWERED_BEFORE_FALLBACK)
+        self._waiting = None
+        return False
+
+    def _ask(self, t_ns: int, stream: WishedStream, target: Address) -> OutMessage:
+        rate_hz = stream.asked(t_ns, self._most_hz)
+        group = DATA_STREAMS.get(stream.message_id)
+        if self._unanswered >= UNANSWERED_BEFORE_FALLBACK and group is not None:
+            stream.granted(t_ns)
+            return outbound.request_data_stream(target, group, rate_hz)
+        self._waiting = stream
+        return outbound.set_message_interval(target, stream.message_id, rate_hz)
+
+    def _granted(self, t_ns: int, stream: WishedStream) -> None:
+        trouble = stream.granted(t_ns)
+        if trouble is Trouble.LOWERED:
+            # What limits one message limits all of them.
+            self._most_hz = min(self._most_hz, stream.rate_hz)
+            self._tell(t_ns, stream, trouble)
+
+    def _note_held(self) -> None:
+        for stream in self._streams:
+            for message_id in stream.candidates:
+                hz = self._meter.hz(message_id, LONGEST_SPAN_NS)
+                if hz is not None:
+                    self._held_hz[message_id] = max(hz, self._held_hz.get(message_id, 0.0))
+
+    def _tell(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
+        """Notes a trouble, once; a rate that is taken away, once in ten minutes."""
+        rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
+        key = (stream.message_id, trouble, rate_hz)
+        told_ns = self._told_ns.get(key)
+        repeats = trouble is Trouble.TAKEN
+        if told_ns is None or (repeats and t_ns - told_ns >= REPEAT_NS):
+            self._told_ns[key] = t_ns
+            self._notices.append(Notice(Severity.WARNING, self._text(stream, trouble)))
+
+    def _text(self, stream: WishedStream, trouble: Trouble) -> str:
+        name = message_name(stream.message_id)
+        wanted = f"of {stream.wish.rate_hz:.0f} Hz"
+        came = f"{name} {stream.measured_hz:.0f} {wanted}"
+        limit = LIMITS.get(self._autopilot, "the autopilot refuses more")
+        others = len(stream.candidates) - 1
+        return {
+            Trouble.LOWERED: f"{name} {stream.rate_hz:.0f} {wanted} ({limit})",
+            Trouble.CUT: f"{came}: link full? Asked for {stream.rate_hz:.0f}",
+            Trouble.SHORT: f"{came}: link full?",
+            Trouble.TAKEN: f"{came}: set by another station?",
+            Trouble.ABSENT: f"{name}: granted, yet none comes",
+            Trouble.REFUSED: (
+                f"{name} and {others} alternatives: refused" if others else f"{name}: refused"
+            ),
+        }[trouble]

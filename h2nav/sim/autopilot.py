@@ -4,6 +4,8 @@ It does no I/O and knows no clock: messages and host times go in, messages with 
 out. With the same options and the same input at the same times, the output is the same.
 """
 
+import math
+import sys
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -104,6 +106,7 @@ class FakeAutopilot:
         self._now_ns = 0
         self._is_on = False
         self._silent_until_ns: int | None = None
+        self._is_unpowered = False
         self._heartbeat_ns = 0
         self._heartbeats = 0
         self._was_armed = False
@@ -161,7 +164,7 @@ class FakeAutopilot:
             self._plan.extend(
                 sorted(
                     (t_ns + round(fault.start_s * SECOND_NS), fault)
-                    for name in ("reboot", "rate")
+                    for name in ("reboot", "rate", "power-off")
                     for fault in self.schedule.starts(name)
                 )
             )
@@ -188,12 +191,18 @@ class FakeAutopilot:
         self.vehicle.go_to(now_ns)
         if self._silent_until_ns is not None:
             self._silent_until_ns = None
+            if self._is_unpowered:
+                self._is_unpowered = False
+                self.vehicle.switch_on(now_ns)
             self._boot()
             return
         if self._plan and self._plan[0][0] <= now_ns:
             fault = self._plan.popleft()[1]
             if fault.name == "reboot":
                 self._reboot()
+                return
+            if fault.name == "power-off":
+                self._lose_power(fault.length_s)
                 return
             self._commands.override_rates(now_ns, float(fault.argument))
         if self._heartbeat_ns <= now_ns:
@@ -221,6 +230,13 @@ class FakeAutopilot:
         self.streams.stop_all()
         self.vehicle.switch_on(self._now_ns)
         self._silent_until_ns = self._now_ns + REBOOT_SILENCE_NS
+
+    def _lose_power(self, length_s: float) -> None:
+        self._reboot()
+        self._is_unpowered = True
+        is_for_good = math.isinf(length_s)
+        back_ns = sys.maxsize if is_for_good else self._now_ns + round(length_s * SECOND_NS)
+        self._silent_until_ns = back_ns
 
     def _every_second(self) -> None:
         vehicle = self.vehicle
@@ -269,7 +285,7 @@ def heartbeat(personality: Personality, vehicle: Vehicle) -> Any:
     """The HEARTBEAT of the vehicle's present state."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if vehicle.is_armed else 0
     return mavlink.MAVLink_heartbeat_message(
-        vehicle.scenario.mav_type,
+        vehicle.scenario.mav_type if personality.mav_type is None else personality.mav_type,
         personality.autopilot,
         personality.base_mode | armed,
         personality.custom_modes[vehicle.is_airborne],

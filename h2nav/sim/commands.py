@@ -11,6 +11,7 @@ from h2nav.sim.vehicle import Vehicle
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _COMMANDS = (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT)
+_TEXT_BYTES = 50
 _CAPABILITIES = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
@@ -81,27 +82,21 @@ class CommandServer:
     def _set_interval(self, t_ns: int, number: float, interval_us: float) -> tuple[int, list[Any]]:
         message_id = _whole(number)
         stream = self._streams.stream(message_id)
+        rules = self._personality
         if stream is None or self._vehicle.denies(stream.message.msgname):
-            return self._refuse(message_id)
+            return rules.refusal, _texts(rules.unknown_text, message_id)
         if not interval_us > 0.0:
             default_hz = stream.default_hz if interval_us == 0.0 else 0.0
             interval_ns = round(SECOND_NS / default_hz) if default_hz else 0
             self._streams.set_interval(t_ns, message_id, interval_ns)
             return ACCEPTED, []
         if not math.isfinite(interval_us):
-            return self._refuse(message_id)
-        kept_ns = self._personality.interval_ns(round(interval_us * 1000.0))
+            return rules.refusal, []
+        kept_ns = rules.interval_ns(round(interval_us * 1000.0))
         if kept_ns is None:
-            return self._refuse(message_id)
+            return rules.refusal, _texts(rules.too_fast_text, message_id)
         self._streams.set_interval(t_ns, message_id, kept_ns)
         return ACCEPTED, []
-
-    def _refuse(self, message_id: int) -> tuple[int, list[Any]]:
-        text: list[Any] = []
-        if self._personality.tells_refusal:
-            words = f"No ap_message for mavlink id ({message_id})".encode()
-            text = [mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, words[:50])]
-        return self._personality.refusal, text
 
     def _get_interval(self, number: float) -> tuple[int, list[Any]]:
         message_id = _whole(number)
@@ -135,6 +130,21 @@ class CommandServer:
         for message_id in self._streams.of_group(fields.req_stream_id):
             interval_ns = round(SECOND_NS / min(rate_hz, 50)) if rate_hz else 0
             self._streams.set_interval(t_ns, message_id, interval_ns)
+
+
+def _texts(form: str, message_id: int) -> list[Any]:
+    """STATUSTEXT in as many pieces as it takes; none without a form."""
+    text = form.format(message_id).encode()
+    return [
+        mavlink.MAVLink_statustext_message(
+            mavlink.MAV_SEVERITY_INFO,
+            text[start : start + _TEXT_BYTES],
+            # A text of one piece has the id 0, which is no id.
+            message_id % 65535 + 1 if len(text) > _TEXT_BYTES else 0,
+            start // _TEXT_BYTES,
+        )
+        for start in range(0, len(text), _TEXT_BYTES)
+    ]
 
 
 def _whole(number: float) -> int:

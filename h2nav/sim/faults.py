@@ -58,6 +58,9 @@ FAULT_KINDS: dict[str, FaultKind] = {
     "deny": FaultKind("the named message cannot be had", None),
     "rate": FaultKind("another station sets all running streams to this rate, Hz", 4.0, low=0.1),
     "reboot": FaultKind("1 s of silence, time from zero, no streams", "", ("",)),
+    "power-off": FaultKind(
+        "no power for DURATION (a battery is changed), then time from zero, no streams", "", ("",)
+    ),
     "clock-wrap": FaultKind(
         "the 32-bit clock of ms or us passes its end at START", "ms", ("ms", "us")
     ),

@@ -1,4 +1,4 @@
-"""What differs between ArduPilot and PX4, as observed: one record each."""
+"""What differs between makes of autopilots, as observed: one record each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -16,7 +16,8 @@ from h2nav.sim.imu_streams import (
 from h2nav.sim.streams import ALL_AUTOPILOTS, Stream
 
 MS_NS = 1_000_000
-SCHEDULER_HZ = 400
+COPTER_LOOP_HZ = 400
+PLANE_LOOP_HZ = 50
 
 
 class Personality(NamedTuple):
@@ -31,11 +32,13 @@ class Personality(NamedTuple):
         streams: what it can send.
         interval_ns: the interval it keeps when asked for one, ns; None = it refuses.
         refusal: MAV_RESULT of a refused or unknown stream.
-        tells_refusal: whether a STATUSTEXT goes with it.
+        too_fast_text: STATUSTEXT about a refused rate, with {} for the message id; empty = none.
+        unknown_text: the same about an unknown message.
         takes_data_streams: whether it obeys REQUEST_DATA_STREAM.
         stamp_jitter_us: the largest delay between an IMU sample and its time stamp.
         parameters: values by name.
         boot_text: what a serial port shows at power-on, before and after the first heartbeats.
+        mav_type: MAV_TYPE of its heartbeat; None = that of the scenario's vehicle.
     """
 
     name: str
@@ -46,22 +49,32 @@ class Personality(NamedTuple):
     streams: tuple[Stream, ...]
     interval_ns: Callable[[int], int | None]
     refusal: int
-    tells_refusal: bool
+    too_fast_text: str
+    unknown_text: str
     takes_data_streams: bool
     stamp_jitter_us: int
     parameters: dict[str, float]
     boot_text: tuple[bytes, ...]
+    mav_type: int | None = None
 
 
-def _whole_milliseconds(interval_ns: int) -> int | None:
-    """ArduPilot cuts to whole milliseconds; its 400 Hz loop then reaches 333 Hz at most."""
-    cut_ns = interval_ns // MS_NS * MS_NS
-    return cut_ns if cut_ns * SCHEDULER_HZ > 1_000_000_000 else None
+def _ardupilot_interval(loop_hz: int) -> Callable[[int], int | None]:
+    """ArduPilot cuts to whole milliseconds and sends at some 80 % of its main loop at most.
+
+    A loop of 50 Hz gives 40 Hz, one of 400 Hz gives 333.
+    """
+    least_ms = 1_000_000 // loop_hz // 800
+
+    def interval_ns(asked_ns: int) -> int | None:
+        cut_ms = asked_ns // MS_NS
+        return cut_ms * MS_NS if cut_ms >= least_ms else None
+
+    return interval_ns
 
 
-def _as_asked(interval_ns: int) -> int | None:
-    """PX4 keeps microseconds; a millisecond is the least."""
-    return interval_ns if interval_ns >= MS_NS else None
+def _as_asked(asked_ns: int) -> int | None:
+    """PX4 keeps microseconds and refuses no rate; it sends a thousand times a second at most."""
+    return max(asked_ns, MS_NS)
 
 
 ARDUPILOT = Personality(
@@ -76,16 +89,17 @@ ARDUPILOT = Personality(
         Stream(highres_imu_ardupilot, mavlink.MAVLink_highres_imu_message),
         *ALL_AUTOPILOTS,
     ),
-    interval_ns=_whole_milliseconds,
+    interval_ns=_ardupilot_interval(COPTER_LOOP_HZ),
     refusal=mavlink.MAV_RESULT_DENIED,
-    tells_refusal=True,
+    too_fast_text="Requested rate for message ID {} too fast. Increase SCHED_LOOP_RATE",
+    unknown_text="No ap_message for mavlink id ({})",
     takes_data_streams=True,
     # The stamp is taken when the message is sent; intervals were seen to vary by 0.09 ms.
     stamp_jitter_us=200,
     parameters={
         "SYSID_THISMAV": 1.0,
         "FRAME_CLASS": 1.0,
-        "SCHED_LOOP_RATE": 400.0,
+        "SCHED_LOOP_RATE": float(COPTER_LOOP_HZ),
         "INS_GYRO_FILTER": 20.0,
         "INS_ACCEL_FILTER": 20.0,
         "COMPASS_USE": 1.0,
@@ -101,15 +115,39 @@ ARDUPILOT = Personality(
     ),
 )
 
+# The loop of planes and rovers is slow: many a rate that a copter grants is refused.
+ARDUPLANE = ARDUPILOT._replace(
+    name="arduplane",
+    custom_modes=(0, 10),
+    interval_ns=_ardupilot_interval(PLANE_LOOP_HZ),
+    parameters={
+        "SYSID_THISMAV": 1.0,
+        "SCHED_LOOP_RATE": float(PLANE_LOOP_HZ),
+        "INS_GYRO_FILTER": 20.0,
+        "INS_ACCEL_FILTER": 20.0,
+        "COMPASS_USE": 1.0,
+        "COMPASS_AUTODEC": 1.0,
+        "ARSPD_USE": 1.0,
+        "AHRS_EKF_TYPE": 3.0,
+    },
+    boot_text=(
+        b"\n\nInit ArduPlane V4.7.0-dev (90700977)\n\nFree RAM: 524288\n",
+        b"Init Gyro*",
+        b"*\n",
+    ),
+    mav_type=mavlink.MAV_TYPE_FIXED_WING,
+)
+
+# PX4's mode `onboard`: what comes on a companion's link without a word.
 _PX4_DEFAULTS_HZ = {
-    "attitude": 50.0,
+    "attitude": 100.0,
     "attitude_quaternion": 50.0,
-    "gps_raw_int": 5.0,
-    "global_position_int": 10.0,
+    "gps_raw_int": 10.0,
+    "global_position_int": 50.0,
     "vfr_hud": 10.0,
     "home_position": 0.5,
-    "extended_sys_state": 1.0,
-    "sys_status": 1.0,
+    "extended_sys_state": 5.0,
+    "sys_status": 5.0,
     "system_time": 1.0,
 }
 
@@ -129,7 +167,8 @@ PX4 = Personality(
     ),
     interval_ns=_as_asked,
     refusal=mavlink.MAV_RESULT_FAILED,
-    tells_refusal=False,
+    too_fast_text="",
+    unknown_text="",
     takes_data_streams=False,
     stamp_jitter_us=0,
     parameters={
@@ -143,7 +182,7 @@ PX4 = Personality(
     boot_text=(),
 )
 
-PERSONALITIES = {personality.name: personality for personality in (ARDUPILOT, PX4)}
+PERSONALITIES = {personality.name: personality for personality in (ARDUPILOT, ARDUPLANE, PX4)}
 
 
 def personality(name: str) -> Personality:

@@ -15,6 +15,7 @@ from h2nav.wire.vehicle import (
     CommandAck,
     Heartbeat,
     LandedState,
+    StatusText,
     SystemTime,
     TimeSyncMessage,
 )
@@ -28,6 +29,7 @@ Message = (
     | EstimatedVelocity
     | Heartbeat
     | LandedState
+    | StatusText
     | SystemTime
     | Airspeed
     | TimeSyncMessage
@@ -68,6 +70,7 @@ READERS: dict[int, Reader] = {
     **{message_id: row.read for message_id, row in IMU_MESSAGES.items()},
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: vehicle.heartbeat,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: vehicle.landed_state,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT: vehicle.status_text,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: vehicle.system_time,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: vehicle.airspeed,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: vehicle.time_sync,

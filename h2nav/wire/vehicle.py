@@ -92,6 +92,12 @@ class CommandAck(NamedTuple):
     target: tuple[int, int]
 
 
+class StatusText(NamedTuple):
+    """STATUSTEXT, a piece of at most 50 characters."""
+
+    text: str
+
+
 def heartbeat(m: Any) -> Heartbeat:
     """HEARTBEAT; every value of its fields means something."""
     return Heartbeat(m.autopilot, m.type, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
@@ -126,6 +132,11 @@ def time_sync(m: Any) -> TimeSyncMessage:
     """TIMESYNC; refuses clocks that have run for a century."""
     need_within("clock_out_of_range", LATEST_CLOCK_NS, m.tc1, m.ts1)
     return TimeSyncMessage(m.tc1, m.ts1, (m.target_system, m.target_component))
+
+
+def status_text(m: Any) -> StatusText:
+    """STATUSTEXT; the codec has made a text of whatever its bytes are."""
+    return StatusText(m.text)
 
 
 def command_ack(m: Any) -> CommandAck:

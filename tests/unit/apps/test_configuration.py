@@ -49,6 +49,33 @@ def test_outputs_beyond_the_baud_rate_are_refused(tmp_path):
     assert "output.attitude_rate_hz" in line
 
 
+def test_a_shorter_imu_message_may_come_more_often(tmp_path):
+    text = (
+        "link: {url: '/dev/ttyAMA0,57600'}\n"
+        "autopilot: {imu_rate_hz: 200, imu_message: SCALED_IMU}\n"
+    )
+    (line,) = errors(text, tmp_path)
+    assert "lower it to 143" in line
+
+
+def warned(**sections):
+    return configuration.warnings(configuration.build(sections, "test"))
+
+
+def test_more_than_half_of_a_serial_link_is_warned_of():
+    slow = {"url": "serial:/dev/ttyUSB0:57600"}
+    (line,) = warned(link=slow, autopilot={"imu_rate_hz": 50})
+    assert "link.url" in line
+    assert "telemetry-radio" in line
+    assert warned(link={"url": "serial:/dev/ttyAMA0:921600"}) == []
+    assert warned(link={"url": "udpin:0.0.0.0:14550"}) == []
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_no_shipped_configuration_is_warned_of(path):
+    assert configuration.warnings(configuration.read(path)) == []
+
+
 @pytest.mark.parametrize("url", ["carrier-pigeon:1", "udpin:nowhere", "serial:/dev/x", ""])
 def test_a_bad_url_names_the_key_and_the_forms(tmp_path, url):
     (line,) = errors(f"link: {{url: '{url}'}}\n", tmp_path)

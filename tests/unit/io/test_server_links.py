@@ -65,6 +65,21 @@ def test_a_reader_that_leaves_gets_a_new_terminal_behind_the_same_link(tmp_path)
     ours.close()
 
 
+def test_what_is_written_just_before_closing_is_read(tmp_path):
+    path = tmp_path / "ttyFAKE"
+    ours = up(open_server_link(f"pty:{path}"))
+    for size in range(1, 2000, 97):
+        node = os.readlink(path)
+        theirs = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        os.write(theirs, bytes(size))
+        os.close(theirs)
+        read = []
+        while os.readlink(path) == node:
+            read += ours.read()
+        assert b"".join(read) == bytes(size)
+    ours.close()
+
+
 def test_what_nobody_reads_is_lost_without_growing(tmp_path):
     ours = up(open_server_link(f"pty:{tmp_path / 'ttyFAKE'}"))
     for _ in range(5000):

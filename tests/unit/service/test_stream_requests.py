@@ -1,97 +1,422 @@
-import itertools
+"""The conversation about streams, against autopilots and links that behave as real ones do."""
 
+import itertools
+import random
+
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.service.stream_requests import StreamRequests, Wish
+from h2nav.service.stream_requests import MOST_PER_MINUTE, StreamRequests
+from h2nav.service.wished_stream import Wish
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 GPS = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
+LANDED = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
+CLOCK = mavlink.MAVLINK_MSG_ID_SYSTEM_TIME
+SPEED = mavlink.MAVLINK_MSG_ID_VFR_HUD
+ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+PX4 = mavlink.MAV_AUTOPILOT_PX4
+DENIED, FAILED, OK = (
+    mavlink.MAV_RESULT_DENIED,
+    mavlink.MAV_RESULT_FAILED,
+    mavlink.MAV_RESULT_ACCEPTED,
+)
 SECOND_NS = 1_000_000_000
+STEP_NS = 10_000_000
 TARGET = (1, 1)
+USUAL = (
+    Wish(HIGHRES, 100.0, (RAW,)),
+    Wish(GPS, 5.0),
+    Wish(LANDED, 1.0),
+    Wish(CLOCK, 1.0),
+    Wish(SPEED, 4.0),
+)
 
 
-def asks(requests, seconds, until=1.0, arriving=None, ack=None):
-    """Lets time pass in steps of 10 ms; returns (time s, message) of what is asked."""
-    asked = []
-    for i in range(round((until - seconds) * 100)):
-        t_s = seconds + i * 0.01
-        for message_id, period in (arriving or {}).items():
-            if i % period == 0:
-                requests.arrived(message_id)
-        requests.measure(round(t_s * SECOND_NS))
-        message = requests.next_request(round(t_s * SECOND_NS), TARGET)
-        if message is not None:
-            asked.append((t_s, message))
-            if ack is not None and message.get_type() == "COMMAND_LONG":
-                requests.acknowledged(round(t_s * SECOND_NS), ack(int(message.param1)))
-    return asked
+class Talk:
+    """Both ends of the conversation on one clock, with a link of limited capacity.
+
+    Args:
+        wishes: of our end.
+        make: MAV_AUTOPILOT.
+        most_hz: what the autopilot grants at most.
+        unknown: message ids that it does not have.
+        sends: the streams that run before anybody asks, Hz by id.
+        carries: share of the messages that the link carries.
+        most_messages_s: what the link carries at most.
+        jitter_s: the largest delay of a message.
+    """
+
+    def __init__(
+        self,
+        wishes=USUAL,
+        make=ARDUPILOT,
+        *,
+        most_hz=400.0,
+        unknown=(),
+        sends=(),
+        carries=1.0,
+        most_messages_s=1e9,
+        jitter_s=0.0,
+    ):
+        self.requests = StreamRequests(wishes, make)
+        self.make, self.most_hz, self.unknown, self.carries = make, most_hz, unknown, carries
+        self.mute, self.off, self.tells = False, False, True
+        self.hz = dict(sends)
+        self.asked = []
+        self.notices = []
+        self.t_ns = 0
+        self._jitter_s = jitter_s
+        self._random = random.Random(1)
+        self._next_ns = {}
+        self._most_messages_s = most_messages_s
+        self._free_ns = 0
+        self._under_way = []
+
+    @property
+    def t_s(self):
+        return self.t_ns / SECOND_NS
+
+    def run(self, until_s):
+        while self.t_ns < round(until_s * SECOND_NS):
+            if not self.off:
+                if self.t_ns % SECOND_NS == 0:
+                    self.requests.heard(self.t_ns)
+                self._send_streams()
+            for item in [item for item in self._under_way if item[0] <= self.t_ns]:
+                self._under_way.remove(item)
+                self.requests.arrived(item[1])
+            if self.t_ns % (10 * STEP_NS) == 0:
+                self.requests.measure(self.t_ns)
+                message = self.requests.next_request(self.t_ns, TARGET)
+                if message is not None:
+                    self.asked.append((self.t_s, message))
+                    self._answer(message)
+                self.notices += [(self.t_s, n.text) for n in self.requests.notices()]
+            self.t_ns += STEP_NS
+        return self
+
+    def ids_asked(self, start_s=0.0):
+        return [int(m.param1) for t_s, m in self.asked if t_s >= start_s]
+
+    def _send_streams(self):
+        for message_id, rate_hz in self.hz.items():
+            due_ns = max(self._next_ns.get(message_id, 0), self.t_ns - STEP_NS)
+            while due_ns <= self.t_ns:
+                due_ns += round(SECOND_NS / rate_hz)
+                if self._free_ns >= self.t_ns + STEP_NS:
+                    continue
+                self._free_ns = max(self._free_ns, self.t_ns)
+                self._free_ns += round(SECOND_NS / self._most_messages_s)
+                if self._random.random() < self.carries:
+                    late_ns = round(self._random.uniform(0.0, self._jitter_s) * SECOND_NS)
+                    self._under_way.append((self.t_ns + late_ns, message_id))
+            self._next_ns[message_id] = due_ns
+
+    def _answer(self, message):
+        if self.mute or self.off or message.get_type() != "COMMAND_LONG":
+            return
+        message_id, rate_hz = int(message.param1), 1e6 / message.param2
+        if message_id in self.unknown:
+            result = FAILED if self.make == PX4 else DENIED
+            if self.make == ARDUPILOT and self.tells:
+                self.requests.said(f"No ap_message for mavlink id ({message_id})")
+        else:
+            result = DENIED if rate_hz > self.most_hz else OK
+        if result == OK:
+            self.hz[message_id] = rate_hz
+            self._next_ns[message_id] = self.t_ns + round(SECOND_NS / rate_hz)
+        self.requests.acknowledged(self.t_ns, result)
 
 
-def accepted(_message_id):
-    return mavlink.MAV_RESULT_ACCEPTED
+# --- asking ---------------------------------------------------------------------------------------
 
 
-def test_asks_once_with_the_interval_and_is_content_with_the_rate():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    asked = asks(requests, 0.0, 20.0, arriving={RAW: 1}, ack=accepted)
-    assert len(asked) == 1
-    assert (asked[0][1].param1, asked[0][1].param2) == (RAW, 10_000.0)
-    assert abs(requests.measured_hz(RAW) - 100.0) < 2.0
-    assert list(requests.shortfalls()) == []
+def test_a_silent_autopilot_is_asked_for_everything_once_and_in_the_first_second():
+    talk = Talk().run(120.0)
+    assert talk.ids_asked() == [HIGHRES, GPS, LANDED, CLOCK, SPEED]
+    assert talk.asked[0][0] <= 0.4
+    assert talk.asked[-1][0] <= 1.0
+    assert talk.asked[0][1].param2 == 10_000.0
+    assert talk.requests.measured_hz(HIGHRES) == pytest.approx(100.0, rel=0.03)
+    assert talk.requests.granted_hz(HIGHRES) == 100.0
+    assert talk.notices == []
 
 
-def test_a_refused_message_is_followed_by_its_alternative():
-    requests = StreamRequests((Wish(HIGHRES, 100.0, (RAW,)),))
-
-    def refuse_highres(message_id):
-        return mavlink.MAV_RESULT_DENIED if message_id == HIGHRES else accepted(message_id)
-
-    asked = asks(requests, 0.0, 10.0, arriving={RAW: 1}, ack=refuse_highres)
-    assert [int(message.param1) for _, message in asked] == [HIGHRES, RAW]
+def test_what_comes_fast_enough_is_not_asked_for():
+    sends = {HIGHRES: 200.0, GPS: 10.0, LANDED: 5.0, CLOCK: 1.0, SPEED: 10.0}
+    talk = Talk(make=PX4, sends=sends, jitter_s=0.15).run(300.0)
+    assert talk.asked == []
+    assert talk.hz == sends
+    assert talk.notices == []
 
 
-def test_a_rate_overridden_by_a_ground_station_is_asked_for_again():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    asks(requests, 0.0, 6.0, arriving={RAW: 1}, ack=accepted)
-    again = asks(requests, 6.0, 12.0, arriving={RAW: 25}, ack=accepted)
-    assert len(again) >= 1
-    assert [row[0] for row in requests.shortfalls()] in ([RAW], [])
+def test_only_what_is_missing_is_asked_for():
+    talk = Talk(make=PX4, sends={HIGHRES: 50.0, GPS: 10.0, LANDED: 5.0, SPEED: 10.0}).run(60.0)
+    assert talk.ids_asked() == [HIGHRES, CLOCK]
+    assert talk.hz[GPS] == 10.0
+    # One message a second: only some seconds without it show that it is missing.
+    assert talk.asked[1][0] >= 3.0
 
 
-def test_a_shortfall_is_reported_with_both_rates():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    asks(requests, 0.0, 2.9, arriving={RAW: 4}, ack=accepted)
-    ((message_id, achieved_hz, asked_hz),) = requests.shortfalls()
-    assert (message_id, asked_hz) == (RAW, 100.0)
-    assert abs(achieved_hz - 25.0) < 1.0
+def test_a_stream_that_ran_faster_and_stopped_is_asked_back_at_its_old_rate():
+    talk = Talk((Wish(GPS, 5.0),), PX4, sends={GPS: 10.0}).run(30.0)
+    talk.hz.clear()
+    talk.run(50.0)
+    assert len(talk.asked) == 1
+    assert talk.hz[GPS] == pytest.approx(10.0, rel=0.05)
 
 
-def test_pauses_between_repeated_requests_grow():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    times = [t_s for t_s, _ in asks(requests, 0.0, 200.0, ack=accepted)]
+def test_nothing_is_asked_before_a_heartbeat():
+    talk = Talk()
+    talk.off = True
+    assert talk.run(30.0).asked == []
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("most_hz", "settled_hz"), [(80.0, 80.0), (40.0, 40.0), (25.0, 20.0)])
+def test_a_refused_rate_is_lowered_and_its_limit_named_once(most_hz, settled_hz):
+    talk = Talk(most_hz=most_hz).run(120.0)
+    assert talk.requests.granted_hz(HIGHRES) == settled_hz
+    assert talk.hz[HIGHRES] == pytest.approx(settled_hz)
+    assert talk.ids_asked().count(HIGHRES) <= 4
+    assert RAW not in talk.ids_asked()
+    assert [text for _, text in talk.notices] == [
+        f"HIGHRES_IMU {settled_hz:.0f} of 100 Hz (SCHED_LOOP_RATE)"
+    ]
+    assert talk.requests.measured_hz(HIGHRES) == pytest.approx(settled_hz, rel=0.05)
+
+
+def test_what_limits_one_message_is_not_asked_of_the_next():
+    wishes = (Wish(HIGHRES, 100.0), Wish(RAW, 100.0))
+    talk = Talk(wishes, most_hz=40.0).run(60.0)
+    assert [round(1e6 / m.param2) for _, m in talk.asked] == [100, 80, 40, 40]
+    assert len(talk.notices) == 1
+
+
+@pytest.mark.parametrize(("make", "tells"), [(ARDUPILOT, True), (ARDUPILOT, False), (PX4, False)])
+def test_an_unknown_message_is_followed_by_its_alternative(make, tells):
+    talk = Talk(make=make, unknown=(HIGHRES,))
+    talk.tells = tells
+    talk.run(30.0)
+    assert talk.hz[RAW] == 100.0
+    # ArduPilot's text tells it from a rate that is too high; without it the lower ones are tried.
+    tries = 4 if make == ARDUPILOT and not tells else 1
+    assert talk.ids_asked()[: tries + 1] == [HIGHRES] * tries + [RAW]
+    assert talk.asked[tries][0] < 1.0
+    assert talk.notices == []
+
+
+def test_an_autopilot_that_refuses_all_is_left_alone():
+    talk = Talk((Wish(HIGHRES, 100.0, (RAW,)),), unknown=(HIGHRES, RAW)).run(500.0)
+    assert talk.ids_asked() == [HIGHRES, RAW]
+    assert talk.requests.is_refused(HIGHRES)
+    assert talk.requests.is_refused(RAW)
+    assert [text for _, text in talk.notices] == ["RAW_IMU and 1 alternatives: refused"]
+
+
+def test_a_message_that_is_granted_and_never_sent_is_followed_by_its_alternative():
+    talk = Talk((Wish(HIGHRES, 100.0, (RAW,)), Wish(GPS, 5.0)))
+    granted = talk.requests.acknowledged
+
+    def grants_in_vain(t_ns, result):
+        talk.hz.pop(HIGHRES, None)
+        granted(t_ns, result)
+
+    talk.requests.acknowledged = grants_in_vain
+    talk.run(30.0)
+    assert talk.hz[RAW] == 100.0
+    assert talk.ids_asked().count(HIGHRES) == 1
+
+
+# --- rates that are not reached -------------------------------------------------------------------
+
+
+def test_a_link_that_cannot_carry_a_rate_is_asked_for_less_of_it():
+    talk = Talk((Wish(RAW, 100.0),), most_messages_s=60.0).run(60.0)
+    rates = [round(1e6 / m.param2) for _, m in talk.asked]
+    assert rates[:2] == [100, 100]
+    assert len(rates) == 3
+    assert 35 <= rates[2] <= 50
+    assert ["link full?" in text for _, text in talk.notices] == [True]
+    assert talk.requests.granted_hz(RAW) == pytest.approx(rates[2], abs=0.5)
+
+
+def test_a_rate_that_others_had_is_not_undercut():
+    talk = Talk((Wish(RAW, 100.0),), carries=0.6, sends={RAW: 90.0}).run(60.0)
+    assert min(1e6 / m.param2 for _, m in talk.asked) > 0.6 * 90.0 * 0.9
+
+
+def test_a_rate_taken_away_is_asked_back_at_once_and_then_more_and_more_rarely():
+    talk = Talk((Wish(RAW, 100.0),)).run(10.0)
+    for second in range(10, 400):
+        talk.hz[RAW] = 4.0
+        talk.run(second + 1.0)
+    times = [t_s for t_s, _ in talk.asked if t_s >= 10.0]
     pauses = [after - before for before, after in itertools.pairwise(times)]
-    assert pauses[-1] > 3.0 * pauses[0]
+    assert times[0] < 11.0
+    assert pauses[-1] == pytest.approx(60.0, abs=3.0)
     assert len(times) < 12
+    assert talk.requests.granted_hz(RAW) == 100.0
+    assert ["set by another station?" in text for _, text in talk.notices] == [True]
 
 
-def test_without_any_answer_the_old_request_is_tried():
-    requests = StreamRequests((Wish(RAW, 100.0), Wish(GPS, 5.0)))
-    types = [message.get_type() for _, message in asks(requests, 0.0, 30.0)]
-    assert types[0] == "COMMAND_LONG"
+def test_a_stream_that_was_steady_is_asked_back_at_once_however_often():
+    talk = Talk((Wish(RAW, 100.0),)).run(5.0)
+    for minutes in range(1, 6):
+        talk.run(100.0 * minutes)
+        talk.hz[RAW] = 4.0
+        talk.run(100.0 * minutes + 1.5)
+        assert talk.hz[RAW] == 100.0
+    assert talk.notices == []
+
+
+def test_slow_streams_that_come_irregularly_are_no_shortfall():
+    talk = Talk(jitter_s=0.9).run(600.0)
+    assert len(talk.asked) == 5
+    assert talk.notices == []
+
+
+def test_some_lost_messages_are_no_shortfall():
+    talk = Talk(carries=0.9).run(600.0)
+    assert len(talk.asked) < 10
+    assert talk.notices == []
+
+
+# --- silence --------------------------------------------------------------------------------------
+
+
+def test_a_silent_autopilot_is_neither_asked_nor_complained_of():
+    talk = Talk().run(10.0)
+    talk.off = True
+    talk.run(110.0)
+    assert [t_s for t_s, _ in talk.asked if t_s > 12.5] == []
+    assert talk.notices == []
+
+
+def test_everything_is_asked_anew_within_half_a_second_of_the_first_heartbeat():
+    talk = Talk().run(10.0)
+    talk.off = True
+    talk.run(110.0)
+    talk.off = False
+    talk.hz.clear()
+    talk.run(130.0)
+    assert talk.ids_asked(110.0) == [HIGHRES, GPS, LANDED, CLOCK, SPEED]
+    first_s = next(t_s for t_s, _ in talk.asked if t_s >= 110.0)
+    assert first_s <= 110.5
+    assert talk.notices == []
+
+
+def test_a_settled_rate_that_still_comes_is_not_asked_for_again_after_a_silence():
+    talk = Talk(most_hz=40.0).run(20.0)
+    talk.off = True
+    talk.run(24.0)
+    talk.off = False
+    talk.run(60.0)
+    assert talk.ids_asked(24.0) == []
+    assert talk.requests.granted_hz(HIGHRES) == 40.0
+    assert len(talk.notices) == 1
+
+
+def test_a_refusal_is_told_once_however_often_the_autopilot_reboots():
+    talk = Talk(most_hz=40.0)
+    for start_s in range(20, 200, 20):
+        talk.run(float(start_s))
+        talk.hz.clear()
+        talk.requests.restart()
+    assert len(talk.notices) == 1
+
+
+# --- answers --------------------------------------------------------------------------------------
+
+
+def test_without_any_answer_the_old_request_is_tried_and_nobody_is_accused():
+    talk = Talk((Wish(RAW, 100.0), Wish(GPS, 5.0)))
+    talk.mute = True
+    talk.run(120.0)
+    types = [message.get_type() for _, message in talk.asked]
+    assert types[:3] == ["COMMAND_LONG"] * 3
     assert "REQUEST_DATA_STREAM" in types
+    assert talk.notices == []
 
 
-def test_everything_is_asked_anew_after_a_reboot():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    asks(requests, 0.0, 6.0, arriving={RAW: 1}, ack=accepted)
-    requests.restart()
-    assert len(asks(requests, 6.0, 6.1, ack=accepted)) == 1
+def test_an_autopilot_that_does_not_know_the_command_gets_the_old_request():
+    requests = StreamRequests((Wish(RAW, 100.0),), ARDUPILOT)
+    types = []
+    for i in range(20):
+        t_ns = i * SECOND_NS // 10
+        requests.heard(t_ns)
+        requests.measure(t_ns)
+        message = requests.next_request(t_ns, TARGET)
+        if message is not None:
+            types.append(message.get_type())
+            requests.acknowledged(t_ns, mavlink.MAV_RESULT_UNSUPPORTED)
+    assert types[:2] == ["COMMAND_LONG", "REQUEST_DATA_STREAM"]
 
 
-def test_a_request_that_a_reboot_swallowed_is_repeated_at_once():
-    requests = StreamRequests((Wish(RAW, 100.0),))
-    asks(requests, 0.0, 6.0, arriving={RAW: 1}, ack=accepted)
-    # Silence: the next request is lost, the one after it arrives.
-    lost = asks(requests, 6.0, 10.0)
-    assert lost[1][0] - lost[0][0] < 1.1
+def test_a_lost_request_is_repeated_after_a_second():
+    talk = Talk((Wish(RAW, 100.0),))
+    talk.mute = True
+    talk.run(1.0)
+    talk.mute = False
+    talk.run(5.0)
+    first_s, second_s = (t_s for t_s, _ in talk.asked)
+    assert 1.0 <= second_s - first_s <= 1.2
+
+
+def test_answers_nobody_asked_for_change_nothing():
+    talk = Talk()
+    for result in (OK, DENIED, FAILED, 99):
+        talk.requests.acknowledged(0, result)
+    talk.requests.said("No ap_message for mavlink id (9999999999999999)")
+    assert len(talk.run(10.0).asked) == 5
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_budget_holds_whatever_the_autopilot_does(seed):
+    chaos = random.Random(seed)
+    talk = Talk()
+    for second in range(1, 400):
+        talk.mute, talk.off = chaos.random() < 0.3, chaos.random() < 0.2
+        talk.most_hz = chaos.choice((1.0, 40.0, 400.0))
+        talk.carries = chaos.choice((0.0, 0.5, 1.0))
+        talk.unknown = chaos.choice(((), (HIGHRES,), (RAW, GPS)))
+        if chaos.random() < 0.2:
+            talk.hz.clear()
+        if chaos.random() < 0.1:
+            talk.requests.restart()
+        talk.run(float(second))
+    times = [t_s for t_s, _ in talk.asked]
+    for index, start_s in enumerate(times):
+        within = sum(t_s < start_s + 60.0 for t_s in times[index:])
+        assert within <= MOST_PER_MINUTE
+
+
+# --- nothing asked --------------------------------------------------------------------------------
+
+
+def test_where_nothing_is_asked_the_best_rate_held_is_what_may_be_expected():
+    requests = StreamRequests((Wish(RAW, 100.0),), ARDUPILOT, asks=False)
+    for i in range(3000):
+        if i % (2 if i < 2000 else 25) == 0:
+            requests.arrived(RAW)
+        if i % 100 == 0:
+            requests.heard(i * STEP_NS)
+        requests.measure(i * STEP_NS)
+    assert requests.granted_hz(RAW) == pytest.approx(50.0, rel=0.03)
+    assert requests.measured_hz(RAW) == pytest.approx(4.0, abs=0.6)
+    assert requests.notices() == []
+
+
+def test_every_message_is_measured_whether_wished_or_not():
+    requests = StreamRequests((Wish(HIGHRES, 100.0),), ARDUPILOT)
+    for i in range(300):
+        if i % 10 == 0:
+            requests.arrived(RAW)
+        requests.heard(i * STEP_NS)
+        requests.measure(i * STEP_NS)
+    assert requests.measured_hz(RAW) == pytest.approx(10.0, rel=0.1)
+    assert requests.granted_hz(RAW) is None

@@ -12,7 +12,7 @@ from h2nav.io.earth_field import earth_field_at
 from h2nav.maths import quaternion
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
-from h2nav.sim.personalities import ARDUPILOT, PX4
+from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.vehicle import HOME
 
@@ -106,6 +106,34 @@ def test_ardupilot_denies_what_is_too_fast_and_keeps_the_old_rate():
     assert messages[0].result == DENIED
     assert messages[1].get_type() == "STATUSTEXT"
     assert flight.count("RAW_IMU", 3.0) == 1000
+
+
+def test_a_plane_denies_what_its_slow_loop_cannot_send_and_says_what_limits_it():
+    flight = Flight(personality=ARDUPLANE)
+    ack, *pieces = flight.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, HIGHRES, 20_000)
+    assert ack.result == DENIED
+    assert "".join(m.text for m in pieces) == (
+        "Requested rate for message ID 105 too fast. Increase SCHED_LOOP_RATE"
+    )
+    assert [(m.id, m.chunk_seq) for m in pieces] == [(106, 0), (106, 1)]
+    assert flight.ask(HIGHRES, 25_000) == OK
+    assert flight.count("HIGHRES_IMU", 5.0) == 200
+    beats = [m for m in flight.to(7.0) if m.get_type() == "HEARTBEAT"]
+    assert beats[0].type == mavlink.MAV_TYPE_FIXED_WING
+
+
+def test_px4_refuses_no_rate():
+    flight = Flight(personality=PX4)
+    assert flight.ask(HIGHRES, 1) == OK
+    assert flight.count("HIGHRES_IMU", 1.0) == 1000
+
+
+def test_px4_streams_as_on_its_onboard_link():
+    messages = Flight(personality=PX4).to(10.0)
+    rates = {"ATTITUDE": 100, "GLOBAL_POSITION_INT": 50, "VFR_HUD": 10, "GPS_RAW_INT": 10}
+    rates |= {"EXTENDED_SYS_STATE": 5, "SYS_STATUS": 5}
+    for name, rate_hz in rates.items():
+        assert sum(m.get_type() == name for m in messages) == 10 * rate_hz
 
 
 @pytest.mark.parametrize("number", [9999, math.nan, math.inf, -5, 20_000_000])
@@ -297,6 +325,22 @@ def test_reboot_is_silence_then_time_from_zero_without_streams():
     assert flight.ask(RAW, 10_000) == OK
     assert flight.to(9.0105)[0].time_usec == pytest.approx(4_010_000, abs=300)
     assert flight.autopilot.reboots == 1
+
+
+def test_without_power_there_is_silence_then_time_from_zero_without_streams():
+    flight = Flight(faults=["power-off@5+100"])
+    flight.ask(RAW, 10_000)
+    flight.to(5.0)
+    assert flight.to(104.999) == []
+    assert {m.get_type() for m in flight.to(106.0)} <= UNSOLICITED
+    assert flight.ask(RAW, 10_000) == OK
+    assert flight.to(106.0105)[0].time_usec == pytest.approx(1_010_000, abs=300)
+
+
+def test_power_may_stay_off():
+    flight = Flight(faults=["power-off@1"])
+    flight.to(1.0)
+    assert flight.to(1e6) == []
 
 
 def test_reboot_by_command_and_deaf_meanwhile():

@@ -1,0 +1,92 @@
+"""How often each message arrives, whoever asked for it."""
+
+import math
+from bisect import bisect_left
+from collections import Counter, deque
+from typing import NamedTuple
+
+SAMPLING_NS = 100_000_000
+LONGEST_SPAN_NS = 10_000_000_000
+SPAN_NS = 2_000_000_000
+LEAST_SPAN_NS = 1_000_000_000
+# A rate counts as reached from this share of it on.
+ENOUGH = 0.8
+
+
+class Arrivals(NamedTuple):
+    """What came in a stretch of time.
+
+    Attributes:
+        messages: how many.
+        seconds: length of the stretch.
+    """
+
+    messages: int
+    seconds: float
+
+    def reach(self, rate_hz: float) -> bool:
+        """Whether they come at `rate_hz`, as far as so few messages can tell.
+
+        One may still be on its way, and where a tenth is lost at random, few become fewer.
+        """
+        expected = rate_hz * self.seconds
+        return self.messages + 1.0 + 0.5 * math.sqrt(expected) >= ENOUGH * expected
+
+    @property
+    def hz(self) -> float:
+        """The mean rate."""
+        return self.messages / self.seconds if self.seconds > 0.0 else 0.0
+
+
+class _Snapshot(NamedTuple):
+    t_ns: int
+    counts: dict[int, int]
+
+
+class RateMeter:
+    """Counts messages, and looks at the counts ten times a second."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[int] = Counter()
+        self._snapshots: deque[_Snapshot] = deque()
+        self._first_ns: dict[int, int] = {}
+
+    def restart(self) -> None:
+        """Forgets all that came."""
+        self._counts.clear()
+        self._snapshots.clear()
+        self._first_ns.clear()
+
+    def arrived(self, message_id: int) -> None:
+        """Counts one message."""
+        self._counts[message_id] += 1
+
+    def sample(self, t_ns: int) -> bool:
+        """Notes the counts at host time `t_ns`; False where that is not yet due."""
+        if self._snapshots and t_ns - self._snapshots[-1].t_ns < SAMPLING_NS:
+            return False
+        for message_id in self._counts.keys() - self._first_ns.keys():
+            self._first_ns[message_id] = t_ns
+        self._snapshots.append(_Snapshot(t_ns, dict(self._counts)))
+        while self._snapshots[0].t_ns < t_ns - LONGEST_SPAN_NS:
+            self._snapshots.popleft()
+        return True
+
+    def since(self, message_id: int, t_ns: int) -> Arrivals:
+        """What came from host time `t_ns` to the latest look, within `LONGEST_SPAN_NS`."""
+        if not self._snapshots:
+            return Arrivals(0, 0.0)
+        place = bisect_left(self._snapshots, t_ns, key=lambda snapshot: snapshot.t_ns)
+        first = self._snapshots[min(place, len(self._snapshots) - 1)]
+        last = self._snapshots[-1]
+        messages = last.counts.get(message_id, 0) - first.counts.get(message_id, 0)
+        return Arrivals(messages, (last.t_ns - first.t_ns) * 1e-9)
+
+    def hz(self, message_id: int, span_ns: int = SPAN_NS) -> float | None:
+        """The rate over the last `span_ns`; None in the first second after the first arrival."""
+        first_ns = self._first_ns.get(message_id)
+        if first_ns is None:
+            return None
+        start_ns = max(first_ns, self._snapshots[-1].t_ns - span_ns)
+        arrivals = self.since(message_id, start_ns)
+        return arrivals.hz if arrivals.seconds * 1e9 >= LEAST_SPAN_NS else None

@@ -1,0 +1,309 @@
+"""One stream that is wanted: whether it comes by itself, what was asked, what it settled on.
+
+    LISTENING --comes--> HELD <--comes-- GRANTED <--acknowledged-- ASKED
+        |                 |                 |                        |
+        +----missing----> WANTING <---------+--- too slow, refused --+--> REFUSED (a long rest)
+
+A stream is asked for only while it is missing, and never for less than what came before anybody
+asked. A refused rate is lowered to 80 % and then by halves, once each; then it is the next
+message's turn. A granted rate that is never reached is lowered to 80 % of what came, and once more
+by half.
+"""
+
+from enum import Enum
+from typing import NamedTuple
+
+from h2nav.service.rate_meter import Arrivals, RateMeter
+
+SECOND_NS = 1_000_000_000
+# Arrivals were seen up to 157 ms late: a shorter look could miss a stream that comes.
+SHORTEST_LOOK_NS = 300_000_000
+SHORTEST_SPAN_NS = 2 * SECOND_NS
+LONGEST_SPAN_NS = 8 * SECOND_NS
+MESSAGES_TO_FIND = 3.0
+MESSAGES_TO_JUDGE = 20.0
+FIRST_PAUSE_NS = 3 * SECOND_NS
+LAST_PAUSE_NS = 60 * SECOND_NS
+REFUSED_REST_NS = 600 * SECOND_NS
+LOWER_SHARE = 0.8
+# The slowest loop of an autopilot runs at 50 Hz: a refusal below this is not about the rate.
+LEAST_LOWERED_HZ = 20.0
+TRIALS_BEFORE_CUT = 2
+CUTS = 2
+LEAST_CUT_HZ = 5.0
+LEAST_CUT_SHARE = 0.2
+
+
+class Wish(NamedTuple):
+    """A stream that is wanted.
+
+    Attributes:
+        message_id: of the message.
+        rate_hz: how often.
+        alternatives: message ids to ask for instead, in order, where this one is refused.
+    """
+
+    message_id: int
+    rate_hz: float
+    alternatives: tuple[int, ...] = ()
+
+
+class Phase(Enum):
+    """Where the negotiation stands."""
+
+    LISTENING = "listening"
+    WANTING = "wanting"
+    ASKED = "asked"
+    GRANTED = "granted"
+    HELD = "held"
+    REFUSED = "refused"
+
+
+class Trouble(Enum):
+    """What people should be told of a stream."""
+
+    LOWERED = "the autopilot refuses more"
+    CUT = "asked for less, because it was never reached"
+    SHORT = "never reached"
+    TAKEN = "reached once, and then lowered by somebody"
+    ABSENT = "granted, and none comes"
+    REFUSED = "refused at any rate"
+
+
+class WishedStream:
+    """The state of one wish.
+
+    Args:
+        wish: what is wanted.
+    """
+
+    def __init__(self, wish: Wish) -> None:
+        self.wish = wish
+        self.candidates = (wish.message_id, *wish.alternatives)
+        self._settled = (0, wish.rate_hz)
+        self.phase = Phase.LISTENING
+        self.since_ns: int | None = None
+        self.due_ns = 0
+        self.rate_hz = wish.rate_hz
+        self._pause_ns = FIRST_PAUSE_NS
+        self._index = 0
+        # What came before anybody asked, and what came when a granted rate was missed.
+        self._found_hz = 0.0
+        self._measured_hz = 0.0
+        self._cuts = 0
+        self._misses = 0
+        self._is_lowered = False
+        self._is_untouched = True
+        self._has_held = False
+
+    def restart(self) -> None:
+        """Begins anew; a rate that was settled on is still good if it comes by itself."""
+        self.phase = Phase.LISTENING
+        self.since_ns = None
+        self.due_ns = 0
+        self._pause_ns = FIRST_PAUSE_NS
+        self._take_candidate(0)
+
+    @property
+    def message_id(self) -> int:
+        """Of the message that is asked for at present."""
+        return self.candidates[self._index]
+
+    @property
+    def measured_hz(self) -> float:
+        """What came when the rate was last found too low."""
+        return self._measured_hz
+
+    def review(self, t_ns: int, meter: RateMeter) -> Trouble | None:
+        """Compares what is wanted with what comes; to be called after each look of the meter."""
+        if self.since_ns is None:
+            self.since_ns = t_ns
+        if self.phase is Phase.LISTENING:
+            self._listen(t_ns, meter)
+        elif self.phase is Phase.GRANTED:
+            return self._try_granted(t_ns, meter)
+        elif self.phase in (Phase.HELD, Phase.WANTING):
+            self._watch(t_ns, meter)
+        elif self.phase is Phase.REFUSED and t_ns - self.since_ns >= REFUSED_REST_NS:
+            self._take_candidate(0)
+            self._want(t_ns, t_ns)
+        return None
+
+    def want_now(self, t_ns: int) -> None:
+        """There is nothing to listen to."""
+        if self.phase is Phase.LISTENING:
+            self._want(t_ns, t_ns)
+
+    def is_due(self, t_ns: int) -> bool:
+        """Whether it is to be asked for now."""
+        return self.phase is Phase.WANTING and t_ns >= self.due_ns
+
+    def asked(self, t_ns: int, most_hz: float) -> float:
+        """It is being asked for; gives the rate, which is at most `most_hz` as far as possible."""
+        self.rate_hz = max(min(self.rate_hz, most_hz), self._found_hz)
+        self.phase, self.since_ns = Phase.ASKED, t_ns
+        self._is_untouched = False
+        self.due_ns = t_ns + self._pause_ns
+        return self.rate_hz
+
+    def granted(self, t_ns: int) -> Trouble | None:
+        """The request was acknowledged, or was of a kind that is never acknowledged."""
+        self.phase, self.since_ns = Phase.GRANTED, t_ns
+        return Trouble.LOWERED if self._is_lowered else None
+
+    def unanswered(self, t_ns: int, at_once: bool) -> None:
+        """The request or its answer was lost."""
+        self._want(t_ns, t_ns if at_once else self._next_turn_ns())
+
+    def refused(self, t_ns: int, is_unknown: bool) -> Trouble | None:
+        """The request was refused.
+
+        Args:
+            t_ns: host time.
+            is_unknown: because of the message, not of its rate.
+        """
+        if self.rate_hz > self.wish.rate_hz:
+            # What once came by itself is refused today: then what was wished will do.
+            self.rate_hz, self._found_hz = self.wish.rate_hz, 0.0
+            self._want(t_ns, t_ns)
+            return None
+        lower_hz = None if is_unknown else self._lower_hz()
+        if lower_hz is not None:
+            if lower_hz <= self._found_hz:
+                self._hold(t_ns, self._found_hz)
+            else:
+                self.rate_hz = lower_hz
+                self._is_lowered = True
+                self._want(t_ns, t_ns)
+            return None
+        if self._take_next_candidate(t_ns):
+            return None
+        self.rate_hz = self.wish.rate_hz
+        self.phase, self.since_ns = Phase.REFUSED, t_ns
+        return Trouble.REFUSED
+
+    # --- judging ------------------------------------------------------------------------------
+
+    def _listen(self, t_ns: int, meter: RateMeter) -> None:
+        """Does it come by itself, as it is wanted or as it was settled on before?"""
+        assert self.since_ns is not None
+        look_ns = max(SHORTEST_LOOK_NS, round(MESSAGES_TO_FIND / self.wish.rate_hz * SECOND_NS))
+        if t_ns - self.since_ns < min(look_ns, LONGEST_SPAN_NS):
+            return
+        for index, rate_hz in ((0, self.wish.rate_hz), self._settled):
+            found = meter.since(self.candidates[index], self.since_ns)
+            if found.reach(rate_hz):
+                self._index = index
+                self._hold(t_ns, rate_hz)
+                return
+        self._found_hz = meter.since(self.message_id, self.since_ns).hz
+        self._want(t_ns, t_ns)
+
+    def _watch(self, t_ns: int, meter: RateMeter) -> None:
+        """Is it still there, or there again?"""
+        recent = self._recent(t_ns, meter)
+        if recent is None:
+            return
+        reached = recent.reach(self.rate_hz)
+        if reached and self._is_untouched:
+            usual = meter.since(self.message_id, t_ns - LONGEST_SPAN_NS)
+            self._found_hz = max(self._found_hz, usual.hz)
+        if reached and self.phase is Phase.WANTING:
+            self._hold(t_ns, self.rate_hz)
+        elif not reached and self.phase is Phase.HELD:
+            assert self.since_ns is not None
+            was_steady = t_ns - self.since_ns >= LAST_PAUSE_NS
+            self._want(t_ns, max(t_ns, self._next_turn_ns()))
+            if was_steady:
+                self._pause_ns = FIRST_PAUSE_NS
+
+    def _try_granted(self, t_ns: int, meter: RateMeter) -> Trouble | None:
+        assert self.since_ns is not None
+        if t_ns - self.since_ns < self._span_ns():
+            return None
+        arrivals = meter.since(self.message_id, self.since_ns)
+        if arrivals.reach(self.rate_hz):
+            self._hold(t_ns, self.rate_hz)
+            return None
+        return self._miss(t_ns, arrivals)
+
+    def _miss(self, t_ns: int, arrivals: Arrivals) -> Trouble | None:
+        """A granted rate was not reached."""
+        self._misses += 1
+        self._measured_hz = arrivals.hz
+        if arrivals.messages == 0 and self._take_next_candidate(t_ns):
+            return None
+        again = self._misses >= TRIALS_BEFORE_CUT
+        if arrivals.messages and not self._has_held and again and self._cut(t_ns, arrivals.hz):
+            return Trouble.CUT
+        self._want(t_ns, self._next_turn_ns())
+        if self._has_held:
+            return Trouble.TAKEN
+        if not again:
+            return None
+        return Trouble.SHORT if arrivals.messages else Trouble.ABSENT
+
+    def _lower_hz(self) -> float | None:
+        """The next rate to try after a refused one; None where that would be of no use."""
+        lower_hz = LOWER_SHARE * self.wish.rate_hz
+        while lower_hz >= self.rate_hz:
+            lower_hz *= 0.5
+        return lower_hz if lower_hz >= LEAST_LOWERED_HZ else None
+
+    def _cut(self, t_ns: int, achieved_hz: float) -> bool:
+        """Asks for less than what came; False where that would be too little to be of use."""
+        lower_hz = LOWER_SHARE * achieved_hz if self._cuts == 0 else 0.5 * self.rate_hz
+        least_hz = max(LEAST_CUT_HZ, LEAST_CUT_SHARE * self.wish.rate_hz)
+        if self._cuts == CUTS or lower_hz < least_hz or lower_hz <= self._found_hz:
+            return False
+        self._cuts += 1
+        self.rate_hz = lower_hz
+        self._want(t_ns, t_ns)
+        return True
+
+    # --- changing -----------------------------------------------------------------------------
+
+    def _take_candidate(self, index: int) -> None:
+        self._index = index
+        self.rate_hz = self.wish.rate_hz
+        self._found_hz = 0.0
+        self._measured_hz = 0.0
+        self._cuts = self._misses = 0
+        self._is_lowered = False
+        self._has_held = False
+        self._is_untouched = True
+
+    def _take_next_candidate(self, t_ns: int) -> bool:
+        """Turns to the next message at once; False after the last one."""
+        if self._index + 1 == len(self.candidates):
+            return False
+        self._take_candidate(self._index + 1)
+        self._want(t_ns, t_ns)
+        return True
+
+    def _want(self, t_ns: int, due_ns: int) -> None:
+        self.phase, self.since_ns, self.due_ns = Phase.WANTING, t_ns, due_ns
+
+    def _hold(self, t_ns: int, rate_hz: float) -> None:
+        self.phase, self.since_ns = Phase.HELD, t_ns
+        self.rate_hz = rate_hz
+        self._misses = 0
+        self._has_held = not self._is_untouched
+        self._settled = (self._index, rate_hz)
+
+    def _next_turn_ns(self) -> int:
+        """When to ask again after a request that did not help for long; the pauses grow."""
+        turn_ns = self.due_ns
+        self._pause_ns = min(2 * self._pause_ns, LAST_PAUSE_NS)
+        return turn_ns
+
+    def _span_ns(self) -> int:
+        """How long one must look to judge the present rate."""
+        wanted_ns = round(MESSAGES_TO_JUDGE / self.rate_hz * SECOND_NS)
+        return min(max(wanted_ns, SHORTEST_SPAN_NS), LONGEST_SPAN_NS)
+
+    def _recent(self, t_ns: int, meter: RateMeter) -> Arrivals | None:
+        """What came lately; None before one can tell."""
+        span_ns = self._span_ns()
+        recent = meter.since(self.message_id, t_ns - span_ns)
+        return recent if recent.seconds * 1e9 >= 0.9 * span_ns else None

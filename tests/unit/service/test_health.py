@@ -1,0 +1,74 @@
+import pytest
+
+from h2nav.service.health import Objection, Signs, State, judge
+
+NOW_NS = 100_000_000_000
+MS_NS = 1_000_000
+WELL = Signs(
+    link_error=None,
+    stall_ns=0,
+    autopilot_known=True,
+    last_sample_ns=NOW_NS - 10 * MS_NS,
+    last_gap_ns=10 * MS_NS,
+    no_imu=Objection("silent", "no IMU messages arrive"),
+    has_estimate=True,
+    late_ns=0,
+    objections=(),
+    rate_hz=100.0,
+    granted_rate_hz=100.0,
+)
+
+
+def state(**signs):
+    return judge(WELL._replace(**signs), NOW_NS).state
+
+
+def test_all_is_well():
+    assert judge(WELL, NOW_NS) == (State.ACTIVE, "", "")
+
+
+@pytest.mark.parametrize(
+    ("signs", "expected"),
+    [
+        ({"link_error": ""}, State.NO_LINK),
+        ({"autopilot_known": False}, State.NO_AUTOPILOT),
+        ({"last_sample_ns": None}, State.NO_IMU),
+        ({"last_sample_ns": NOW_NS - 501 * MS_NS}, State.NO_IMU),
+        ({"last_gap_ns": None}, State.NO_IMU),
+        ({"has_estimate": False}, State.ALIGNING),
+        ({"objections": (Objection("stuck", "gyro x is stuck"),)}, State.DEGRADED),
+        ({"late_ns": 400 * MS_NS}, State.DEGRADED),
+        ({"stall_ns": 2_000 * MS_NS, "last_sample_ns": None}, State.DEGRADED),
+    ],
+)
+def test_the_worst_sign_decides(signs, expected):
+    assert state(**signs) is expected
+
+
+def test_a_single_sample_after_a_silence_ends_no_silence():
+    assert state(last_gap_ns=1000 * MS_NS) is State.NO_IMU
+    assert state(last_gap_ns=500 * MS_NS) is State.ACTIVE
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "granted_hz", "expected"),
+    [
+        (49.0, 100.0, State.DEGRADED),
+        (51.0, 100.0, State.ACTIVE),
+        (40.0, 40.0, State.ACTIVE),
+        (12.0, 15.0, State.ACTIVE),
+        (10.0, None, State.ACTIVE),
+        (None, 100.0, State.ACTIVE),
+    ],
+)
+def test_a_rate_is_low_against_what_was_settled_on(rate_hz, granted_hz, expected):
+    assert state(rate_hz=rate_hz, granted_rate_hz=granted_hz) is expected
+
+
+def test_figures_change_the_text_and_not_the_cause():
+    late = [judge(WELL._replace(late_ns=s * 1000 * MS_NS), NOW_NS) for s in (1, 3)]
+    assert late[0].cause == late[1].cause
+    assert [verdict.text for verdict in late] == [
+        "degraded: late by 1.0 s",
+        "degraded: late by 3.0 s",
+    ]

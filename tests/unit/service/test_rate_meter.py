@@ -1,0 +1,59 @@
+import pytest
+
+from h2nav.service.rate_meter import Arrivals, RateMeter
+
+SECOND_NS = 1_000_000_000
+FAST, SLOW = 27, 2
+
+
+def counted(meter, start_s, end_s, hz_by_id):
+    """Lets messages arrive in steps of 10 ms and looks at each."""
+    for i in range(round(start_s * 100), round(end_s * 100)):
+        for message_id, rate_hz in hz_by_id.items():
+            if i % round(100 / rate_hz) == 0:
+                meter.arrived(message_id)
+        meter.sample(i * SECOND_NS // 100)
+    return meter
+
+
+def test_no_rate_in_the_first_second_then_the_right_one():
+    meter = counted(RateMeter(), 0.0, 0.9, {FAST: 100})
+    assert meter.hz(FAST) is None
+    counted(meter, 0.9, 1.5, {FAST: 100})
+    assert meter.hz(FAST) == pytest.approx(100.0, rel=0.02)
+
+
+def test_a_stream_that_begins_late_is_measured_from_its_first_message():
+    meter = counted(RateMeter(), 0.0, 5.0, {})
+    counted(meter, 5.0, 6.5, {FAST: 50})
+    assert meter.hz(FAST) == pytest.approx(50.0, rel=0.03)
+    assert meter.hz(SLOW) is None
+
+
+def test_a_stream_that_stops_falls_to_nothing_within_two_seconds():
+    meter = counted(RateMeter(), 0.0, 4.0, {FAST: 100})
+    counted(meter, 4.0, 6.3, {})
+    assert meter.hz(FAST) == 0.0
+
+
+def test_arrivals_since_a_time_and_no_memory_beyond_ten_seconds():
+    meter = counted(RateMeter(), 0.0, 60.0, {FAST: 100, SLOW: 1})
+    assert meter.since(FAST, 58 * SECOND_NS).messages == pytest.approx(190, abs=10)
+    assert meter.since(SLOW, 0).seconds == pytest.approx(10.0, abs=0.2)
+
+
+def test_nothing_is_left_after_a_restart():
+    meter = counted(RateMeter(), 0.0, 4.0, {FAST: 100})
+    meter.restart()
+    assert meter.hz(FAST) is None
+    assert meter.since(FAST, 0) == Arrivals(0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("messages", "seconds", "rate_hz", "reached"),
+    [(155, 2.0, 100.0, True), (150, 2.0, 100.0, False), (4, 8.0, 1.0, True), (3, 8.0, 1.0, False)],
+)
+def test_a_rate_is_reached_from_four_fifths_on_with_a_margin_where_messages_are_few(
+    messages, seconds, rate_hz, reached
+):
+    assert Arrivals(messages, seconds).reach(rate_hz) is reached
