@@ -8,6 +8,7 @@ from pathlib import Path
 
 from h2nav.apps import configuration
 from h2nav.errors import BadInput
+from h2nav.io.signing_keys import read_signing_key
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     errors: tuple[str, ...] = ()
     try:
-        configuration.read(args.config)
+        _check(args.config)
     except BadInput as error:
         errors = error.lines
     if args.json:
@@ -39,6 +40,13 @@ def run(args: argparse.Namespace) -> int:
     for line in errors:
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
+
+
+def _check(path: Path) -> None:
+    """Raises BadInput for a configuration that the daemon would not start with."""
+    signing = configuration.read(path).signing
+    if signing.key_file:
+        read_signing_key(Path(signing.key_file))
 
 
 def _examples() -> dict[str, Path]:

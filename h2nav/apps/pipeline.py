@@ -1,11 +1,13 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from h2nav.apps.link_signing import LinkSigning
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.foxglove_messages import LogLevel
+from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
@@ -65,14 +67,23 @@ class Pipeline:
         service: the behaviour.
         component_id: ours, for outgoing frames.
         outlets: where the effects go.
+        signing: verifies and signs; None = signatures are neither looked at nor made.
     """
 
-    def __init__(self, service: Service, component_id: int, outlets: Outlets) -> None:
+    def __init__(
+        self,
+        service: Service,
+        component_id: int,
+        outlets: Outlets,
+        signing: LinkSigning | None = None,
+    ) -> None:
         self.service = service
         self.deframer = Deframer()
+        self._signing = signing
+        self._blanker = KeyBlanker()
         self._component_id = component_id
         self._system_id = service.system_id
-        self._encoder = codec.Encoder(self._system_id, component_id)
+        self._encoder = self._new_encoder()
         self._unix_ns, self._send, self._recorder, self._watcher = outlets
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
@@ -85,9 +96,32 @@ class Pipeline:
 
     def received(self, t_ns: int, data: bytes) -> None:
         """Takes one datagram or chunk as it came from the link."""
-        if self._recorder is not None:
+        if self._signing is None:
+            self._record_received(t_ns, self._blanker.blanked(data))
+            self._process(t_ns, self.deframer.feed(data))
+            return
+        admitted, refused, notices = self._signing.sort(t_ns, self.deframer.feed(data))
+        # Whole frames, and only those that were believed: a replay has no key to tell them apart.
+        self._record_received(t_ns, b"".join(frame.raw for frame in admitted))
+        if refused and self._recorder is not None:
+            self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), refused)
+        self._carry_out(t_ns, notices)
+        self._process(t_ns, admitted)
+
+    def received_frames(self, t_ns: int, data: bytes) -> None:
+        """Takes whole frames, as a log of signed traffic holds them.
+
+        What looks like the begin of another frame at their end is none, and waits for nothing.
+        """
+        self._record_received(t_ns, data)
+        self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()])
+
+    def _record_received(self, t_ns: int, data: bytes) -> None:
+        if data and self._recorder is not None:
             self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
-        for frame in self.deframer.feed(data):
+
+    def _process(self, t_ns: int, frames: list[Frame]) -> None:
+        for frame in frames:
             if frame.msg_id in self._watched_ids:
                 self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
@@ -106,10 +140,14 @@ class Pipeline:
         self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
-        """Writes the counters of link and log to the log, and tells of trouble with the log."""
+        """Writes the counters of link and log to the log, and tells of trouble with files."""
+        if self._signing is not None:
+            self._carry_out(t_ns, self._signing.notices())
         if self._recorder is None:
             return
         unix_ns = self._unix_ns(t_ns)
+        if self._signing is not None:
+            self._recorder.record("/signing", self._signing.record(), unix_ns)
         self._recorder.record("/link", link, unix_ns)
         self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
@@ -120,7 +158,7 @@ class Pipeline:
         """Tells people something that the service does not know of."""
         self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
 
-    def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
+    def _carry_out(self, t_ns: int, effects: Sequence[Effect]) -> None:
         for effect in effects:
             if isinstance(effect, Used):
                 self._log_used(t_ns, effect)
@@ -164,8 +202,12 @@ class Pipeline:
             return
         if effect.system_id != self._system_id:
             self._system_id = effect.system_id
-            self._encoder = codec.Encoder(effect.system_id, self._component_id)
+            self._encoder = self._new_encoder()
         frame = self._encoder.encode(effect.message)
         self._send(frame)
         if self._recorder is not None:
             self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), frame)
+
+    def _new_encoder(self) -> codec.Encoder:
+        signer = None if self._signing is None else self._signing.signer
+        return codec.Encoder(self._system_id, self._component_id, signer=signer)
