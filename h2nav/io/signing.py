@@ -11,7 +11,7 @@ import hashlib
 import hmac
 from collections.abc import Callable, Set
 from enum import StrEnum
-from typing import NamedTuple
+from struct import Struct
 
 from pymavlink.dialects.v20 import ardupilotmega
 
@@ -27,6 +27,7 @@ NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
 MOST_STREAMS = 256
 
 _HASH_SIZE = 6
+_UNPACK_SIGNATURE = Struct("<BIH6s").unpack_from  # link id, stamp in two parts, hash
 SETUP_SIGNING_ID = ardupilotmega.MAVLINK_MSG_ID_SETUP_SIGNING
 
 Stream = tuple[int, int, int]
@@ -44,27 +45,6 @@ class Refusal(StrEnum):
     REPLAYED = "replayed"
     OLD_STAMP = "old_stamp"
     TOO_MANY_STREAMS = "too_many_streams"
-
-
-class Signature(NamedTuple):
-    """What a signature says.
-
-    Attributes:
-        link_id: of the sender's link.
-        stamp: time stamp, 10 us since 2015-01-01 UTC.
-        digest: the first 48 bits of the hash.
-    """
-
-    link_id: int
-    stamp: int
-    digest: bytes
-
-
-def signature_of(frame: Frame) -> Signature:
-    """The signature of a signed frame, not verified."""
-    tail = frame.raw[-SIGNATURE_SIZE:]
-    stamp = int.from_bytes(tail[1:-_HASH_SIZE], "little")
-    return Signature(tail[0], stamp, tail[-_HASH_SIZE:])
 
 
 def stamp_at(unix_ns: int) -> int:
@@ -182,8 +162,7 @@ class SignatureChecker:
         """Takes a frame, which moves its stream and our own stamp on, or refuses it."""
         objection = self.objection(frame)
         if objection is None and frame.signed:
-            link_id, stamp, _ = signature_of(frame)
-            stream = (frame.sysid, frame.compid, link_id)
+            stream, stamp, _ = _signature(frame)
             if stream not in self._latest:
                 self._make_room()
             self._latest[stream] = stamp
@@ -198,10 +177,12 @@ class SignatureChecker:
             if frame.msg_id in self._accept_unsigned:
                 return None
             return Refusal.MAVLINK_1 if frame.version == 1 else Refusal.UNSIGNED
-        link_id, stamp, digest = signature_of(frame)
-        if not hmac.compare_digest(self._digest(frame.raw), digest):
+        stream, stamp, digest = _signature(frame)
+        hashed = self._keyed.copy()
+        hashed.update(frame.raw[:-_HASH_SIZE])
+        if not hmac.compare_digest(hashed.digest()[:_HASH_SIZE], digest):
             return Refusal.BAD_SIGNATURE
-        return self._stamp_objection((frame.sysid, frame.compid, link_id), stamp)
+        return self._stamp_objection(stream, stamp)
 
     def _stamp_objection(self, stream: Stream, stamp: int) -> Refusal | None:
         """What is wrong with the stamp of a frame whose signature is right."""
@@ -227,7 +208,9 @@ class SignatureChecker:
         """The oldest stamp that a new stream may begin with."""
         return self._stamp.current() - NEW_STREAM_BEHIND
 
-    def _digest(self, raw: bytes) -> bytes:
-        hashed = self._keyed.copy()
-        hashed.update(raw[:-_HASH_SIZE])
-        return hashed.digest()[:_HASH_SIZE]
+
+def _signature(frame: Frame) -> tuple[Stream, int, bytes]:
+    """Stream, stamp and hash that a signed frame claims to have."""
+    raw = frame.raw
+    link_id, low, high, digest = _UNPACK_SIGNATURE(raw, len(raw) - SIGNATURE_SIZE)
+    return (frame.sysid, frame.compid, link_id), low | high << 32, digest
