@@ -95,13 +95,14 @@ class SigningSettings:
             signed, and signatures are not looked at.
         link_id: of our frames; links under the same system and component id need different ones.
         state_file: where our time stamp survives a restart; made when missing.
-        accept_unsigned: messages that are taken without a signature.
+        accept_unsigned: messages that are taken without a signature, which also means in
+            MAVLink 1; by default what the firmware of telemetry radios sends.
     """
 
     key_file: str = ""
     link_id: Annotated[int, Within(0, 255)] = 0
     state_file: str = ""
-    accept_unsigned: tuple[str, ...] = ("RADIO_STATUS",)
+    accept_unsigned: tuple[str, ...] = ("RADIO_STATUS", "RADIO")
 
     def unsigned_ids(self) -> frozenset[int]:
         """The ids of `accept_unsigned`.

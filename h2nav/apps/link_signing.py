@@ -9,7 +9,13 @@ from typing import NamedTuple
 from h2nav.apps.configuration import SigningSettings
 from h2nav.io.deframer import Frame
 from h2nav.io.dialect import LAYOUTS
-from h2nav.io.signing import MOST_STREAMS, Refusal, SignatureChecker, Signer
+from h2nav.io.signing import (
+    MOST_STREAMS,
+    Refusal,
+    SignatureChecker,
+    Signer,
+    without_signature,
+)
 from h2nav.io.signing_keys import read_signing_key
 from h2nav.io.stamp_file import StampKeeper
 from h2nav.service.effects import Notice, Severity
@@ -73,11 +79,13 @@ class Sorted(NamedTuple):
 
     Attributes:
         admitted: to be believed, in their order.
-        refused: bytes of the others, as far as they are to be recorded.
+        received: bytes of them for the recording, without their signatures.
+        refused: the same of the others, as far as they are to be recorded.
         notices: what people should hear.
     """
 
     admitted: list[Frame]
+    received: bytes
     refused: bytes
     notices: list[Notice]
 
@@ -115,6 +123,10 @@ class LinkSigning:
         """Whether a frame would be let in now; changes nothing."""
         return self._checker.would_admit(frame)
 
+    def would_answer(self, frame: Frame) -> bool:
+        """Whether our frames should go to where a frame came from; changes nothing."""
+        return self._checker.would_answer(frame)
+
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
         """Lets frames in, or not.
 
@@ -131,10 +143,11 @@ class LinkSigning:
                 continue
             self._counts[refusal] += 1
             if self._is_recorded(t_ns, refusal):
-                refused.append(frame.raw)
+                refused.append(without_signature(frame.raw))
             if self._is_due(t_ns, refusal):
                 notices.append(self._notice(frame, refusal))
-        return Sorted(admitted, b"".join(refused), notices)
+        received = b"".join(without_signature(frame.raw) for frame in admitted)
+        return Sorted(admitted, received, b"".join(refused), notices)
 
     def notices(self) -> list[Notice]:
         """Trouble with the file of the time stamp, once each."""

@@ -10,6 +10,7 @@ from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
+from h2nav.io.signing import without_signature
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
@@ -100,18 +101,18 @@ class Pipeline:
             self._record_received(t_ns, self._blanker.blanked(data))
             self._process(t_ns, self.deframer.feed(data))
             return
-        admitted, refused, notices = self._signing.sort(t_ns, self.deframer.feed(data))
-        # Whole frames, and only those that were believed: a replay has no key to tell them apart.
-        self._record_received(t_ns, b"".join(frame.raw for frame in admitted))
-        if refused and self._recorder is not None:
-            self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), refused)
-        self._carry_out(t_ns, notices)
-        self._process(t_ns, admitted)
+        found = self._signing.sort(t_ns, self.deframer.feed(data))
+        # Only what is believed: a replay has no key to tell the frames apart.
+        self._record_received(t_ns, found.received)
+        if found.refused and self._recorder is not None:
+            self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), found.refused)
+        self._carry_out(t_ns, found.notices)
+        self._process(t_ns, found.admitted)
 
     def received_frames(self, t_ns: int, data: bytes) -> None:
-        """Takes whole frames, as a log of signed traffic holds them.
+        """Takes whole frames, which is what a log of signed traffic holds.
 
-        What looks like the begin of another frame at their end is none, and waits for nothing.
+        What looks like the beginning of another frame at their end is none, so nothing waits.
         """
         self._record_received(t_ns, data)
         self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()])
@@ -206,7 +207,7 @@ class Pipeline:
         frame = self._encoder.encode(effect.message)
         self._send(frame)
         if self._recorder is not None:
-            self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), frame)
+            self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), without_signature(frame))
 
     def _new_encoder(self) -> codec.Encoder:
         signer = None if self._signing is None else self._signing.signer

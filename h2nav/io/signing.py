@@ -13,9 +13,11 @@ from collections.abc import Callable, Set
 from enum import StrEnum
 from struct import Struct
 
+from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega
 
-from h2nav.io.deframer import SIGNATURE_SIZE, Frame
+from h2nav.io.deframer import CHECKSUM_SIZE, SIGNATURE_SIZE, SIGNED_FLAG, Frame
+from h2nav.io.dialect import LAYOUTS
 
 KEY_SIZE = 32
 EPOCH_UNIX_NS = 1_420_070_400_000_000_000  # 2015-01-01 UTC
@@ -26,6 +28,8 @@ NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
 """How far a new stream may be behind our own stamp: one minute."""
 MOST_STREAMS = 256
 
+_MARKER_2 = 0xFD
+_FLAGS_AT = 2
 _HASH_SIZE = 6
 _UNPACK_SIGNATURE = Struct("<BIH6s").unpack_from  # link id, stamp in two parts, hash
 SETUP_SIGNING_ID = ardupilotmega.MAVLINK_MSG_ID_SETUP_SIGNING
@@ -50,6 +54,20 @@ class Refusal(StrEnum):
 def stamp_at(unix_ns: int) -> int:
     """The time stamp of a UNIX time, 10 us since 2015-01-01 UTC; 0 for times before."""
     return min(max(unix_ns - EPOCH_UNIX_NS, 0) // NS_PER_STAMP, LARGEST_STAMP)
+
+
+def without_signature(raw: bytes) -> bytes:
+    """A whole frame of a known id as it would be unsigned, with the checksum that it then has.
+
+    For recordings: whoever finds a signature in one can try passphrases on it.
+    """
+    if raw[0] != _MARKER_2 or not raw[_FLAGS_AT] & SIGNED_FLAG:
+        return raw
+    body = bytearray(raw[: -CHECKSUM_SIZE - SIGNATURE_SIZE])
+    body[_FLAGS_AT] &= ~SIGNED_FLAG
+    crc_extra = LAYOUTS[int.from_bytes(raw[7:10], "little")].crc_extra
+    checksum = crc16.mcrf4xx(bytes([crc_extra]), crc16.mcrf4xx(bytes(body[1:])))
+    return bytes(body) + checksum.to_bytes(CHECKSUM_SIZE, "little")
 
 
 class LocalStamp:
@@ -157,6 +175,14 @@ class SignatureChecker:
     def would_admit(self, frame: Frame) -> bool:
         """Whether `admit` would take a frame; changes nothing."""
         return self.objection(frame) is None
+
+    def would_answer(self, frame: Frame) -> bool:
+        """Whether our frames should go to where a frame came from; changes nothing.
+
+        Beside senders that are admitted it means those whose clock is behind, as that of an
+        autopilot before its first GPS fix is: they are admitted after they have heard our stamp.
+        """
+        return frame.signed and self.objection(frame) in (None, Refusal.OLD_STAMP)
 
     def admit(self, frame: Frame) -> Refusal | None:
         """Takes a frame, which moves its stream and our own stamp on, or refuses it."""

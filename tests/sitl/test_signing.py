@@ -1,14 +1,16 @@
 """Message signing between processes: the daemon and the fake autopilot, with one key or two."""
 
+import contextlib
 import json
+import socket
 import subprocess
 
 import pytest
-from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
+from daemon_process import H2NAV, WAIT_S, daemon, fake_autopilot, free_udp_port, the_log
+from signing_peer import Peer
 
-from h2nav.io.deframer import Deframer
-from h2nav.io.recorder import SENT_TOPIC
 from h2nav.io.recordings import open_recording
+from h2nav.io.signing_keys import read_signing_key
 
 FAR_AHEAD = 200_000_000_000_000  # a stamp of 2078
 SECRET = "correct-horse-battery-staple"
@@ -28,11 +30,11 @@ def port():
     return free_udp_port()
 
 
-def written_configuration(folder, port, key_file):
+def written_configuration(folder, url):
     path = folder / "config.yaml"
     path.write_text(
-        f"link: {{url: 'udpin:127.0.0.1:{port}'}}\n"
-        f"signing: {{key_file: '{key_file}', state_file: '{folder / 'stamp'}'}}\n"
+        f"link: {{url: '{url}'}}\n"
+        f"signing: {{key_file: '{folder / 'key'}', state_file: '{folder / 'stamp'}'}}\n"
         f"log: {{folder: '{folder / 'logs'}'}}\n"
     )
     return str(path)
@@ -42,22 +44,9 @@ def last(log, topic):
     return [fields for _, fields in open_recording(log).records(topic)][-1]
 
 
-def sent_stamps(log):
-    """The time stamps of all that was sent, from the signatures."""
-    deframer = Deframer()
-    frames = [
-        frame
-        for topic, _, stored in open_recording(log)._messages("mavlink")
-        if topic.startswith(SENT_TOPIC)
-        for frame in deframer.feed(stored.data)
-    ]
-    assert all(frame.signed for frame in frames)
-    return [int.from_bytes(frame.raw[-12:-6], "little") for frame in frames]
-
-
 def test_a_signed_flight_is_estimated_answered_and_replayed(tmp_path, port, key_file):
     with (
-        daemon("-c", written_configuration(tmp_path, port, key_file)) as running,
+        daemon("-c", written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")) as running,
         fake_autopilot(f"udpout:127.0.0.1:{port}", "--signing-key", str(key_file)),
     ):
         # 100 Hz come only if the autopilot has obeyed, so verified, our requests.
@@ -67,9 +56,6 @@ def test_a_signed_flight_is_estimated_answered_and_replayed(tmp_path, port, key_
     counts = last(log, "/signing")
     assert counts["signed"] > 300
     assert not any(counts[cause] for cause in ("unsigned", "bad_signature", "replayed"))
-    stamps = sent_stamps(log)
-    assert stamps == sorted(set(stamps))
-    assert int((tmp_path / "stamp").read_text()) >= stamps[-1]
     replay = [*H2NAV, "replay", str(log), "--no-log", "--json"]
     result = json.loads(subprocess.run(replay, capture_output=True, check=True, text=True).stdout)
     assert result["estimates_compared"] > 200
@@ -88,7 +74,7 @@ def test_an_autopilot_without_our_key_is_not_used_and_the_cause_is_told(
         arguments = ["--signing-key", str(wrong)]
     told = "its signature is wrong" if arguments else "it is not signed"
     with (
-        daemon("-c", written_configuration(tmp_path, port, key_file)) as running,
+        daemon("-c", written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")) as running,
         fake_autopilot(f"udpout:127.0.0.1:{port}", *arguments),
     ):
         running.wait_for(lambda event: told in event.get("text", ""))
@@ -98,22 +84,44 @@ def test_an_autopilot_without_our_key_is_not_used_and_the_cause_is_told(
         assert running.stop() == 0
 
 
-def test_stamps_go_on_where_they_ended_although_the_clock_is_behind(tmp_path, port, key_file):
+def test_pymavlink_believes_all_that_we_send_also_after_a_restart_with_the_clock_behind(
+    tmp_path, key_file
+):
+    """To it a stamp that is not later is a replay."""
+    peer = Peer(key=read_signing_key(key_file), stamp=0)
+    (tmp_path / "stamp").write_text(f"{FAR_AHEAD}\n")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
+        ears.bind(("127.0.0.1", 0))
+        ears.settimeout(WAIT_S)
+        written = written_configuration(tmp_path, f"udpout:127.0.0.1:{ears.getsockname()[1]}")
+        for _ in range(2):
+            with daemon("-c", written) as running:
+                for _ in range(3):
+                    assert peer.believes(ears.recv(1024))
+                assert running.stop() == 0
+            ears.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    assert peer.believes(ears.recv(1024))
+            ears.settimeout(WAIT_S)
+    assert peer.mav.signing.timestamp > FAR_AHEAD
+    assert int((tmp_path / "stamp").read_text()) == peer.mav.signing.timestamp
+
+
+def test_an_autopilot_whose_clock_is_behind_is_used_once_it_has_heard_us(tmp_path, port, key_file):
+    """As PX4 is at each start, and ArduPilot until its GPS has the time."""
     (tmp_path / "stamp").write_text(f"{FAR_AHEAD}\n")
     with (
-        daemon("-c", written_configuration(tmp_path, port, key_file)) as running,
+        daemon("-c", written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")) as running,
         fake_autopilot(f"udpout:127.0.0.1:{port}", "--signing-key", str(key_file)),
     ):
-        # The autopilot's stamps are old until it has heard ours.
         running.wait_for_samples(50)
         assert running.stop() == 0
-    stamps = sent_stamps(the_log(tmp_path / "logs"))
-    assert min(stamps) > FAR_AHEAD
-    assert int((tmp_path / "stamp").read_text()) >= max(stamps)
+    assert last(the_log(tmp_path / "logs"), "/signing")["old_stamp"] > 0
 
 
 def test_without_a_place_for_the_stamp_the_daemon_signs_on_and_says_so(tmp_path, port, key_file):
-    written = written_configuration(tmp_path, port, key_file)
+    written = written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")
     (tmp_path / "stamp.new").mkdir()
     with (
         daemon("-c", written) as running,
@@ -128,7 +136,7 @@ def test_without_a_place_for_the_stamp_the_daemon_signs_on_and_says_so(tmp_path,
 @pytest.mark.parametrize("command", ["run -c", "check-config"])
 def test_a_key_that_others_can_read_is_refused_in_one_line(tmp_path, port, key_file, command):
     key_file.chmod(0o644)
-    written = written_configuration(tmp_path, port, key_file)
+    written = written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")
     words = [*H2NAV, *command.split(), written]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 2

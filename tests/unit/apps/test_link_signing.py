@@ -19,7 +19,7 @@ from h2nav.cli import main
 from h2nav.io.deframer import Deframer
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, Recorder
+from h2nav.io.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC, Recorder
 from h2nav.io.recordings import open_recording
 from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
 from h2nav.io.signing_keys import write_signing_key
@@ -95,13 +95,12 @@ class SignedFlight:
         return self
 
     def topics(self) -> dict[str, list[bytes]]:
-        """Received and refused bytes in the log."""
-        found: dict[str, list[bytes]] = {"received": [], "refused": []}
+        """Bytes of the link in the log."""
+        names = {RECEIVED_TOPIC: "received", REFUSED_TOPIC: "refused", SENT_TOPIC: "sent"}
+        found: dict[str, list[bytes]] = {}
         for topic, _, stored in open_recording(self.log)._messages("mavlink"):
-            if topic.startswith(RECEIVED_TOPIC):
-                found["received"].append(stored.data)
-            elif topic.startswith(REFUSED_TOPIC):
-                found["refused"].append(stored.data)
+            name = names[topic.removesuffix("autopilot")]
+            found.setdefault(name, []).append(stored.data)
         return found
 
     def frame(self, t_ns, frame) -> None:
@@ -168,15 +167,23 @@ def test_an_attacked_flight_replays_to_the_very_same_estimates(attacked, capsys)
 
 def test_a_log_holds_the_refused_frames_apart_and_no_key_at_all(attacked):
     topics = attacked.topics()
-    received = Deframer().feed(b"".join(topics["received"]))
-    assert {frame.signed for frame in received} == {True}
-    assert len(received) == attacked.counts.signed
-    refused = b"".join(topics["refused"])
+    received, refused = b"".join(topics["received"]), b"".join(topics["refused"])
+    assert len(Deframer().feed(received)) == attacked.counts.signed
     assert Deframer().feed(refused)
     assert attacked.counts.setup_signing > 50
     assert SECRET not in attacked.log.read_bytes()
     assert SECRET not in refused
     assert KEY not in refused
+
+
+def test_a_log_holds_no_signature_to_try_passphrases_on(attacked):
+    """As the specification asks for."""
+    topics = attacked.topics()
+    assert topics.keys() == {"received", "refused", "sent"}
+    for pieces in topics.values():
+        frames = Deframer().feed(b"".join(pieces))
+        assert frames
+        assert not any(frame.signed for frame in frames)
 
 
 def test_each_cause_is_told_once_a_minute_with_its_count(attacked):

@@ -22,6 +22,7 @@ from h2nav.io.signing import (
     SignatureChecker,
     Signer,
     stamp_at,
+    without_signature,
 )
 
 RADIO_STATUS = mavlink.MAVLink_radio_status_message(1, 2, 3, 4, 5, 6, 7)
@@ -161,6 +162,19 @@ def test_asking_changes_nothing() -> None:
     assert not ours.would_admit(frame)
 
 
+def test_who_lags_behind_is_answered_and_who_has_no_key_is_not() -> None:
+    ours = checker(accept_unsigned=frozenset({RADIO_STATUS.id}))
+    peer = Peer()
+    fresh = peer.frame()
+    assert ours.would_answer(fresh)
+    assert ours.would_answer(Peer(stamp=1).frame())
+    assert not ours.would_answer(peer.frame(signed=False))
+    assert not ours.would_answer(peer.frame(RADIO_STATUS, signed=False))
+    assert not ours.would_answer(Peer(key=b"x" * 32).frame())
+    assert ours.admit(fresh) is None
+    assert not ours.would_answer(fresh)
+
+
 def filled_table(clock: Clock) -> SignatureChecker:
     ours = checker(LocalStamp(clock))
     for number in range(MOST_STREAMS):
@@ -193,6 +207,14 @@ def test_who_has_no_key_gets_nothing_into_the_table() -> None:
         peer = Peer(key=rng.randbytes(32), ids=ids, link_id=rng.randrange(256))
         assert ours.admit(peer.frame()) is Refusal.BAD_SIGNATURE
     assert ours.streams == 0
+
+
+@pytest.mark.parametrize("how", [{}, {"signed": False}, {"version": 1}])
+def test_a_frame_without_its_signature_is_the_same_message(how) -> None:
+    before = Peer().frame(**how)
+    after = frame_of(without_signature(before.raw))
+    assert after == before._replace(signed=False, raw=after.raw)
+    assert len(after.raw) == len(before.raw) - 13 * before.signed
 
 
 # --- what goes out ------------------------------------------------------------------------------
