@@ -69,8 +69,6 @@ class Encoder:
         self._sender = ardupilotmega.MAVLink(None, srcSystem=sysid, srcComponent=compid)
         self._version_1 = version == 1
         self._signer = signer
-        if signer is not None:
-            signer.arm(self._sender)
 
     def encode(self, message: ardupilotmega.MAVLink_message) -> bytes:
         """One whole frame.
@@ -84,14 +82,12 @@ class Encoder:
         Raises:
             ValueError: a field does not fit its type on the wire; nothing is wrapped or clipped.
         """
-        if self._signer is not None:
-            self._signer.stamp(self._sender)
         try:
             frame: bytes = message.pack(self._sender, force_mavlink1=self._version_1)
         except (StructError, TypeError) as error:
             raise ValueError(f"{message.get_type()} cannot be encoded: {error}") from error
         self._sender.seq = (self._sender.seq + 1) % 256
-        return frame
+        return frame if self._signer is None else self._signer.signed(frame)
 
 
 def _decoder(layout: MessageLayout, record: type[Any]) -> Callable[[bytes], Any]:

@@ -14,7 +14,6 @@ from enum import StrEnum
 from struct import Struct
 
 from fastcrc import crc16
-from pymavlink.dialects.v20 import ardupilotmega
 
 from h2nav.io.deframer import CHECKSUM_SIZE, SIGNATURE_SIZE, SIGNED_FLAG, Frame
 from h2nav.io.dialect import LAYOUTS
@@ -27,12 +26,15 @@ LARGEST_STAMP = 2**48 - 1
 NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
 """How far a new stream may be behind our own stamp: one minute."""
 MOST_STREAMS = 256
+SETUP_SIGNING_ID = 256
 
 _MARKER_2 = 0xFD
 _FLAGS_AT = 2
+_SYSID_AT = 5
+_ID_AT = slice(7, 10)
+_STAMP_SIZE = 6
 _HASH_SIZE = 6
 _UNPACK_SIGNATURE = Struct("<BIH6s").unpack_from  # link id, stamp in two parts, hash
-SETUP_SIGNING_ID = ardupilotmega.MAVLINK_MSG_ID_SETUP_SIGNING
 
 Stream = tuple[int, int, int]
 """System id, component id, link id."""
@@ -63,11 +65,7 @@ def without_signature(raw: bytes) -> bytes:
     """
     if raw[0] != _MARKER_2 or not raw[_FLAGS_AT] & SIGNED_FLAG:
         return raw
-    body = bytearray(raw[: -CHECKSUM_SIZE - SIGNATURE_SIZE])
-    body[_FLAGS_AT] &= ~SIGNED_FLAG
-    crc_extra = LAYOUTS[int.from_bytes(raw[7:10], "little")].crc_extra
-    checksum = crc16.mcrf4xx(bytes([crc_extra]), crc16.mcrf4xx(bytes(body[1:])))
-    return bytes(body) + checksum.to_bytes(CHECKSUM_SIZE, "little")
+    return _with_flags(raw[: -CHECKSUM_SIZE - SIGNATURE_SIZE], 0)
 
 
 class LocalStamp:
@@ -123,20 +121,16 @@ class Signer:
 
     def __init__(self, key: bytes, link_id: int, stamp: LocalStamp) -> None:
         self.streams: set[Stream] = set()
-        self._key = key
+        self._keyed = hashlib.sha256(key)
         self._link_id = link_id
         self._stamp = stamp
 
-    def arm(self, sender: ardupilotmega.MAVLink) -> None:
-        """Lets pymavlink sign the frames of a sender; `stamp` is due before each of them."""
-        sender.signing.secret_key = self._key
-        sender.signing.link_id = self._link_id
-        sender.signing.sign_outgoing = True
-        self.streams.add((sender.srcSystem, sender.srcComponent, self._link_id))
-
-    def stamp(self, sender: ardupilotmega.MAVLink) -> None:
-        """Gives a sender the time stamp of its next frame."""
-        sender.signing.timestamp = self._stamp.next()
+    def signed(self, raw: bytes) -> bytes:
+        """An unsigned MAVLink 2 frame of a known id with signature, stamped later than the last."""
+        self.streams.add((raw[_SYSID_AT], raw[_SYSID_AT + 1], self._link_id))
+        stamp = self._stamp.next().to_bytes(_STAMP_SIZE, "little")
+        frame = _with_flags(raw[:-CHECKSUM_SIZE], SIGNED_FLAG) + bytes((self._link_id,)) + stamp
+        return frame + _digest(self._keyed, frame)
 
 
 class SignatureChecker:
@@ -204,9 +198,7 @@ class SignatureChecker:
                 return None
             return Refusal.MAVLINK_1 if frame.version == 1 else Refusal.UNSIGNED
         stream, stamp, digest = _signature(frame)
-        hashed = self._keyed.copy()
-        hashed.update(frame.raw[:-_HASH_SIZE])
-        if not hmac.compare_digest(hashed.digest()[:_HASH_SIZE], digest):
+        if not hmac.compare_digest(_digest(self._keyed, frame.raw[:-_HASH_SIZE]), digest):
             return Refusal.BAD_SIGNATURE
         return self._stamp_objection(stream, stamp)
 
@@ -240,3 +232,18 @@ def _signature(frame: Frame) -> tuple[Stream, int, bytes]:
     raw = frame.raw
     link_id, low, high, digest = _UNPACK_SIGNATURE(raw, len(raw) - SIGNATURE_SIZE)
     return (frame.sysid, frame.compid, link_id), low | high << 32, digest
+
+
+def _digest(keyed: "hashlib._Hash", content: bytes) -> bytes:
+    """The hash of a signature, from one that has taken the key in already."""
+    hashed = keyed.copy()
+    hashed.update(content)
+    return hashed.digest()[:_HASH_SIZE]
+
+
+def _with_flags(body: bytes, flags: int) -> bytes:
+    """Header and payload of a MAVLink 2 frame with other flags and the checksum that fits them."""
+    crc_extra = LAYOUTS[int.from_bytes(body[_ID_AT], "little")].crc_extra
+    body = body[:_FLAGS_AT] + bytes((flags,)) + body[_FLAGS_AT + 1 :]
+    checksum = crc16.mcrf4xx(bytes((crc_extra,)), crc16.mcrf4xx(body[1:]))
+    return body + checksum.to_bytes(CHECKSUM_SIZE, "little")
