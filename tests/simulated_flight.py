@@ -14,6 +14,7 @@ from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
+from h2nav.service.aiding import EarthFieldAt
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
 from h2nav.service.service import Service, Surroundings
@@ -53,6 +54,7 @@ class SimulatedFlight:
         seed: of sensors and line.
         sensor: the kind of IMU on board.
         extra_streams: messages of other components that the autopilot forwards.
+        field_at: the field model.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class SimulatedFlight:
         seed: int = 1,
         sensor: ImuParameters = MPU_9250,
         extra_streams: tuple[Stream, ...] = (),
+        field_at: EarthFieldAt = earth_field_at,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -83,9 +86,7 @@ class SimulatedFlight:
         self._line = Delivery(self.autopilot.schedule, seed, START_NS)
         self._back = Deframer()
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
-        service = Service(
-            configuration.service, Surroundings(filters.filter_for, earth_field_at, UNIX_S)
-        )
+        service = Service(configuration.service, Surroundings(filters.filter_for, field_at, UNIX_S))
         outlets = Outlets(lambda t_ns: t_ns, self._hears, None, self)
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
         self.pipeline.link(self.t_ns, True)
@@ -119,6 +120,11 @@ class SimulatedFlight:
             if not self.seen.states or self.seen.states[-1][1] != state:
                 self.seen.states.append((self.t_s, state))
         return self
+
+    def inject(self, message: Any, sender: tuple[int, int] = (1, 1)) -> None:
+        """A message that somebody puts on the link now."""
+        frame = codec.Encoder(*sender).encode(message)
+        self.pipeline.received(self.t_ns, frame)
 
     def errors(self) -> ErrorTable:
         """Against the simulator's truth, so far."""

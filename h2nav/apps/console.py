@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from pathlib import Path
 from typing import Any, TextIO
 
 from h2nav.io.deframer import Frame
@@ -63,12 +64,16 @@ class Console:
             self._line = self._status_line(health)[: _columns(self._stream) - 1]
             self._show(ERASE_LINE + self._line)
 
-    def closing(self, health: HealthRecord) -> None:
-        """The last event of a run; the last live line stays."""
+    def closing(self, health: HealthRecord, log: Path | None) -> None:
+        """The last event of a run, and what became of it; the last live line stays."""
         if self._line:
             self._show("\n")
             self._line = ""
-        self._event("stopped", health._asdict())
+        self._show(
+            f"{health.samples_used} samples used, {health.samples_rejected} refused, "
+            f"{health.estimates_sent} attitudes sent; {f'log: {log}' if log else 'no log'}\n"
+        )
+        self._event("stopped", {**health._asdict(), "log": None if log is None else str(log)})
 
     def _event(self, name: str, values: dict[str, Any]) -> None:
         if self._events is None:

@@ -22,6 +22,10 @@ from h2nav.io.service_manager import ServiceManager
 LONGEST_WAIT_NS = 100_000_000
 LINK_RECORD_NS = 1_000_000_000
 CLOCK_STEP_NS = 500_000_000
+# No round lasts so long unless the program was stopped or starved.
+STALL_NS = 400_000_000
+# Reads of a backlog in one round; then the clock gets its turn.
+READS_PER_ROUND = 8
 STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 # The recorder's thread shares the interpreter; with Python's 5 ms it could hold an attitude back.
 THREAD_SWITCH_S = 1e-4
@@ -75,6 +79,8 @@ class Daemon:
         self._manager = manager
         self._record_ns = 0
         self._known_step_ns = 0
+        self._round_ns: int | None = None
+        self._arrived_ns = 0
 
     def turns(self, stop: StopSignals, until_ns: int | None = None) -> Iterator[int]:
         """Works until a stop signal or a monotonic time; gives the time after each round."""
@@ -92,23 +98,43 @@ class Daemon:
     def turn(self, now_ns: int, wake: socket.socket) -> None:
         """One round: look after the link, wait, read, work, do what the clock wants."""
         self._link.maintain(now_ns)
-        self._pipeline.link(now_ns, self._link.is_up)
+        self._pipeline.link(now_ns, self._link.is_up, self._link.last_error)
         wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
         descriptor = self._link.fileno()
         readers = [wake.fileno()] if descriptor is None else [wake.fileno(), descriptor]
         writers = [descriptor] if descriptor is not None and self._link.has_backlog else []
         readable, _, _ = select.select(readers, writers, [], wait_ns * 1e-9)
+        self._notice_stall(time.monotonic_ns())
         if descriptor is not None and descriptor in readable:
-            for data in self._link.read():
-                self._pipeline.received(time.monotonic_ns(), data)
+            self._read()
         now_ns = time.monotonic_ns()
         self._pipeline.tick(now_ns)
-        self._manager.alive(now_ns)
+        if self._pipeline.service.is_progressing(now_ns):
+            self._manager.alive(now_ns)
         if now_ns >= self._record_ns:
             self._record_ns = now_ns + LINK_RECORD_NS
             self._pipeline.report(now_ns, self._link.statistics)
             self._manager.status(self._pipeline.service.health.summary)
             self._watch_clock(now_ns)
+
+    def _read(self) -> None:
+        """Works off what has arrived; what waits longer gets its turn in the next round."""
+        for _ in range(READS_PER_ROUND):
+            chunks = self._link.read()
+            for data, stamp_ns in chunks:
+                now_ns = time.monotonic_ns()
+                # The kernel's stamp went by the UNIX clock, which may have been set since.
+                arrived_ns = now_ns if stamp_ns is None else min(stamp_ns, now_ns)
+                self._arrived_ns = max(self._arrived_ns, arrived_ns)
+                self._pipeline.received(self._arrived_ns, data, now_ns)
+            if not chunks:
+                break
+
+    def _notice_stall(self, now_ns: int) -> None:
+        """Tells when the last round ended much longer ago than a round takes."""
+        if self._round_ns is not None and now_ns - self._round_ns > STALL_NS:
+            self._pipeline.stalled(now_ns, now_ns - self._round_ns)
+        self._round_ns = now_ns
 
     def _watch_clock(self, now_ns: int) -> None:
         """Notes a step of the host's UNIX clock; nothing but the log depends on it."""

@@ -149,7 +149,7 @@ def _turn(vehicle: AutopilotBytes, links: list[Link], wake: socket.socket) -> No
 
 def _hear(vehicle: AutopilotBytes, links: list[Link], number: int, now_ns: int) -> None:
     """Passes what has come on one link to the vehicle, and what it forwards to the others."""
-    for data in links[number].read():
+    for data, _ in links[number].read():
         for frame in vehicle.received(now_ns, data, number):
             for other, link in enumerate(links):
                 if other != number:

@@ -1,7 +1,11 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
+import traceback
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.io import codec
@@ -14,8 +18,11 @@ from h2nav.io.signing import without_signature
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
+from h2nav.wire.readers import READERS, Envelope, Message, message_name
+from h2nav.wire.refused import Refused
 
 LINK_NAME = "autopilot"
+HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 LOG_LEVELS = {
     Severity.CRITICAL: LogLevel.FATAL,
     Severity.ERROR: LogLevel.ERROR,
@@ -61,8 +68,29 @@ class Outlets(NamedTuple):
     watcher: Watcher
 
 
+def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
+    """Takes a frame of `Service.message_ids` across the wire boundary; what the service wants done.
+
+    Args:
+        service: the behaviour.
+        frame: a good frame.
+        t_ns: host time of its arrival.
+        now_ns: host time now.
+    """
+    envelope = Envelope(t_ns, now_ns, (frame.sysid, frame.compid), frame.msg_id)
+    if not service.heeds(envelope):
+        return []
+    try:
+        message = READERS[frame.msg_id](codec.decode(frame))
+    except Refused as refusal:
+        return service.on_refusal(envelope, refusal.reason)
+    return service.on_message(envelope, message)
+
+
 class Pipeline:
     """Deframes, decodes, asks the service, and carries out what it wants.
+
+    Whatever raises on the way is counted and told by the service; the next frame gets its turn.
 
     Args:
         service: the behaviour.
@@ -89,17 +117,25 @@ class Pipeline:
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
         self._timer_ns = 0
+        self._now_ns = 0
 
     @property
     def next_timer_ns(self) -> int:
         """When `tick` has something to do."""
         return self._timer_ns
 
-    def received(self, t_ns: int, data: bytes) -> None:
-        """Takes one datagram or chunk as it came from the link."""
+    def received(self, t_ns: int, data: bytes, now_ns: int | None = None) -> None:
+        """Takes one datagram or chunk as it came from the link.
+
+        Args:
+            t_ns: host time of its arrival.
+            data: the bytes.
+            now_ns: host time now, where they have waited since.
+        """
+        now_ns = t_ns if now_ns is None else now_ns
         if self._signing is None:
             self._record_received(t_ns, self._blanker.blanked(data))
-            self._process(t_ns, self.deframer.feed(data))
+            self._process(t_ns, self.deframer.feed(data), now_ns)
             return
         found = self._signing.sort(t_ns, self.deframer.feed(data))
         # Only what is believed: a replay has no key to tell the frames apart.
@@ -107,7 +143,7 @@ class Pipeline:
         if found.refused and self._recorder is not None:
             self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), found.refused)
         self._carry_out(t_ns, found.notices)
-        self._process(t_ns, found.admitted)
+        self._process(t_ns, found.admitted, now_ns)
 
     def received_frames(self, t_ns: int, data: bytes) -> None:
         """Takes whole frames, which is what a log of signed traffic holds.
@@ -115,30 +151,50 @@ class Pipeline:
         What looks like the beginning of another frame at their end is none, so nothing waits.
         """
         self._record_received(t_ns, data)
-        self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()])
+        self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()], t_ns)
 
     def _record_received(self, t_ns: int, data: bytes) -> None:
         if data and self._recorder is not None:
             self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
 
-    def _process(self, t_ns: int, frames: list[Frame]) -> None:
+    def _process(self, t_ns: int, frames: list[Frame], now_ns: int) -> None:
         for frame in frames:
             if frame.msg_id in self._watched_ids:
                 self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
-                sender = (frame.sysid, frame.compid)
-                fields = codec.decode(frame)
-                self._carry_out(t_ns, self.service.on_message(t_ns, sender, frame.msg_id, fields))
+                try:
+                    self._carry_out(t_ns, deliver(self.service, frame, t_ns, now_ns))
+                except Exception as error:
+                    self._fault(t_ns, message_name(frame.msg_id), error)
+
+    def vouches_for(self, data: bytes) -> bool:
+        """Whether a stranger's datagram holds a frame of the bound autopilot, or of one to bind."""
+        t_ns = self._now_ns
+        for frame in Deframer().feed(data):
+            if self._signing is not None and not self._signing.would_answer(frame):
+                continue
+            message: Message | None = None
+            if frame.msg_id == HEARTBEAT:
+                message = READERS[HEARTBEAT](codec.decode(frame))
+            envelope = Envelope(t_ns, t_ns, (frame.sysid, frame.compid), frame.msg_id)
+            if self.service.speaks_for_vehicle(envelope, message):
+                return True
+        return False
 
     def tick(self, t_ns: int) -> None:
         """Runs what is due by the clock, if anything is."""
+        self._now_ns = t_ns
         if t_ns >= self._timer_ns:
-            self._carry_out(t_ns, self.service.on_timer(t_ns))
+            self._guarded(t_ns, "timer", lambda: self.service.on_timer(t_ns))
             self._timer_ns = self.service.next_timer_ns(t_ns)
 
-    def link(self, t_ns: int, is_up: bool) -> None:
-        """Tells the service that the link is up or down."""
-        self._carry_out(t_ns, self.service.on_link(t_ns, is_up))
+    def link(self, t_ns: int, is_up: bool, error: str = "") -> None:
+        """Tells the service of the link's state, and of its latest error."""
+        self._guarded(t_ns, "link", lambda: self.service.on_link(t_ns, is_up, error))
+
+    def stalled(self, t_ns: int, length_ns: int) -> None:
+        """Tells the service that the program was held up."""
+        self._guarded(t_ns, "stall", lambda: self.service.on_stall(t_ns, length_ns))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
         """Writes the counters of link and log to the log, and tells of trouble with files."""
@@ -155,9 +211,20 @@ class Pipeline:
         for notice in self._recorder.notices():
             self.note(t_ns, notice.text)
 
-    def note(self, t_ns: int, text: str) -> None:
+    def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Tells people something that the service does not know of."""
-        self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
+        self._carry_out(t_ns, [Notice(severity, text)])
+
+    def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
+        """Carries out what an event leads to."""
+        try:
+            self._carry_out(t_ns, event())
+        except Exception as error:
+            self._fault(t_ns, where, error)
+
+    def _fault(self, t_ns: int, where: str, error: Exception) -> None:
+        """A fault of ours costs one event and no more."""
+        self._carry_out(t_ns, self.service.on_fault(t_ns, where, _in_one_line(error)))
 
     def _carry_out(self, t_ns: int, effects: Sequence[Effect]) -> None:
         for effect in effects:
@@ -171,10 +238,10 @@ class Pipeline:
                 self._say(t_ns, effect)
 
     def _log_used(self, t_ns: int, effect: Used) -> None:
-        sample, estimate = effect
+        sample, estimate, late_ns = effect
         self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
         if estimate is not None:
-            record = estimate_record(estimate)
+            record = estimate_record(estimate, late_ns)
             self._watcher.estimate(t_ns, record)
             self._log(t_ns, "/estimate", record, estimate.t_us)
             if self._recorder is not None:
@@ -186,7 +253,7 @@ class Pipeline:
             level = LOG_LEVELS[effect.severity]
             self._recorder.text(self._unix_ns(t_ns), level, effect.text)
 
-    def _log(self, t_ns: int, topic: str, record: Any, t_us: int | None) -> None:
+    def _log(self, t_ns: int, topic: str, record: object, t_us: int | None) -> None:
         if self._recorder is not None:
             published_ns = self._publish_ns(t_ns, t_us)
             self._recorder.record(topic, record, self._unix_ns(t_ns), published_ns)
@@ -212,3 +279,10 @@ class Pipeline:
     def _new_encoder(self) -> codec.Encoder:
         signer = None if self._signing is None else self._signing.signer
         return codec.Encoder(self._system_id, self._component_id, signer=signer)
+
+
+def _in_one_line(error: Exception) -> str:
+    """Kind, text and place of an error."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}: {error}{place}"

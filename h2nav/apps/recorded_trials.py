@@ -14,11 +14,11 @@ import numpy as np
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import vehicle_class
 from h2nav.apps.log_contents import inputs_of
+from h2nav.apps.pipeline import deliver
 from h2nav.apps.reference import Pairs, Reference, quaternions
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
 from h2nav.errors import BadInput
-from h2nav.io import codec
 from h2nav.io.deframer import Deframer
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recordings import Recording, open_recording
@@ -153,8 +153,7 @@ def _listen(recording: Recording, listener: Listener, reference: Reference) -> S
             if frame.msg_id in reference.message_ids:
                 reference.frame(t_ns, frame)
             if frame.msg_id in wanted:
-                sender = (frame.sysid, frame.compid)
-                service.on_message(t_ns, sender, frame.msg_id, codec.decode(frame))
+                deliver(service, frame, t_ns, t_ns)
     return service
 
 

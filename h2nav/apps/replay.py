@@ -189,10 +189,11 @@ class _Watcher:
 
 
 def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
-    """Bit for bit; a log writes NaN as null."""
+    """Bit for bit, but for how late it was made; a log writes NaN as null."""
     return all(
         recorded[name] == value or (recorded[name] is None and math.isnan(value))
         for name, value in record._asdict().items()
+        if name != "late_ms"
     )
 
 

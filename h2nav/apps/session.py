@@ -3,6 +3,7 @@
 import time
 from types import TracebackType
 
+from h2nav import __version__
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import Daemon, StopSignals
@@ -52,8 +53,9 @@ class Session:
         surroundings = Surroundings(
             filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
         )
+        self._greeting = _greeting(configuration)
         self.service = Service(configuration.service, surroundings)
-        self.link = open_link(configuration.link.url)
+        self.link = open_link(configuration.link.url, self._vouches_for)
         outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)
         self._pipeline = Pipeline(
             self.service, configuration.output.component_id, outlets, self._signing
@@ -67,8 +69,12 @@ class Session:
         """Works until a stop signal, or for a time."""
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
+        self._pipeline.note(time.monotonic_ns(), self._greeting)
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self.service.health)
+
+    def _vouches_for(self, data: bytes) -> bool:
+        return self._pipeline.vouches_for(data)
 
     def __enter__(self) -> "Session":
         return self
@@ -84,4 +90,15 @@ class Session:
             self._signing.close()
         if self.recorder is not None:
             self.recorder.close(CLOSE_WITHIN_S)
-        self._console.closing(self.service.health)
+        log = None if self.recorder is None else self.recorder.path
+        self._console.closing(self.service.health, log)
+
+
+def _greeting(configuration: Configuration) -> str:
+    """What runs, in one line."""
+    chosen = configuration.filter
+    arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"
+    log = f"log in {configuration.log.folder}" if configuration.log.folder else "no log"
+    return (
+        f"h2nav {__version__} on {configuration.link.url}, filter {chosen.name}{arithmetic}, {log}"
+    )

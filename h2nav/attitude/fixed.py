@@ -8,7 +8,13 @@ import math
 from collections.abc import Callable, Sequence
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.fixed_gains import BIAS_UNIT, FixedModel, constant_gains, lean_image
+from h2nav.attitude.fixed_gains import (
+    BIAS_UNIT,
+    FixedModel,
+    LeanImage,
+    constant_gains,
+    lean_image,
+)
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.native import CompiledStep
@@ -21,6 +27,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
+from h2nav.errors import BadInput
 from h2nav.maths.fixedpoint import to_fixed
 from h2nav.maths.quaternion import conjugate, multiply
 
@@ -28,6 +35,9 @@ _INT16 = (-32768, 32767)
 _INT32 = (-(1 << 31), (1 << 31) - 1)
 RATE_SCALE = 1e-6  # rad/s to rad/us
 _NO_VECTORS = (0, 0, 0, 0, 0, 0, 0)
+# The common field, whose gains every usable gain file holds.
+STEEPEST_SURE_DIP_RAD = math.radians(60.0)
+DIP_STEP_RAD = math.radians(1.0)
 
 
 def sample_integers(w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) -> list[int]:
@@ -80,11 +90,25 @@ class FixedFilter:
         return -1.0 / self._model.densities.gravity_m_s2
 
     def _use_gains(self, field: EarthField) -> None:
-        model = self._model
-        densities = model.densities._replace(field=field)
-        gains = constant_gains(densities, model.rate_hz, model.force_weight)
-        self._params = self._numbers(lean_image(gains, model.name).params)
+        self._params = self._numbers(self._image(field).params)
         self._field = field
+
+    def _image(self, field: EarthField) -> LeanImage:
+        """The integers for a field; near the poles with the gains of the steepest dip that fits.
+
+        Where the field is nearly vertical, the heading gains per unit of it outgrow the format.
+        """
+        model = self._model
+        dip_rad = field.dip_rad
+        while True:
+            densities = model.densities._replace(field=field._replace(dip_rad=dip_rad))
+            gains = constant_gains(densities, model.rate_hz, model.force_weight)
+            try:
+                return lean_image(gains._replace(dip_rad=field.dip_rad), model.name)
+            except BadInput:
+                if abs(dip_rad) <= STEEPEST_SURE_DIP_RAD:
+                    raise
+                dip_rad -= math.copysign(DIP_STEP_RAD, dip_rad)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; None until one has shown an attitude.

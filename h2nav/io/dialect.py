@@ -1,6 +1,7 @@
 """The MAVLink dialect as tables: what each known message id looks like on the wire.
 
-pymavlink's generated dialect is the one source; nothing about a message is written down here.
+pymavlink's generated dialect is the one source; only extension fields that it describes in words
+and lacks in its tables are written down here.
 """
 
 from typing import NamedTuple
@@ -70,17 +71,29 @@ class MessageLayout(NamedTuple):
     carries_bytes: bool
 
 
+# Extension fields stand behind all others, and no checksum depends on them.
+MISSING_EXTENSIONS: dict[str, tuple[WireField, ...]] = {
+    "TIMESYNC": (
+        WireField("target_system", "uint8_t", 0),
+        WireField("target_component", "uint8_t", 0),
+    )
+}
+
+
 def _layout(message: type[ardupilotmega.MAVLink_message]) -> MessageLayout:
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     fields = tuple(
         WireField(name, types[name], length)
         for name, length in zip(message.ordered_fieldnames, message.array_lengths, strict=True)
     )
+    known = {field.name for field in fields}
+    missing = [f for f in MISSING_EXTENSIONS.get(message.msgname, ()) if f.name not in known]
+    fields += tuple(missing)
     return MessageLayout(
         msg_id=message.id,
         name=message.msgname,
         wire_fields=fields,
-        field_names=tuple(message.fieldnames),
+        field_names=(*message.fieldnames, *(field.name for field in missing)),
         size=sum(field.size for field in fields),
         base_size=_base_size(message.msgname, fields, message.crc_extra),
         crc_extra=message.crc_extra,

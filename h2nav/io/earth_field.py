@@ -8,6 +8,7 @@ from h2nav.attitude.samples import EarthField
 NT_PER_UT = 1000.0
 # The years of the coefficient files that pygeomag brings.
 MODELS_FROM, MODELS_UNTIL = 2010.0, 2029.99
+EARLIEST_UNIX_S, LATEST_UNIX_S = 0.0, 4_102_444_800.0  # 1970 and 2100
 # The model cannot give a declination where the horizontal field nearly vanishes.
 SMALLEST_HORIZONTAL_UT = 2.0
 
@@ -39,7 +40,8 @@ def earth_field_at(
 
 
 def _decimal_year(unix_s: float) -> float:
-    moment = datetime.datetime.fromtimestamp(unix_s, datetime.UTC)
+    known_s = min(max(unix_s, EARLIEST_UNIX_S), LATEST_UNIX_S)
+    moment = datetime.datetime.fromtimestamp(known_s, datetime.UTC)
     start = datetime.datetime(moment.year, 1, 1, tzinfo=datetime.UTC)
     end = datetime.datetime(moment.year + 1, 1, 1, tzinfo=datetime.UTC)
     return moment.year + (moment - start) / (end - start)

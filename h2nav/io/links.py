@@ -8,18 +8,20 @@ time comes in through `Link.maintain`. One loop drives any number of them::
         link.maintain(time.monotonic_ns())
         descriptor = link.fileno()
         select.select([descriptor] if descriptor is not None else [], [], [], 0.05)
-        for chunk in link.read():
+        for data, t_ns in link.read():
             ...
 """
 
 from typing import Protocol
 
+from h2nav.io.link_errors import explained
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.link_urls import SerialUrl, UdpUrl, parse_link_url
+from h2nav.io.received import Received
 from h2nav.io.serial_port import SerialTransport
 from h2nav.io.stream_link import StreamLink
 from h2nav.io.tcp import TcpTransport
-from h2nav.io.udp import UdpLink
+from h2nav.io.udp import UdpLink, Vouch
 
 
 class Link(Protocol):
@@ -53,7 +55,7 @@ class Link(Protocol):
     def maintain(self, t_ns: int) -> None:
         """Opens what is down with back-off; `t_ns` is the monotonic time. Never raises."""
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[Received]:
         """Datagrams, or pieces of the byte stream, since the last call."""
 
     def write(self, data: bytes) -> bool:
@@ -63,11 +65,13 @@ class Link(Protocol):
         """Closes the descriptor."""
 
 
-def open_link(url: str) -> Link:
+def open_link(url: str, vouch: Vouch | None = None) -> Link:
     """Makes the link of a connection URL; it opens at its first `Link.maintain`.
 
     Args:
         url: one of the forms of `link_urls.parse_link_url`.
+        vouch: whether a datagram of a stranger makes him the peer of a listening UDP link; every
+            one does where it is None.
 
     Returns:
         The link, still down.
@@ -77,7 +81,6 @@ def open_link(url: str) -> Link:
     """
     target = parse_link_url(url)
     if isinstance(target, UdpUrl):
-        return UdpLink(url, target)
-    if isinstance(target, SerialUrl):
-        return StreamLink(url, SerialTransport(target))
-    return StreamLink(url, TcpTransport(target))
+        return UdpLink(url, target, vouch)
+    transport = SerialTransport(target) if isinstance(target, SerialUrl) else TcpTransport(target)
+    return StreamLink(url, transport, lambda error: explained(url, target, error))

@@ -1,10 +1,13 @@
 """A link over a byte stream that comes and goes: serial port or TCP connection."""
 
+import errno
+from collections.abc import Callable
 from typing import Protocol
 
 from h2nav.io.back_off import BackOff
 from h2nav.io.frame_queue import FrameQueue
 from h2nav.io.link_statistics import LinkStatistics, LinkTally
+from h2nav.io.received import Received
 
 OPEN_TIMEOUT_NS = 3_000_000_000
 """An opening that has not succeeded by then has failed."""
@@ -38,13 +41,17 @@ class StreamLink:
     Args:
         url: the connection URL it was made from.
         transport: the serial port or the TCP connection.
+        explain: an error of the transport in words.
     """
 
     local_port = None
 
-    def __init__(self, url: str, transport: Transport) -> None:
+    def __init__(
+        self, url: str, transport: Transport, explain: Callable[[OSError], str] = str
+    ) -> None:
         self.url = url
         self._transport = transport
+        self._explain = explain
         self._back_off = BackOff()
         self._queue = FrameQueue()
         self._tally = LinkTally()
@@ -86,7 +93,7 @@ class StreamLink:
         except OSError as error:
             self._fail(error)
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[Received]:
         """What has arrived since the last call, nothing while down; never blocks, never raises."""
         if not self.is_up:
             return []
@@ -99,7 +106,7 @@ class StreamLink:
             return []
         self._back_off.succeeded()
         self._tally.add(bytes_in=len(chunk), chunks_in=1)
-        return [chunk]
+        return [Received(chunk)]
 
     def write(self, data: bytes) -> bool:
         """Sends one whole frame or keeps it until there is room; never blocks, never raises.
@@ -138,12 +145,12 @@ class StreamLink:
             self.is_up = True
             self._tally.add(opened=1)
         elif t_ns - self._opening_since_ns >= OPEN_TIMEOUT_NS:
-            raise TimeoutError(f"{self.url}: no answer within {OPEN_TIMEOUT_NS / 1e9:g} s")
+            raise TimeoutError(errno.ETIMEDOUT, f"no answer within {OPEN_TIMEOUT_NS / 1e9:g} s")
 
     def _send_queue(self) -> None:
         self._tally.add(bytes_out=self._queue.send(self._transport.send))
 
     def _fail(self, error: OSError) -> None:
         self.close()
-        self._tally.error(error)
+        self._tally.error(self._explain(error))
         self._back_off.failed(self._t_ns)

@@ -1,12 +1,18 @@
 """A link over UDP datagrams."""
 
+import contextlib
 import socket
+import struct
+import time
+from collections.abc import Callable
 from typing import Any
 
 from h2nav.io.back_off import BackOff
 from h2nav.io.host_lookup import HostLookup, SocketAddress
+from h2nav.io.link_errors import explained
 from h2nav.io.link_statistics import LinkStatistics, LinkTally
 from h2nav.io.link_urls import UdpUrl
+from h2nav.io.received import Received
 
 PEER_SILENCE_NS = 1_500_000_000
 """After this silence another (address, port) may take the peer's place: longer than a heartbeat's
@@ -16,25 +22,34 @@ a reboot (about 1 s of silence, then a new source port)."""
 _RECEIVE_BUFFER_BYTES = 1 << 20  # asked for; the kernel may grant less (net.core.rmem_max)
 _DATAGRAM_BYTES = 65536
 _DATAGRAMS_PER_READ = 64  # a flood must not keep the loop from its other work
+# Linux (asm-generic/socket.h), which Python does not name: the kernel's time of arrival, UNIX time.
+_SO_TIMESTAMPNS = 35
+_TIMESPEC = struct.Struct("@ll")
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
+
+Vouch = Callable[[bytes], bool]
 
 
 class UdpLink:
     """Listens for one peer, or sends first to a given one.
 
-    A listening link (``udpin:``) takes the first sender as its peer, answers only him and takes
-    datagrams only from him, until he has been silent for `PEER_SILENCE_NS`. A sending link
-    (``udpout:``) knows its peer from the URL. Datagrams from anyone else are counted and dropped.
+    A listening link (``udpin:``) takes the first sender whose datagram is vouched for as its peer,
+    answers only him and takes datagrams only from him, until he has been silent for
+    `PEER_SILENCE_NS`. A sending link (``udpout:``) knows its peer from the URL. Datagrams from
+    anyone else are counted and dropped.
 
     Args:
         url: the connection URL it was made from.
         target: its parsed form.
+        vouch: whether a datagram makes its sender the peer; every one does where it is None.
     """
 
     has_backlog = False
 
-    def __init__(self, url: str, target: UdpUrl) -> None:
+    def __init__(self, url: str, target: UdpUrl, vouch: Vouch | None = None) -> None:
         self.url = url
         self._target = target
+        self._vouch = vouch
         self._lookup: HostLookup | None = None
         self._socket: socket.socket | None = None
         self._back_off = BackOff()
@@ -89,28 +104,33 @@ class UdpLink:
                 self._open(addresses[0])
         except OSError as error:
             self.close()
-            self._tally.error(f"{self.url}: {error}")
+            self._tally.error(explained(self.url, self._target, error))
             self._back_off.failed(t_ns)
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[Received]:
         """The peer's datagrams since the last call, at most 64; never blocks, never raises."""
-        datagrams: list[bytes] = []
+        datagrams: list[Received] = []
         if self._socket is None:
             return datagrams
+        unix_offset_ns = time.time_ns() - time.monotonic_ns()
         for _ in range(_DATAGRAMS_PER_READ):
             try:
-                size, sender = self._socket.recvfrom_into(self._datagram)
+                size, ancillary, _, sender = self._socket.recvmsg_into(
+                    [self._datagram], _ANCILLARY_BYTES
+                )
             except BlockingIOError:
                 break
             except OSError as error:  # such as an ICMP answer to an earlier send
-                self._tally.error(error)
+                self._fault(error)
                 break
-            if self._is_from_peer(sender):
-                datagrams.append(bytes(self._view[:size]))
+            data = bytes(self._view[:size])
+            if self._is_from_peer(sender, data):
+                datagrams.append(Received(data, _arrival_ns(ancillary, unix_offset_ns)))
             else:
                 self._tally.add(foreign_datagrams=1)
         if datagrams:
-            self._tally.add(bytes_in=sum(map(len, datagrams)), chunks_in=len(datagrams))
+            size = sum(len(datagram.data) for datagram in datagrams)
+            self._tally.add(bytes_in=size, chunks_in=len(datagrams))
         return datagrams
 
     def write(self, data: bytes) -> bool:
@@ -128,7 +148,7 @@ class UdpLink:
             except BlockingIOError:
                 pass
             except OSError as error:  # no route, network down: it may be there next time
-                self._tally.error(error)
+                self._fault(error)
             else:
                 self._tally.add(bytes_out=len(data), frames_out=1)
                 return True
@@ -147,6 +167,8 @@ class UdpLink:
         self._socket = socket.socket(local_or_remote.family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+        with contextlib.suppress(OSError):  # other kernels count their options differently
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         if self._target.listens:
             self._socket.bind(local_or_remote.address)
         else:
@@ -155,14 +177,30 @@ class UdpLink:
         self._back_off.succeeded()
         self._tally.add(opened=1)
 
-    def _is_from_peer(self, sender: tuple[Any, ...]) -> bool:
+    def _fault(self, error: OSError) -> None:
+        self._tally.error(explained(self.url, self._target, error))
+
+    def _is_from_peer(self, sender: tuple[Any, ...], data: bytes) -> bool:
         if self._peer is None or sender[:2] != self._peer[:2]:
-            if not self._target.listens:
+            if not self._may_become_peer(data):
                 return False
-            if self._peer is not None:
-                if self._t_ns - self._peer_heard_ns < PEER_SILENCE_NS:
-                    return False
-                self._tally.add(peer_changes=1)
+            self._tally.add(peer_changes=self._peer is not None)
             self._peer = sender
         self._peer_heard_ns = self._t_ns
         return True
+
+    def _may_become_peer(self, data: bytes) -> bool:
+        """Whether the place is free, and the datagram says what only an autopilot would."""
+        taken = self._peer is not None and self._t_ns - self._peer_heard_ns < PEER_SILENCE_NS
+        if taken or not self._target.listens:
+            return False
+        return self._vouch is None or self._vouch(data)
+
+
+def _arrival_ns(ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int) -> int | None:
+    """The kernel's time of arrival on the monotonic clock, where it told one."""
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            return int(seconds * 1_000_000_000 + nanoseconds - unix_offset_ns)
+    return None

@@ -6,7 +6,6 @@ LOCAL_POSITION_NED is the estimator's, used only on request. Position and date g
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -14,51 +13,47 @@ from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
+from h2nav.service.limits import SECOND_NS, RateLimit, Steady
 from h2nav.service.records import RAD_TO_DEG, AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
+from h2nav.wire.position import DEFAULT_SIGMA_M_S, EstimatedVelocity, GpsFix, Origin, Place
+from h2nav.wire.vehicle import Airspeed, LandedState, SystemTime
 
 EarthFieldAt = Callable[[float, float, float, float], EarthField | None]
 
-UNKNOWN_UINT16 = 65_535
-# Without vel_acc (an extension field) a 3D fix is taken at this accuracy.
-DEFAULT_SIGMA_M_S = 0.5
 WORST_SIGMA_M_S = 3.0
-STALE_AIRSPEED_NS = 2_000_000_000
+STALE_AIRSPEED_NS = 2 * SECOND_NS
 SAME_CLOCK_US = 2_000_000
 FIELD_STEP_DEG = 0.5
+# So long a far place must be the only one heard of before the field follows.
+FAR_PLACE_NS = 3 * SECOND_NS
+# Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
+MOST_FIXES_PER_S = 50.0
+FIXES_AT_ONCE = 50
 FIXED_WING_TYPES = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 
 
-def gps_velocity(message: Any, newest_t_us: int) -> VelocityFix | None:
-    """The horizontal velocity of GPS_RAW_INT; None without a usable 3D fix.
+def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
+    """The receiver's horizontal velocity; None where it has none that is good enough.
 
     Args:
-        message: GPS_RAW_INT.
-        newest_t_us: time of the newest IMU sample, used where the message's own time is on
-            another clock.
+        fix: of the receiver.
+        newest_t_us: time of the newest IMU sample, used where the fix's own time is on another
+            clock.
     """
-    if message.fix_type < mavlink.GPS_FIX_TYPE_3D_FIX:
+    if fix.v_n is None or fix.sigma_m_s > WORST_SIGMA_M_S:
         return None
-    if UNKNOWN_UINT16 in (message.vel, message.cog):
-        return None
-    sigma_m_s = message.vel_acc * 1e-3 or DEFAULT_SIGMA_M_S
-    if sigma_m_s > WORST_SIGMA_M_S:
-        return None
-    speed_m_s = message.vel * 0.01
-    course = math.radians(message.cog * 0.01)
-    v_n = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), math.nan)
-    same_clock = abs(message.time_usec - newest_t_us) < SAME_CLOCK_US
-    return VelocityFix(message.time_usec if same_clock else newest_t_us, v_n, sigma_m_s)
+    return VelocityFix(_on_imu_clock(fix.time_us, newest_t_us), fix.v_n, fix.sigma_m_s)
 
 
-def autopilot_velocity(message: Any, newest_t_us: int) -> VelocityFix | None:
-    """The velocity of LOCAL_POSITION_NED, marked as not independent."""
-    v_n = (message.vx, message.vy, message.vz)
-    if not all(math.isfinite(component) for component in v_n):
-        return None
-    t_us = message.time_boot_ms * 1000
-    same_clock = abs(t_us - newest_t_us) < SAME_CLOCK_US
-    return VelocityFix(t_us if same_clock else newest_t_us, v_n, DEFAULT_SIGMA_M_S, False)
+def autopilot_velocity(velocity: EstimatedVelocity, newest_t_us: int) -> VelocityFix:
+    """The velocity of the autopilot's estimator, marked as not independent."""
+    t_us = _on_imu_clock(velocity.time_us, newest_t_us)
+    return VelocityFix(t_us, velocity.v_n, DEFAULT_SIGMA_M_S, False)
+
+
+def _on_imu_clock(t_us: int, newest_t_us: int) -> int:
+    return t_us if abs(t_us - newest_t_us) < SAME_CLOCK_US else newest_t_us
 
 
 class FieldOfTheEarth:
@@ -73,21 +68,23 @@ class FieldOfTheEarth:
     def __init__(self, settings: NorthSettings, field_at: EarthFieldAt, unix_s: float) -> None:
         self._settings = settings
         self._field_at = field_at
+        self._place: Steady[Place] | None = None
         self.unix_s = unix_s
-        self._asked_at_deg: tuple[float, float] | None = None
 
-    def at(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> EarthField | None:
+    @property
+    def is_known(self) -> bool:
+        """Whether the model has been asked."""
+        return self._place is not None
+
+    def at(self, t_ns: int, place: Place) -> EarthField | None:
         """The field where it is new or changed; None otherwise."""
-        here_deg = (latitude_deg, longitude_deg)
-        if here_deg == (0.0, 0.0):
+        if place.latitude_deg == 0.0 and place.longitude_deg == 0.0:
             return None
-        if (
-            self._asked_at_deg is not None
-            and math.dist(here_deg, self._asked_at_deg) < FIELD_STEP_DEG
-        ):
+        if self._place is None:
+            self._place = Steady(place, FAR_PLACE_NS, _is_near)
+        elif not self._place.hears(t_ns, place):
             return None
-        self._asked_at_deg = here_deg
-        field = self._field_at(latitude_deg, longitude_deg, altitude_m, self.unix_s)
+        field = self._field_at(*place, self.unix_s)
         if field is None or self._settings.declination == "wmm":
             return field
         fixed = self._settings.declination == "fixed"
@@ -95,8 +92,13 @@ class FieldOfTheEarth:
         return field._replace(declination_rad=math.radians(declination_deg))
 
 
+def _is_near(place: Place, other: Place) -> bool:
+    """Whether the earth field is about the same at both."""
+    return math.dist(place[:2], other[:2]) < FIELD_STEP_DEG
+
+
 class Aiding:
-    """Listens to the autopilot for all that helps the filter, and tells the filter what is new.
+    """Passes on all that helps the filter, and logs what is new.
 
     Args:
         settings: what may be used.
@@ -116,19 +118,11 @@ class Aiding:
         self._field = field
         self._autopilot = autopilot
         self._estimation = estimation
+        self._fixes = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
+        self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeed_m_s: float | None = None
         self._airspeed_ns = 0
         self._told: VehicleState | None = None
-        self.handlers: dict[int, Callable[[int, Any], list[Effect]]] = {
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._on_landed_state,
-            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps,
-            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_position,
-            mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._on_origin,
-            mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._on_origin,
-            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._on_autopilot_velocity,
-            mavlink.MAVLINK_MSG_ID_VFR_HUD: self._on_airspeed,
-            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
-        }
 
     def tell_vehicle(self, t_ns: int) -> list[Effect]:
         """Tells the filter of the vehicle's state where that changed."""
@@ -141,48 +135,30 @@ class Aiding:
         record = AidingRecord("vehicle", on_ground=state.on_ground, airspeed_m_s=state.airspeed_m_s)
         return [Record("/aiding", record)]
 
-    def _on_landed_state(self, t_ns: int, fields: Any) -> list[Effect]:
-        self._autopilot.hears_landed_state(fields.landed_state)
+    def on_landed_state(self, t_ns: int, state: LandedState) -> list[Effect]:
+        """The autopilot says whether it stands."""
+        self._autopilot.hears_landed_state(t_ns, state.on_ground)
         return self.tell_vehicle(t_ns)
 
-    def _on_airspeed(self, t_ns: int, fields: Any) -> list[Effect]:
-        """VFR_HUD; only a fixed wing flies along its nose."""
+    def on_airspeed(self, t_ns: int, measured: Airspeed) -> list[Effect]:
+        """Only a fixed wing flies along its nose."""
         identity = self._autopilot.identity
         flies_forward = identity is not None and identity.vehicle_type in FIXED_WING_TYPES
-        usable = math.isfinite(fields.airspeed) and fields.airspeed > 0.0
-        if self._settings.airspeed and flies_forward and usable:
-            self._airspeed_m_s = fields.airspeed
+        usable = measured.airspeed_m_s is not None and self._settings.airspeed and flies_forward
+        if usable and self._airspeeds.allows(t_ns):
+            self._airspeed_m_s = measured.airspeed_m_s
             self._airspeed_ns = t_ns
         return self.tell_vehicle(t_ns)
 
-    def _on_system_time(self, _t_ns: int, fields: Any) -> list[Effect]:
-        if fields.time_unix_usec:
-            self._field.unix_s = fields.time_unix_usec * 1e-6
+    def on_system_time(self, time: SystemTime) -> list[Effect]:
+        """The date for the field model."""
+        if time.unix_s is not None:
+            self._field.unix_s = time.unix_s
         return []
 
-    def _on_position(self, _t_ns: int, fields: Any) -> list[Effect]:
-        return self._tell_field(fields.lat, fields.lon, fields.alt)
-
-    def _on_origin(self, _t_ns: int, fields: Any) -> list[Effect]:
-        return self._tell_field(fields.latitude, fields.longitude, fields.altitude)
-
-    def _on_gps(self, _t_ns: int, fields: Any) -> list[Effect]:
-        effects: list[Effect] = []
-        if fields.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX:
-            effects += self._tell_field(fields.lat, fields.lon, fields.alt)
-        newest_us = self._estimation.newest_t_us
-        if not self._settings.gps_velocity or newest_us is None:
-            return effects
-        return effects + self._tell_velocity(gps_velocity(fields, newest_us))
-
-    def _on_autopilot_velocity(self, _t_ns: int, fields: Any) -> list[Effect]:
-        newest_us = self._estimation.newest_t_us
-        if not self._settings.autopilot_velocity or newest_us is None:
-            return []
-        return self._tell_velocity(autopilot_velocity(fields, newest_us))
-
-    def _tell_field(self, lat_e7: int, lon_e7: int, alt_mm: int) -> list[Effect]:
-        field = self._field.at(lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm * 1e-3)
+    def on_place(self, t_ns: int, place: Place) -> list[Effect]:
+        """The vehicle's position."""
+        field = self._field.at(t_ns, place)
         if field is None:
             return []
         self._estimation.use_field(field)
@@ -194,8 +170,27 @@ class Aiding:
         )
         return [Record("/aiding", record)]
 
-    def _tell_velocity(self, fix: VelocityFix | None) -> list[Effect]:
-        if fix is None:
+    def on_origin(self, t_ns: int, origin: Origin) -> list[Effect]:
+        """Where the vehicle started: good enough until its position is known."""
+        return [] if self._field.is_known else self.on_place(t_ns, origin.place)
+
+    def on_gps(self, t_ns: int, fix: GpsFix) -> list[Effect]:
+        """A fix of the receiver."""
+        effects = self.on_place(t_ns, fix.place)
+        newest_us = self._estimation.newest_t_us
+        if not self._settings.gps_velocity or newest_us is None:
+            return effects
+        return effects + self._tell_velocity(t_ns, gps_velocity(fix, newest_us))
+
+    def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
+        """A velocity of the autopilot's estimator."""
+        newest_us = self._estimation.newest_t_us
+        if not self._settings.autopilot_velocity or newest_us is None:
+            return []
+        return self._tell_velocity(t_ns, autopilot_velocity(velocity, newest_us))
+
+    def _tell_velocity(self, t_ns: int, fix: VelocityFix | None) -> list[Effect]:
+        if fix is None or not self._fixes.allows(t_ns):
             return []
         self._estimation.use_velocity(fix)
         record = AidingRecord(

@@ -1,12 +1,39 @@
-"""The autopilot that the service is bound to: found by its heartbeat, kept, watched."""
+"""Which autopilot the service listens to: found by heartbeats, proved by its IMU, kept, watched.
 
-from typing import Any, NamedTuple
+The rules:
+
+1. The first autopilot that is heard (or the configured one) is *on trial* at once: it is asked for
+   streams, and its samples are used.
+2. Three heartbeats and an IMU message *confirm* it.
+3. Another one with three heartbeats takes the place of one on trial that is silent or brings no
+   IMU message for 3 s, and of a confirmed one that is silent for 10 s. Otherwise it is a rival.
+4. What an autopilot says it is (make and type) changes only when for 3 s it says nothing else.
+
+Heartbeats of others cost the same few operations and no memory, however many there are.
+"""
+
+from array import array
+from enum import Enum
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.service.limits import SECOND_NS, Slow, Steady
 from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.vehicle import Heartbeat
 
-LOST_NS = 5_000_000_000
+LOST_NS = 5 * SECOND_NS
+GIVEN_UP_NS = 10 * SECOND_NS
+TRIAL_NS = 3 * SECOND_NS
+KIND_HOLD_NS = 3 * SECOND_NS
+CONFIRMING_HEARTBEATS = 3
+# A burst of heartbeats counts once: they come at 1 Hz.
+HEARTBEAT_APART_NS = 400_000_000
+# Shorter than the distance of two heartbeats.
+STATE_HOLD_NS = 900_000_000
+ADDRESSES = 1 << 16
+
+Sender = tuple[int, int]
 
 
 class Identity(NamedTuple):
@@ -21,6 +48,11 @@ class Identity(NamedTuple):
         return f"{self.system_id}/{self.component_id}"
 
     @property
+    def address(self) -> Sender:
+        """System and component id."""
+        return self.system_id, self.component_id
+
+    @property
     def description(self) -> str:
         """Such as ``ArduPilot quadrotor 1/1``."""
         names = mavlink.enums["MAV_AUTOPILOT"], mavlink.enums["MAV_TYPE"]
@@ -30,8 +62,36 @@ class Identity(NamedTuple):
         return f"{autopilot} {vehicle.removeprefix('MAV_TYPE_').lower()} {self}"
 
 
+class Heard(Enum):
+    """What a heartbeat came to."""
+
+    NOTHING = 0
+    BOUND = 1  # another autopilot, or another vehicle, is the one to listen to from now on
+    RETURNED = 2  # the bound autopilot was lost and is back
+    RIVAL = 3  # another autopilot is on the link
+
+
+class Candidates:
+    """Counts the heartbeats of every address there can be, in tables that never grow."""
+
+    def __init__(self) -> None:
+        self._counts = bytearray(ADDRESSES)
+        self._last_ns = array("q", bytes(8 * ADDRESSES))
+
+    def hears(self, t_ns: int, sender: Sender) -> int:
+        """Counts a heartbeat; how many have come without a long pause (at most 255)."""
+        place = sender[0] << 8 | sender[1]
+        count, pause_ns = self._counts[place], t_ns - self._last_ns[place]
+        if count and pause_ns < HEARTBEAT_APART_NS:
+            return count
+        count = min(count + 1, 255) if pause_ns <= GIVEN_UP_NS else 1
+        self._counts[place] = count
+        self._last_ns[place] = t_ns
+        return count
+
+
 class Autopilot:
-    """Latches the first autopilot that is heard (or the configured one) and follows its state.
+    """Binds to one autopilot by the rules above and follows its state.
 
     Args:
         settings: which ids to accept; 0 accepts any.
@@ -39,56 +99,89 @@ class Autopilot:
 
     def __init__(self, settings: AutopilotSettings) -> None:
         self._settings = settings
-        self.identity: Identity | None = None
-        self.is_armed = False
-        self.is_landed: bool | None = None
-        self.rivals: set[tuple[int, int]] = set()
+        self._candidates = Candidates()
+        self._kind = Steady((0, 0), KIND_HOLD_NS)
+        self._armed = Slow(False, STATE_HOLD_NS)
+        self._landed: Slow[bool | None] = Slow(None, STATE_HOLD_NS)
         self._heard_ns = 0
+        self._trial_since_ns = 0
+        self._has_imu = False
+        self.identity: Identity | None = None
+        self.is_confirmed = False
 
-    def hears_heartbeat(self, t_ns: int, system_id: int, component_id: int, message: Any) -> bool:
-        """Takes a HEARTBEAT of anybody.
+    @property
+    def is_armed(self) -> bool:
+        """What its heartbeat says."""
+        return self._armed.value
 
-        Returns:
-            True when it made the binding, or changed what is known of the vehicle's type.
-        """
-        if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
-            return False
-        if not self._may_bind(system_id, component_id):
-            if self.identity is not None:
-                self.rivals.add((system_id, component_id))
-            return False
-        self._heard_ns = t_ns
-        self.is_armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-        identity = Identity(system_id, component_id, message.autopilot, message.type)
-        changed = identity != self.identity
-        self.identity = identity
-        return changed
+    @property
+    def on_ground(self) -> bool:
+        """Disarmed, or landed as far as the autopilot says so."""
+        return not self._armed.value or self._landed.value is True
 
-    def hears_landed_state(self, landed_state: int) -> None:
-        """Takes EXTENDED_SYS_STATE.landed_state."""
-        if landed_state == mavlink.MAV_LANDED_STATE_UNDEFINED:
-            self.is_landed = None
-        else:
-            self.is_landed = landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+    def hears_heartbeat(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
+        """Takes a HEARTBEAT of anybody."""
+        if not heartbeat.is_of_autopilot:
+            return Heard.NOTHING
+        count = self._candidates.hears(t_ns, sender)
+        if self.owns(sender):
+            return self._hears_own(t_ns, heartbeat, count)
+        if not self.accepts(sender):
+            return Heard.RIVAL if count >= CONFIRMING_HEARTBEATS else Heard.NOTHING
+        if self.identity is None:
+            return self._bind(t_ns, sender, heartbeat)
+        if count < CONFIRMING_HEARTBEATS:
+            return Heard.NOTHING
+        return self._bind(t_ns, sender, heartbeat) if self._gives_way(t_ns) else Heard.RIVAL
 
-    def owns(self, system_id: int, component_id: int) -> bool:
+    def brings_imu(self) -> None:
+        """An IMU message of the bound autopilot has come."""
+        self._has_imu = True
+
+    def hears_landed_state(self, t_ns: int, on_ground: bool | None) -> None:
+        """Takes EXTENDED_SYS_STATE."""
+        self._landed.hears(t_ns, on_ground)
+
+    def accepts(self, sender: Sender) -> bool:
+        """Whether the settings allow this address."""
+        wanted = self._settings
+        return wanted.system_id in (0, sender[0]) and wanted.component_id in (0, sender[1])
+
+    def owns(self, sender: Sender) -> bool:
         """Whether a message of this sender is the bound autopilot's own."""
         mine = self.identity
-        return (
-            mine is not None and mine.system_id == system_id and mine.component_id == component_id
-        )
+        return mine is not None and mine.system_id == sender[0] and mine.component_id == sender[1]
 
     def is_lost(self, t_ns: int) -> bool:
         """No heartbeat for `LOST_NS`."""
         return self.identity is not None and t_ns - self._heard_ns > LOST_NS
 
-    @property
-    def on_ground(self) -> bool:
-        """Disarmed, or landed as far as the autopilot says so."""
-        return not self.is_armed or self.is_landed is True
+    def may_be_replaced(self, t_ns: int) -> bool:
+        """Nobody is bound, or it has been silent for so long that another may take its place."""
+        return self.identity is None or t_ns - self._heard_ns > GIVEN_UP_NS
 
-    def _may_bind(self, system_id: int, component_id: int) -> bool:
-        if self.identity is not None:
-            return self.owns(system_id, component_id)
-        wanted = self._settings
-        return wanted.system_id in (0, system_id) and wanted.component_id in (0, component_id)
+    def _hears_own(self, t_ns: int, heartbeat: Heartbeat, count: int) -> Heard:
+        assert self.identity is not None
+        was_lost, self._heard_ns = self.is_lost(t_ns), t_ns
+        self._armed.hears(t_ns, heartbeat.is_armed)
+        self.is_confirmed |= self._has_imu and count >= CONFIRMING_HEARTBEATS
+        if self._kind.hears(t_ns, (heartbeat.autopilot, heartbeat.vehicle_type)):
+            self.identity = Identity(*self.identity.address, *self._kind.value)
+            return Heard.BOUND
+        return Heard.RETURNED if was_lost else Heard.NOTHING
+
+    def _bind(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
+        kind = (heartbeat.autopilot, heartbeat.vehicle_type)
+        self.identity = Identity(*sender, *kind)
+        self._kind = Steady(kind, KIND_HOLD_NS)
+        self._armed = Slow(heartbeat.is_armed, STATE_HOLD_NS)
+        self._landed = Slow(None, STATE_HOLD_NS)
+        self._heard_ns = self._trial_since_ns = t_ns
+        self._has_imu = self.is_confirmed = False
+        return Heard.BOUND
+
+    def _gives_way(self, t_ns: int) -> bool:
+        if self.is_confirmed:
+            return t_ns - self._heard_ns > GIVEN_UP_NS
+        is_silent = t_ns - self._heard_ns > TRIAL_NS
+        return is_silent or (not self._has_imu and t_ns - self._trial_since_ns > TRIAL_NS)

@@ -1,35 +1,23 @@
-"""Answers every command that is addressed to us: what we can do, we do; the rest is UNSUPPORTED."""
+"""Answers commands: what we can do, we do; what is meant for us alone is always acknowledged."""
 
 import math
-import struct
 from collections.abc import Callable
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav import __version__
 from h2nav.service.outputs import Outputs
+from h2nav.wire import outbound
+from h2nav.wire.outbound import Address, OutMessage
+from h2nav.wire.questions import Command
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 DENIED = mavlink.MAV_RESULT_DENIED
 UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
-CAPABILITIES = (
-    mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
-)
 DEFAULT_INTERVAL_US = 0.0
 OFF_INTERVAL_US = -1.0
 
-Answer = tuple[int, list[Any]]
-
-
-def autopilot_version() -> Any:
-    """AUTOPILOT_VERSION of this component, which is where MAVLink asks for a version."""
-    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    software = struct.unpack(">I", bytes((major, minor, patch, mavlink.FIRMWARE_VERSION_TYPE_DEV)))
-    nothing = [0] * 8
-    return mavlink.MAVLink_autopilot_version_message(
-        CAPABILITIES, software[0], 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
-    )
+Answer = tuple[int, list[OutMessage]]
 
 
 class Commands:
@@ -43,57 +31,69 @@ class Commands:
     def __init__(self, outputs: Outputs, may_change: bool) -> None:
         self._outputs = outputs
         self._may_change = may_change
-        self._known: dict[int, Callable[[Any], Answer]] = {
+        self._known: dict[int, Callable[[Command], Answer]] = {
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_version,
         }
 
-    def answer(self, message: Any, asker: tuple[int, int]) -> list[Any]:
+    def answer(self, command: Command, asker: Address) -> list[OutMessage]:
         """Everything to send for a command: first its COMMAND_ACK, then what it asked for.
 
+        A command to everybody gets no other answer than the message that it requests: whether to
+        arm or to take off is for others to say.
+
         Args:
-            message: COMMAND_LONG or COMMAND_INT (their first parameters have the same names).
+            command: for us, or for everybody.
             asker: system and component id of the sender.
         """
-        carry_out = self._known.get(message.command)
-        result, messages = carry_out(message) if carry_out else (UNSUPPORTED, [])
-        ack = mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *asker)
-        return [ack, *messages]
+        is_for_all = command.target[1] == 0
+        if is_for_all and command.command != mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return []
+        carry_out = self._known.get(command.command)
+        result, messages = carry_out(command) if carry_out else (UNSUPPORTED, [])
+        if is_for_all and not messages:
+            return []
+        return [outbound.command_ack(command.command, result, asker), *messages]
 
-    def _request_message(self, message: Any) -> Answer:
-        wanted = message.param1
-        if wanted == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-            return ACCEPTED, [autopilot_version()]
-        if not self._offers(wanted):
+    def _request_message(self, command: Command) -> Answer:
+        if command.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            return ACCEPTED, [_version()]
+        wanted = self._offered(command)
+        if wanted is None:
             return UNSUPPORTED, []
-        latest = self._outputs.latest(int(wanted))
+        latest = self._outputs.latest(wanted)
         return (ACCEPTED, [latest]) if latest else (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, [])
 
-    def _request_version(self, message: Any) -> Answer:
-        return (ACCEPTED, [autopilot_version()]) if message.param1 == 1 else (DENIED, [])
+    def _request_version(self, command: Command) -> Answer:
+        return (ACCEPTED, [_version()]) if command.param1 == 1 else (DENIED, [])
 
-    def _set_interval(self, message: Any) -> Answer:
-        wanted, interval_us = message.param1, message.param2
-        if not self._offers(wanted):
+    def _set_interval(self, command: Command) -> Answer:
+        wanted, interval_us = self._offered(command), command.param2
+        if wanted is None:
             return UNSUPPORTED, []
-        if not self._may_change or not interval_us >= OFF_INTERVAL_US:
+        if not self._may_change or not OFF_INTERVAL_US <= interval_us < math.inf:
             return DENIED, []
         if interval_us == DEFAULT_INTERVAL_US:
-            rate_hz = self._outputs.default_hz(int(wanted))
+            rate_hz = self._outputs.default_hz(wanted)
         else:
             rate_hz = 0.0 if interval_us < 0.0 else 1e6 / interval_us
-        self._outputs.set_rate(int(wanted), rate_hz)
+        self._outputs.set_rate(wanted, rate_hz)
         return ACCEPTED, []
 
-    def _get_interval(self, message: Any) -> Answer:
-        wanted = message.param1
-        if not self._offers(wanted):
+    def _get_interval(self, command: Command) -> Answer:
+        wanted = self._offered(command)
+        if wanted is None:
             return UNSUPPORTED, []
-        rate_hz = self._outputs.rate_hz(int(wanted))
-        interval_us = round(1e6 / rate_hz) if rate_hz > 0.0 else -1
-        return ACCEPTED, [mavlink.MAVLink_message_interval_message(int(wanted), interval_us)]
+        return ACCEPTED, [outbound.message_interval(wanted, self._outputs.rate_hz(wanted))]
 
-    def _offers(self, wanted: float) -> bool:
-        return math.isfinite(wanted) and self._outputs.offers(int(wanted))
+    def _offered(self, command: Command) -> int | None:
+        """The message that the command is about, where it is one of ours."""
+        wanted = command.param1
+        return int(wanted) if math.isfinite(wanted) and self._outputs.offers(int(wanted)) else None
+
+
+def _version() -> OutMessage:
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    return outbound.autopilot_version(major, minor, patch)

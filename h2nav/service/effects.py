@@ -1,9 +1,10 @@
 """What the service wants done: it does nothing itself, the daemon and the replay carry it out."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.wire.outbound import OutMessage
 
 
 class Severity(IntEnum):
@@ -24,7 +25,7 @@ class Send(NamedTuple):
         system_id: the sender's system id, which is the vehicle's once it is known.
     """
 
-    message: Any
+    message: OutMessage
     system_id: int
 
 
@@ -38,7 +39,7 @@ class Record(NamedTuple):
     """
 
     topic: str
-    record: tuple[Any, ...]
+    record: tuple[object, ...]
     t_us: int | None = None
 
 
@@ -48,10 +49,12 @@ class Used(NamedTuple):
     Attributes:
         sample: what went in.
         estimate: what came out; None during the alignment.
+        late_ns: how late it is, beyond what is usual on this link.
     """
 
     sample: ImuSample
     estimate: AttitudeEstimate | None
+    late_ns: int = 0
 
 
 class Notice(NamedTuple):

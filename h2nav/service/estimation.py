@@ -1,9 +1,9 @@
-"""From IMU messages to estimates: choose, check, time, filter; nothing non-finite passes."""
+"""From IMU readings to estimates: choose, time, filter; nothing non-finite passes."""
 
 import math
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import (
@@ -14,18 +14,34 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.service.autopilot import Identity
-from h2nav.service.imu_messages import IMU_MESSAGES, ImuChoice, ImuMessage, RawSample, preference
+from h2nav.service.health import Objection
+from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.service.sample_clock import SampleClock, Verdict
 from h2nav.service.sensor_watch import SensorWatch
+from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
 FilterFor = Callable[[Identity], AttitudeFilter]
+# Two clocks under one identity are an objection for so long.
+CONTESTED_NS = 5_000_000_000
+# Why no sample comes, by what became of the readings of the last moments.
+REFUSAL_TEXTS = {
+    "non_finite": "IMU messages hold NaN or infinity",
+    "zero_force": "the accelerometer reads exactly zero",
+    "rate_out_of_range": "the gyro's values are beyond any gyro's range",
+    "force_out_of_range": "the accelerometer's values are beyond any accelerometer's range",
+    "time_out_of_range": "the time stamps of the IMU messages are no times",
+    Verdict.DUPLICATE.value: "the time stamps of the IMU messages stand still",
+    Verdict.LATE.value: "the time stamps of the IMU messages run backwards",
+    Verdict.STRAY.value: "the time stamps of the IMU messages jump",
+}
+RECENT_NS = 1_000_000_000
 
 
 class Outcome(NamedTuple):
-    """What an IMU message came to.
+    """What an IMU reading came to.
 
     Attributes:
-        sample: the sample that was used; None when the message was refused.
+        sample: the sample that was used; None when the reading was refused.
         estimate: what the filter made of it.
         event: REBOOT or NEW_EPOCH when the sample began a new epoch.
     """
@@ -39,7 +55,7 @@ REFUSED = Outcome()
 
 
 class Estimation:
-    """One filter and everything between it and the wire.
+    """One filter and everything between it and the wire boundary.
 
     Args:
         filter_for: makes the filter for a vehicle once it is known.
@@ -57,18 +73,25 @@ class Estimation:
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
         self._watch = SensorWatch()
+        self._autopilot_kind = 0
+        self._fused_dependent = False
+        self._refusal = ""
+        self._refused_ns = 0
+        self._second_line = False
+        self._contested_ns: int | None = None
         self.rejected: Counter[str] = Counter()
         self.used = 0
         self.last_used_ns: int | None = None
         self.has_estimate = False
-        self.is_independent = True
 
     def begin(self, identity: Identity) -> None:
         """The vehicle is known (or is another one now): its filter and its messages."""
         self._filter = self._filter_for(identity)
         self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
+        self._autopilot_kind = identity.autopilot
         self._clock = None
         self._newest_us = None
+        self._contested_ns = None
         self.has_estimate = False
         if self._field is not None:
             self._filter.use_field(self._field)
@@ -81,41 +104,61 @@ class Estimation:
         return self._choice.chosen if self._choice else None
 
     @property
-    def complaints(self) -> tuple[str, ...]:
-        """Lasting objections to the samples, such as a stuck axis."""
-        return (self._watch.complaint,) if self._watch.complaint else ()
-
-    @property
-    def filter_name(self) -> str:
-        """Name of the filter; empty before the vehicle is known."""
-        return self._filter.name if self._filter else ""
+    def is_independent(self) -> bool:
+        """Nothing of the autopilot's own estimator has gone into the estimate."""
+        row = self.imu_message
+        biased = row is not None and self._autopilot_kind in row.bias_removed_by
+        return not self._fused_dependent and not biased
 
     @property
     def newest_t_us(self) -> int | None:
         """Time of the newest sample used."""
         return self._newest_us
 
-    def take(self, t_ns: int, message_id: int, fields: Any) -> Outcome:
-        """Takes an IMU message of the bound autopilot."""
-        if self._choice is None or not self._choice.considers(message_id, t_ns):
-            return REFUSED
-        row = IMU_MESSAGES[message_id]
-        raw = row.read(fields)
-        if not _is_finite(raw):
-            return self._refuse("non_finite")
-        if not self._choice.takes(message_id, raw, t_ns):
-            return REFUSED
-        if raw.f_b == (0.0, 0.0, 0.0):
-            return self._refuse("zero_force")
+    def objections(self, t_ns: int) -> tuple[Objection, ...]:
+        """Lasting objections to the samples, such as a stuck axis."""
+        found = []
+        if self._watch.complaint:
+            found.append(Objection(self._watch.complaint, self._watch.complaint))
+        if self._contested_ns is not None and t_ns - self._contested_ns < CONTESTED_NS:
+            found.append(Objection("two senders", "two senders use the autopilot's identity"))
+        return tuple(found)
+
+    def why_no_samples(self, t_ns: int) -> Objection | None:
+        """What is wrong with the readings that came lately; None where none came."""
+        if not self._refusal or t_ns - self._refused_ns > RECENT_NS:
+            return None
+        return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
+
+    def considers(self, t_ns: int, message_id: int) -> bool:
+        """Whether this message could be the one to use now, before it is even read."""
+        return self._choice is not None and self._choice.considers(message_id, t_ns)
+
+    def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
+        """Takes a reading of the bound autopilot that is considered."""
+        assert self._choice is not None
+        self._choice.takes(message_id, t_ns)
         if self._clock is None or self._clock_of != message_id:
-            self._clock, self._clock_of = SampleClock(row.time_unit_us, self._newest_us), message_id
-        verdict, t_us = self._clock.advance(raw.time)
-        if verdict in (Verdict.DUPLICATE, Verdict.LATE, Verdict.STRAY):
-            return self._refuse(verdict.value)
-        event = None if verdict is Verdict.NEXT else verdict
-        if event is not None:
+            unit_us = IMU_MESSAGES[message_id].time_unit_us
+            self._clock = SampleClock(unit_us, self._newest_us, self.last_used_ns)
+            self._clock_of = message_id
+        verdict, t_us = self._clock.advance(t_ns, reading.time)
+        if verdict is Verdict.NEXT:
+            if self._second_line:
+                self._second_line, self._contested_ns = False, t_ns
+            return self._step(t_ns, reading.at(t_us), None)
+        if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
+            self._second_line = False
             self.restart()
-        return self._step(t_ns, raw.at(t_us), event)
+            return self._step(t_ns, reading.at(t_us), verdict)
+        self._second_line |= verdict is Verdict.SECOND_SENDER
+        self.refuse(t_ns, verdict.value)
+        return REFUSED
+
+    def refuse(self, t_ns: int, reason: str) -> None:
+        """Counts a reading that cannot be used."""
+        self.rejected[reason] += 1
+        self._refusal, self._refused_ns = reason, t_ns
 
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
@@ -132,7 +175,7 @@ class Estimation:
     def use_velocity(self, fix: VelocityFix) -> None:
         """Passes a velocity on; a dependent one marks the estimate as such for good."""
         if self._filter is not None and self._newest_us is not None:
-            self.is_independent = self.is_independent and fix.independent
+            self._fused_dependent |= not fix.independent
             self._filter.use_velocity(fix)
 
     def restart(self) -> None:
@@ -163,12 +206,3 @@ class Estimation:
             estimate = None
         self.has_estimate = estimate is not None
         return Outcome(sample, estimate, event)
-
-    def _refuse(self, reason: str) -> Outcome:
-        self.rejected[reason] += 1
-        return REFUSED
-
-
-def _is_finite(raw: RawSample) -> bool:
-    values = raw.w_b + raw.f_b + (raw.m_b_ut or ())
-    return all(map(math.isfinite, values))

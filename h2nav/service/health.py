@@ -28,42 +28,96 @@ SYSTEM_STATUS = {
 # An estimate older than this is no estimate.
 SILENT_IMU_NS = 500_000_000
 LOW_RATE_SHARE = 0.5
+LINK_DOWN = "link is down"
+
+
+class Objection(NamedTuple):
+    """Something that is wrong.
+
+    Attributes:
+        cause: stays the same while figures in the text change.
+        text: for people.
+    """
+
+    cause: str
+    text: str
 
 
 class Signs(NamedTuple):
     """What the state is judged from.
 
     Attributes:
-        link_is_up: bytes can come.
+        link_error: why no bytes can come; None while they can.
+        stall_ns: how long we were held up ourselves just now; what was not heard meanwhile says
+            nothing about others. 0 when we were not.
         autopilot_known: a heartbeat made the binding, and heartbeats still come.
         last_sample_ns: host time of the last sample that was used; None before the first.
+        no_imu: why there may be no samples.
         has_estimate: the filter is past its alignment.
-        complaint: a lasting objection (wrong units); empty when there is none.
-        rate_hz: measured IMU rate; None until measured.
-        wanted_rate_hz: the rate that was asked for.
+        late_ns: how late estimates have been for a while; 0 when they are not.
+        objections: lasting ones, such as wrong units.
+        rate_hz: measured rate of the IMU message in use; None until measured.
+        wanted_rate_hz: the rate that it should have.
     """
 
-    link_is_up: bool
+    link_error: str | None
+    stall_ns: int
     autopilot_known: bool
     last_sample_ns: int | None
+    no_imu: Objection
     has_estimate: bool
-    complaint: str
+    late_ns: int
+    objections: tuple[Objection, ...]
     rate_hz: float | None
     wanted_rate_hz: float
 
 
-def judge(signs: Signs, t_ns: int) -> tuple[State, str]:
-    """The state at `t_ns` and its reason (empty when active)."""
-    if not signs.link_is_up:
-        return State.NO_LINK, "link is down"
+class Verdict(NamedTuple):
+    """A state with its reason.
+
+    Attributes:
+        state: of the service.
+        cause: of the state; a change of it is told. Empty when active.
+        reason: for people; its figures may change while the cause stays.
+    """
+
+    state: State
+    cause: str = ""
+    reason: str = ""
+
+    @property
+    def text(self) -> str:
+        """Such as ``degraded: late by 3.2 s``."""
+        return f"{self.state.value}: {self.reason}" if self.reason else self.state.value
+
+
+AT_START = Verdict(State.NO_LINK, LINK_DOWN, LINK_DOWN)
+
+
+def judge(signs: Signs, t_ns: int) -> Verdict:
+    """The state at `t_ns`."""
+    if signs.link_error is not None:
+        reason = signs.link_error or LINK_DOWN
+        return Verdict(State.NO_LINK, reason, reason)
+    if signs.stall_ns:
+        return Verdict(State.DEGRADED, "late", _late(max(signs.stall_ns, signs.late_ns)))
     if not signs.autopilot_known:
-        return State.NO_AUTOPILOT, "no autopilot heartbeat"
+        return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
-        return State.NO_IMU, "no IMU samples"
+        return Verdict(State.NO_IMU, *signs.no_imu)
     if not signs.has_estimate:
-        return State.ALIGNING, "finding the first attitude"
-    if signs.complaint:
-        return State.DEGRADED, signs.complaint
+        return Verdict(State.ALIGNING, "alignment", "finding the first attitude")
+    objections = list(signs.objections)
+    if signs.late_ns:
+        objections.insert(0, Objection("late", _late(signs.late_ns)))
     if signs.rate_hz is not None and signs.rate_hz < LOW_RATE_SHARE * signs.wanted_rate_hz:
-        return State.DEGRADED, f"IMU rate {signs.rate_hz:.0f} of {signs.wanted_rate_hz:.0f} Hz"
-    return State.ACTIVE, ""
+        text = f"IMU rate {signs.rate_hz:.0f} of {signs.wanted_rate_hz:.0f} Hz"
+        objections.append(Objection("rate", text))
+    if not objections:
+        return Verdict(State.ACTIVE)
+    causes, texts = zip(*objections, strict=True)
+    return Verdict(State.DEGRADED, "; ".join(causes), "; ".join(texts))
+
+
+def _late(late_ns: int) -> str:
+    return f"late by {late_ns * 1e-9:.1f} s"

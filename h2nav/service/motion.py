@@ -5,18 +5,23 @@ timers, so a replay reproduces it.
 """
 
 from collections import Counter
-from typing import Any, Protocol
+from typing import Protocol
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect
-from h2nav.service.motion_output import OdometryOut, Tell
-from h2nav.service.motion_poses import Sender, Source
+from h2nav.service.motion_output import OdometryOut
+from h2nav.service.motion_source import Source
 from h2nav.service.motion_twist import TwistMotion
 from h2nav.service.motion_wheels import WheelMotion
+from h2nav.service.notices import Tell
 from h2nav.service.outputs import Outputs
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.stream_requests import Wish
+from h2nav.wire.motion import PoseReading, WheelDistances
+from h2nav.wire.readers import Envelope
+
+Measurement = PoseReading | WheelDistances
 
 
 class MotionEstimation(Protocol):
@@ -34,8 +39,11 @@ class MotionEstimation(Protocol):
     def rejected(self) -> Counter[str]:
         """Refused measurements by reason."""
 
-    def on_message(self, t_ns: int, sender: Sender, message_id: int, fields: Any) -> list[Effect]:
+    def on_message(self, envelope: Envelope, measured: Measurement) -> list[Effect]:
         """A message of `message_ids` arrived, from anybody."""
+
+    def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
+        """A message of `message_ids`, from anybody, was refused at the wire boundary."""
 
     def on_sample(
         self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
@@ -57,9 +65,11 @@ class NoMotion:
         """Nothing is."""
         return Counter()
 
-    def on_message(
-        self, _t_ns: int, _sender: Sender, _message_id: int, _fields: Any
-    ) -> list[Effect]:
+    def on_message(self, _envelope: Envelope, _measured: Measurement) -> list[Effect]:
+        """Nothing is listened to."""
+        return []
+
+    def on_refusal(self, _envelope: Envelope, _reason: str) -> list[Effect]:
         """Nothing is listened to."""
         return []
 

@@ -1,14 +1,12 @@
 """How estimates of motion go out as ODOMETRY and into the log, and what people are told of them."""
 
 import math
-from collections.abc import Callable
 
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record, Send, Severity
 from h2nav.service.motion_records import odometry_line
+from h2nav.service.notices import Tell
 from h2nav.service.outputs import Motion, Outputs
-
-Tell = Callable[[int, Severity, str], list[Effect]]
 
 # An estimate that rests on a measurement older than this is not sent.
 STALE_S = 2.0
@@ -80,7 +78,9 @@ class OdometryOut:
         resets = motion.record.reset_counter
         if resets != self._reset_counter:
             self._reset_counter = resets
-            effects += self._tell(t_ns, Severity.NOTICE, f"odometry reset, number {resets}")
+            effects += self._tell(
+                t_ns, Severity.NOTICE, f"odometry reset, number {resets}", "odometry"
+            )
         if not self._is_fresh:
             self._is_fresh = True
             effects += self._tell(t_ns, Severity.INFO, f"odometry from {self._source}")

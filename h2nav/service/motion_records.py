@@ -7,7 +7,7 @@ from h2nav.maths import quaternion
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import OdometryRecord, PoseSample, TwistEstimate
 from h2nav.motion.wheel_odometry import WheelEstimate
-from h2nav.service.motion_poses import Refusal
+from h2nav.service.motion_source import Refusal
 from h2nav.service.records import RAD_TO_DEG
 
 

@@ -1,7 +1,6 @@
 """The twist observer in the service: IMU samples and measured poses in, ODOMETRY out."""
 
 from collections import Counter
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -17,12 +16,19 @@ from h2nav.motion.vectors import ZERO
 from h2nav.service.effects import Effect, Record
 from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
-from h2nav.service.motion_poses import POSE_MESSAGES, PoseReading, Refusal, Sender, Source
 from h2nav.service.motion_records import pose_record, twist_record
+from h2nav.service.motion_source import Refusal, Source
 from h2nav.service.outputs import Motion
 from h2nav.service.stream_requests import Wish
+from h2nav.wire.motion import POSE_OF_AUTOPILOT, PoseReading, WheelDistances
+from h2nav.wire.readers import Envelope
 
 DOWN_N = (0.0, 0.0, 1.0)
+POSE_MESSAGES = {
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: "ODOMETRY",
+    mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: "VISION_POSITION_ESTIMATE",
+    mavlink.MAVLINK_MSG_ID_ATT_POS_MOCAP: "ATT_POS_MOCAP",
+}
 TAKEN = frozenset(
     {PoseVerdict.USED, PoseVerdict.STARTED, PoseVerdict.WAITING, PoseVerdict.RESTARTED}
 )
@@ -53,7 +59,7 @@ class TwistMotion:
     ) -> None:
         self.message_ids = frozenset(
             message_id
-            for message_id, (name, _) in POSE_MESSAGES.items()
+            for message_id, name in POSE_MESSAGES.items()
             if pose_message in ("auto", name)
         )
         self.wishes: tuple[Wish, ...] = ()
@@ -73,24 +79,34 @@ class TwistMotion:
         own = Counter({str(key): n for key, n in self._refused.items()})
         return own + Counter({str(key): n for key, n in counts if key not in NO_REFUSAL})
 
-    def on_message(self, t_ns: int, sender: Sender, message_id: int, fields: Any) -> list[Effect]:
+    def on_message(
+        self, envelope: Envelope, measured: PoseReading | WheelDistances
+    ) -> list[Effect]:
         """See `MotionEstimation`: a pose."""
-        if not self._source.is_of_vehicle(sender):
-            return []
-        reading = POSE_MESSAGES[message_id][1](fields)
-        if reading is Refusal.OWN_ESTIMATE:
-            self._refused[reading] += 1
+        t_ns, _, sender, message_id = envelope
+        if not isinstance(measured, PoseReading) or not self._source.is_of_vehicle(sender):
             return []
         if not self._source.may_be(t_ns, sender, message_id):
             self._refused[Refusal.OTHER_SOURCE] += 1
             return []
-        if isinstance(reading, Refusal):
-            return self._refuse(t_ns, reading)
         if self._source.heard(t_ns, sender, message_id):
             # Another camera has another origin.
             self._observer.restart()
             self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
-        return self._on_pose(t_ns, reading)
+        return self._on_pose(t_ns, measured)
+
+    def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
+        """See `MotionEstimation`: a pose that is none."""
+        t_ns, _, sender, message_id = envelope
+        if not self._source.is_of_vehicle(sender):
+            return []
+        if reason == POSE_OF_AUTOPILOT:
+            self._refused[reason] += 1
+            return []
+        if not self._source.may_be(t_ns, sender, message_id):
+            self._refused[Refusal.OTHER_SOURCE] += 1
+            return []
+        return self._refuse(t_ns, reason)
 
     def on_sample(
         self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
@@ -135,7 +151,7 @@ class TwistMotion:
             return []
         t_us = self._clock.imu_time(t_ns, reading.usec)
         if t_us is None:
-            return self._refuse(t_ns, Refusal.STRAY_TIME)
+            return self._refuse(t_ns, Refusal.STRAY_TIME.value)
         pose = PoseSample(t_us, *reading[1:])
         verdict = self._observer.use_pose(pose)
         effects: list[Effect] = []
@@ -146,6 +162,6 @@ class TwistMotion:
         record = pose_record(pose, verdict, self._newest_us)
         return [*effects, Record("/pose_measured", record, t_us)]
 
-    def _refuse(self, t_ns: int, reason: Refusal) -> list[Effect]:
+    def _refuse(self, t_ns: int, reason: str) -> list[Effect]:
         self._refused[reason] += 1
-        return self._out.refusals.refused(t_ns, reason.value)
+        return self._out.refusals.refused(t_ns, reason)

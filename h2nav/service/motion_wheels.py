@@ -1,7 +1,6 @@
 """Wheel odometry in the service: WHEEL_DISTANCE in, ODOMETRY out."""
 
 from collections import Counter
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -13,10 +12,12 @@ from h2nav.motion.wheel_odometry import WheelEstimate, WheelEvent, WheelOdometry
 from h2nav.service.effects import Effect, Record
 from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
-from h2nav.service.motion_poses import Sender, Source
 from h2nav.service.motion_records import wheels_record
+from h2nav.service.motion_source import Source
 from h2nav.service.outputs import Motion
 from h2nav.service.stream_requests import Wish
+from h2nav.wire.motion import WHEELS_STRAY_TIME, PoseReading, WheelDistances
+from h2nav.wire.readers import Envelope
 
 STALE_NS = round(STALE_S * 1e9)
 NO_REFUSAL = frozenset({WheelEvent.USED, WheelEvent.NEW_EPOCH})
@@ -66,9 +67,12 @@ class WheelMotion:
         counts = self._wheels.counts.items()
         return self._refused + Counter({str(key): n for key, n in counts if key not in NO_REFUSAL})
 
-    def on_message(self, t_ns: int, sender: Sender, message_id: int, fields: Any) -> list[Effect]:
+    def on_message(
+        self, envelope: Envelope, measured: PoseReading | WheelDistances
+    ) -> list[Effect]:
         """See `MotionEstimation`: WHEEL_DISTANCE."""
-        if not self._source.is_of_vehicle(sender):
+        t_ns, _, sender, message_id = envelope
+        if not isinstance(measured, WheelDistances) or not self._source.is_of_vehicle(sender):
             return []
         if not self._source.may_be(t_ns, sender, message_id):
             self._refused["wheels_other_source"] += 1
@@ -76,13 +80,13 @@ class WheelMotion:
         if self._source.heard(t_ns, sender, message_id):
             self._wheels.restart()
             self._clock = SourceClock(self._imu_clock, self._unix_offset_ns)
-        t_us = self._clock.imu_time(t_ns, fields.time_usec)
+        t_us = self._clock.imu_time(t_ns, measured.usec)
         if t_us is None:
-            reason = "wheels_stray_time" if self._clock.kind else "wheels_before_imu"
+            reason = WHEELS_STRAY_TIME if self._clock.kind else "wheels_before_imu"
             self._refused[reason] += 1
             return self._out.refusals.refused(t_ns, reason)
         counted = self._wheels.counts.copy()
-        estimate = self._wheels.update(WheelSample(t_us, tuple(fields.distance[: fields.count])))
+        estimate = self._wheels.update(WheelSample(t_us, measured.distances_m))
         event = next(iter(self._wheels.counts - counted))
         if event not in NO_REFUSAL:
             return self._out.refusals.refused(t_ns, event)
@@ -100,6 +104,13 @@ class WheelMotion:
         self.latest, self._heard_ns = estimate, t_ns
         record = Record("/wheels", wheels_record(estimate), estimate.t_us)
         return [*self._out.put(t_ns, motion), record]
+
+    def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
+        """See `MotionEstimation`."""
+        if not self._source.is_of_vehicle(envelope.sender):
+            return []
+        self._refused[reason] += 1
+        return self._out.refusals.refused(envelope.t_ns, reason)
 
     def on_sample(
         self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None

@@ -1,37 +1,19 @@
 """What we send of an estimate, and how often."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.maths import quaternion
-from h2nav.motion.samples import OdometryRecord, PoseFrame
+from h2nav.motion.samples import OdometryRecord
 from h2nav.service.settings import OutputSettings
+from h2nav.wire import outbound
+from h2nav.wire.outbound import OutMessage
 
-UINT32_MASK = 0xFFFF_FFFF
 MAX_RATE_HZ = 1000.0
-MAV_FRAMES = {
-    PoseFrame.LOCAL_FRD: mavlink.MAV_FRAME_LOCAL_FRD,
-    PoseFrame.LOCAL_NED: mavlink.MAV_FRAME_LOCAL_NED,
-}
 # A sample that is due within this share of its period is sent now, not a whole sample later.
 EARLY = 0.25
-
-
-def attitude(estimate: AttitudeEstimate) -> Any:
-    """ATTITUDE: Euler angles and bias-corrected body rates, at the sample's time."""
-    return mavlink.MAVLink_attitude_message(
-        estimate.t_us // 1000 & UINT32_MASK, *quaternion.to_euler(estimate.q_nb), *estimate.w_b
-    )
-
-
-def attitude_quaternion(estimate: AttitudeEstimate) -> Any:
-    """ATTITUDE_QUATERNION: scalar first, bias-corrected body rates, at the sample's time."""
-    return mavlink.MAVLink_attitude_quaternion_message(
-        estimate.t_us // 1000 & UINT32_MASK, *estimate.q_nb, *estimate.w_b
-    )
 
 
 class Motion(NamedTuple):
@@ -52,40 +34,45 @@ class Motion(NamedTuple):
         """Time of validity."""
         return self.record.t_us
 
-
-def odometry(motion: Motion) -> Any:
-    """ODOMETRY: pose in LOCAL_FRD (or LOCAL_NED), twist in BODY_FRD."""
-    record = motion.record
-    return mavlink.MAVLink_odometry_message(
-        record.t_us,
-        MAV_FRAMES[record.frame],
-        mavlink.MAV_FRAME_BODY_FRD,
-        *record.p_m,
-        record.q,
-        *record.v_b_m_s,
-        *record.w_b_rad_s,
-        record.pose_covariance,
-        record.velocity_covariance,
-        record.reset_counter % 256,
-        motion.estimator_type,
-        motion.quality,
-    )
+    @property
+    def message(self) -> OutMessage:
+        """ODOMETRY."""
+        return outbound.odometry(*self)
 
 
-class _Output:
+class _Timed(Protocol):
+    """An estimate with its time."""
+
+    @property
+    def t_us(self) -> int:
+        """Time of validity."""
+
+
+E = TypeVar("E", bound=_Timed)
+
+
+class _Output(Generic[E]):
     """One message, its rate and when it is due next, on the samples' clock."""
 
-    def __init__(self, make: Callable[[Any], Any], rate_hz: float) -> None:
-        self.make = make
+    def __init__(self, make: Callable[[E], OutMessage], rate_hz: float) -> None:
+        self._make = make
+        self._latest: E | None = None
         self.default_hz: float = rate_hz
         self.rate_hz: float = rate_hz
         self.due_us: float | None = None
-        self.latest: Any | None = None
 
-    def take(self, estimate: Any) -> Any | None:
+    def take(self, estimate: E) -> OutMessage | None:
         """The message made of it, where it is due."""
-        self.latest = estimate
-        return self.make(estimate) if self._is_due(estimate.t_us) else None
+        self._latest = estimate
+        return self._make(estimate) if self._is_due(estimate.t_us) else None
+
+    def latest(self) -> OutMessage | None:
+        """The message made of the latest estimate."""
+        return None if self._latest is None else self._make(self._latest)
+
+    def forget(self) -> None:
+        """The latest estimate is stale."""
+        self._latest = None
 
     def _is_due(self, t_us: int) -> bool:
         if self.rate_hz <= 0.0:
@@ -103,6 +90,10 @@ class _Output:
 class Outputs:
     """Chooses which messages go out for an estimate. A new output is a new entry of the table.
 
+    Attributes:
+        sent: attitude messages, since start.
+        are_held: nothing is due, because the estimates are late.
+
     Args:
         settings: the rates; 0 switches a message off.
         odometry_rate_hz: of ODOMETRY; None = motion is not estimated.
@@ -110,44 +101,48 @@ class Outputs:
 
     def __init__(self, settings: OutputSettings, odometry_rate_hz: float | None = None) -> None:
         self._of_attitude = {
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(attitude, settings.attitude_rate_hz),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(outbound.attitude, settings.attitude_rate_hz),
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _Output(
-                attitude_quaternion, settings.attitude_quaternion_rate_hz
+                outbound.attitude_quaternion, settings.attitude_quaternion_rate_hz
             ),
         }
-        self._odometry = _Output(odometry, odometry_rate_hz or 0.0)
-        self._outputs: dict[int, _Output] = dict(self._of_attitude)
+        self._odometry: _Output[Motion] = _Output(
+            lambda motion: motion.message, odometry_rate_hz or 0.0
+        )
+        self._outputs: dict[int, _Output[AttitudeEstimate] | _Output[Motion]] = {
+            **self._of_attitude
+        }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self.sent = 0
+        self.are_held = False
 
-    def due(self, estimate: AttitudeEstimate) -> Iterator[Any]:
+    def due(self, estimate: AttitudeEstimate) -> Iterator[OutMessage]:
         """The messages to send for this attitude."""
         for output in self._of_attitude.values():
             message = output.take(estimate)
-            if message is not None:
+            if message is not None and not self.are_held:
                 self.sent += 1
                 yield message
 
-    def due_odometry(self, motion: Motion) -> Any | None:
+    def due_odometry(self, motion: Motion) -> OutMessage | None:
         """ODOMETRY of this estimate, where it is due."""
-        return self._odometry.take(motion)
+        message = self._odometry.take(motion)
+        return None if self.are_held else message
 
-    def latest(self, message_id: int) -> Any | None:
+    def latest(self, message_id: int) -> OutMessage | None:
         """The message made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
         output = self._outputs.get(message_id)
-        if output is None or output.latest is None:
-            return None
-        return output.make(output.latest)
+        return None if output is None or self.are_held else output.latest()
 
     def forget(self) -> None:
         """The latest estimates are stale: they must not be handed out any more."""
         for output in self._outputs.values():
-            output.latest = None
+            output.forget()
 
     def forget_odometry(self) -> None:
         """The same for ODOMETRY alone."""
-        self._odometry.latest = None
+        self._odometry.forget()
 
     def offers(self, message_id: int) -> bool:
         """Whether this message is one of ours."""

@@ -4,13 +4,14 @@ They mirror the output settings. They are read-only unless the configuration all
 refused PARAM_SET is answered with the value that stands, as the protocol wants it.
 """
 
-import math
 from collections.abc import Iterator
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.outputs import Outputs
+from h2nav.wire import outbound
+from h2nav.wire.outbound import OutMessage
+from h2nav.wire.questions import ParameterRead, ParameterWrite
 
 _RATES = {
     "H2_ATT_HZ": mavlink.MAVLINK_MSG_ID_ATTITUDE,
@@ -32,36 +33,25 @@ class Parameters:
         self._names = [name for name, message_id in _RATES.items() if outputs.offers(message_id)]
         self._may_change = may_change
 
-    def every_value(self) -> Iterator[Any]:
+    def every_value(self) -> Iterator[OutMessage]:
         """All PARAM_VALUE messages."""
         return (self._value(index) for index in range(len(self._names)))
 
-    def read(self, message: Any) -> Any | None:
-        """The PARAM_VALUE asked for by PARAM_REQUEST_READ, by index or name; None if unknown."""
-        if message.param_index >= 0:
-            known = message.param_index < len(self._names)
-            return self._value(message.param_index) if known else None
-        return (
-            self._value(self._names.index(message.param_id))
-            if message.param_id in self._names
-            else None
-        )
+    def read(self, asked: ParameterRead) -> OutMessage | None:
+        """The PARAM_VALUE asked for, by index or name; None if unknown."""
+        if asked.place is not None:
+            return self._value(asked.place) if asked.place < len(self._names) else None
+        return self._value(self._names.index(asked.name)) if asked.name in self._names else None
 
-    def write(self, message: Any) -> Any | None:
+    def write(self, asked: ParameterWrite) -> OutMessage | None:
         """Obeys or refuses PARAM_SET; the PARAM_VALUE that stands afterwards, None if unknown."""
-        if message.param_id not in self._names:
+        if asked.name not in self._names:
             return None
-        rate_hz = message.param_value
-        if self._may_change and math.isfinite(rate_hz):
-            self._outputs.set_rate(_RATES[message.param_id], rate_hz)
-        return self._value(self._names.index(message.param_id))
+        if self._may_change and asked.value is not None:
+            self._outputs.set_rate(_RATES[asked.name], asked.value)
+        return self._value(self._names.index(asked.name))
 
-    def _value(self, index: int) -> Any:
+    def _value(self, index: int) -> OutMessage:
         name = self._names[index]
-        return mavlink.MAVLink_param_value_message(
-            name.encode(),
-            self._outputs.rate_hz(_RATES[name]),
-            mavlink.MAV_PARAM_TYPE_REAL32,
-            len(self._names),
-            index,
-        )
+        rate_hz = self._outputs.rate_hz(_RATES[name])
+        return outbound.param_value(name, rate_hz, index, len(self._names))

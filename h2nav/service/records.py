@@ -51,6 +51,8 @@ class EstimateRecord(NamedTuple):
         innovation_n_rad: rotation by which the measurements disagreed, NED.
         sigma_tilt_deg: predicted one-sigma tilt error.
         trust: bits of h2nav.attitude.samples.Trust.
+        late_ms: how late it was, beyond what is usual on its link, when it was made; the one field
+            that a replay does not reproduce.
     """
 
     t_us: int
@@ -72,9 +74,10 @@ class EstimateRecord(NamedTuple):
     innovation_d_rad: float
     sigma_tilt_deg: float
     trust: int
+    late_ms: float = 0.0
 
 
-def estimate_record(estimate: AttitudeEstimate) -> EstimateRecord:
+def estimate_record(estimate: AttitudeEstimate, late_ns: int = 0) -> EstimateRecord:
     """Flattens an estimate and adds its Euler angles for plots."""
     roll, pitch, yaw = quaternion.to_euler(estimate.q_nb)
     return EstimateRecord(
@@ -88,6 +91,7 @@ def estimate_record(estimate: AttitudeEstimate) -> EstimateRecord:
         *estimate.innovation_n,
         estimate.sigma_tilt_rad * RAD_TO_DEG,
         int(estimate.trust),
+        late_ns * 1e-6,
     )
 
 
@@ -99,12 +103,14 @@ class HealthRecord(NamedTuple):
         reason: why it is not active; empty when it is.
         autopilot: system and component id that the service is bound to, such as 1/1.
         imu_message: the message that the samples come from.
-        imu_rate_hz: samples used per second of the last window.
+        imu_rate_hz: rate of that message over the last window.
         samples_used: samples that made an estimate, since start.
         samples_rejected: samples that were refused, since start.
         estimates_sent: attitude messages sent, since start.
         armed: what the autopilot's heartbeat says.
-        independent: False while the filter fuses the autopilot's own velocity estimate.
+        independent: False where something of the autopilot's own estimator is in the estimate: its
+            velocity, or its bias, already removed from the message in use.
+        late_ms: how late the newest estimate is, beyond what is usual on this link.
     """
 
     state: str
@@ -117,6 +123,7 @@ class HealthRecord(NamedTuple):
     estimates_sent: int
     armed: bool
     independent: bool
+    late_ms: float = 0.0
 
     @property
     def summary(self) -> str:

@@ -2,18 +2,23 @@
 
 Rules, in the order in which they are tried, for a raw time against the newest one accepted:
 
-1. Later by less than `MAX_GAP_US`: the next sample.
+1. Later by less than `MAX_GAP_US`, and not ahead of what the arrival allows: the next sample.
 2. Equal: a duplicate. Earlier by less than `LATE_US`: a late packet. Neither is used.
 3. Close after the newest one modulo 2^32 (microseconds or milliseconds): the counter wrapped.
-4. Anything else opens a *candidate* time line. Three samples that follow each other on it make it
-   the new epoch (a reboot when its times are small, else a change of the clock); a single stray
-   time never does.
+4. Anything else, and late packets when nothing else comes, belongs to *another time line*. Three
+   samples that follow each other on it make it the one to use: the same epoch where time went on,
+   else a new one (a reboot when its times are small). A single stray time never does; nor does
+   another line while the present one is alive: then two senders use one identity.
 """
 
 from enum import Enum
 
 MAX_GAP_US = 10_000_000
 LATE_US = 2_000_000
+AHEAD_US = 250_000
+"""A time stamp may run ahead of its arrival by so much; arrivals vary by 160 ms."""
+ALIVE_NS = 200_000_000
+"""A time line is alive for so long after its newest sample."""
 CONFIRMATIONS = 3
 BOOT_LIMIT_US = 60_000_000
 UINT32 = 1 << 32
@@ -26,6 +31,7 @@ class Verdict(Enum):
     DUPLICATE = "duplicate"
     LATE = "late"
     STRAY = "stray_time"
+    SECOND_SENDER = "second_sender"
     REBOOT = "reboot"
     NEW_EPOCH = "new_epoch"
 
@@ -36,19 +42,28 @@ class SampleClock:
     Args:
         unit_us: microseconds per count of the raw time (1 or 1000), whose counter may be 32 bits.
         newest_us: newest `t_us` of another message of the same autopilot, to go on from.
+        newest_ns: host time of its arrival.
     """
 
-    def __init__(self, unit_us: int, newest_us: int | None = None) -> None:
+    def __init__(
+        self, unit_us: int, newest_us: int | None = None, newest_ns: int | None = None
+    ) -> None:
         self._unit_us = unit_us
         self._wrap_us = UINT32 * unit_us
         self._wraps_us: int | None = None
         self._newest_us = newest_us
+        self._newest_ns = newest_ns
         self._candidate_us: int | None = None
+        self._candidate_ns = 0
         self._confirmed = 0
         self.epoch = 0
 
-    def advance(self, raw: int) -> tuple[Verdict, int]:
+    def advance(self, t_ns: int, raw: int) -> tuple[Verdict, int]:
         """Judges one raw time.
+
+        Args:
+            t_ns: host time of its arrival.
+            raw: the time in the message.
 
         Returns:
             The verdict and `t_us`; a sample may be used when the verdict is NEXT, REBOOT or
@@ -56,9 +71,8 @@ class SampleClock:
         """
         raw_us = raw * self._unit_us
         if self._newest_us is None:
-            self._newest_us = raw_us
             self._wraps_us = 0
-            return Verdict.NEXT, raw_us
+            return Verdict.NEXT, self._accept(t_ns, raw_us)
         if self._wraps_us is None:
             # Another message's counter may be wider, and have wrapped less often than this one.
             missing_us = self._newest_us - raw_us
@@ -66,30 +80,55 @@ class SampleClock:
         t_us = raw_us + self._wraps_us
         step_us = t_us - self._newest_us
         if 0 < step_us <= MAX_GAP_US:
-            return Verdict.NEXT, self._accept(t_us)
+            if self._is_ahead(t_ns, step_us):
+                return self._try_candidate(t_ns, raw_us, Verdict.STRAY)
+            return Verdict.NEXT, self._accept(t_ns, t_us)
         if step_us == 0:
             return Verdict.DUPLICATE, t_us
         if -LATE_US < step_us < 0:
-            return Verdict.LATE, t_us
+            if self._is_alive(t_ns):
+                return Verdict.LATE, t_us
+            return self._try_candidate(t_ns, raw_us, Verdict.LATE)
         if 0 < step_us + self._wrap_us <= MAX_GAP_US:
             self._wraps_us += self._wrap_us
-            return Verdict.NEXT, self._accept(t_us + self._wrap_us)
-        return self._try_candidate(raw_us)
+            return Verdict.NEXT, self._accept(t_ns, t_us + self._wrap_us)
+        return self._try_candidate(t_ns, raw_us, Verdict.STRAY)
 
-    def _accept(self, t_us: int) -> int:
-        self._newest_us = t_us
-        self._candidate_us = None
-        self._confirmed = 0
+    def _is_ahead(self, t_ns: int, step_us: int) -> bool:
+        """Whether the stamp has run on by more than the time that passed since the newest one."""
+        return self._newest_ns is not None and step_us * 1000 > t_ns - self._newest_ns + (
+            AHEAD_US * 1000
+        )
+
+    def _is_alive(self, t_ns: int) -> bool:
+        return self._newest_ns is not None and t_ns - self._newest_ns <= ALIVE_NS
+
+    def _accept(self, t_ns: int, t_us: int) -> int:
+        self._newest_us, self._newest_ns = t_us, t_ns
         return t_us
 
-    def _try_candidate(self, raw_us: int) -> tuple[Verdict, int]:
-        follows = self._candidate_us is not None and 0 < raw_us - self._candidate_us <= MAX_GAP_US
+    def _try_candidate(self, t_ns: int, raw_us: int, unconfirmed: Verdict) -> tuple[Verdict, int]:
+        """A time of another line; its third sample in a row makes it the one to use."""
+        assert self._newest_us is not None
+        assert self._wraps_us is not None
+        before_us = self._candidate_us
+        follows = (
+            before_us is not None
+            and 0 < raw_us - before_us <= MAX_GAP_US
+            and (raw_us - before_us) * 1000 <= t_ns - self._candidate_ns + AHEAD_US * 1000
+        )
         self._confirmed = self._confirmed + 1 if follows else 1
-        self._candidate_us = raw_us
+        self._candidate_us, self._candidate_ns = raw_us, t_ns
         if self._confirmed < CONFIRMATIONS:
-            return Verdict.STRAY, raw_us
+            return unconfirmed, raw_us
+        if self._is_alive(t_ns):
+            return Verdict.SECOND_SENDER, raw_us
+        self._candidate_us, self._confirmed = None, 0
+        t_us = raw_us + self._wraps_us
+        if 0 < t_us - self._newest_us <= MAX_GAP_US:
+            return Verdict.NEXT, self._accept(t_ns, t_us)
         self._wraps_us = 0
         self.epoch += 1
-        self._accept(raw_us)
+        self._accept(t_ns, raw_us)
         rebooted = raw_us < BOOT_LIMIT_US
         return (Verdict.REBOOT if rebooted else Verdict.NEW_EPOCH), raw_us

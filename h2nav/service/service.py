@@ -1,39 +1,63 @@
 """The service: what the daemon does, as a function of events, without any I/O.
 
-Three events come in: a message at a time, a timer at a time, the link going up or down. Each
-returns effects (send, record, tell) in order. Time enters only with the events. Estimates depend
-on messages and their arrival times alone, never on timers, so a recording of what was received
+Events come in: a message at a time, a timer at a time, the link going up or down. Each returns
+effects (send, record, tell) in order. Time enters only with the events. Estimates depend on
+messages and their arrival times alone, never on timers, so a recording of what was received
 reproduces them exactly.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.attitude.samples import ImuSample
 from h2nav.service import health, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
-from h2nav.service.autopilot import Autopilot
-from h2nav.service.commands import Commands
-from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
+from h2nav.service.autopilot import LOST_NS, Autopilot, Heard, Sender
+from h2nav.service.conversation import Conversation
+from h2nav.service.effects import Effect, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
-from h2nav.service.health import Signs, State
-from h2nav.service.imu_messages import IMU_MESSAGES, preference
+from h2nav.service.health import Objection, Signs, State, Verdict
+from h2nav.service.imu_choice import preference
+from h2nav.service.lateness import Lateness
+from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
+from h2nav.service.notices import Notices
 from h2nav.service.outputs import Outputs
-from h2nav.service.parameters import Parameters
-from h2nav.service.sample_clock import Verdict
+from h2nav.service.sample_clock import Verdict as ClockVerdict
 from h2nav.service.settings import ServiceSettings
-from h2nav.service.status_text import StatusText
 from h2nav.service.stream_requests import StreamRequests, Wish
 from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
+from h2nav.wire import outbound
+from h2nav.wire.imu import IMU_MESSAGES, ImuReading
+from h2nav.wire.motion import PoseReading, WheelDistances
+from h2nav.wire.outbound import OutMessage
+from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
+from h2nav.wire.questions import Command, ParameterList, ParameterRead, ParameterWrite
+from h2nav.wire.readers import MOTION_READERS, READERS, Envelope, Message, message_name
+from h2nav.wire.vehicle import (
+    Airspeed,
+    CommandAck,
+    Heartbeat,
+    LandedState,
+    SystemTime,
+    TimeSyncMessage,
+)
 
-SECOND_NS = 1_000_000_000
-TIMER_NS = 100_000_000
-TIMESYNC_EAGER_NS = 200_000_000
+TIMER_NS = SECOND_NS // 10
+TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
+# A program that has used samples and uses none for so long, though its autopilot is there, hangs.
+HANGING_NS = 5 * SECOND_NS
+# A lack of samples is told when it outlasts this after binding.
+START_NS = 3 * SECOND_NS // 2
+MOTION_MESSAGES = (PoseReading, WheelDistances)
+QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
+SILENT_IMU = Objection("silent", "no IMU messages arrive")
 
 
 class Surroundings(NamedTuple):
@@ -52,6 +76,21 @@ class Surroundings(NamedTuple):
     unix_offset_ns: int = 0
 
 
+@dataclass(slots=True)
+class Job:
+    """Something that is done by the clock.
+
+    Attributes:
+        run: does it; returns its effects.
+        pause_ns: until the next time.
+        due_ns: when it is done next.
+    """
+
+    run: Callable[[int], list[Effect]]
+    pause_ns: Callable[[], int]
+    due_ns: int = 0
+
+
 class Service:
     """Events in, effects out.
 
@@ -65,9 +104,8 @@ class Service:
         self._autopilot = Autopilot(settings.autopilot)
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot.imu_message)
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
-        changeable = settings.output.allow_remote_changes
-        self._commands = Commands(self._outputs, changeable)
-        self._parameters = Parameters(self._outputs, changeable)
+        self._notices = Notices(settings.output.status_text)
+        self._lateness = Lateness()
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -75,45 +113,40 @@ class Service:
             self._estimation,
         )
         self.motion = motion_for(
-            settings, self._autopilot, self._outputs, self._tell, surroundings.unix_offset_ns
+            settings,
+            self._autopilot,
+            self._outputs,
+            self._notices.tell,
+            surroundings.unix_offset_ns,
         )
         self.time_sync = TimeSync()
+        self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
         self._units = UnitsCheck()
-        self._status_text = StatusText()
-        self._link_is_up = False
-        self._state = State.NO_LINK
-        self._reason = ""
+        self._link_error: str | None = ""
+        self._link_trouble = ""
+        self._verdict = health.AT_START
+        self._told = health.AT_START[:2]
+        self._told_dependent = False
+        self._sample_ns: int | None = None  # when a sample was last used, whenever it had arrived
+        self._heartbeat_ns = 0  # when the bound autopilot was last heard, likewise
+        self._bound_ns = 0
+        self._stall: tuple[int, int] | None = None
         self._short_streams: set[int] = set()
-        self._rivals: set[tuple[int, int]] = set()
-        self._next_ns: dict[Callable[[int], list[Effect]], int] = {
-            self._heartbeat: 0,
-            self._ask_time: 0,
-            self._ask_streams: 0,
-            self._report: 0,
-        }
-        self._handlers: dict[int, Callable[[int, Any], list[Effect]]] = {
-            **self._aiding.handlers,
-            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_time_sync,
-            mavlink.MAVLINK_MSG_ID_COMMAND_ACK: self._on_ack,
-        }
-        self._questions: dict[int, Callable[[Any, tuple[int, int]], list[Any]]] = {
-            mavlink.MAVLINK_MSG_ID_COMMAND_LONG: self._commands.answer,
-            mavlink.MAVLINK_MSG_ID_COMMAND_INT: self._commands.answer,
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: lambda _m, _a: list(
-                self._parameters.every_value()
-            ),
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: lambda m, _a: [self._parameters.read(m)],
-            mavlink.MAVLINK_MSG_ID_PARAM_SET: lambda m, _a: [self._parameters.write(m)],
-        }
+        self._faults: dict[str, int] = {}
+        self._jobs = (
+            Job(self._heartbeat, lambda: SECOND_NS),
+            Job(self._ask_time, self._time_sync_pause_ns),
+            Job(self._ask_streams, lambda: TIMER_NS),
+            Job(self._report, lambda: SECOND_NS),
+        )
 
     @property
     def message_ids(self) -> frozenset[int]:
-        """The messages that the service understands; others need not be decoded."""
-        heard = {mavlink.MAVLINK_MSG_ID_HEARTBEAT, *IMU_MESSAGES, *self._handlers}
-        heard |= {*self._questions, *self.motion.message_ids}
+        """The messages that the service heeds; others need not be decoded."""
+        heard = (READERS.keys() - MOTION_READERS.keys()) | self.motion.message_ids
         if self._settings.autopilot.simulation_truth:
-            heard.add(mavlink.MAVLINK_MSG_ID_SIMSTATE)  # its rate is measured like any other
+            heard = heard | {mavlink.MAVLINK_MSG_ID_SIMSTATE}  # its rate is measured like any other
         return frozenset(heard)
 
     @property
@@ -129,8 +162,8 @@ class Service:
         """The state as it is logged and shown."""
         row = self._estimation.imu_message
         return records.HealthRecord(
-            state=self._state.value,
-            reason=self._reason,
+            state=self._verdict.state.value,
+            reason=self._verdict.reason,
             autopilot=str(self._autopilot.identity or ""),
             imu_message=row.name if row else "",
             imu_rate_hz=self._imu_rate_hz() or 0.0,
@@ -139,125 +172,244 @@ class Service:
             estimates_sent=self._outputs.sent,
             armed=self._autopilot.is_armed,
             independent=self._estimation.is_independent,
+            late_ms=self._lateness.late_ns * 1e-6,
         )
 
     @property
     def rejected(self) -> dict[str, int]:
         """Samples and messages that were refused, by reason."""
-        return dict(self._estimation.rejected + self.motion.rejected)
+        counts = self._estimation.rejected + self.motion.rejected + self._conversation.rejected
+        return {**counts, **self._faults}
+
+    def is_progressing(self, t_ns: int) -> bool:
+        """False where samples were used, the autopilot is there, and yet no sample is used."""
+        if self._sample_ns is None or not self._is_heard(t_ns) or self._link_error is not None:
+            return True
+        return t_ns - self._sample_ns < HANGING_NS
 
     # --- events -------------------------------------------------------------------------------
 
-    def on_link(self, t_ns: int, is_up: bool) -> list[Effect]:
-        """The link went up or down."""
-        if is_up == self._link_is_up:
-            return []
-        self._link_is_up = is_up
-        if is_up and self._streams is not None:
-            self._streams.restart()
-        return self._judge(t_ns)
-
-    def on_message(
-        self, t_ns: int, sender: tuple[int, int], message_id: int, fields: Any
-    ) -> list[Effect]:
-        """A message arrived.
+    def on_link(self, t_ns: int, is_up: bool, error: str = "") -> list[Effect]:
+        """The state of the link.
 
         Args:
-            t_ns: host monotonic time of its arrival.
-            sender: system and component id.
-            message_id: of the message; those outside `message_ids` are ignored.
-            fields: its fields under the dialect's names.
+            t_ns: host time.
+            is_up: bytes can come.
+            error: the latest error of the link; empty before the first.
         """
-        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            return self._on_heartbeat(t_ns, sender, fields)
-        question = self._questions.get(message_id)
-        if question is not None:
-            return self._on_question(question, fields, sender)
-        owned = self._autopilot.owns(*sender)
+        link_error = None if is_up else error
+        effects: list[Effect] = []
+        if is_up and self._link_error is None and error != self._link_trouble:
+            effects += self._notices.tell(t_ns, Severity.WARNING, error)
+        self._link_trouble = error
+        if link_error == self._link_error:
+            return effects
+        came_up = is_up and self._link_error is not None
+        self._link_error = link_error
+        if came_up and self._streams is not None:
+            self._streams.restart()
+        return effects + self._judge(t_ns)
+
+    def speaks_for_vehicle(self, envelope: Envelope, message: Message | None) -> bool:
+        """Whether a message proves that its sender is, or may become, the bound autopilot.
+
+        Args:
+            envelope: of the message.
+            message: what it says, where it was read.
+        """
+        if self._autopilot.owns(envelope.sender):
+            return True
+        is_autopilot = isinstance(message, Heartbeat) and message.is_of_autopilot
+        may_bind = self._autopilot.may_be_replaced(envelope.t_ns)
+        return is_autopilot and may_bind and self._autopilot.accepts(envelope.sender)
+
+    def heeds(self, envelope: Envelope) -> bool:
+        """Whether a message has to be read; it is counted as having arrived in any case."""
+        t_ns, _, sender, message_id = envelope
+        owned = self._autopilot.owns(sender)
         if owned and self._streams is not None:
             self._streams.arrived(message_id)
-        if message_id in self.motion.message_ids:
-            return self.motion.on_message(t_ns, sender, message_id, fields)
-        if not owned:
-            if message_id in IMU_MESSAGES:
-                bound = self._autopilot.identity is not None
-                self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
-            return []
-        if message_id in IMU_MESSAGES:
-            return self._on_imu(t_ns, message_id, fields)
-        handler = self._handlers.get(message_id)
-        return handler(t_ns, fields) if handler else []
+        if message_id not in IMU_MESSAGES:
+            return message_id in READERS
+        if owned:
+            self._autopilot.brings_imu()
+            return self._estimation.considers(t_ns, message_id)
+        bound = self._autopilot.identity is not None
+        self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
+        return False
+
+    def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
+        """A message that the service heeds arrived."""
+        if isinstance(message, ImuReading):
+            return self._on_imu(envelope, message)
+        if isinstance(message, Heartbeat):
+            return self._on_heartbeat(envelope, message)
+        if isinstance(message, MOTION_MESSAGES):
+            return self.motion.on_message(envelope, message)
+        if isinstance(message, QUESTIONS):
+            return self._send_all(self._conversation.on_question(envelope, message, self._ours))
+        owned = self._autopilot.owns(envelope.sender)
+        if isinstance(message, TimeSyncMessage):
+            return self._on_time_sync(envelope, message, owned)
+        return self._on_vehicle_message(envelope.t_ns, message) if owned else []
+
+    def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
+        """A message that the service heeds was refused at the wire boundary."""
+        if envelope.message_id in self.motion.message_ids:
+            return self.motion.on_refusal(envelope, reason)
+        if self._autopilot.owns(envelope.sender):
+            if envelope.message_id in IMU_MESSAGES:
+                self._estimation.refuse(envelope.t_ns, reason)
+            else:
+                self._estimation.rejected[reason] += 1
+        return []
+
+    def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
+        """A handler of ours raised: it is counted and told, and the daemon lives on.
+
+        Args:
+            t_ns: host time.
+            where: the message, or ``timer`` or ``link``.
+            what: the error, in one line.
+        """
+        reason = f"handler_error:{where}"
+        self._faults[reason] = self._faults.get(reason, 0) + 1
+        text = f"fault in h2nav at {where}: {what}; please report it"
+        return self._notices.tell(t_ns, Severity.ERROR, text, reason)
+
+    def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
+        """We were held up ourselves: what was not heard meanwhile says nothing about others."""
+        self._stall = (t_ns, length_ns)
+        return self._judge(t_ns)
 
     def on_timer(self, t_ns: int) -> list[Effect]:
         """Time passed: heartbeats, requests, reports that are due. Call it at `next_timer_ns`."""
         effects = self._judge(t_ns)
-        for job, due_ns in self._next_ns.items():
-            if t_ns >= due_ns:
-                effects += job(t_ns)
-        text = self._status_text.due(t_ns) if self._link_is_up else None
+        for job in self._jobs:
+            if t_ns >= job.due_ns:
+                job.due_ns = t_ns + job.pause_ns()
+                effects += job.run(t_ns)
+        text = self._notices.status_text(t_ns) if self._link_error is None else None
         if text is not None:
             effects.append(self._send(text))
         return effects
 
     def next_timer_ns(self, t_ns: int) -> int:
         """When to call `on_timer` next, at the latest."""
-        return min(t_ns + TIMER_NS, *self._next_ns.values())
+        return min(t_ns + TIMER_NS, *(job.due_ns for job in self._jobs))
 
     # --- what the autopilot says --------------------------------------------------------------
 
-    def _on_heartbeat(self, t_ns: int, sender: tuple[int, int], fields: Any) -> list[Effect]:
+    def _on_heartbeat(self, envelope: Envelope, message: Heartbeat) -> list[Effect]:
+        t_ns, now_ns, sender, _ = envelope
         effects: list[Effect] = []
-        if self._autopilot.hears_heartbeat(t_ns, *sender, fields):
-            identity = self._autopilot.identity
-            assert identity is not None
-            self._estimation.begin(identity)
-            self.motion.restart()
-            self._streams = StreamRequests(self._wishes(identity.autopilot))
-            effects += self._tell(t_ns, Severity.INFO, f"bound to {identity.description}")
-        for rival in self._autopilot.rivals - self._rivals:
-            self._rivals.add(rival)
-            text = f"another autopilot {rival[0]}/{rival[1]} on this link"
-            effects += self._tell(t_ns, Severity.WARNING, text)
+        heard = self._autopilot.hears_heartbeat(t_ns, sender, message)
+        if self._autopilot.owns(sender):
+            self._heartbeat_ns = now_ns
+        if heard is Heard.BOUND:
+            effects += self._on_binding(t_ns)
+        elif heard is Heard.RETURNED and self._streams is not None:
+            self._streams.restart()
+        elif heard is Heard.RIVAL:
+            text = f"another autopilot {sender[0]}/{sender[1]} on this link"
+            effects += self._notices.tell(t_ns, Severity.WARNING, text, "rival")
         return effects + self._aiding.tell_vehicle(t_ns)
 
-    def _on_imu(self, t_ns: int, message_id: int, fields: Any) -> list[Effect]:
-        outcome = self._estimation.take(t_ns, message_id, fields)
+    def _on_binding(self, t_ns: int) -> list[Effect]:
+        identity = self._autopilot.identity
+        assert identity is not None
+        self._bound_ns = t_ns
+        self._estimation.begin(identity)
+        self._lateness.restart()
+        self.time_sync.restart()
+        self.motion.restart()
+        self._streams = StreamRequests(self._wishes(identity.autopilot))
+        return self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
+
+    def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
+        t_ns = envelope.t_ns
+        outcome = self._estimation.take(t_ns, envelope.message_id, reading)
         effects: list[Effect] = []
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
+        self._sample_ns = envelope.now_ns
+        self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
+        self._outputs.are_held = self._lateness.is_late
+        if not self._lateness.is_late:
+            self._stall = None
         # The attitude leaves before anything is written down.
         if estimate is not None:
-            effects += [self._send(message) for message in self._outputs.due(estimate)]
+            effects += self._send_all(self._outputs.due(estimate))
         effects += self.motion.on_sample(t_ns, sample, estimate)
-        effects.append(Used(sample, estimate))
-        if self._autopilot.on_ground and self._units.add(sample):
-            for complaint in self._units.report.complaints:
-                effects += self._tell(t_ns, Severity.ERROR, complaint)
-        if self._state is not State.ACTIVE:
-            effects += self._judge(t_ns)
+        effects.append(Used(sample, estimate, self._lateness.late_ns))
+        if not self._units.is_over:
+            effects += self._check_units(t_ns, sample)
+        if self._verdict.state is not State.ACTIVE:
+            effects += self._judge(envelope.now_ns)
         return effects
 
-    def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
+    def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
+        """At rest on the ground; a complaint is looked into wherever the vehicle is."""
+        effects: list[Effect] = []
+        complained = bool(self._units.report.complaints)
+        if (self._autopilot.on_ground or complained) and self._units.add(sample):
+            for complaint in self._units.report.complaints:
+                effects += self._notices.tell(t_ns, Severity.ERROR, complaint, complaint[:5])
+        return effects
+
+    def _on_new_epoch(self, t_ns: int, event: ClockVerdict) -> list[Effect]:
         self.time_sync.restart()
+        self._lateness.restart()
         self.motion.restart()
         self._outputs.forget()
         if self._streams is not None:
             self._streams.restart()
-        rebooted = event is Verdict.REBOOT
+        rebooted = event is ClockVerdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
-        return self._tell(t_ns, Severity.WARNING, text)
+        return self._notices.tell(t_ns, Severity.WARNING, text)
 
-    def _on_time_sync(self, t_ns: int, fields: Any) -> list[Effect]:
-        if fields.tc1 == 0:
-            if not self.time_sync.is_locked:
-                return []
-            return [self._send(mavlink.MAVLink_timesync_message(t_ns, fields.ts1))]
-        exchange = self.time_sync.answer(t_ns, fields.tc1, fields.ts1)
+    def _on_vehicle_message(self, t_ns: int, message: Message) -> list[Effect]:
+        """What the bound autopilot says of itself and its vehicle."""
+        aiding = self._aiding
+        match message:
+            case GpsFix():
+                return aiding.on_gps(t_ns, message)
+            case Place():
+                return aiding.on_place(t_ns, message)
+            case Origin():
+                return aiding.on_origin(t_ns, message)
+            case Airspeed():
+                return aiding.on_airspeed(t_ns, message)
+            case LandedState():
+                return aiding.on_landed_state(t_ns, message)
+            case SystemTime():
+                return aiding.on_system_time(message)
+            case EstimatedVelocity():
+                return aiding.on_autopilot_velocity(t_ns, message)
+            case CommandAck():
+                self._on_ack(t_ns, message)
+            case NoFix():
+                pass
+        return []
+
+    def _on_time_sync(
+        self, envelope: Envelope, message: TimeSyncMessage, owned: bool
+    ) -> list[Effect]:
+        if message.target not in (self._ours, (0, 0)):
+            return []
+        if message.tc1_ns == 0:
+            may_ask = owned or message.target == self._ours
+            answer = self._conversation.on_time_question(envelope, message) if may_ask else None
+            return [] if answer is None else [self._send(answer)]
+        if not owned:
+            return []
+        exchange = self.time_sync.answer(envelope.t_ns, message.tc1_ns, message.ts1_ns)
         if exchange is None:
             return []
+        self._lateness.compared(exchange.offset_ns, exchange.round_trip_ns)
         record = records.TimeSyncRecord(
             offset_us=exchange.offset_ns * 1e-3,
             skew_ppm=self.time_sync.skew * 1e6,
@@ -266,73 +418,56 @@ class Service:
         )
         return [Record("/time_sync", record)]
 
-    def _on_ack(self, t_ns: int, fields: Any) -> list[Effect]:
-        ours = (self.system_id, self._settings.output.component_id)
-        addressed = (fields.target_system, fields.target_component)
-        is_interval = fields.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        if self._streams is not None and is_interval and addressed in (ours, (0, 0)):
-            self._streams.acknowledged(t_ns, fields.result)
-        return []
-
-    def _on_question(
-        self,
-        question: Callable[[Any, tuple[int, int]], list[Any]],
-        fields: Any,
-        sender: tuple[int, int],
-    ) -> list[Effect]:
-        ours = (self.system_id, self._settings.output.component_id)
-        if (fields.target_system, fields.target_component) != ours:
-            return []
-        return [self._send(message) for message in question(fields, sender) if message is not None]
+    def _on_ack(self, t_ns: int, ack: CommandAck) -> None:
+        is_interval = ack.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        if self._streams is not None and is_interval and ack.target in (self._ours, (0, 0)):
+            self._streams.acknowledged(t_ns, ack.result)
 
     # --- what happens by the clock ------------------------------------------------------------
 
-    def _heartbeat(self, t_ns: int) -> list[Effect]:
-        self._next_ns[self._heartbeat] = t_ns + SECOND_NS
-        if not self._link_is_up:
+    def _heartbeat(self, _t_ns: int) -> list[Effect]:
+        if self._link_error is not None:
             return []
-        message = mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-            mavlink.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
-            health.SYSTEM_STATUS[self._state],
-            3,
-        )
-        return [self._send(message)]
+        return [self._send(outbound.heartbeat(health.SYSTEM_STATUS[self._verdict.state]))]
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
-        pause_ns = TIMESYNC_CALM_NS if self.time_sync.is_locked else TIMESYNC_EAGER_NS
-        self._next_ns[self._ask_time] = t_ns + pause_ns
-        if self._autopilot.identity is None or not self._link_is_up:
+        identity = self._autopilot.identity
+        if identity is None or self._link_error is not None or not self._is_heard(t_ns):
             return []
-        return [self._send(mavlink.MAVLink_timesync_message(0, self.time_sync.request(t_ns)))]
+        asked = outbound.time_sync(0, self.time_sync.request(t_ns), identity.address)
+        return [self._send(asked)]
+
+    def _time_sync_pause_ns(self) -> int:
+        return TIMESYNC_CALM_NS if self.time_sync.is_calm else TIMESYNC_EAGER_NS
 
     def _ask_streams(self, t_ns: int) -> list[Effect]:
-        self._next_ns[self._ask_streams] = t_ns + TIMER_NS
         identity = self._autopilot.identity
-        if identity is None or self._streams is None or not self._link_is_up:
+        if identity is None or self._streams is None or self._link_error is not None:
             return []
         self._streams.measure(t_ns)
         if not self._settings.autopilot.request_streams:
             return []
-        request = self._streams.next_request(t_ns, (identity.system_id, identity.component_id))
+        request = self._streams.next_request(t_ns, identity.address)
         return [] if request is None else [self._send(request)]
 
     def _report(self, t_ns: int) -> list[Effect]:
-        self._next_ns[self._report] = t_ns + SECOND_NS
         effects: list[Effect] = [Record("/health", self.health)]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
         short = {row[0]: row for row in self._streams.shortfalls()} if self._streams else {}
         for message_id in short.keys() - self._short_streams:
             _, achieved_hz, asked_hz = short[message_id]
-            text = f"{_name(message_id)} {achieved_hz:.0f} of {asked_hz:.0f} Hz: link full?"
-            effects += self._tell(t_ns, Severity.WARNING, text)
+            name = message_name(message_id)
+            text = f"{name} {achieved_hz:.0f} of {asked_hz:.0f} Hz: link full?"
+            effects += self._notices.tell(t_ns, Severity.WARNING, text, f"short {name}")
         self._short_streams = set(short)
-        return effects
+        return effects + self._tell_dependence(t_ns)
 
     # --- the rest -----------------------------------------------------------------------------
+
+    @property
+    def _ours(self) -> Sender:
+        return self.system_id, self._settings.output.component_id
 
     def _wishes(self, autopilot: int) -> tuple[Wish, ...]:
         """The streams to ask this autopilot for, the most important first."""
@@ -356,39 +491,69 @@ class Service:
         row = self._estimation.imu_message
         return self._streams.measured_hz(row.message_id) if row and self._streams else None
 
-    def _judge(self, t_ns: int) -> list[Effect]:
-        """Looks at the state; a change is told once."""
-        signs = Signs(
-            link_is_up=self._link_is_up,
-            autopilot_known=self._autopilot.identity is not None
-            and not self._autopilot.is_lost(t_ns),
-            last_sample_ns=self._estimation.last_used_ns,
+    def _is_heard(self, t_ns: int) -> bool:
+        """An autopilot is bound, and its heartbeats come."""
+        return self._autopilot.identity is not None and t_ns - self._heartbeat_ns <= LOST_NS
+
+    def _stall_ns(self, t_ns: int) -> int:
+        """How long we were held up, as long as it still tells in what is heard; else 0."""
+        if self._stall is None or self._sample_ns is None or t_ns - self._stall[0] > SECOND_NS:
+            return 0
+        return self._stall[1]
+
+    def _signs(self, t_ns: int) -> Signs:
+        units = (Objection(text[:5], text) for text in self._units.report.complaints)
+        return Signs(
+            link_error=self._link_error,
+            stall_ns=self._stall_ns(t_ns),
+            autopilot_known=self._is_heard(t_ns),
+            last_sample_ns=self._sample_ns,
+            no_imu=self._estimation.why_no_samples(t_ns) or SILENT_IMU,
             has_estimate=self._estimation.has_estimate,
-            complaint="; ".join((*self._units.report.complaints, *self._estimation.complaints)),
+            late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
+            objections=(*units, *self._estimation.objections(t_ns)),
             rate_hz=self._imu_rate_hz(),
             wanted_rate_hz=self._settings.autopilot.imu_rate_hz,
         )
-        state, reason = health.judge(signs, t_ns)
-        if (state, reason) == (self._state, self._reason):
-            return []
-        changed, self._state, self._reason = state is not self._state, state, reason
-        if not changed:
-            return []
-        if state not in (State.ACTIVE, State.DEGRADED):
-            self._outputs.forget()
-        good = state in (State.ACTIVE, State.ALIGNING)
-        text = f"{state.value}: {reason}" if reason else state.value
-        told = self._tell(t_ns, Severity.INFO if good else Severity.WARNING, text)
-        return [*told, Record("/health", self.health)]
 
-    def _tell(self, t_ns: int, severity: Severity, text: str) -> list[Effect]:
-        if self._settings.output.status_text:
-            self._status_text.say(t_ns, severity, text)
-        return [Notice(severity, text)]
+    def _judge(self, t_ns: int) -> list[Effect]:
+        """Looks at the state; a change of it, or of its cause, is told once."""
+        before, verdict = self._verdict, health.judge(self._signs(t_ns), t_ns)
+        self._verdict = verdict
+        effects: list[Effect] = []
+        if verdict[:2] != self._told:
+            effects += self._tell_state(t_ns, verdict)
+        if verdict[:2] != before[:2]:
+            if verdict.state not in (State.ACTIVE, State.DEGRADED):
+                self._outputs.forget()
+            effects.append(Record("/health", self.health))
+        return effects
 
-    def _send(self, message: Any) -> Send:
+    def _tell_state(self, t_ns: int, verdict: Verdict) -> list[Effect]:
+        """Tells a change; one that comes back within a minute waits to be told until it lasts."""
+        change = f"{self._told} -> {verdict[:2]}"
+        # Streams have to be asked for first.
+        starting = verdict.state is State.NO_IMU and t_ns - self._bound_ns < START_NS
+        if starting or not self._notices.may_tell(t_ns, change):
+            return []
+        good = verdict.state in (State.ACTIVE, State.ALIGNING)
+        severity = Severity.INFO if good else Severity.WARNING
+        told = self._notices.tell(t_ns, severity, verdict.text, change)
+        if told:
+            self._told = verdict[:2]
+        return told
+
+    def _tell_dependence(self, t_ns: int) -> list[Effect]:
+        if self._told_dependent or self._estimation.is_independent:
+            return []
+        self._told_dependent = True
+        row = self._estimation.imu_message
+        source = row.name if row else "its velocity"
+        text = f"not independent: {source} holds the autopilot's own estimate"
+        return self._notices.tell(t_ns, Severity.NOTICE, text)
+
+    def _send(self, message: OutMessage) -> Send:
         return Send(message, self.system_id)
 
-
-def _name(message_id: int) -> str:
-    return str(mavlink.mavlink_map[message_id].msgname)
+    def _send_all(self, messages: Iterable[OutMessage]) -> list[Effect]:
+        return [self._send(message) for message in messages]

@@ -11,6 +11,8 @@ WINDOW = 16
 BELIEVED_RTT_FACTOR = 1.5
 BELIEVED_RTT_FLOOR_NS = 200_000
 JUMP_NS = 50_000_000
+# An offset further from the expected one shows a clock of another speed (a simulator's).
+DRIFT_NS = 10_000_000
 LOCK_EXCHANGES = 4
 MAX_PENDING = 8
 MAX_SKEW = 1e-3
@@ -37,6 +39,7 @@ class TimeSync:
         self._pending: deque[int] = deque(maxlen=MAX_PENDING)
         self._believed: deque[Exchange] = deque(maxlen=WINDOW)
         self._recent_rtt_ns: deque[int] = deque(maxlen=WINDOW)
+        self._is_drifting = False
 
     def request(self, t_ns: int) -> int:
         """Notes a request made now; returns the `ts1` to send."""
@@ -56,8 +59,11 @@ class TimeSync:
             return None
         host_ns = ts1 + round_trip_ns // 2
         exchange = Exchange(host_ns, tc1 - host_ns, round_trip_ns)
-        if self._believed and abs(exchange.offset_ns - self._offset_at(host_ns)) > JUMP_NS:
-            self._believed.clear()
+        if self._believed:
+            deviation_ns = abs(exchange.offset_ns - self._offset_at(host_ns))
+            self._is_drifting = deviation_ns > DRIFT_NS
+            if deviation_ns > JUMP_NS:
+                self._believed.clear()
         self._believed.append(exchange)
         return exchange
 
@@ -71,6 +77,11 @@ class TimeSync:
     def is_locked(self) -> bool:
         """Enough believed exchanges to answer others and to map times."""
         return len(self._believed) >= LOCK_EXCHANGES
+
+    @property
+    def is_calm(self) -> bool:
+        """Locked, and the next exchange will tell nothing new for a while."""
+        return self.is_locked and not self._is_drifting
 
     @property
     def skew(self) -> float:

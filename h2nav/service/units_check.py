@@ -5,7 +5,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.service.imu_messages import STANDARD_GRAVITY
+from h2nav.wire.imu import STANDARD_GRAVITY
 
 REST_RATE_RAD_S = 0.05
 REST_SAMPLES = 50
@@ -35,20 +35,24 @@ class UnitsReport(NamedTuple):
 
 
 class UnitsCheck:
-    """Averages |f| and |B| over the first quiet samples and compares them with the earth's."""
+    """Averages |f| and |B| over quiet samples and compares them with the earth's.
+
+    A window without a complaint ends the check; after one with complaints the next is looked at,
+    so that what was wrong for a while is not held against the sensors for ever.
+    """
 
     def __init__(self) -> None:
-        self._samples = 0
-        self._force_sum = 0.0
-        self._fields = 0
-        self._field_sum_ut = 0.0
         self.report = UnitsReport(Finding.UNDECIDED, ())
+        self._begin()
+
+    @property
+    def is_over(self) -> bool:
+        """The units have been found to be fine."""
+        return self.report.force is Finding.FINE and not self.report.complaints
 
     def add(self, sample: ImuSample) -> bool:
-        """Takes a sample; True at the one sample that completes the report."""
-        if self.report.force is not Finding.UNDECIDED:
-            return False
-        if math.hypot(*sample.w_b) > REST_RATE_RAD_S:
+        """Takes a sample; True at a sample that completes a window."""
+        if self.is_over or math.hypot(*sample.w_b) > REST_RATE_RAD_S:
             return False
         self._samples += 1
         self._force_sum += math.hypot(*sample.f_b)
@@ -58,7 +62,14 @@ class UnitsCheck:
         if self._samples < REST_SAMPLES:
             return False
         self.report = self._judge()
+        self._begin()
         return True
+
+    def _begin(self) -> None:
+        self._samples = 0
+        self._force_sum = 0.0
+        self._fields = 0
+        self._field_sum_ut = 0.0
 
     def _judge(self) -> UnitsReport:
         complaints = []

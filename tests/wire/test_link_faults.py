@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from link_drivers import MS, WAIT_S, Clock
+from link_drivers import MS, WAIT_S, Clock, read
 from pseudo_devices import PseudoDevice
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import FrameMaker
@@ -56,7 +56,7 @@ class Loop:
             self._collect()
 
     def _collect(self) -> None:
-        for chunk in self.link.read():
+        for chunk in read(self.link):
             frames = self.deframer.feed(chunk)
             self.times += [decode(frame).time_usec for frame in frames]
             assert self.deframer.pending_bytes < LONGEST_FRAME

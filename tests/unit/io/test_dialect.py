@@ -1,7 +1,7 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.dialect import LAYOUTS
+from h2nav.io.dialect import LAYOUTS, MISSING_EXTENSIONS
 
 # Payload sizes without extensions, from the message definitions (common.xml, ardupilotmega.xml).
 BASE_SIZES = {
@@ -22,9 +22,10 @@ BASE_SIZES = {
 def test_sizes_are_those_of_the_dialect() -> None:
     for msg_id, layout in LAYOUTS.items():
         message = mavlink.mavlink_map[msg_id]
-        assert layout.size == message.unpacker.size
+        added = MISSING_EXTENSIONS.get(layout.name, ())
+        assert layout.size == message.unpacker.size + sum(field.size for field in added)
         assert 0 < layout.base_size <= layout.size <= 255
-        assert layout.field_names == tuple(message.fieldnames)
+        assert layout.field_names == (*message.fieldnames, *(field.name for field in added))
 
 
 @pytest.mark.parametrize(("name", "size"), BASE_SIZES.items())

@@ -5,6 +5,7 @@ import select
 import socket
 
 import pytest
+from link_drivers import read
 
 from h2nav.errors import BadInput
 from h2nav.io.links import open_link
@@ -28,7 +29,7 @@ def arrived(link):
     for i in range(100, 200):
         link.maintain(i * SECOND)
         select.select([link.fileno()], [], [], 0.2)
-        data = b"".join(link.read())
+        data = b"".join(read(link))
         if data:
             return data
     raise AssertionError("nothing has arrived")

@@ -1,6 +1,7 @@
 import pytest
 
 from h2nav.io.frame_queue import QUEUE_BYTES
+from h2nav.io.received import Received
 from h2nav.io.stream_link import OPEN_TIMEOUT_NS, StreamLink
 
 MS = 1_000_000
@@ -83,7 +84,7 @@ def test_returning_device_is_open_within_a_second_and_starts_anew(
         link.maintain(ms * MS)
     assert link.is_up
     transport.incoming = b"data"
-    assert link.read() == [b"data"]
+    assert link.read() == [Received(b"data")]
     transport.present = False
     assert link.read() == []
     assert not link.is_up

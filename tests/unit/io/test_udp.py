@@ -1,14 +1,16 @@
+import select
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from link_drivers import Clock, attempts, bring_up, receive
+from link_drivers import Clock, attempts, bring_up, receive, wait_readable
 from needs import absent
 
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.links import Link, open_link
-from h2nav.io.udp import PEER_SILENCE_NS
+from h2nav.io.udp import PEER_SILENCE_NS, Vouch
 
 SILENCE_MS = PEER_SILENCE_NS / 1e6
 
@@ -24,8 +26,8 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def opened(url: str, stack: ExitStack, clock: Clock) -> Link:
-    link = open_link(url)
+def opened(url: str, stack: ExitStack, clock: Clock, vouch: Vouch | None = None) -> Link:
+    link = open_link(url, vouch)
     stack.callback(link.close)
     bring_up(link, clock)
     return link
@@ -117,6 +119,40 @@ def test_two_senders_are_never_heard_at_once(stack: ExitStack, clock: Clock) -> 
     assert link.statistics.peer_changes == 0
 
 
+def test_a_stranger_needs_a_datagram_that_is_vouched_for(stack: ExitStack, clock: Clock) -> None:
+    link = opened("udpin:127.0.0.1:0", stack, clock, lambda data: data.startswith(b"frame"))
+    address = ("127.0.0.1", link.local_port)
+    squatter, autopilot = bare_socket(stack), bare_socket(stack)
+    squatter.sendto(b"garbage", address)
+    assert receive(link) == []
+    assert not link.write(b"to nobody")
+    autopilot.sendto(b"frame 1", address)
+    assert receive(link) == [b"frame 1"]
+    for _ in range(10):  # the autopilot reboots; the squatter does not give up
+        link.maintain(clock.advance(SILENCE_MS))
+        squatter.sendto(b"x", address)
+        assert receive(link) == []
+    link.write(b"still to the autopilot")
+    assert autopilot.recv(100) == b"still to the autopilot"
+    assert link.statistics.peer_changes == 0
+
+
+def test_datagrams_carry_the_time_at_which_the_kernel_had_them(
+    stack: ExitStack, clock: Clock
+) -> None:
+    link = opened("udpin:127.0.0.1:0", stack, clock)
+    sender = bare_socket(stack)
+    before_ns = time.monotonic_ns()
+    sender.sendto(b"one", ("127.0.0.1", link.local_port))
+    wait_readable(link.fileno())
+    select.select([], [], [], 0.2)  # it waits in the kernel meanwhile
+    (received,) = link.read()
+    waited_ns = time.monotonic_ns() - before_ns
+    assert received.t_ns is not None
+    # The two clocks are compared to within microseconds; a step of the UNIX clock would show.
+    assert -10_000_000 < received.t_ns - before_ns < waited_ns - 150_000_000
+
+
 def test_sending_link_hears_its_peer_alone(stack: ExitStack, clock: Clock) -> None:
     peer, stranger = bare_socket(stack), bare_socket(stack)
     link = opened(f"udpout:127.0.0.1:{peer.getsockname()[1]}", stack, clock)
@@ -136,7 +172,7 @@ def test_port_in_use_is_tried_again_with_back_off(stack: ExitStack, clock: Clock
     stack.callback(link.close)
     link.maintain(clock.t_ns)
     assert not link.is_up
-    assert "in use" in link.last_error
+    assert "another program listens on this port" in link.last_error
     for _ in range(99):
         link.maintain(clock.advance(1))
     assert link.statistics.errors == 1

@@ -1,7 +1,5 @@
 """What we answer to others: commands and parameters."""
 
-from collections import namedtuple
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -9,18 +7,18 @@ from h2nav.service.commands import Commands
 from h2nav.service.outputs import Outputs
 from h2nav.service.parameters import Parameters
 from h2nav.service.settings import OutputSettings
+from h2nav.wire.questions import Command, ParameterRead, ParameterWrite
 
-Command = namedtuple("Command", "command param1 param2")
-ParamRead = namedtuple("ParamRead", "param_id param_index")
-ParamSet = namedtuple("ParamSet", "param_id param_value")
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 ASKER = (255, 190)
+US = (1, 191)
+EVERYBODY = (1, 0)
 
 
-def answers(command, param1=0.0, param2=0.0, may_change=False):
+def answers(command, param1=0.0, param2=0.0, may_change=False, target=US):
     outputs = Outputs(OutputSettings())
-    messages = Commands(outputs, may_change).answer(Command(command, param1, param2), ASKER)
-    return messages, outputs
+    asked = Command(command, param1, param2, target)
+    return Commands(outputs, may_change).answer(asked, ASKER), outputs
 
 
 def result(messages):
@@ -53,6 +51,32 @@ def test_a_message_that_cannot_be_made_yet_is_put_off():
 def test_interval_is_told():
     messages, _ = answers(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, float(ATTITUDE))
     assert messages[1].interval_us == 20_000
+
+
+def test_a_command_to_everybody_is_not_acknowledged():
+    """Whether the vehicle may arm is not for us to say."""
+    for command in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL):
+        assert answers(command, float(ATTITUDE), target=EVERYBODY)[0] == []
+
+
+def test_a_message_that_everybody_is_asked_for_comes_where_we_have_it():
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    version = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    messages, _ = answers(request, version, target=EVERYBODY)
+    assert result(messages) == mavlink.MAV_RESULT_ACCEPTED
+    assert messages[1].get_type() == "AUTOPILOT_VERSION"
+    assert answers(request, float(mavlink.MAVLINK_MSG_ID_RAW_IMU), target=EVERYBODY)[0] == []
+
+
+@pytest.mark.parametrize("interval_us", [3e9, 1e30, 1e-30])
+def test_an_interval_beyond_its_field_stands_at_the_end(interval_us):
+    outputs = Outputs(OutputSettings())
+    commands = Commands(outputs, may_change=True)
+    for command in (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_GET_MESSAGE_INTERVAL):
+        messages = commands.answer(Command(command, float(ATTITUDE), interval_us, US), ASKER)
+    assert result(messages) == mavlink.MAV_RESULT_ACCEPTED
+    assert 1_000 <= messages[1].interval_us <= (1 << 31) - 1
+    assert messages[1].pack(mavlink.MAVLink(None))
 
 
 def test_rates_are_read_only_by_default():
@@ -96,23 +120,23 @@ def test_the_list_is_complete_and_numbered():
 
 def test_reading_by_name_and_index_agree():
     table, _ = parameters()
-    by_name = table.read(ParamRead("H2_ATT_HZ", -1))
+    by_name = table.read(ParameterRead("H2_ATT_HZ", None, US))
     assert by_name.param_value == 50.0
-    assert table.read(ParamRead("", by_name.param_index)).param_id == by_name.param_id
-    assert table.read(ParamRead("NOBODY", -1)) is None
-    assert table.read(ParamRead("", 99)) is None
+    assert table.read(ParameterRead("", by_name.param_index, US)).param_id == by_name.param_id
+    assert table.read(ParameterRead("NOBODY", None, US)) is None
+    assert table.read(ParameterRead("", 99, US)) is None
 
 
 def test_a_refused_write_is_answered_with_the_value_that_stands():
     table, outputs = parameters()
-    assert table.write(ParamSet("H2_ATT_HZ", 5.0)).param_value == 50.0
+    assert table.write(ParameterWrite("H2_ATT_HZ", 5.0, US)).param_value == 50.0
     assert outputs.rate_hz(ATTITUDE) == 50.0
 
 
 def test_an_allowed_write_is_kept_within_limits():
     table, outputs = parameters(may_change=True)
-    assert table.write(ParamSet("H2_ATT_HZ", 5.0)).param_value == 5.0
-    table.write(ParamSet("H2_ATT_HZ", 1e9))
+    assert table.write(ParameterWrite("H2_ATT_HZ", 5.0, US)).param_value == 5.0
+    table.write(ParameterWrite("H2_ATT_HZ", 1e9, US))
     assert outputs.rate_hz(ATTITUDE) == 1000.0
-    table.write(ParamSet("H2_ATT_HZ", float("nan")))
+    table.write(ParameterWrite("H2_ATT_HZ", None, US))
     assert outputs.rate_hz(ATTITUDE) == 1000.0

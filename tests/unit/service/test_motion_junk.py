@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
 from h2nav.io.codec import Encoder
-from h2nav.service.autopilot import Autopilot
+from h2nav.service.autopilot import Autopilot, Heard
 from h2nav.service.effects import Record, Send
 from h2nav.service.motion import motion_for
 from h2nav.service.outputs import Outputs
@@ -19,6 +19,9 @@ from h2nav.service.settings import (
     OutputSettings,
     ServiceSettings,
 )
+from h2nav.wire.readers import READERS, Envelope
+from h2nav.wire.refused import Refused
+from h2nav.wire.vehicle import Heartbeat
 
 ANY_FLOAT = st.one_of(
     st.floats(width=32), st.sampled_from([0.0, 1.0, -1.0, math.nan, math.inf, -math.inf])
@@ -31,11 +34,20 @@ ZERO = (0.0, 0.0, 0.0)
 def bound(estimator):
     """Motion estimation of a vehicle 1/1, with what it told."""
     autopilot = Autopilot(AutopilotSettings())
-    heartbeat = SimpleNamespace(autopilot=3, base_mode=0, type=2)
-    assert autopilot.hears_heartbeat(0, 1, 1, heartbeat)
+    assert autopilot.hears_heartbeat(0, (1, 1), Heartbeat(3, 2, is_armed=False)) is Heard.BOUND
     chosen = ServiceSettings(motion=MotionSettings(estimator, odometry_rate_hz=1000.0))
     outputs = Outputs(OutputSettings(), 1000.0)
-    return motion_for(chosen, autopilot, outputs, lambda _t, _s, _text: [], 0)
+    return motion_for(chosen, autopilot, outputs, lambda *_: [], 0)
+
+
+def deliver(motion, t_ns, sender, message_id, fields):
+    """The message across the wire boundary."""
+    envelope = Envelope(t_ns, t_ns, sender, message_id)
+    try:
+        measured = READERS[message_id](fields)
+    except Refused as refusal:
+        return motion.on_refusal(envelope, refusal.reason)
+    return motion.on_message(envelope, measured)
 
 
 @st.composite
@@ -93,7 +105,7 @@ def test_the_twist_observer_takes_anything(events):
             motion.restart()
         elif len(event) == 3:
             message_id, component_id, fields = event
-            assert_finite(motion.on_message(t_ns, (1, component_id), message_id, fields))
+            assert_finite(deliver(motion, t_ns, (1, component_id), message_id, fields))
         w_b, f_b = event if len(event) == 2 else (ZERO, (0.0, 0.0, -9.8))
         estimate = AttitudeEstimate(t_us, LEVEL, ZERO, ZERO, ZERO, 0.01, Trust.ALIGNED)
         assert_finite(motion.on_sample(t_ns, ImuSample(t_us, w_b, f_b), estimate))
@@ -115,5 +127,5 @@ def test_the_wheel_odometry_takes_anything(readings):
         t_us, t_ns = 1_000_000 + i * 10_000, 9_000_000_000 + i * 10_000_000
         fields = SimpleNamespace(time_usec=time_usec, count=count, distance=tuple(distance))
         motion.on_sample(t_ns, ImuSample(t_us, ZERO, (0.0, 0.0, -9.8)), None)
-        effects = motion.on_message(t_ns, (1, 1), mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, fields)
+        effects = deliver(motion, t_ns, (1, 1), mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, fields)
         assert_finite(effects)

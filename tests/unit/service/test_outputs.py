@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.service.outputs import Outputs, attitude, attitude_quaternion
+from h2nav.service.outputs import Outputs
 from h2nav.service.settings import OutputSettings
 
 YAW_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -22,17 +22,6 @@ def counts(outputs, rate_hz, seconds):
         for message in outputs.due(estimate(round(i * 1e6 / rate_hz)))
     ]
     return names.count("ATTITUDE"), names.count("ATTITUDE_QUATERNION")
-
-
-def test_attitude_has_the_samples_time_and_bias_corrected_rates():
-    message = attitude(estimate((1 << 32) * 1000 + 5_000))
-    assert message.time_boot_ms == 5
-    assert message.yaw == pytest.approx(math.pi / 2)
-    assert (message.rollspeed, message.pitchspeed, message.yawspeed) == (0.1, 0.2, 0.3)
-
-
-def test_attitude_quaternion_is_scalar_first():
-    assert attitude_quaternion(estimate(0)).q1 == pytest.approx(math.sqrt(0.5))
 
 
 @pytest.mark.parametrize(("imu_hz", "att_hz"), [(100.0, 50.0), (400.0, 100.0), (99.0, 33.0)])
@@ -54,6 +43,15 @@ def test_nothing_stale_is_handed_out():
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is not None
     outputs.forget()
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is None
+
+
+def test_late_estimates_are_held_back_and_not_handed_out():
+    outputs = Outputs(OutputSettings(attitude_rate_hz=100.0))
+    outputs.are_held = True
+    assert list(outputs.due(estimate(0))) == []
+    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is None
+    outputs.are_held = False
+    assert [m.get_type() for m in outputs.due(estimate(10_000))] == ["ATTITUDE"]
 
 
 def test_rates_follow_time_over_an_epoch_change():

@@ -7,14 +7,34 @@ from hypothesis import strategies as st
 from h2nav.service.sample_clock import SampleClock, Verdict
 
 UINT32 = 1 << 32
+SECOND_NS = 1_000_000_000
 
 
-def verdicts(clock, raw_times):
-    return [clock.advance(raw)[0] for raw in raw_times]
+class Line:
+    """A clock whose samples arrive every 10 ms.
+
+    Args:
+        clock: under test.
+    """
+
+    def __init__(self, clock):
+        self.clock = clock
+        self.t_ns = 1_000_000_000_000
+
+    def advance(self, raw, pause_ms=10):
+        self.t_ns += pause_ms * 1_000_000
+        return self.clock.advance(self.t_ns, raw)
+
+    def verdicts(self, raw_times):
+        return [self.advance(raw)[0] for raw in raw_times]
+
+
+def line(*arguments, **options):
+    return Line(SampleClock(*arguments, **options))
 
 
 def test_a_steady_stream_passes_unchanged():
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     assert [clock.advance(raw) for raw in (5_000, 15_000, 25_000)] == [
         (Verdict.NEXT, 5_000),
         (Verdict.NEXT, 15_000),
@@ -26,16 +46,16 @@ def test_a_steady_stream_passes_unchanged():
 def test_another_messages_clock_goes_on_where_the_first_ended(hours):
     """From time_usec in 64 bits to time_boot_ms in 32 bits, and back, also after 49.7 days."""
     newest_us = hours * 3_600_000_000 + 7_000
-    milliseconds = SampleClock(1000, newest_us)
+    milliseconds = line(1000, newest_us)
     raw_ms = (newest_us // 1000 + 10) % UINT32
     assert milliseconds.advance(raw_ms) == (Verdict.NEXT, newest_us // 1000 * 1000 + 10_000)
-    microseconds = SampleClock(1, newest_us)
+    microseconds = line(1, newest_us)
     assert microseconds.advance(newest_us + 10_000) == (Verdict.NEXT, newest_us + 10_000)
 
 
 def test_duplicates_and_late_packets_are_named_and_change_nothing():
-    clock = SampleClock(unit_us=1)
-    assert verdicts(clock, [1_000_000, 1_010_000, 1_010_000, 1_000_000, 1_020_000]) == [
+    clock = line(unit_us=1)
+    assert clock.verdicts([1_000_000, 1_010_000, 1_010_000, 1_000_000, 1_020_000]) == [
         Verdict.NEXT,
         Verdict.NEXT,
         Verdict.DUPLICATE,
@@ -45,7 +65,7 @@ def test_duplicates_and_late_packets_are_named_and_change_nothing():
 
 
 def test_millisecond_counter_wraps_after_49_7_days_without_a_gap():
-    clock = SampleClock(unit_us=1000)
+    clock = line(unit_us=1000)
     times = [clock.advance((UINT32 - 20 + 10 * i) % UINT32) for i in range(5)]
     assert {verdict for verdict, _ in times} == {Verdict.NEXT}
     steps_us = {after[1] - before[1] for before, after in itertools.pairwise(times)}
@@ -53,28 +73,29 @@ def test_millisecond_counter_wraps_after_49_7_days_without_a_gap():
 
 
 def test_microsecond_counter_of_32_bits_wraps_after_71_6_minutes():
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     times = [clock.advance((UINT32 - 10_000 + 5_000 * i) % UINT32) for i in range(5)]
     assert {verdict for verdict, _ in times} == {Verdict.NEXT}
-    assert clock.epoch == 0
+    assert clock.clock.epoch == 0
 
 
 def test_reboot_needs_three_samples_in_a_row():
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     clock.advance(500_000_000)
-    assert verdicts(clock, [3_000_000, 3_010_000, 3_020_000, 3_030_000]) == [
+    clock.t_ns += SECOND_NS
+    assert clock.verdicts([3_000_000, 3_010_000, 3_020_000, 3_030_000]) == [
         Verdict.STRAY,
         Verdict.STRAY,
         Verdict.REBOOT,
         Verdict.NEXT,
     ]
-    assert clock.epoch == 1
+    assert clock.clock.epoch == 1
 
 
 def test_a_single_stray_time_is_no_reboot():
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     clock.advance(500_000_000)
-    assert verdicts(clock, [3_000_000, 500_010_000, 3_000_000, 500_020_000]) == [
+    assert clock.verdicts([3_000_000, 500_010_000, 3_000_000, 500_020_000]) == [
         Verdict.STRAY,
         Verdict.NEXT,
         Verdict.STRAY,
@@ -83,17 +104,68 @@ def test_a_single_stray_time_is_no_reboot():
 
 
 def test_boot_time_changing_to_unix_time_is_a_new_epoch():
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     clock.advance(60_000_000)
     unix_us = 1_795_253_718_000_000
-    seen = verdicts(clock, [unix_us, unix_us + 10_000, unix_us + 20_000])
-    assert seen[-1] is Verdict.NEW_EPOCH
+    seen = clock.verdicts([unix_us + i * 10_000 for i in range(30)])
+    # Until the line of before is silent for long enough, it could be another sender.
+    assert Verdict.NEW_EPOCH in seen[:25]
+    assert seen[-1] is Verdict.NEXT
+
+
+def test_a_stamp_that_runs_ahead_silences_nothing():
+    clock = line(unit_us=1)
+    clock.advance(10_000_000)
+    assert clock.verdicts([11_900_000, 10_010_000, 10_020_000]) == [
+        Verdict.STRAY,
+        Verdict.NEXT,
+        Verdict.NEXT,
+    ]
+
+
+def test_a_clock_that_is_set_ahead_is_followed_within_300_ms_in_the_same_epoch():
+    clock = line(unit_us=1)
+    clock.advance(10_000_000)
+    seen = clock.verdicts([11_900_000 + i * 10_000 for i in range(30)])
+    assert Verdict.NEXT in seen
+    assert clock.clock.epoch == 0
+
+
+def test_a_clock_that_is_set_back_a_little_is_a_new_epoch_within_300_ms():
+    clock = line(unit_us=1)
+    clock.advance(100_000_000)
+    seen = clock.verdicts([98_500_000 + i * 10_000 for i in range(30)])
+    assert seen[0] is Verdict.LATE
+    assert Verdict.NEW_EPOCH in seen
+
+
+def test_time_that_passed_while_nothing_arrived_is_no_stray():
+    clock = line(unit_us=1)
+    clock.advance(10_000_000)
+    assert clock.advance(15_000_000, pause_ms=5_000)[0] is Verdict.NEXT
+
+
+def test_two_senders_with_two_clocks_are_noticed_and_the_first_is_kept():
+    clock = line(unit_us=1)
+    raw_times = [base + i * 10_000 for i in range(20) for base in (500_000_000, 3_000_000)]
+    seen = [clock.advance(raw, pause_ms=5)[0] for raw in raw_times]
+    assert seen[::2] == [Verdict.NEXT] * 20
+    assert seen[1::2] == [Verdict.STRAY] * 2 + [Verdict.SECOND_SENDER] * 18
+
+
+def test_a_second_sender_of_four_times_the_rate_does_not_take_over():
+    clock = line(unit_us=1)
+    clock.advance(500_000_000)
+    for i in range(1, 200):
+        assert clock.advance(500_000_000 + i * 10_000, pause_ms=2)[0] is Verdict.NEXT
+        for k in range(4):
+            clock.advance(3_000_000 + (4 * i + k) * 2_500, pause_ms=2)
 
 
 @given(st.lists(st.integers(0, 1 << 63), min_size=1, max_size=60))
 @settings(derandomize=True, deadline=None)
 def test_time_only_grows_inside_an_epoch_whatever_comes(raw_times):
-    clock = SampleClock(unit_us=1)
+    clock = line(unit_us=1)
     newest_us = None
     for raw in raw_times:
         verdict, t_us = clock.advance(raw)
@@ -105,6 +177,6 @@ def test_time_only_grows_inside_an_epoch_whatever_comes(raw_times):
 
 
 def test_another_message_at_the_very_time_of_the_newest_sample_is_a_duplicate():
-    clock = SampleClock(1, newest_us=6_810_073)
+    clock = line(1, newest_us=6_810_073)
     assert clock.advance(6_810_073)[0] is Verdict.DUPLICATE
     assert clock.advance(6_820_140) == (Verdict.NEXT, 6_820_140)

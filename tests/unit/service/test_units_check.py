@@ -36,3 +36,14 @@ def test_a_wrong_field_names_its_likely_cause(field_ut, cause):
 
 def test_a_moving_vehicle_is_not_judged():
     assert report_for(force=15.0, rate=1.0).force is Finding.UNDECIDED
+
+
+def test_what_was_wrong_for_a_while_is_not_held_against_the_sensor():
+    check = UnitsCheck()
+    forces = [98.0665] * REST_SAMPLES + [9.80665] * REST_SAMPLES
+    complaints = []
+    for i, force in enumerate(forces):
+        if check.add(ImuSample(i * 10_000, (0.0, 0.0, 0.0), (0.0, 0.0, -force))):
+            complaints.append(check.report.complaints)
+    assert [bool(found) for found in complaints] == [True, False]
+    assert check.is_over

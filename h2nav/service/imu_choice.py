@@ -1,0 +1,68 @@
+"""Which of the IMU messages that arrive feeds the filter."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuMessage
+
+# Best first. PX4 never sends RAW_IMU; its HIGHRES_IMU has the estimator's bias already removed,
+# which makes the second opinion depend on the first, so SCALED_IMU comes before it.
+_PREFERENCE_PX4 = ("SCALED_IMU", "HIGHRES_IMU", "SCALED_IMU2", "SCALED_IMU3")
+_PREFERENCE_OTHERS = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3")
+
+
+def preference(autopilot: int, chosen: str) -> tuple[int, ...]:
+    """Message ids to use, best first.
+
+    Args:
+        autopilot: MAV_AUTOPILOT of the heartbeat.
+        chosen: the configured message, or ``auto``.
+    """
+    if chosen != "auto":
+        return (IDS_BY_NAME[chosen],)
+    is_px4 = autopilot == mavlink.MAV_AUTOPILOT_PX4
+    names = _PREFERENCE_PX4 if is_px4 else _PREFERENCE_OTHERS
+    return tuple(IDS_BY_NAME[name] for name in names)
+
+
+class ImuChoice:
+    """Which of the arriving messages feeds the filter: the best one that is really there.
+
+    A better message takes over only before `SETTLED` samples of a worse one were used; afterwards
+    the choice stays until its message has been silent for `SILENT_NS`.
+
+    Args:
+        ranked_ids: message ids, best first.
+    """
+
+    SETTLED = 20
+    SILENT_NS = 200_000_000  # arrivals were seen up to 157 ms late
+
+    def __init__(self, ranked_ids: tuple[int, ...]) -> None:
+        self._rank = {message_id: rank for rank, message_id in enumerate(ranked_ids)}
+        self._chosen: int | None = None
+        self._used = 0
+        self._last_ns = 0
+
+    @property
+    def chosen(self) -> ImuMessage | None:
+        """The message in use."""
+        return None if self._chosen is None else IMU_MESSAGES[self._chosen]
+
+    def considers(self, message_id: int, t_ns: int) -> bool:
+        """Whether this message could be the one to use now, before it is even read."""
+        if message_id == self._chosen:
+            return True
+        if message_id not in self._rank:
+            return False
+        if self._chosen is None or t_ns - self._last_ns > self.SILENT_NS:
+            return True
+        better = self._rank[message_id] < self._rank[self._chosen]
+        return better and self._used < self.SETTLED
+
+    def takes(self, message_id: int, t_ns: int) -> None:
+        """A message that is considered has been read: it is the one in use now."""
+        if message_id != self._chosen:
+            self._chosen = message_id
+            self._used = 0
+        self._used += 1
+        self._last_ns = t_ns

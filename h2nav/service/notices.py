@@ -1,0 +1,79 @@
+"""What people are told, and how often: a notice once per cause and minute, STATUSTEXT with manners.
+
+A STATUSTEXT has 50 characters; at most one a second leaves, and the oldest are dropped when too
+many wait.
+"""
+
+from collections import OrderedDict, deque
+from typing import Protocol
+
+from h2nav.service.effects import Effect, Notice, Severity
+from h2nav.service.limits import SECOND_NS, RateLimit
+from h2nav.wire import outbound
+from h2nav.wire.outbound import OutMessage
+
+REPEAT_NS = 60 * SECOND_NS
+MOST_CAUSES = 64
+WAITING = 8
+PAUSE_NS = SECOND_NS
+PREFIX = "h2nav: "
+# However many causes there are, people read no more than this.
+NOTICES_PER_S = 0.3
+NOTICES_AT_ONCE = 15
+
+
+class Tell(Protocol):
+    """Tells people, as `Notices.tell` does."""
+
+    def __call__(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
+        """See there."""
+
+
+class Notices:
+    """Lets each cause speak once a minute.
+
+    Args:
+        as_status_text: send notices to the ground station as well.
+    """
+
+    def __init__(self, as_status_text: bool) -> None:
+        self._as_status_text = as_status_text
+        self._told_ns: OrderedDict[str, int] = OrderedDict()
+        self._limit = RateLimit(NOTICES_PER_S, NOTICES_AT_ONCE)
+        self._waiting: deque[tuple[Severity, str]] = deque(maxlen=WAITING)
+        self._sent_ns: int | None = None
+        self.suppressed = 0
+
+    def may_tell(self, t_ns: int, cause: str) -> bool:
+        """Whether this cause has been silent for long enough."""
+        told_ns = self._told_ns.get(cause)
+        return told_ns is None or t_ns - told_ns >= REPEAT_NS
+
+    def tell(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
+        """The notice, unless its cause has spoken lately.
+
+        Args:
+            t_ns: host time.
+            severity: of it.
+            text: one line.
+            cause: what it is about where the text holds changing figures; the text by default.
+        """
+        cause = cause or text
+        if not self.may_tell(t_ns, cause) or not self._limit.allows(t_ns):
+            self.suppressed += 1
+            return []
+        self._told_ns[cause] = t_ns
+        self._told_ns.move_to_end(cause)
+        if len(self._told_ns) > MOST_CAUSES:
+            self._told_ns.popitem(last=False)
+        if self._as_status_text:
+            self._waiting.append((severity, text))
+        return [Notice(severity, text)]
+
+    def status_text(self, t_ns: int) -> OutMessage | None:
+        """The next STATUSTEXT, if one may be sent now."""
+        if not self._waiting or (self._sent_ns is not None and t_ns - self._sent_ns < PAUSE_NS):
+            return None
+        self._sent_ns = t_ns
+        severity, text = self._waiting.popleft()
+        return outbound.status_text(int(severity), PREFIX + text)

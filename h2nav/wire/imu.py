@@ -1,0 +1,145 @@
+"""The IMU messages of MAVLink as the autopilots really send them, in body SI units.
+
+One table row per message; a new IMU message is a new row. The units differ (milli-g, mrad/s and
+mgauss in integers; SI and gauss in HIGHRES_IMU), and HIGHRES_IMU of ArduPilot before 2026-02 shows
+the field 10^6 too large, which is recognised and undone.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import ImuSample, Vec3
+from h2nav.wire.refused import Refused, need_finite, need_time, need_within
+
+STANDARD_GRAVITY = 9.80665
+MILLI_G = STANDARD_GRAVITY * 1e-3
+INT16_END = 32_767
+UT_PER_MGAUSS = 0.1
+UT_PER_GAUSS = 100.0
+# Beyond any gyro (4,000 deg/s) and any accelerometer (200 g) that flies.
+LARGEST_RATE_RAD_S = 100.0
+LARGEST_FORCE_M_S2 = 200.0 * STANDARD_GRAVITY
+# A field beyond this cannot come from the earth or from a magnet near the sensor's range.
+ABSURD_FIELD_UT = 1e6
+HIGHRES_FIELD_FAULT = 1e6
+HIGHRES_MAG_BITS = 0x1C0
+HIGHRES_MOTION_BITS = 0x3F
+
+
+class ImuReading(NamedTuple):
+    """An IMU message in body SI units, before its time is unwrapped.
+
+    Attributes:
+        time: the message's own time, in units of its row's `time_unit_us`.
+        w_b: angular rate, rad/s.
+        f_b: specific force, m/s^2; never exactly zero.
+        m_b_ut: magnetic field, microtesla; None where the message carries no field.
+        clipped: an integer stands at the end of its range.
+    """
+
+    time: int
+    w_b: Vec3
+    f_b: Vec3
+    m_b_ut: Vec3 | None
+    clipped: bool
+
+    def at(self, t_us: int) -> ImuSample:
+        """The sample at its unwrapped time."""
+        return ImuSample(t_us, self.w_b, self.f_b, self.m_b_ut, self.clipped)
+
+
+def _integers(time: int, m: Any) -> ImuReading:
+    """RAW_IMU and SCALED_IMU*: milli-g, mrad/s, mgauss in int16."""
+    motion = (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)
+    if m.xacc == 0 and m.yacc == 0 and m.zacc == 0:
+        # SCALED_IMU3 of a vehicle with two IMUs and three compasses looks so.
+        raise Refused("zero_force")
+    no_field = m.xmag == 0 and m.ymag == 0 and m.zmag == 0
+    return ImuReading(
+        time,
+        (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3),
+        (m.xacc * MILLI_G, m.yacc * MILLI_G, m.zacc * MILLI_G),
+        None
+        if no_field
+        else (m.xmag * UT_PER_MGAUSS, m.ymag * UT_PER_MGAUSS, m.zmag * UT_PER_MGAUSS),
+        max(motion) >= INT16_END or min(motion) <= -INT16_END,
+    )
+
+
+def _raw_imu(m: Any) -> ImuReading:
+    return _integers(need_time("time_out_of_range", m.time_usec), m)
+
+
+def _scaled_imu(m: Any) -> ImuReading:
+    return _integers(m.time_boot_ms, m)
+
+
+def _highres_imu(m: Any) -> ImuReading:
+    """HIGHRES_IMU: SI and gauss; `fields_updated` says which values are new."""
+    field: Vec3 | None = None
+    if m.fields_updated & HIGHRES_MAG_BITS:
+        gauss = UT_PER_GAUSS
+        field = _highres_field((m.xmag * gauss, m.ymag * gauss, m.zmag * gauss))
+    rate, force = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
+    need_finite("non_finite", *rate, *force)
+    if m.fields_updated & HIGHRES_MOTION_BITS != HIGHRES_MOTION_BITS or force == (0.0, 0.0, 0.0):
+        raise Refused("zero_force")
+    need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
+    need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
+    return ImuReading(
+        need_time("time_out_of_range", m.time_usec), rate, force, field, clipped=False
+    )
+
+
+def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
+    """The field with ArduPilot's factor undone; None where it is all zero or absurd."""
+    need_finite("non_finite", *m_b_ut)
+    norm_ut = math.hypot(*m_b_ut)
+    if norm_ut > ABSURD_FIELD_UT:
+        m_b_ut = (
+            m_b_ut[0] / HIGHRES_FIELD_FAULT,
+            m_b_ut[1] / HIGHRES_FIELD_FAULT,
+            m_b_ut[2] / HIGHRES_FIELD_FAULT,
+        )
+        norm_ut /= HIGHRES_FIELD_FAULT
+    return m_b_ut if 0.0 < norm_ut <= ABSURD_FIELD_UT else None
+
+
+class ImuMessage(NamedTuple):
+    """One row: how to read a message.
+
+    Attributes:
+        name: of the message.
+        message_id: of the message.
+        time_unit_us: microseconds per count of its time.
+        read: its fields to a reading; raises `Refused`.
+        bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
+    """
+
+    name: str
+    message_id: int
+    time_unit_us: int
+    read: Callable[[Any], ImuReading]
+    bias_removed_by: frozenset[int] = frozenset()
+
+
+IMU_MESSAGES: dict[int, ImuMessage] = {
+    row.message_id: row
+    for row in (
+        ImuMessage(
+            "HIGHRES_IMU",
+            mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+            1,
+            _highres_imu,
+            frozenset({mavlink.MAV_AUTOPILOT_PX4}),
+        ),
+        ImuMessage("RAW_IMU", mavlink.MAVLINK_MSG_ID_RAW_IMU, 1, _raw_imu),
+        ImuMessage("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU, 1000, _scaled_imu),
+        ImuMessage("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2, 1000, _scaled_imu),
+        ImuMessage("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3, 1000, _scaled_imu),
+    )
+}
+IDS_BY_NAME = {row.name: row.message_id for row in IMU_MESSAGES.values()}

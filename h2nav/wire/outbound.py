@@ -1,0 +1,154 @@
+"""Everything that we send: each writer makes one message whose fields hold what is put there.
+
+Times wrap where MAVLink wraps them; every other value that a field cannot hold stands at its end.
+"""
+
+import struct
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20.ardupilotmega import MAVLink_message as OutMessage
+
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.maths import quaternion
+from h2nav.motion.samples import OdometryRecord, PoseFrame
+
+UINT32_MASK = 0xFFFF_FFFF
+INT32_END = (1 << 31) - 1
+INT64_END = (1 << 63) - 1
+LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
+STATUS_TEXT_SIZE = 50
+MAV_FRAMES = {
+    PoseFrame.LOCAL_FRD: mavlink.MAV_FRAME_LOCAL_FRD,
+    PoseFrame.LOCAL_NED: mavlink.MAV_FRAME_LOCAL_NED,
+}
+CAPABILITIES = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+)
+
+Address = tuple[int, int]
+
+__all__ = ["Address", "OutMessage"]
+
+
+def heartbeat(system_status: int) -> OutMessage:
+    """HEARTBEAT of an onboard controller with this MAV_STATE."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, system_status, 3
+    )
+
+
+def attitude(estimate: AttitudeEstimate) -> OutMessage:
+    """ATTITUDE: Euler angles and bias-corrected body rates, at the sample's time."""
+    return mavlink.MAVLink_attitude_message(
+        estimate.t_us // 1000 & UINT32_MASK, *quaternion.to_euler(estimate.q_nb), *estimate.w_b
+    )
+
+
+def attitude_quaternion(estimate: AttitudeEstimate) -> OutMessage:
+    """ATTITUDE_QUATERNION: scalar first, bias-corrected body rates, at the sample's time."""
+    return mavlink.MAVLink_attitude_quaternion_message(
+        estimate.t_us // 1000 & UINT32_MASK, *estimate.q_nb, *estimate.w_b
+    )
+
+
+def odometry(record: OdometryRecord, estimator_type: int, quality: int) -> OutMessage:
+    """ODOMETRY: pose in LOCAL_FRD (or LOCAL_NED), twist in BODY_FRD.
+
+    Args:
+        record: finite pose, twist and covariances.
+        estimator_type: MAV_ESTIMATOR_TYPE.
+        quality: 1 to 100 %; 0 = unknown.
+    """
+    return mavlink.MAVLink_odometry_message(
+        record.t_us,
+        MAV_FRAMES[record.frame],
+        mavlink.MAV_FRAME_BODY_FRD,
+        *map(_float32, record.p_m),
+        record.q,
+        *map(_float32, record.v_b_m_s),
+        *map(_float32, record.w_b_rad_s),
+        list(map(_float32, record.pose_covariance)),
+        list(map(_float32, record.velocity_covariance)),
+        record.reset_counter % 256,
+        estimator_type,
+        quality,
+    )
+
+
+def time_sync(tc1_ns: int, ts1_ns: int, target: Address) -> OutMessage:
+    """TIMESYNC to one component; `tc1_ns` 0 asks."""
+    return _TargetedTimesync(_clamped(tc1_ns, INT64_END), _clamped(ts1_ns, INT64_END), target)
+
+
+def status_text(severity: int, text: str) -> OutMessage:
+    """STATUSTEXT, cut to what one message holds."""
+    return mavlink.MAVLink_statustext_message(severity, text.encode()[:STATUS_TEXT_SIZE])
+
+
+def command_ack(command: int, result: int, asker: Address) -> OutMessage:
+    """COMMAND_ACK to who asked."""
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *asker)
+
+
+def message_interval(message_id: int, rate_hz: float) -> OutMessage:
+    """MESSAGE_INTERVAL; a rate of 0 is -1, disabled."""
+    interval_us = min(round(min(1e6 / rate_hz, INT32_END)), INT32_END) if rate_hz > 0.0 else -1
+    return mavlink.MAVLink_message_interval_message(message_id, interval_us)
+
+
+def param_value(name: str, value: float, index: int, count: int) -> OutMessage:
+    """PARAM_VALUE of a REAL32 parameter."""
+    return mavlink.MAVLink_param_value_message(
+        name.encode(), _float32(value), mavlink.MAV_PARAM_TYPE_REAL32, count, index
+    )
+
+
+def autopilot_version(major: int, minor: int, patch: int) -> OutMessage:
+    """AUTOPILOT_VERSION of this component, which is where MAVLink asks for a version."""
+    version = major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV
+    nothing = [0] * 8
+    return mavlink.MAVLink_autopilot_version_message(
+        CAPABILITIES, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+    )
+
+
+def set_message_interval(target: Address, message_id: int, rate_hz: float) -> OutMessage:
+    """COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL."""
+    nothing = (0.0,) * 5
+    return mavlink.MAVLink_command_long_message(
+        *target,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        0,
+        float(message_id),
+        1e6 / rate_hz,
+        *nothing,
+    )
+
+
+def request_data_stream(target: Address, group: int, rate_hz: float) -> OutMessage:
+    """REQUEST_DATA_STREAM for one MAV_DATA_STREAM."""
+    return mavlink.MAVLink_request_data_stream_message(*target, group, max(1, round(rate_hz)), 1)
+
+
+class _TargetedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[misc]
+    """TIMESYNC with its extension fields, which pymavlink's dialect describes but does not have."""
+
+    def __init__(self, tc1: int, ts1: int, target: Address) -> None:
+        super().__init__(tc1, ts1)
+        self._target = bytes(target)
+
+    def pack(self, mav: mavlink.MAVLink, force_mavlink1: bool = False) -> bytes:
+        """See `MAVLink_message`; MAVLink 1 has no extension fields."""
+        payload = self.unpacker.pack(self.tc1, self.ts1)
+        if not force_mavlink1:
+            payload += self._target
+        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return packed
+
+
+def _clamped(value: int, end: int) -> int:
+    return min(max(value, -end), end)
+
+
+def _float32(value: float) -> float:
+    return min(max(value, -LARGEST_FLOAT), LARGEST_FLOAT)

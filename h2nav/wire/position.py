@@ -1,0 +1,113 @@
+"""Where the vehicle is and how fast it moves, as receivers and estimators say it."""
+
+import math
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import Vec3
+from h2nav.wire.refused import LATEST_USEC, Refused, need_within
+
+UNKNOWN_UINT16 = 65_535
+FULL_CIRCLE_CDEG = 36_000
+HIGHEST_ALTITUDE_M = 100_000.0
+FASTEST_M_S = 1_000.0
+# Without vel_acc (an extension field) a 3D fix is taken at this accuracy.
+DEFAULT_SIGMA_M_S = 0.5
+
+
+class Place(NamedTuple):
+    """A position on the earth.
+
+    Attributes:
+        latitude_deg: WGS84.
+        longitude_deg: WGS84.
+        altitude_m: above mean sea level.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+class Origin(NamedTuple):
+    """GPS_GLOBAL_ORIGIN and HOME_POSITION: where the vehicle has been, not where it is.
+
+    Attributes:
+        place: of the origin.
+    """
+
+    place: Place
+
+
+class GpsFix(NamedTuple):
+    """GPS_RAW_INT with a 3D fix.
+
+    Attributes:
+        time_us: the message's own time, on whichever clock; 0 = none.
+        place: of the antenna.
+        v_n: velocity over ground in NED, m/s, its vertical component NaN; None where unknown.
+        sigma_m_s: accuracy of the velocity as the receiver states it.
+    """
+
+    time_us: int
+    place: Place
+    v_n: Vec3 | None
+    sigma_m_s: float
+
+
+class NoFix(NamedTuple):
+    """GPS_RAW_INT without a 3D fix."""
+
+
+class EstimatedVelocity(NamedTuple):
+    """LOCAL_POSITION_NED: the velocity of the autopilot's own estimator.
+
+    Attributes:
+        time_us: time since boot.
+        v_n: velocity in NED, m/s.
+    """
+
+    time_us: int
+    v_n: Vec3
+
+
+def gps_raw_int(m: Any) -> GpsFix | NoFix:
+    """GPS_RAW_INT; refuses a position that is none and a course beyond a full circle."""
+    if m.fix_type < mavlink.GPS_FIX_TYPE_3D_FIX:
+        return NoFix()
+    place = _place("gps_position_out_of_range", m.lat, m.lon, m.alt)
+    time_us = m.time_usec if m.time_usec <= LATEST_USEC else 0
+    sigma_m_s = m.vel_acc * 1e-3 or DEFAULT_SIGMA_M_S
+    if UNKNOWN_UINT16 in (m.vel, m.cog):
+        return GpsFix(time_us, place, None, sigma_m_s)
+    if m.cog > FULL_CIRCLE_CDEG:
+        raise Refused("gps_course_out_of_range")
+    speed_m_s, course = m.vel * 0.01, math.radians(m.cog * 0.01)
+    v_n = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), math.nan)
+    return GpsFix(time_us, place, v_n, sigma_m_s)
+
+
+def global_position(m: Any) -> Place:
+    """GLOBAL_POSITION_INT."""
+    return _place("position_out_of_range", m.lat, m.lon, m.alt)
+
+
+def origin(m: Any) -> Origin:
+    """GPS_GLOBAL_ORIGIN and HOME_POSITION."""
+    return Origin(_place("position_out_of_range", m.latitude, m.longitude, m.altitude))
+
+
+def local_position(m: Any) -> EstimatedVelocity:
+    """LOCAL_POSITION_NED; refuses a velocity that is no number or beyond any aircraft."""
+    v_n = (m.vx, m.vy, m.vz)
+    need_within("velocity_out_of_range", FASTEST_M_S, *v_n)
+    return EstimatedVelocity(m.time_boot_ms * 1000, v_n)
+
+
+def _place(reason: str, lat_e7: int, lon_e7: int, alt_mm: int) -> Place:
+    place = Place(lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm * 1e-3)
+    need_within(reason, 90.0, place.latitude_deg)
+    need_within(reason, 180.0, place.longitude_deg)
+    need_within(reason, HIGHEST_ALTITUDE_M, place.altitude_m)
+    return place

@@ -1,0 +1,82 @@
+"""What others ask of us: commands and parameters."""
+
+import math
+from typing import Any, NamedTuple
+
+
+class Command(NamedTuple):
+    """COMMAND_LONG and COMMAND_INT, as far as we obey any.
+
+    Attributes:
+        command: MAV_CMD.
+        param1: first parameter; may be NaN or infinite.
+        param2: second parameter; likewise.
+        target: system and component id that it is meant for; 0 = every one.
+    """
+
+    command: int
+    param1: float
+    param2: float
+    target: tuple[int, int]
+
+
+class ParameterList(NamedTuple):
+    """PARAM_REQUEST_LIST."""
+
+    target: tuple[int, int]
+
+
+class ParameterRead(NamedTuple):
+    """PARAM_REQUEST_READ.
+
+    Attributes:
+        name: of the parameter; counts where `place` is None.
+        place: of the parameter, from 0; None = asked for by name.
+        target: system and component id that it is meant for; 0 = every one.
+    """
+
+    name: str
+    place: int | None
+    target: tuple[int, int]
+
+
+class ParameterWrite(NamedTuple):
+    """PARAM_SET.
+
+    Attributes:
+        name: of the parameter.
+        value: NaN and infinity are None.
+        target: system and component id that it is meant for; 0 = every one.
+    """
+
+    name: str
+    value: float | None
+    target: tuple[int, int]
+
+
+Question = Command | ParameterList | ParameterRead | ParameterWrite
+
+
+def command(m: Any) -> Command:
+    """COMMAND_LONG, COMMAND_INT: their first parameters have the same names."""
+    return Command(m.command, m.param1, m.param2, _target(m))
+
+
+def param_request_list(m: Any) -> ParameterList:
+    """PARAM_REQUEST_LIST."""
+    return ParameterList(_target(m))
+
+
+def param_request_read(m: Any) -> ParameterRead:
+    """PARAM_REQUEST_READ; a negative index means that the name counts."""
+    return ParameterRead(m.param_id, m.param_index if m.param_index >= 0 else None, _target(m))
+
+
+def param_set(m: Any) -> ParameterWrite:
+    """PARAM_SET."""
+    value = m.param_value if math.isfinite(m.param_value) else None
+    return ParameterWrite(m.param_id, value, _target(m))
+
+
+def _target(m: Any) -> tuple[int, int]:
+    return m.target_system, m.target_component

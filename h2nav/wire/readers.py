@@ -1,0 +1,92 @@
+"""Every message that the service reads, with its reader: the whole boundary in one table."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.wire import motion, position, questions, vehicle
+from h2nav.wire.imu import IMU_MESSAGES, ImuReading
+from h2nav.wire.motion import PoseReading, WheelDistances
+from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
+from h2nav.wire.questions import Question
+from h2nav.wire.vehicle import (
+    Airspeed,
+    CommandAck,
+    Heartbeat,
+    LandedState,
+    SystemTime,
+    TimeSyncMessage,
+)
+
+Message = (
+    ImuReading
+    | GpsFix
+    | NoFix
+    | Place
+    | Origin
+    | EstimatedVelocity
+    | Heartbeat
+    | LandedState
+    | SystemTime
+    | Airspeed
+    | TimeSyncMessage
+    | CommandAck
+    | PoseReading
+    | WheelDistances
+    | Question
+)
+
+
+class Envelope(NamedTuple):
+    """How a message came.
+
+    Attributes:
+        t_ns: host monotonic time of its arrival.
+        now_ns: host monotonic time at which it is looked at, never before `t_ns`.
+        sender: system and component id.
+        message_id: of the message.
+    """
+
+    t_ns: int
+    now_ns: int
+    sender: tuple[int, int]
+    message_id: int
+
+
+Reader = Callable[[Any], Message]
+
+MOTION_READERS: dict[int, Reader] = {
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: motion.odometry,
+    mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: motion.vision_position_estimate,
+    mavlink.MAVLINK_MSG_ID_ATT_POS_MOCAP: motion.att_pos_mocap,
+    mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE: motion.wheel_distance,
+}
+"""Those that only estimators of motion want."""
+
+READERS: dict[int, Reader] = {
+    **{message_id: row.read for message_id, row in IMU_MESSAGES.items()},
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: vehicle.heartbeat,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: vehicle.landed_state,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: vehicle.system_time,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: vehicle.airspeed,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: vehicle.time_sync,
+    mavlink.MAVLINK_MSG_ID_COMMAND_ACK: vehicle.command_ack,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: position.gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position.global_position,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: position.origin,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: position.origin,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: position.local_position,
+    mavlink.MAVLINK_MSG_ID_COMMAND_LONG: questions.command,
+    mavlink.MAVLINK_MSG_ID_COMMAND_INT: questions.command,
+    mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: questions.param_request_list,
+    mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: questions.param_request_read,
+    mavlink.MAVLINK_MSG_ID_PARAM_SET: questions.param_set,
+    **MOTION_READERS,
+}
+"""Message id -> fields under the dialect's names to a typed record; raises `Refused`."""
+
+
+def message_name(message_id: int) -> str:
+    """Such as ``RAW_IMU``."""
+    return str(mavlink.mavlink_map[message_id].msgname)

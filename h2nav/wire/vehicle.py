@@ -1,0 +1,133 @@
+"""What an autopilot says of itself and its vehicle: heartbeat, state, clocks, airspeed, answers."""
+
+import math
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.wire.refused import Refused, need_within
+
+# 2010 to 2100: an autopilot without a real-time clock counts from 1970 or 1980 until it has a fix.
+EARLIEST_UNIX_S = 1_262_304_000.0
+LATEST_UNIX_S = 4_102_444_800.0
+FASTEST_AIRSPEED_M_S = 400.0
+# Clocks in nanoseconds, half of what int64 holds, so that no difference of two overflows.
+LATEST_CLOCK_NS = 1 << 62
+
+
+class Heartbeat(NamedTuple):
+    """HEARTBEAT.
+
+    Attributes:
+        autopilot: MAV_AUTOPILOT.
+        vehicle_type: MAV_TYPE.
+        is_armed: the motors may turn.
+    """
+
+    autopilot: int
+    vehicle_type: int
+    is_armed: bool
+
+    @property
+    def is_of_autopilot(self) -> bool:
+        """Whether an autopilot sends it, and not a ground station, a camera or the like."""
+        return bool(self.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
+
+
+class LandedState(NamedTuple):
+    """EXTENDED_SYS_STATE.
+
+    Attributes:
+        on_ground: None while the autopilot does not know.
+    """
+
+    on_ground: bool | None
+
+
+class SystemTime(NamedTuple):
+    """SYSTEM_TIME.
+
+    Attributes:
+        unix_s: UNIX time, s; None while the autopilot does not know it.
+    """
+
+    unix_s: float | None
+
+
+class Airspeed(NamedTuple):
+    """VFR_HUD.
+
+    Attributes:
+        airspeed_m_s: along the nose; None without a measurement.
+    """
+
+    airspeed_m_s: float | None
+
+
+class TimeSyncMessage(NamedTuple):
+    """TIMESYNC: a question (`tc1_ns` 0) or an answer.
+
+    Attributes:
+        tc1_ns: the answering clock; 0 in a question.
+        ts1_ns: the asking clock.
+        target: system and component id that it is meant for; (0, 0) = everybody.
+    """
+
+    tc1_ns: int
+    ts1_ns: int
+    target: tuple[int, int]
+
+
+class CommandAck(NamedTuple):
+    """COMMAND_ACK.
+
+    Attributes:
+        command: MAV_CMD.
+        result: MAV_RESULT.
+        target: system and component id that asked; (0, 0) where the sender leaves it out.
+    """
+
+    command: int
+    result: int
+    target: tuple[int, int]
+
+
+def heartbeat(m: Any) -> Heartbeat:
+    """HEARTBEAT; every value of its fields means something."""
+    return Heartbeat(m.autopilot, m.type, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
+
+
+def landed_state(m: Any) -> LandedState:
+    """EXTENDED_SYS_STATE."""
+    if m.landed_state == mavlink.MAV_LANDED_STATE_UNDEFINED:
+        return LandedState(None)
+    return LandedState(m.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+
+def system_time(m: Any) -> SystemTime:
+    """SYSTEM_TIME; refuses a date outside 2010 to 2100, such as one in nanoseconds."""
+    if m.time_unix_usec == 0:
+        return SystemTime(None)
+    unix_s = m.time_unix_usec * 1e-6
+    if not EARLIEST_UNIX_S <= unix_s < LATEST_UNIX_S:
+        raise Refused("date_out_of_range")
+    return SystemTime(unix_s)
+
+
+def airspeed(m: Any) -> Airspeed:
+    """VFR_HUD, with NaN where there is no sensor; refuses a speed beyond any aircraft's."""
+    if math.isnan(m.airspeed):
+        return Airspeed(None)
+    need_within("airspeed_out_of_range", FASTEST_AIRSPEED_M_S, m.airspeed)
+    return Airspeed(m.airspeed if m.airspeed > 0.0 else None)
+
+
+def time_sync(m: Any) -> TimeSyncMessage:
+    """TIMESYNC; refuses clocks that have run for a century."""
+    need_within("clock_out_of_range", LATEST_CLOCK_NS, m.tc1, m.ts1)
+    return TimeSyncMessage(m.tc1, m.ts1, (m.target_system, m.target_component))
+
+
+def command_ack(m: Any) -> CommandAck:
+    """COMMAND_ACK."""
+    return CommandAck(m.command, m.result, (m.target_system, m.target_component))

@@ -1,0 +1,74 @@
+"""What we send always fits its fields."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import AttitudeEstimate, Trust
+from h2nav.io.codec import Encoder, decode
+from h2nav.io.deframer import Deframer
+from h2nav.motion.samples import OdometryRecord, PoseFrame
+from h2nav.wire import outbound
+
+YAW_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+ZERO = (0.0, 0.0, 0.0)
+
+
+def estimate(t_us, q_nb=YAW_EAST):
+    return AttitudeEstimate(t_us, q_nb, (0.1, 0.2, 0.3), ZERO, ZERO, 0.01, Trust.ALIGNED)
+
+
+def on_the_wire(message):
+    """What a receiver reads."""
+    (frame,) = Deframer().feed(Encoder(1, 191).encode(message))
+    return decode(frame)
+
+
+def test_attitude_has_the_samples_time_and_bias_corrected_rates():
+    message = outbound.attitude(estimate((1 << 32) * 1000 + 5_000))
+    assert message.time_boot_ms == 5
+    assert message.yaw == pytest.approx(math.pi / 2)
+    assert (message.rollspeed, message.pitchspeed, message.yawspeed) == (0.1, 0.2, 0.3)
+
+
+def test_attitude_quaternion_is_scalar_first():
+    assert outbound.attitude_quaternion(estimate(0)).q1 == pytest.approx(math.sqrt(0.5))
+
+
+def test_timesync_carries_its_target():
+    read = on_the_wire(outbound.time_sync(123, 456, (7, 8)))
+    assert (read.tc1, read.ts1, read.target_system, read.target_component) == (123, 456, 7, 8)
+
+
+@given(st.integers(), st.integers(), st.tuples(st.integers(0, 255), st.integers(0, 255)))
+@settings(derandomize=True, deadline=None)
+def test_any_clock_fits_a_timesync(tc1_ns, ts1_ns, target):
+    assert on_the_wire(outbound.time_sync(tc1_ns, ts1_ns, target))
+
+
+@given(st.floats(0.0, allow_nan=False))
+@settings(derandomize=True, deadline=None)
+def test_any_rate_fits_a_message_interval(rate_hz):
+    read = on_the_wire(outbound.message_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz))
+    assert read.interval_us == -1 or 0 <= read.interval_us <= (1 << 31) - 1
+
+
+@given(st.floats(allow_nan=False), st.text(max_size=80))
+@settings(derandomize=True, deadline=None)
+def test_any_number_and_text_fit(number, text):
+    assert on_the_wire(outbound.param_value("H2_ATT_HZ", number, 0, 1))
+    assert on_the_wire(outbound.status_text(4, text))
+
+
+def test_a_covariance_beyond_single_precision_stands_at_its_end():
+    record = OdometryRecord(
+        1, PoseFrame.LOCAL_FRD, (1.0, 0.0, 0.0, 0.0), (1e300, 0.0, 0.0), ZERO, ZERO,
+        (1e300,) * 21, (1e300,) * 21, 300,
+    )  # fmt: skip
+    read = on_the_wire(outbound.odometry(record, 3, 100))
+    assert read.x == pytest.approx(3.4e38, rel=0.01)
+    assert all(map(math.isfinite, read.pose_covariance))
+    assert read.reset_counter == 300 % 256
