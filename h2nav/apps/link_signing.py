@@ -127,6 +127,10 @@ class LinkSigning:
         """Whether our frames should go to where a frame came from; changes nothing."""
         return self._checker.would_answer(frame)
 
+    def turned_away(self, t_ns: int, frame: Frame) -> list[Notice]:
+        """Counts a stranger's frame that is not answered; what people should hear of it."""
+        return self._refuse(t_ns, frame, self._checker.objection(frame) or Refusal.UNSIGNED)
+
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
         """Lets frames in, or not.
 
@@ -134,18 +138,18 @@ class LinkSigning:
             t_ns: host monotonic time of their arrival.
             frames: from the deframer of the link.
         """
-        admitted, refused, notices = [], [], []
+        admitted: list[Frame] = []
+        refused: list[bytes] = []
+        notices: list[Notice] = []
         for frame in frames:
             refusal = self._checker.admit(frame)
             if refusal is None:
                 self._counts["signed" if frame.signed else "accepted_unsigned"] += 1
                 admitted.append(frame)
                 continue
-            self._counts[refusal] += 1
             if self._is_recorded(t_ns, refusal):
                 refused.append(without_signature(frame.raw))
-            if self._is_due(t_ns, refusal):
-                notices.append(self._notice(frame, refusal))
+            notices += self._refuse(t_ns, frame, refusal)
         received = b"".join(without_signature(frame.raw) for frame in admitted)
         return Sorted(admitted, received, b"".join(refused), notices)
 
@@ -178,12 +182,14 @@ class LinkSigning:
         self._window_frames += 1
         return self._window_frames <= RECORDED_PER_WINDOW
 
-    def _is_due(self, t_ns: int, refusal: Refusal) -> bool:
+    def _refuse(self, t_ns: int, frame: Frame, refusal: Refusal) -> list[Notice]:
+        """Counts a frame; tells of its cause if that was not told within the last minute."""
+        self._counts[refusal] += 1
         told_ns = self._told_ns.get(refusal)
         if told_ns is not None and t_ns - told_ns < TELL_AGAIN_NS:
-            return False
+            return []
         self._told_ns[refusal] = t_ns
-        return True
+        return [self._notice(frame, refusal)]
 
     def _notice(self, frame: Frame, refusal: Refusal) -> Notice:
         name = LAYOUTS[frame.msg_id].name

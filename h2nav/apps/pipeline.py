@@ -172,6 +172,7 @@ class Pipeline:
         t_ns = self._now_ns
         for frame in Deframer().feed(data):
             if self._signing is not None and not self._signing.would_answer(frame):
+                self._carry_out(t_ns, self._signing.turned_away(t_ns, frame))
                 continue
             message: Message | None = None
             if frame.msg_id == HEARTBEAT:

@@ -237,6 +237,15 @@ def test_asking_counts_nothing(signing):
     assert sum(signing.record()[:10]) == 0
 
 
+def test_a_stranger_without_the_key_is_turned_away_and_told_of(signing):
+    for frame in (Peer().frame(signed=False), Peer(key=b"x" * 32).frame()):
+        assert not signing.would_answer(frame)
+        (notice,) = signing.turned_away(START_NS, frame)
+        assert "RAW_IMU of 1/1 refused" in notice.text
+        assert signing.turned_away(START_NS, frame) == []
+    assert (signing.record().unsigned, signing.record().bad_signature) == (2, 2)
+
+
 def test_a_radio_is_heard_without_a_key_by_default(signing):
     status = mavlink.MAVLink_radio_status_message(1, 2, 3, 4, 5, 6, 7)
     assert signing.sort(START_NS, [Peer().frame(status, version=1)]).admitted
