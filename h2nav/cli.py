@@ -54,6 +54,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("check-config",): Command(
             "check_config", "validate a configuration file", "check-config /etc/h2nav/config.yaml"
         ),
+        ("signing-key",): Command(
+            "signing_key",
+            "make a key file for MAVLink signing from a passphrase",
+            "signing-key -o /etc/h2nav/signing-key",
+        ),
         ("fake-autopilot",): Command(
             "fake_autopilot",
             "a SITL-style autopilot for tests",

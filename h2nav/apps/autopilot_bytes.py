@@ -1,11 +1,26 @@
 """The fake autopilot as bytes: encoded, and sent over a line that may be bad; still without I/O."""
 
+from typing import NamedTuple
+
 from h2nav.io.codec import Encoder, decode
 from h2nav.io.deframer import Deframer
+from h2nav.io.signing import SignatureChecker, Signer
 from h2nav.sim.autopilot import IDENTITY, FakeAutopilot, Outgoing
 from h2nav.sim.delivery import Delivery
 
 LONGEST_CATCH_UP_NS = 500_000_000
+
+
+class AutopilotSigning(NamedTuple):
+    """MAVLink 2 signing of the vehicle's links.
+
+    Attributes:
+        signer: signs whatever the vehicle sends.
+        checker: decides on what it hears; frames that it refuses are neither obeyed nor forwarded.
+    """
+
+    signer: Signer
+    checker: SignatureChecker
 
 
 class AutopilotBytes:
@@ -15,15 +30,24 @@ class AutopilotBytes:
         autopilot: new.
         start_ns: host time at which its power goes on.
         links: how many it is connected to; all of them get the same.
+        signing: of all links; None = nothing is signed or verified.
     """
 
-    def __init__(self, autopilot: FakeAutopilot, start_ns: int, links: int = 1) -> None:
+    def __init__(
+        self,
+        autopilot: FakeAutopilot,
+        start_ns: int,
+        links: int = 1,
+        signing: AutopilotSigning | None = None,
+    ) -> None:
         self._autopilot = autopilot
+        self._signing = signing
         self._delivery = Delivery(autopilot.schedule, autopilot.options.seed, start_ns)
         self._deframers = [Deframer() for _ in range(links)]
         self._encoders: dict[tuple[int, int], Encoder] = {}
         self._sent: dict[str, int] = {}
         self._heard = 0
+        self._refused = 0
         self._frames = 0
         self._bytes = 0
         # The power goes on now, even if the link is not up yet.
@@ -50,6 +74,9 @@ class AutopilotBytes:
         """
         forwarded = []
         for frame in self._deframers[link].feed(data):
+            if self._signing is not None and self._signing.checker.admit(frame) is not None:
+                self._refused += 1
+                continue
             self._heard += 1
             fields = decode(frame)
             self._autopilot.on_message(t_ns, frame.sysid, frame.compid, frame.msg_id, fields)
@@ -78,6 +105,7 @@ class AutopilotBytes:
             "frames_sent": self._frames,
             "bytes_sent": self._bytes,
             "frames_heard": self._heard,
+            "frames_refused": self._refused,
             "reboots": self._autopilot.reboots,
             "streams_put_off": self._autopilot.streams.put_off,
             **self._delivery.counts,
@@ -90,7 +118,8 @@ class AutopilotBytes:
                 continue
             sender = (item.sysid, item.compid)
             if sender not in self._encoders:
-                self._encoders[sender] = Encoder(*sender)
+                signer = None if self._signing is None else self._signing.signer
+                self._encoders[sender] = Encoder(*sender, signer=signer)
             name = item.message.get_type()
             self._sent[name] = self._sent.get(name, 0) + 1
             self._delivery.put(item.t_ns, self._encoders[sender].encode(item.message))

@@ -7,7 +7,9 @@ from importlib import resources
 from pathlib import Path
 
 from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration
 from h2nav.errors import BadInput
+from h2nav.io.signing_keys import read_signing_key
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     errors: tuple[str, ...] = ()
     warnings: list[str] = []
     try:
-        chosen = configuration.read(args.config)
+        chosen = _checked(args.config)
         warnings = [f"{args.config}: {line}" for line in configuration.warnings(chosen)]
     except BadInput as error:
         errors = error.lines
@@ -41,6 +43,14 @@ def run(args: argparse.Namespace) -> int:
     for line in (*errors, *warnings):
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
+
+
+def _checked(path: Path) -> Configuration:
+    """The configuration; BadInput for one that the daemon would not start with."""
+    chosen = configuration.read(path)
+    if chosen.signing.key_file:
+        read_signing_key(Path(chosen.signing.key_file))
+    return chosen
 
 
 def _examples() -> dict[str, Path]:

@@ -7,7 +7,9 @@ from typing import Annotated, Any, NamedTuple
 
 from h2nav.errors import BadInput
 from h2nav.io import strict_yaml
+from h2nav.io.dialect import LAYOUTS
 from h2nav.io.link_urls import SerialUrl, parse_link_url
+from h2nav.io.signing import SETUP_SIGNING_ID
 from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
 from h2nav.service.settings import (
     AidingSettings,
@@ -92,6 +94,37 @@ class LogSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SigningSettings:
+    """MAVLink 2 signing, both directions.
+
+    Attributes:
+        key_file: 32 bytes or 64 hexadecimal digits, mode 0600; empty = signing is off: nothing is
+            signed, and signatures are not looked at.
+        link_id: of our frames; links under the same system and component id need different ones.
+        state_file: where our time stamp survives a restart; made when missing.
+        accept_unsigned: messages that are taken without a signature, which also means in
+            MAVLink 1; by default what the firmware of telemetry radios sends.
+    """
+
+    key_file: str = ""
+    link_id: Annotated[int, Within(0, 255)] = 0
+    state_file: str = ""
+    accept_unsigned: tuple[str, ...] = ("RADIO_STATUS", "RADIO")
+
+    def unsigned_ids(self) -> frozenset[int]:
+        """The ids of `accept_unsigned`.
+
+        Raises:
+            BadInput: one line per name that is no message.
+        """
+        ids = {layout.name: msg_id for msg_id, layout in LAYOUTS.items()}
+        unknown = [name for name in self.accept_unsigned if name not in ids]
+        if unknown:
+            raise BadInput(*(f"{name}: no message of the dialect" for name in unknown))
+        return frozenset(ids[name] for name in self.accept_unsigned)
+
+
+@dataclass(frozen=True, slots=True)
 class Configuration:
     """The whole file, one field per section."""
 
@@ -105,6 +138,7 @@ class Configuration:
     twist: TwistObserverSettings = field(default_factory=TwistObserverSettings)
     odometry: OdometrySettings = field(default_factory=OdometrySettings)
     log: LogSettings = field(default_factory=LogSettings)
+    signing: SigningSettings = field(default_factory=SigningSettings)
 
     @property
     def service(self) -> ServiceSettings:
@@ -153,6 +187,7 @@ def contradictions(configuration: Configuration) -> list[str]:
         *link,
         *_filter_complaints(configuration.filter),
         *_motion_complaints(configuration),
+        *_signing_complaints(configuration.signing),
     ]
 
 
@@ -195,6 +230,25 @@ def _motion_complaints(configuration: Configuration) -> list[str]:
         complaints.append(
             f"motion.pose_component_id: {motion.pose_component_id} is our own component id; "
             "give that of the camera, or 0 for the first one heard"
+        )
+    return complaints
+
+
+def _signing_complaints(settings: SigningSettings) -> list[str]:
+    """What signing cannot do without. The key itself is read at the start: a replay has none."""
+    complaints = []
+    if settings.key_file and not settings.state_file:
+        complaints.append(
+            "signing.state_file: missing; name a file for the time stamp, such as "
+            "/var/lib/h2nav/signing-stamp"
+        )
+    try:
+        ids = settings.unsigned_ids()
+    except BadInput as error:
+        return complaints + [f"signing.accept_unsigned: {line}" for line in error.lines]
+    if SETUP_SIGNING_ID in ids:
+        complaints.append(
+            "signing.accept_unsigned: SETUP_SIGNING is never obeyed; leave it out of the list"
         )
     return complaints
 

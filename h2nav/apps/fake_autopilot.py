@@ -6,14 +6,17 @@ import select
 import socket
 import sys
 import time
+from pathlib import Path
 
-from h2nav.apps.autopilot_bytes import AutopilotBytes
+from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
 from h2nav.apps.daemon import StopSignals
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 from h2nav.io.links import Link
 from h2nav.io.server_links import FORMS as SERVER_FORMS
 from h2nav.io.server_links import open_server_link
+from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
+from h2nav.io.signing_keys import read_signing_key
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import FAULT_KINDS, parse_fault
 from h2nav.sim.imu_model import MPU_9250
@@ -22,6 +25,7 @@ from h2nav.sim.scenarios import SCENARIOS, scenario
 from h2nav.sim.streams import Stream
 from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
 
+SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
 MOST_BIAS_DEG_S = 100.0
 BITS_PER_BYTE_ON_A_LINE = 10
@@ -68,6 +72,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("X", "Y", "Z"),
         help="bias of the gyro, body axes, beside the small one that the seed draws",
     )
+    parser.add_argument(
+        "--signing-key",
+        type=Path,
+        metavar="FILE",
+        help="sign all frames with this key, and hear and forward only frames signed with it",
+    )
     vision = parser.add_argument_group("poses of a visual odometry, forwarded by the autopilot")
     vision.add_argument("--vision", choices=VISION_MESSAGES, help="send them as this message")
     vision.add_argument("--vision-rate-hz", type=float, default=30.0, metavar="HZ")
@@ -79,13 +89,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Flies until the time is over or a signal comes."""
     options = _options(args)
+    signing = None if args.signing_key is None else _signing(args.signing_key)
     links = [open_server_link(url) for url in args.connect]
     try:
         with StopSignals().installed() as stop:
             _wait_for(links, stop.wake)
             start_ns = time.monotonic_ns()
             end_ns = None if args.seconds is None else start_ns + round(args.seconds * 1e9)
-            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns, len(links))
+            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns, len(links), signing)
             while not stop.stopped and (end_ns is None or time.monotonic_ns() < end_ns):
                 _turn(vehicle, links, stop.wake)
     finally:
@@ -171,6 +182,12 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
     )
+
+
+def _signing(key_file: Path) -> AutopilotSigning:
+    key = read_signing_key(key_file)
+    stamp = LocalStamp(time.time_ns)
+    return AutopilotSigning(Signer(key, SIGNING_LINK_ID, stamp), SignatureChecker(key, stamp))
 
 
 def _tables() -> str:

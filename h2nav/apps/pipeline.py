@@ -1,17 +1,20 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.apps.link_signing import LinkSigning
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.foxglove_messages import LogLevel
+from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
+from h2nav.io.signing import without_signature
 from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
@@ -93,14 +96,23 @@ class Pipeline:
         service: the behaviour.
         component_id: ours, for outgoing frames.
         outlets: where the effects go.
+        signing: verifies and signs; None = signatures are neither looked at nor made.
     """
 
-    def __init__(self, service: Service, component_id: int, outlets: Outlets) -> None:
+    def __init__(
+        self,
+        service: Service,
+        component_id: int,
+        outlets: Outlets,
+        signing: LinkSigning | None = None,
+    ) -> None:
         self.service = service
         self.deframer = Deframer()
+        self._signing = signing
+        self._blanker = KeyBlanker()
         self._component_id = component_id
         self._system_id = service.system_id
-        self._encoder = codec.Encoder(self._system_id, component_id)
+        self._encoder = self._new_encoder()
         self._unix_ns, self._send, self._recorder, self._watcher = outlets
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
@@ -121,9 +133,32 @@ class Pipeline:
             now_ns: host time now, where they have waited since.
         """
         now_ns = t_ns if now_ns is None else now_ns
-        if self._recorder is not None:
+        if self._signing is None:
+            self._record_received(t_ns, self._blanker.blanked(data))
+            self._process(t_ns, self.deframer.feed(data), now_ns)
+            return
+        found = self._signing.sort(t_ns, self.deframer.feed(data))
+        # Only what is believed: a replay has no key to tell the frames apart.
+        self._record_received(t_ns, found.received)
+        if found.refused and self._recorder is not None:
+            self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), found.refused)
+        self._carry_out(t_ns, found.notices)
+        self._process(t_ns, found.admitted, now_ns)
+
+    def received_frames(self, t_ns: int, data: bytes) -> None:
+        """Takes whole frames, which is what a log of signed traffic holds.
+
+        What looks like the beginning of another frame at their end is none, so nothing waits.
+        """
+        self._record_received(t_ns, data)
+        self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()], t_ns)
+
+    def _record_received(self, t_ns: int, data: bytes) -> None:
+        if data and self._recorder is not None:
             self._recorder.raw(LINK_NAME, self._unix_ns(t_ns), data)
-        for frame in self.deframer.feed(data):
+
+    def _process(self, t_ns: int, frames: list[Frame], now_ns: int) -> None:
+        for frame in frames:
             if frame.msg_id in self._watched_ids:
                 self._watcher.frame(t_ns, frame)
             if frame.msg_id in self._message_ids:
@@ -136,6 +171,9 @@ class Pipeline:
         """Whether a stranger's datagram holds a frame of the bound autopilot, or of one to bind."""
         t_ns = self._now_ns
         for frame in Deframer().feed(data):
+            if self._signing is not None and not self._signing.would_answer(frame):
+                self._carry_out(t_ns, self._signing.turned_away(t_ns, frame))
+                continue
             message: Message | None = None
             if frame.msg_id == HEARTBEAT:
                 message = READERS[HEARTBEAT](codec.decode(frame))
@@ -160,10 +198,14 @@ class Pipeline:
         self._guarded(t_ns, "stall", lambda: self.service.on_stall(t_ns, length_ns))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
-        """Writes the counters of link and log to the log, and tells of trouble with the log."""
+        """Writes the counters of link and log to the log, and tells of trouble with files."""
+        if self._signing is not None:
+            self._carry_out(t_ns, self._signing.notices())
         if self._recorder is None:
             return
         unix_ns = self._unix_ns(t_ns)
+        if self._signing is not None:
+            self._recorder.record("/signing", self._signing.record(), unix_ns)
         self._recorder.record("/link", link, unix_ns)
         self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
@@ -185,7 +227,7 @@ class Pipeline:
         """A fault of ours costs one event and no more."""
         self._carry_out(t_ns, self.service.on_fault(t_ns, where, _in_one_line(error)))
 
-    def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
+    def _carry_out(self, t_ns: int, effects: Sequence[Effect]) -> None:
         for effect in effects:
             if isinstance(effect, Used):
                 self._log_used(t_ns, effect)
@@ -229,11 +271,15 @@ class Pipeline:
             return
         if effect.system_id != self._system_id:
             self._system_id = effect.system_id
-            self._encoder = codec.Encoder(effect.system_id, self._component_id)
+            self._encoder = self._new_encoder()
         frame = self._encoder.encode(effect.message)
         self._send(frame)
         if self._recorder is not None:
-            self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), frame)
+            self._recorder.sent(LINK_NAME, self._unix_ns(t_ns), without_signature(frame))
+
+    def _new_encoder(self) -> codec.Encoder:
+        signer = None if self._signing is None else self._signing.signer
+        return codec.Encoder(self._system_id, self._component_id, signer=signer)
 
 
 def _in_one_line(error: Exception) -> str:

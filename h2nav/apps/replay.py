@@ -63,12 +63,15 @@ class Inputs(NamedTuple):
         filters: make the filter.
         unix_s: the date of the run.
         is_original: nothing differs from the run that made the recording.
+        whole_frames: the run verified signatures: what it received stands in the recording as the
+            frames that were admitted, and nothing else.
     """
 
     configuration: Configuration
     filters: FilterFactory
     unix_s: float
     is_original: bool
+    whole_frames: bool
 
 
 def run(args: argparse.Namespace) -> int:
@@ -113,6 +116,7 @@ def _play(
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
     pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)
+    take = pipeline.received_frames if inputs.whole_frames else pipeline.received
     first_ns = last_ns = None
     total = recording.progress[1]
     with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
@@ -121,7 +125,7 @@ def _play(
                 first_ns = t_ns
                 pipeline.link(t_ns, True)
             pipeline.tick(t_ns)
-            pipeline.received(t_ns, data)
+            take(t_ns, data)
             last_ns = t_ns
             bar.update(recording.progress[0] - bar.n)
     return pipeline, 0 if first_ns is None or last_ns is None else last_ns - first_ns
@@ -143,17 +147,18 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     if args.no_gps:
         aiding = dataclasses.replace(chosen.aiding, gps_velocity=False)
         chosen = dataclasses.replace(chosen, aiding=aiding)
+    whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
     if recorded is not None and chosen == recorded.configuration:
         filters = FilterFactory.recorded(
             chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_texts
         )
-        return Inputs(chosen, filters, recorded.unix_s, is_original=True)
+        return Inputs(chosen, filters, recorded.unix_s, True, whole_frames)
     filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
     if recorded is not None:
         unix_s = recorded.unix_s
     else:
         unix_s = time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
-    return Inputs(chosen, filters, unix_s, is_original=False)
+    return Inputs(chosen, filters, unix_s, False, whole_frames)
 
 
 class _Watcher:

@@ -8,6 +8,7 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import Daemon, StopSignals
 from h2nav.apps.filters import FilterFactory
+from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
 from h2nav.io.earth_field import earth_field_at
@@ -34,13 +35,15 @@ class Session:
         watcher: who looks on; the console itself where nobody else does.
 
     Raises:
-        BadInput: a gain file of the configuration cannot be used.
+        BadInput: a gain file or the signing key of the configuration cannot be used.
     """
 
     def __init__(
         self, configuration: Configuration, console: Console, watcher: Watcher | None = None
     ) -> None:
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
+        signing = configuration.signing
+        self._signing = LinkSigning(signing) if signing.key_file else None
         self._console = console
         self._clock = UnixClock()
         unix_s = time.time()
@@ -54,7 +57,9 @@ class Session:
         self.service = Service(configuration.service, surroundings)
         self.link = open_link(configuration.link.url, self._vouches_for)
         outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)
-        self._pipeline = Pipeline(self.service, configuration.output.component_id, outlets)
+        self._pipeline = Pipeline(
+            self.service, configuration.output.component_id, outlets, self._signing
+        )
 
     def open(self) -> None:
         """Opens the link now, so that its port is known before `run`."""
@@ -81,6 +86,8 @@ class Session:
         trace: TracebackType | None,
     ) -> None:
         self.link.close()
+        if self._signing is not None:
+            self._signing.close()
         if self.recorder is not None:
             self.recorder.close(CLOSE_WITHIN_S)
         log = None if self.recorder is None else self.recorder.path

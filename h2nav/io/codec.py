@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from h2nav.io.deframer import Frame
 from h2nav.io.dialect import LAYOUTS, MessageLayout
+from h2nav.io.signing import Signer
 
 _CODES = {
     "char": "s",
@@ -59,11 +60,15 @@ class Encoder:
         sysid: system id of the sender, 1..255.
         compid: component id of the sender, 1..255.
         version: MAVLink version of the frames, 2 or 1.
+        signer: signs the frames, which takes MAVLink 2; None = they stay unsigned.
     """
 
-    def __init__(self, sysid: int, compid: int, version: int = 2) -> None:
-        self._stamp = ardupilotmega.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+    def __init__(
+        self, sysid: int, compid: int, version: int = 2, signer: Signer | None = None
+    ) -> None:
+        self._sender = ardupilotmega.MAVLink(None, srcSystem=sysid, srcComponent=compid)
         self._version_1 = version == 1
+        self._signer = signer
 
     def encode(self, message: ardupilotmega.MAVLink_message) -> bytes:
         """One whole frame.
@@ -78,11 +83,11 @@ class Encoder:
             ValueError: a field does not fit its type on the wire; nothing is wrapped or clipped.
         """
         try:
-            frame: bytes = message.pack(self._stamp, force_mavlink1=self._version_1)
+            frame: bytes = message.pack(self._sender, force_mavlink1=self._version_1)
         except (StructError, TypeError) as error:
             raise ValueError(f"{message.get_type()} cannot be encoded: {error}") from error
-        self._stamp.seq = (self._stamp.seq + 1) % 256
-        return frame
+        self._sender.seq = (self._sender.seq + 1) % 256
+        return frame if self._signer is None else self._signer.signed(frame)
 
 
 def _decoder(layout: MessageLayout, record: type[Any]) -> Callable[[bytes], Any]:

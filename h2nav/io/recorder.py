@@ -19,6 +19,7 @@ QUEUE_BYTES = 16 * MIB
 POLL_S = 0.02
 RECEIVED_TOPIC = "/mavlink/rx/"
 SENT_TOPIC = "/mavlink/tx/"
+REFUSED_TOPIC = "/mavlink/refused/"
 
 _Write = Callable[[LogFile], None]
 
@@ -134,6 +135,11 @@ class Recorder:
     def raw(self, link_name: str, unix_ns: int, data: bytes) -> None:
         """Records bytes as they arrived, one call per datagram or read."""
         topic = RECEIVED_TOPIC + link_name
+        self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
+
+    def refused(self, link_name: str, unix_ns: int, data: bytes) -> None:
+        """Records bytes that arrived and were not believed; a replay does not see them."""
+        topic = REFUSED_TOPIC + link_name
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
 
     def sent(self, link_name: str, unix_ns: int, data: bytes) -> None:

@@ -1,8 +1,8 @@
 """YAML into settings records, strictly: unknown keys, wrong types and impossible values are errors.
 
-Settings are frozen dataclasses of scalars and further dataclasses; the limits stand in their
-annotations (`h2nav.validation`). Every error names file, key, what was expected and the remedy, and
-all of them are reported together.
+Settings are frozen dataclasses of scalars, lists of texts and further dataclasses; the limits
+stand in their annotations (`h2nav.validation`). Every error names file, key, what was expected and
+the remedy, and all of them are reported together.
 """
 
 import dataclasses
@@ -15,7 +15,13 @@ import yaml
 from h2nav.errors import BadInput
 
 T = TypeVar("T")
-WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
+WORDS = {
+    int: "a whole number",
+    float: "a number",
+    str: "a text",
+    bool: "true or false",
+    tuple[str, ...]: "a list of texts",
+}
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
@@ -58,7 +64,8 @@ def into_record(record_type: type[T], mapping: dict[str, Any], place: str) -> T:
     """Builds a settings record from a mapping.
 
     Args:
-        record_type: a dataclass whose fields are scalars or dataclasses of scalars.
+        record_type: a dataclass whose fields are scalars, `tuple[str, ...]`, or dataclasses of
+            these.
         mapping: the keys that differ from the defaults.
         place: file (and section) for errors.
 
@@ -116,6 +123,11 @@ def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:
         limits = tuple(rest)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
+    if hint == tuple[str, ...]:
+        if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
+            return tuple(value)
+        complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
+        return None
     if type(value) is not hint:
         complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
         return None

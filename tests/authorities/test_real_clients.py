@@ -19,8 +19,15 @@ import pytest
 from needs import need_package
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.io.deframer import Deframer
+from h2nav.io.dialect import LAYOUTS
+from h2nav.io.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC
+from h2nav.io.recordings import open_recording
+
 PATIENCE_S = 60.0
 OUR_COMPONENT = 191
+PASSPHRASE = "correct-horse-battery-staple"
+ASK_US = f"set param_ftp False; vehicle 1:{OUR_COMPONENT}; param fetch"
 DAEMON_CONFIGURATION = """\
 link:
   url: udpin:127.0.0.1:{port}
@@ -68,11 +75,27 @@ def daemon(tmp_path, port):
 
 
 @contextmanager
-def mavproxy(port, folder):
+def signed_daemon(tmp_path, port):
+    """`h2nav run` that speaks to a ground station alone, with the key of `PASSPHRASE`."""
+    key, configuration = tmp_path / "key", tmp_path / "signed.yaml"
+    make_key = [sys.executable, "-m", "h2nav", "signing-key", "-o", str(key)]
+    subprocess.run(make_key, input=PASSPHRASE, text=True, check=True)
+    configuration.write_text(
+        f"link: {{url: 'udpout:127.0.0.1:{port}'}}\n"
+        f"signing: {{key_file: '{key}', state_file: '{tmp_path / 'stamp'}'}}\n"
+        f"log: {{folder: '{tmp_path / 'logs'}'}}\n"
+    )
+    with running("-m", "h2nav", "run", "-c", str(configuration)) as process:
+        yield process
+
+
+@contextmanager
+def mavproxy(port, folder, commands=""):
     """MAVProxy; the value reads its output until all texts have appeared."""
     need_package("MAVProxy")
     script = Path(sys.executable).with_name("mavproxy.py")
     command = [str(script), "--master", f"udp:127.0.0.1:{port}", "--non-interactive", "--no-state"]
+    command += ["--cmd", commands]
     with running(
         "-u", *command,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=folder,
@@ -166,3 +189,41 @@ def test_mavproxy_sees_our_component(tmp_path):
         mavproxy(ground, tmp_path) as until,
     ):
         until("Detected vehicle 1:1 ", f"Detected vehicle 1:{OUR_COMPONENT} ")
+
+
+def frames_in_logs(folder, topic_begin):
+    """Names of the messages in the logs that are being written or are closed."""
+    deframer = Deframer()
+    return {
+        LAYOUTS[frame.msg_id].name
+        for path in folder.glob("*.mcap*")
+        for topic, _, stored in open_recording(path)._messages("mavlink")
+        if topic.startswith(topic_begin)
+        for frame in deframer.feed(stored.data)
+    }
+
+
+def test_mavproxy_and_we_believe_each_others_signatures(tmp_path):
+    port = free_port()
+    sign = f"set allow_unsigned False; signing key {PASSPHRASE}; "
+    with (
+        signed_daemon(tmp_path, port),
+        mavproxy(port, tmp_path, sign + ASK_US) as until,
+    ):
+        until(f"Detected vehicle 1:{OUR_COMPONENT} ", "AP: h2nav: no_autopilot", "Received 2 param")
+
+
+@pytest.mark.parametrize("sign", ["", "signing key another-passphrase; "])
+def test_mavproxy_without_our_key_is_not_answered(tmp_path, sign):
+    port, logs = free_port(), tmp_path / "logs"
+    with signed_daemon(tmp_path, port) as process, mavproxy(port, tmp_path, sign + ASK_US) as until:
+        until(f"Detected vehicle 1:{OUR_COMPONENT} ")
+        end = time.monotonic() + PATIENCE_S
+        while "PARAM_REQUEST_LIST" not in frames_in_logs(logs, REFUSED_TOPIC):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        process.terminate()
+        process.wait(timeout=10)
+    assert "HEARTBEAT" in frames_in_logs(logs, SENT_TOPIC)
+    assert "PARAM_VALUE" not in frames_in_logs(logs, SENT_TOPIC)
+    assert not frames_in_logs(logs, RECEIVED_TOPIC)

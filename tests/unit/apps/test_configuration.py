@@ -101,3 +101,37 @@ def test_a_misspelt_section_is_an_error(tmp_path):
 def test_filters_that_do_not_exist_are_refused(tmp_path, section, key):
     (line,) = errors(f"filter: {section}\n", tmp_path)
     assert key in line
+
+
+def test_signing_is_off_unless_a_key_is_named():
+    assert configuration.Configuration().signing.key_file == ""
+
+
+def test_a_key_needs_a_place_for_the_time_stamp(tmp_path):
+    (line,) = errors("signing: {key_file: /etc/h2nav/key}\n", tmp_path)
+    assert "signing.state_file" in line
+    assert "/var/lib/h2nav" in line
+
+
+def test_the_key_itself_is_not_read_so_that_a_replay_needs_none():
+    signing = {"key_file": "/nowhere/key", "state_file": "/nowhere/stamp", "link_id": 7}
+    chosen = configuration.build({"signing": signing}, "test")
+    assert configuration.build(chosen.as_mapping(), "again") == chosen
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        ("[RADIO_STATS]", "signing.accept_unsigned: RADIO_STATS: no message"),
+        ("[SETUP_SIGNING]", "SETUP_SIGNING is never obeyed"),
+        ("RADIO_STATUS", "expected a list of texts"),
+    ],
+)
+def test_the_list_of_unsigned_messages_is_checked(tmp_path, names, says):
+    (line,) = errors(f"signing: {{accept_unsigned: {names}}}\n", tmp_path)
+    assert says in line
+
+
+def test_messages_without_a_signature_are_given_by_name():
+    settings = configuration.SigningSettings(accept_unsigned=("HEARTBEAT", "RADIO_STATUS"))
+    assert settings.unsigned_ids() == {0, 109}

@@ -20,6 +20,7 @@ class Outer:
     count: int = 3
     on: bool = False
     inner: Inner = field(default_factory=Inner)
+    names: tuple[str, ...] = ("a",)
 
 
 def errors(mapping):
@@ -31,12 +32,16 @@ def errors(mapping):
 def test_what_is_given_replaces_the_default():
     record = into_record(Outer, {"name": "a", "inner": {"rate_hz": 20}}, "file.yaml")
     assert record == Outer("a", inner=Inner(rate_hz=20.0))
+    record = into_record(Outer, {"name": "a", "names": []}, "file.yaml")
+    assert record.names == ()
 
 
 @pytest.mark.parametrize(
     ("mapping", "says"),
     [
         ({}, "file.yaml: name: missing"),
+        ({"name": "a", "names": "b"}, "file.yaml: names: expected a list of texts, found 'b'"),
+        ({"name": "a", "names": ["b", 3]}, "names: expected a list of texts"),
         ({"name": "a", "cuont": 1}, "did you mean count?"),
         ({"name": "a", "inner": {"zzz": 1}}, "inner.zzz: unknown key; known: rate_hz, mode"),
         ({"name": 5}, "name: expected a text, found 5"),

@@ -1,0 +1,199 @@
+"""Signing of one link as the daemon does it: who is let in, what is told and recorded of others."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.apps.configuration import SigningSettings
+from h2nav.io.deframer import Frame
+from h2nav.io.dialect import LAYOUTS
+from h2nav.io.signing import (
+    MOST_STREAMS,
+    Refusal,
+    SignatureChecker,
+    Signer,
+    without_signature,
+)
+from h2nav.io.signing_keys import read_signing_key
+from h2nav.io.stamp_file import StampKeeper
+from h2nav.service.effects import Notice, Severity
+
+TELL_AGAIN_NS = 60_000_000_000
+RECORD_WINDOW_NS = 1_000_000_000
+RECORDED_PER_WINDOW = 50
+"""Refused frames that are recorded per second: evidence, but no way to fill the disk."""
+CLOSE_WITHIN_S = 1.5
+
+CAUSES = {
+    Refusal.MAVLINK_1: "it is MAVLink 1, which cannot be signed; set its sender to MAVLink 2",
+    Refusal.UNSIGNED: "it is not signed; give its sender the key",
+    Refusal.SETUP_SIGNING: "keys are not taken from the network, only from signing.key_file",
+    Refusal.BAD_SIGNATURE: "its signature is wrong; has its sender the same key?",
+    Refusal.REFLECTED: "it is one of ours that came back; somebody sends it to us again, or uses "
+    "our component id and signing.link_id",
+    Refusal.REPLAYED: "its time stamp is not later than the one before; somebody sends it to us "
+    "again, or two senders share their ids and link id",
+    Refusal.OLD_STAMP: "its time stamp is over a minute behind ours; somebody sends it to us "
+    "again, or its sender's clock is behind",
+    Refusal.TOO_MANY_STREAMS: f"{MOST_STREAMS} senders are known already; restart h2nav to forget "
+    "those that have left",
+}
+
+
+class SigningRecord(NamedTuple):
+    """What has become of the frames of a link whose traffic must be signed, since start.
+
+    Attributes:
+        signed: admitted with a right signature.
+        accepted_unsigned: admitted without one, by `signing.accept_unsigned`.
+        mavlink_1: refused: MAVLink 1.
+        unsigned: refused: no signature.
+        setup_signing: refused and not recorded: SETUP_SIGNING, signed or not.
+        bad_signature: refused: made with another key, or changed on its way.
+        reflected: refused: our own frame.
+        replayed: refused: stamp not later than the last of its stream.
+        old_stamp: refused: first of its stream and over a minute behind our stamp.
+        too_many_streams: refused: first of its stream and the table is full.
+        streams: senders that are known, by system, component and link id.
+        stamp_ahead_s: our time stamp minus the host's clock.
+    """
+
+    signed: int
+    accepted_unsigned: int
+    mavlink_1: int
+    unsigned: int
+    setup_signing: int
+    bad_signature: int
+    reflected: int
+    replayed: int
+    old_stamp: int
+    too_many_streams: int
+    streams: int
+    stamp_ahead_s: float
+
+
+class Sorted(NamedTuple):
+    """Frames that came together.
+
+    Attributes:
+        admitted: to be believed, in their order.
+        received: bytes of them for the recording, without their signatures.
+        refused: the same of the others, as far as they are to be recorded.
+        notices: what people should hear.
+    """
+
+    admitted: list[Frame]
+    received: bytes
+    refused: bytes
+    notices: list[Notice]
+
+
+class LinkSigning:
+    """Verifies what a link brings and signs what it carries.
+
+    Attributes:
+        signer: for the `Encoder` of the link.
+
+    Args:
+        settings: with a key file.
+        unix_ns: reads the host's clock.
+
+    Raises:
+        BadInput: the key cannot be used.
+    """
+
+    def __init__(
+        self, settings: SigningSettings, unix_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        key = read_signing_key(Path(settings.key_file))
+        self._keeper = StampKeeper(Path(settings.state_file), unix_ns)
+        stamp = self._stamp = self._keeper.stamp
+        self.signer = Signer(key, settings.link_id, stamp)
+        self._checker = SignatureChecker(
+            key, stamp, settings.unsigned_ids(), own_streams=self.signer.streams
+        )
+        self._counts: Counter[str] = Counter()
+        self._told_ns: dict[Refusal, int] = {}
+        self._window_ns = 0
+        self._window_frames = 0
+
+    def would_admit(self, frame: Frame) -> bool:
+        """Whether a frame would be let in now; changes nothing."""
+        return self._checker.would_admit(frame)
+
+    def would_answer(self, frame: Frame) -> bool:
+        """Whether our frames should go to where a frame came from; changes nothing."""
+        return self._checker.would_answer(frame)
+
+    def turned_away(self, t_ns: int, frame: Frame) -> list[Notice]:
+        """Counts a stranger's frame that is not answered; what people should hear of it."""
+        return self._refuse(t_ns, frame, self._checker.objection(frame) or Refusal.UNSIGNED)
+
+    def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
+        """Lets frames in, or not.
+
+        Args:
+            t_ns: host monotonic time of their arrival.
+            frames: from the deframer of the link.
+        """
+        admitted: list[Frame] = []
+        refused: list[bytes] = []
+        notices: list[Notice] = []
+        for frame in frames:
+            refusal = self._checker.admit(frame)
+            if refusal is None:
+                self._counts["signed" if frame.signed else "accepted_unsigned"] += 1
+                admitted.append(frame)
+                continue
+            if self._is_recorded(t_ns, refusal):
+                refused.append(without_signature(frame.raw))
+            notices += self._refuse(t_ns, frame, refusal)
+        received = b"".join(without_signature(frame.raw) for frame in admitted)
+        return Sorted(admitted, received, b"".join(refused), notices)
+
+    def notices(self) -> list[Notice]:
+        """Trouble with the file of the time stamp, once each."""
+        return [
+            Notice(Severity.ERROR if is_error else Severity.NOTICE, text)
+            for is_error, text in self._keeper.notices()
+        ]
+
+    def record(self) -> SigningRecord:
+        """The counters so far."""
+        return SigningRecord(
+            signed=self._counts["signed"],
+            accepted_unsigned=self._counts["accepted_unsigned"],
+            **{str(refusal): self._counts[refusal] for refusal in Refusal},
+            streams=self._checker.streams,
+            stamp_ahead_s=self._stamp.ahead_s,
+        )
+
+    def close(self) -> None:
+        """Stores the time stamp."""
+        self._keeper.close(CLOSE_WITHIN_S)
+
+    def _is_recorded(self, t_ns: int, refusal: Refusal) -> bool:
+        if refusal is Refusal.SETUP_SIGNING:  # it holds a key
+            return False
+        if t_ns - self._window_ns >= RECORD_WINDOW_NS:
+            self._window_ns, self._window_frames = t_ns, 0
+        self._window_frames += 1
+        return self._window_frames <= RECORDED_PER_WINDOW
+
+    def _refuse(self, t_ns: int, frame: Frame, refusal: Refusal) -> list[Notice]:
+        """Counts a frame; tells of its cause if that was not told within the last minute."""
+        self._counts[refusal] += 1
+        told_ns = self._told_ns.get(refusal)
+        if told_ns is not None and t_ns - told_ns < TELL_AGAIN_NS:
+            return []
+        self._told_ns[refusal] = t_ns
+        return [self._notice(frame, refusal)]
+
+    def _notice(self, frame: Frame, refusal: Refusal) -> Notice:
+        name = LAYOUTS[frame.msg_id].name
+        count = self._counts[refusal]
+        so_far = f" ({count} of this kind so far)" if count > 1 else ""
+        text = f"{name} of {frame.sysid}/{frame.compid} refused: {CAUSES[refusal]}{so_far}"
+        return Notice(Severity.WARNING, text)

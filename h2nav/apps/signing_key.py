@@ -1,0 +1,35 @@
+"""``h2nav signing-key``: the key that ground stations make of a passphrase, as a file."""
+
+import argparse
+import getpass
+import sys
+from pathlib import Path
+
+from h2nav.errors import BadInput
+from h2nav.io.signing_keys import key_of_passphrase, write_signing_key
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command line."""
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="new file, mode 0600"
+    )
+    parser.epilog = (
+        "The passphrase is asked for, or is the first line of standard input: on a command line "
+        "all users of the computer could read it."
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Writes the key file; 0."""
+    if sys.stdin.isatty():
+        passphrase = getpass.getpass("Passphrase: ")
+        if getpass.getpass("Again: ") != passphrase:
+            raise BadInput("signing-key: the two passphrases differ; nothing was written")
+    else:
+        passphrase = sys.stdin.readline().rstrip("\r\n")
+    if not passphrase:
+        raise BadInput("signing-key: the passphrase is empty; nothing was written")
+    write_signing_key(args.output, key_of_passphrase(passphrase))
+    print(f"{args.output}: written", file=sys.stderr)
+    return 0
