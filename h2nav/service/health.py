@@ -107,7 +107,7 @@ def judge(signs: Signs, t_ns: int) -> Verdict:
         return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
         return Verdict(State.NO_IMU, *signs.no_imu)
-    if signs.last_gap_ns is None or signs.last_gap_ns > SILENT_IMU_NS:
+    if signs.last_gap_ns is not None and signs.last_gap_ns > SILENT_IMU_NS:
         # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
         return Verdict(State.NO_IMU, *signs.no_imu)
     if not signs.has_estimate:

@@ -34,7 +34,7 @@ def test_all_is_well():
         ({"autopilot_known": False}, State.NO_AUTOPILOT),
         ({"last_sample_ns": None}, State.NO_IMU),
         ({"last_sample_ns": NOW_NS - 501 * MS_NS}, State.NO_IMU),
-        ({"last_gap_ns": None}, State.NO_IMU),
+        ({"last_gap_ns": None}, State.ACTIVE),
         ({"has_estimate": False}, State.ALIGNING),
         ({"objections": (Objection("stuck", "gyro x is stuck"),)}, State.DEGRADED),
         ({"late_ns": 400 * MS_NS}, State.DEGRADED),
