@@ -1,12 +1,13 @@
 """``h2nav check-config``: every error of a configuration file with its place."""
 
 import argparse
-import json
 import sys
 from importlib import resources
 from pathlib import Path
 
 from h2nav.apps import configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 
@@ -27,18 +28,27 @@ def run(args: argparse.Namespace) -> int:
     if args.example:
         print(_examples()[args.example].read_text(encoding="utf-8"), end="")
         return 0
-    errors: tuple[str, ...] = ()
-    try:
-        configuration.read(args.config)
-    except BadInput as error:
-        errors = error.lines
+    errors = _errors(args.config)
     if args.json:
-        print(json.dumps({"ok": not errors, "errors": list(errors)}))
+        print_json({"ok": not errors, "errors": list(errors)})
     elif not errors:
         print(f"{args.config}: fine")
     for line in errors:
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
+
+
+def _errors(path: Path) -> tuple[str, ...]:
+    """What would keep the daemon from starting with this file."""
+    try:
+        chosen = configuration.read(path)
+    except BadInput as error:
+        return error.lines
+    try:
+        FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+    except BadInput as error:
+        return tuple(f"{path}: filter.gains: {line}" for line in error.lines)
+    return ()
 
 
 def _examples() -> dict[str, Path]:

@@ -20,6 +20,11 @@ LOG_LEVELS = {
     Severity.NOTICE: LogLevel.INFO,
     Severity.INFO: LogLevel.INFO,
 }
+RECORDER_SEVERITIES = {
+    LogLevel.ERROR: Severity.ERROR,
+    LogLevel.WARNING: Severity.WARNING,
+    LogLevel.INFO: Severity.NOTICE,
+}
 
 
 class Watcher(Protocol):
@@ -114,11 +119,11 @@ class Pipeline:
         self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
         for notice in self._recorder.notices():
-            self.note(t_ns, notice.text)
+            self.note(t_ns, notice.text, RECORDER_SEVERITIES[notice.level])
 
-    def note(self, t_ns: int, text: str) -> None:
+    def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Tells people something that the service does not know of."""
-        self._carry_out(t_ns, [Notice(Severity.NOTICE, text)])
+        self._carry_out(t_ns, [Notice(severity, text)])
 
     def _carry_out(self, t_ns: int, effects: list[Effect]) -> None:
         for effect in effects:

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav import cli
 from h2nav.apps.odometry_tracks import TimedPose, increments
 from h2nav.io.codec import Encoder
-from h2nav.io.strict_yaml import into_record, parse_mapping
+from h2nav.io.plain_yaml import parse_mapping
+from h2nav.io.strict_yaml import into_record
 from h2nav.maths import se2
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings

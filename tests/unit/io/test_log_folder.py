@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import pytest
+from log_limits import limits
 
-from h2nav.io.log_folder import LogLimits, left_over_logs, make_room, next_log_path, our_logs
+from h2nav.io.log_folder import left_over_logs, make_room, next_log_path, our_logs
 
 UNIX_NS = 1_795_260_679_845_863_513  # 2026-11-21 11:31:19 UTC
-NO_FLOOR = LogLimits(files=3, free_bytes=0)
+NO_FLOOR = limits(files=3)
 
 
 def log(folder: Path, number: int, stamp: str = "20260101T000000Z", suffix: str = "") -> Path:
@@ -48,6 +49,6 @@ def test_the_present_log_is_never_deleted(tmp_path: Path) -> None:
     others = [log(tmp_path, number) for number in (2, 3, 4)]
     assert make_room(tmp_path, NO_FLOOR, present) == others[:1]
     with pytest.raises(OSError, match="below the floor") as raised:
-        make_room(tmp_path, LogLimits(files=3, free_bytes=1 << 62), present)
+        make_room(tmp_path, limits(files=3, free_bytes=1 << 62), present)
     assert raised.value.filename == str(tmp_path)
     assert our_logs(tmp_path) == [present], "all others were given up for the space"

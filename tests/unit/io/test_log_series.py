@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
+from log_limits import limits
 from mcap.reader import make_reader
 
 from h2nav.io.foxglove_messages import LogLevel
@@ -21,7 +22,7 @@ from h2nav.io.log_series import RETRY_FIRST_S, SYNC_S, FolderTarget, LogSeries
 from h2nav.io.recordings import open_recording
 from h2nav.service.records import RejectionRecord
 
-LIMITS = LogLimits(file_bytes=64 * MIB, file_age_s=100.0, files=50, free_bytes=0)
+LIMITS = limits(file_bytes=64 * MIB, file_age_s=100.0, files=50)
 NOISE = bytes(range(256)) * 16
 
 
@@ -87,8 +88,8 @@ def test_each_file_begins_with_attachments_and_metadata(tmp_path: Path, clock: M
 
 
 def test_rotation_by_size_keeps_every_message_in_order(tmp_path: Path, clock: ManualClock) -> None:
-    limits = LogLimits(file_bytes=2_000, file_age_s=1e9, files=50, free_bytes=0)
-    series = series_in(tmp_path, clock, limits)
+    small = limits(file_bytes=2_000, file_age_s=1e9, files=50)
+    series = series_in(tmp_path, clock, small)
     series.begin()
     for number in range(40):
         put(series, number)
@@ -102,8 +103,8 @@ def test_rotation_by_size_keeps_every_message_in_order(tmp_path: Path, clock: Ma
 
 
 def test_the_file_count_is_held(tmp_path: Path, clock: ManualClock) -> None:
-    limits = LogLimits(file_age_s=1.0, files=3, free_bytes=0)
-    series = series_in(tmp_path, clock, limits)
+    small = limits(file_age_s=1.0, files=3)
+    series = series_in(tmp_path, clock, small)
     series.begin()
     for number in range(10):
         put(series, number)
@@ -207,7 +208,7 @@ def test_a_space_floor_that_cannot_be_held_ends_the_file_properly(
     series = series_in(tmp_path, clock)
     series.begin()
     put(series, 1)
-    series._target = FolderTarget(tmp_path, LogLimits(free_bytes=2 * free))
+    series._target = FolderTarget(tmp_path, limits(free_bytes=2 * free))
     clock.now_s += SYNC_S
     series.tend()
     assert "below the floor" in str(series.trouble)
