@@ -201,6 +201,8 @@ def kill_a_writer(folder: Path, after_s: float) -> tuple[int, int]:
 
 WRITER = """
 import mmap, struct, sys, time
+from h2nav.apps.configuration import LogSettings
+from h2nav.apps.log_contents import log_limits
 from h2nav.io.log_series import LogSeries
 from h2nav.io.recorder import Recorder
 with open(sys.argv[2], "w+b") as mark:
