@@ -67,7 +67,7 @@ def intact_content(opcode: int, body: bytes) -> bytes | None:
         if opcode == Opcode.CHUNK:
             return _chunk_content(body)
         fits = _is_intact(opcode, body)
-    except (McapError, ValueError, struct.error):
+    except (McapError, ValueError, OverflowError, struct.error):
         fits = False
     return b"" if fits else None
 

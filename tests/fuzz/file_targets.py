@@ -1,12 +1,15 @@
 """What reads files, by name: `run(target, data, folder)` lets nothing pass but what is documented.
 
-A command may end with a status from 0 to 3 and lines for people; its `--json` output is strict
-JSON. An exception, another status, or more than `LONGEST_S` of processor time is a finding.
+A command may end with a status from 0 to 3, or with `BadInput` or `TaskFailed`; its `--json`
+output is strict JSON. Another exception or status, or more than `LONGEST_S` of processor time is a
+finding.
 """
 
+import argparse
 import contextlib
 import dataclasses
 import functools
+import importlib
 import io
 import json
 import os
@@ -18,18 +21,19 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from types import ModuleType
+from typing import Any, NamedTuple, NoReturn
 
 import yaml
 from fuzz import file_seeds
 from fuzz.file_mutations import mutated
 
+from h2nav import cli
 from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.synthesize import sensor_model
 from h2nav.attitude.gain_seal import check_seal, seal
 from h2nav.attitude.gains import GainFile, parse_gain_file
-from h2nav.cli import main
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.plain_yaml import parse_bytes
 from h2nav.synthesis.shaped import checked_model
@@ -139,16 +143,33 @@ def _command(file_name: str, *words: str) -> Callable[[bytes, Path], None]:
     def run_command(data: bytes, folder: Path) -> None:
         path = folder / file_name
         path.write_bytes(data)
+        module, arguments = _understood(words)
         places = {"FILE": os.fspath(path), "OUT": os.fspath(folder / "out")}
-        told, complaints = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaints):
-            status = main([places.get(word, word) for word in words])
-        assert status in STATUSES, (status, complaints.getvalue())
-        assert status == 0 or complaints.getvalue() or told.getvalue(), "it failed in silence"
+        given = argparse.Namespace(**{k: _placed(v, places) for k, v in arguments.items()})
+        told = io.StringIO()
+        with contextlib.redirect_stdout(told), contextlib.redirect_stderr(io.StringIO()):
+            with contextlib.suppress(BadInput, TaskFailed):
+                assert module.run(given) in STATUSES
         if "--json" in words and told.getvalue():
             json.loads(told.getvalue(), parse_constant=_no_json)
 
     return run_command
+
+
+@functools.cache
+def _understood(words: tuple[str, ...]) -> tuple[ModuleType, dict[str, Any]]:
+    """The command's module and arguments; parsing them costs more than reading a small file."""
+    arguments = vars(cli._parser(words).parse_args(words))
+    name = cli.COMMANDS[arguments.pop("command")].module
+    return importlib.import_module(f"h2nav.apps.{name}"), arguments
+
+
+def _placed(value: Any, places: dict[str, str]) -> Any:
+    if isinstance(value, list):
+        return [_placed(item, places) for item in value]
+    if isinstance(value, str | Path) and str(value) in places:
+        return type(value)(places[str(value)])
+    return value
 
 
 def _no_json(constant: str) -> NoReturn:
@@ -240,7 +261,10 @@ TARGETS: dict[str, Target] = {
     "replay bytes": Target(file_seeds.link_bytes, _command("log.bytes", *_REPLAY)),
     "replay mcap": Target(file_seeds.mcap, _command("log.mcap", *_REPLAY), MCAP_WORDS, _mend),
     "replay into a log": Target(
-        file_seeds.mcap, _command("log.mcap", "replay", "FILE", "--class", "multirotor", "-o", "OUT"), MCAP_WORDS, _mend
+        file_seeds.mcap,
+        _command("log.mcap", "replay", "FILE", "--class", "multirotor", "-o", "OUT"),
+        MCAP_WORDS,
+        _mend,
     ),
     "log info": Target(
         file_seeds.mcap, _command("log.mcap", "log", "info", "FILE", "--json"), MCAP_WORDS, _mend
