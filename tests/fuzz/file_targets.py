@@ -147,9 +147,12 @@ def _command(file_name: str, *words: str) -> Callable[[bytes, Path], None]:
         places = {"FILE": os.fspath(path), "OUT": os.fspath(folder / "out")}
         given = argparse.Namespace(**{k: _placed(v, places) for k, v in arguments.items()})
         told = io.StringIO()
-        with contextlib.redirect_stdout(told), contextlib.redirect_stderr(io.StringIO()):
-            with contextlib.suppress(BadInput, TaskFailed):
-                assert module.run(given) in STATUSES
+        with (
+            contextlib.redirect_stdout(told),
+            contextlib.redirect_stderr(io.StringIO()),
+            contextlib.suppress(BadInput, TaskFailed),
+        ):
+            assert module.run(given) in STATUSES
         if "--json" in words and told.getvalue():
             json.loads(told.getvalue(), parse_constant=_no_json)
 

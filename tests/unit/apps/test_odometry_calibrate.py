@@ -133,6 +133,9 @@ def test_under_determined_data_are_said(tmp_path, capsys):
         (DIFF + ",dx_m\n1,2,3,4,5,6\n", "dx_m stand twice"),
         ("phi_left_rad,phi_right_rad,dx_m,dy_m\n1,2,3,4\n", "no known columns|dtheta_rad missing"),
         ('"' + DIFF, "cannot be read as CSV"),
+        (f"{DIFF}\n1e308,1e308,1e308,0,1e308\n", ":2: phi_left_rad = '1e308'"),
+        (f"{DIFF}\n1,2,3,4,{'9' * 1000}\n", ":2: dtheta_rad = '999"),
+        (f"{DIFF}\n1,2,3,4,{'9' * 200_000}\n", "field larger than field limit"),
     ],
 )
 def test_bad_tables_are_named_by_line(tmp_path, capsys, text, words):
