@@ -179,7 +179,8 @@ def _print_text(
     solution = result.solution
     print(f"{result.model} from {data.source}; reference read as {result.reading}")
     for i, (name, value) in enumerate(zip(result.names, result.values.tolist(), strict=True)):
-        sigma = math.sqrt(result.covariance[i, i])
+        # Rounding can leave a variance of badly scaled data below 0.
+        sigma = math.sqrt(max(result.covariance[i, i], 0.0))
         shown = "not determined" if math.isnan(value) else f"{value:.6g} +- {sigma:.2g}"
         print(f"  {name:16} {shown}")
     print(
