@@ -1,11 +1,18 @@
 # The daemon in a container: docker run --rm --network host -v /etc/h2nav:/etc/h2nav \
-#   -v /var/log/h2nav:/var/log/h2nav --device /dev/ttyAMA0 h2nav
-FROM python:3.13-slim AS build
+#   -v /var/log/h2nav:/var/log/h2nav --device /dev/ttyAMA0 --group-add dialout h2nav
+# The base is pinned by its exact version; who needs the same bytes for ever adds the digest that
+# `docker buildx imagetools inspect python:3.13.7-slim-bookworm` shows.
+FROM python:3.13.7-slim-bookworm AS build
+RUN python -m venv /opt/h2nav
+COPY packaging/requirements.lock /src/packaging/requirements.lock
+RUN /opt/h2nav/bin/pip install --no-cache-dir --only-binary :all: --require-hashes \
+    -r /src/packaging/requirements.lock
 COPY . /src
-RUN python -m venv /opt/h2nav && /opt/h2nav/bin/pip install --no-cache-dir /src
+# setuptools is in the lock; without isolation nothing else is fetched.
+RUN /opt/h2nav/bin/pip install --no-cache-dir --no-deps --no-build-isolation /src
 
-FROM python:3.13-slim
-RUN useradd --system --groups dialout h2nav && install -d -o h2nav /var/log/h2nav
+FROM python:3.13.7-slim-bookworm
+RUN useradd --system --groups dialout h2nav && install -d -o h2nav -g h2nav /var/log/h2nav
 COPY --from=build /opt/h2nav /opt/h2nav
 USER h2nav
 ENV PATH=/opt/h2nav/bin:$PATH

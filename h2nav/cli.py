@@ -2,12 +2,13 @@
 
 import argparse
 import importlib
+import io
 import platform
 import shutil
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TextIO, TypeAlias
 
 from h2nav import __version__
 from h2nav.errors import BadInput, TaskFailed
@@ -128,6 +129,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 success, 1 the thing asked for failed, 2 bad input or configuration; 130 interrupted,
         141 the reader of our output has gone.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # File names need be no text, and a terminal need not know every character.
+            stream.reconfigure(errors="backslashreplace")
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
@@ -143,9 +148,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except BrokenPipeError:
         # Head or less has all that it wants.
-        importlib.import_module("h2nav.apps.console").discard(sys.stdout)
+        _discard(sys.stdout)
         return READER_GONE
+    except OSError as error:
+        print(f"h2nav: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        _discard_if_broken(sys.stdout)
+        return FAILED
     return status
+
+
+def _discard_if_broken(stream: TextIO) -> None:
+    """What a full disk did not take would fail once more at exit."""
+    try:
+        stream.flush()
+    except OSError:
+        _discard(stream)
+
+
+def _discard(stream: TextIO) -> None:
+    importlib.import_module("h2nav.apps.console").discard(stream)
 
 
 def _run(words: list[str]) -> int:

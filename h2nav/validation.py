@@ -4,7 +4,6 @@ The strict loader (`h2nav.io.strict_yaml`) enforces them and names file, key and
 below every room so that each room can state the limits of its own settings.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -25,8 +24,8 @@ class Within:
 
     def complaint(self, value: object) -> str | None:
         """See `Limit`."""
-        fine = isinstance(value, int | float) and math.isfinite(value)
-        if fine and self.low <= float(str(value)) <= self.high:
+        # Compared as it is: a whole number may be too large for a float.
+        if isinstance(value, int | float) and self.low <= value <= self.high:
             return None
         return f"a number from {self.low:g} to {self.high:g}"
 

@@ -21,7 +21,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from h2nav.io.log_folder import LogLimits, our_logs
+from h2nav.apps.configuration import LogSettings
+from h2nav.apps.log_contents import log_limits
+from h2nav.io.log_folder import our_logs
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import open_recording
 from h2nav.service.records import EstimateRecord, ImuRecord
@@ -32,12 +34,13 @@ Call = Callable[[Recorder, int], None]
 
 WRITER = """
 import mmap, struct, sys, time
-from h2nav.io.log_folder import LogLimits
+from h2nav.apps.configuration import LogSettings
+from h2nav.apps.log_contents import log_limits
 from h2nav.io.recorder import Recorder
 with open(sys.argv[2], "w+b") as mark:
     mark.write(bytes(16)); mark.flush()
     shared = mmap.mmap(mark.fileno(), 16)
-    recorder = Recorder(sys.argv[1], LogLimits(free_bytes=0))
+    recorder = Recorder(sys.argv[1], log_limits(LogSettings(min_free_mb=0)))
     number = 0
     while True:
         now = time.monotonic_ns()
@@ -152,7 +155,7 @@ def kills(folder: Path, count: int) -> dict[str, float]:
         first_ns, last_ns = struct.unpack("<qq", mark.read_bytes())
         stored = [t_ns for t_ns, _ in open_recording(our_logs(logs)[0]).received()]
         lost_ms.append((last_ns - (stored[-1] if stored else first_ns)) / 1e6)
-        with Recorder(logs, LogLimits(free_bytes=0)) as recorder:
+        with Recorder(logs, log_limits(LogSettings(min_free_mb=0))) as recorder:
             recorder.wait_for_repair()
         repaired = [t_ns for t_ns, _ in open_recording(our_logs(logs)[0]).received()]
         assert repaired == stored

@@ -1,9 +1,9 @@
 """`h2nav certify`: checks gain files against their own models, without any solver."""
 
 import argparse
-import json
 import sys
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 
@@ -19,8 +19,7 @@ def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     results = {name: _checked(name) for name in args.files}
     if args.json:
-        json.dump({"ok": all(r["ok"] for r in results.values()), "files": results}, sys.stdout)
-        sys.stdout.write("\n")
+        print_json({"ok": all(r["ok"] for r in results.values()), "files": results})
     else:
         for name, result in results.items():
             sys.stdout.write(_text(name, result))

@@ -1,13 +1,14 @@
 """``h2nav check-config``: every error of a configuration file with its place."""
 
 import argparse
-import json
 import sys
 from importlib import resources
 from pathlib import Path
 
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 from h2nav.io.signing_keys import read_signing_key
 
@@ -37,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     except BadInput as error:
         errors = error.lines
     if args.json:
-        print(json.dumps({"ok": not errors, "errors": list(errors), "warnings": warnings}))
+        print_json({"ok": not errors, "errors": list(errors), "warnings": warnings})
     elif not errors:
         print(f"{args.config}: fine")
     for line in (*errors, *warnings):
@@ -48,6 +49,10 @@ def run(args: argparse.Namespace) -> int:
 def _checked(path: Path) -> Configuration:
     """The configuration; BadInput for one that the daemon would not start with."""
     chosen = configuration.read(path)
+    try:
+        FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+    except BadInput as error:
+        raise BadInput(*(f"{path}: filter.gains: {line}" for line in error.lines)) from None
     if chosen.signing.key_file:
         read_signing_key(Path(chosen.signing.key_file))
     return chosen

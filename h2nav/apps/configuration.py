@@ -1,12 +1,13 @@
 """The daemon's configuration file: its sections, their defaults, and what cannot work together."""
 
 import dataclasses
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from h2nav.errors import BadInput
-from h2nav.io import strict_yaml
+from h2nav.io import plain_yaml, strict_yaml
 from h2nav.io.dialect import LAYOUTS
 from h2nav.io.link_urls import SerialUrl, parse_link_url
 from h2nav.io.signing import SETUP_SIGNING_ID
@@ -36,6 +37,7 @@ WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600.0
 BITS_PER_SERIAL_BYTE = 10
 MOST_OF_A_SHARED_LINK = 0.5
+AUTOPILOT_COMPONENT_ID = 1  # MAV_COMP_ID_AUTOPILOT1, the only one that autopilots use
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,8 @@ class FilterSettings:
         arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run: of
             `default` the whole filter, of `two_stage` its constant-gain form.
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
-        gains: a gain file; `auto` = the shipped one for class (or sensor) and rate.
+        gains: a gain file, `~` = the home of the daemon's user; `auto` = the shipped one for class
+            (or sensor) and rate.
         sensor: whose shipped gains `two_stage` takes.
         gyro_sampling: `mean` where the sensor integrates between samples (all usual ones),
             `instant` where it does not.
@@ -79,10 +82,13 @@ class LogSettings:
     """The MCAP log.
 
     Attributes:
-        folder: where logs go; empty = no log.
+        folder: where logs go, `~` = the home of the daemon's user; empty = no log.
         max_file_mb: size at which a new file is begun.
         max_file_minutes: age at which a new file is begun.
         max_files: how many of our files stay; the oldest are deleted.
+        max_run_mb: what one run may take; beyond it the run's own oldest files go, so that no
+            flood of input rotates earlier flights away. 0 = a quarter of what `max_files` of
+            `max_file_mb` take, or of the disk's room for logs where that is less.
         min_free_mb: free space that is left on the disk.
     """
 
@@ -90,6 +96,7 @@ class LogSettings:
     max_file_mb: Annotated[int, Within(1, 100_000)] = 512
     max_file_minutes: Annotated[int, Within(1, 100_000)] = 60
     max_files: Annotated[int, Within(1, 100_000)] = 100
+    max_run_mb: Annotated[int, Within(0, 100_000_000)] = 0
     min_free_mb: Annotated[int, Within(0, 1_000_000)] = 256
 
 
@@ -164,7 +171,7 @@ def read(path: Path) -> Configuration:
     Raises:
         BadInput: one line per error, naming file, key and remedy.
     """
-    return build(strict_yaml.read_mapping(path), str(path))
+    return build(plain_yaml.read_mapping(path), str(path))
 
 
 def build(mapping: dict[str, Any], place: str) -> Configuration:
@@ -173,11 +180,42 @@ def build(mapping: dict[str, Any], place: str) -> Configuration:
     Raises:
         BadInput: one line per error.
     """
-    configuration = strict_yaml.into_record(Configuration, mapping, place)
+    configuration = at_home(strict_yaml.into_record(Configuration, mapping, place), place)
     complaints = [f"{place}: {complaint}" for complaint in contradictions(configuration)]
     if complaints:
         raise BadInput(*complaints)
     return configuration
+
+
+def at_home(configuration: Configuration, place: str) -> Configuration:
+    """The configuration with `~` and `~user` in its paths replaced by home folders.
+
+    Args:
+        configuration: as it was written.
+        place: where it comes from, for errors.
+
+    Raises:
+        BadInput: one line per path with an unknown home.
+    """
+    complaints: list[str] = []
+
+    def expanded(key: str, path: str) -> str:
+        whole = os.path.expanduser(path)
+        if whole.startswith("~"):
+            complaints.append(f"{place}: {key}: {path}: no such home; write out the path")
+        return whole
+
+    log, gains, signing = configuration.log, configuration.filter, configuration.signing
+    log = dataclasses.replace(log, folder=expanded("log.folder", log.folder))
+    gains = dataclasses.replace(gains, gains=expanded("filter.gains", gains.gains))
+    signing = dataclasses.replace(
+        signing,
+        key_file=expanded("signing.key_file", signing.key_file),
+        state_file=expanded("signing.state_file", signing.state_file),
+    )
+    if complaints:
+        raise BadInput(*complaints)
+    return dataclasses.replace(configuration, log=log, filter=gains, signing=signing)
 
 
 def contradictions(configuration: Configuration) -> list[str]:
@@ -185,6 +223,7 @@ def contradictions(configuration: Configuration) -> list[str]:
     link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
     return [
         *link,
+        *_identity_complaints(configuration),
         *_filter_complaints(configuration.filter),
         *_motion_complaints(configuration),
         *_signing_complaints(configuration.signing),
@@ -197,6 +236,21 @@ def _link_complaints(url: str) -> list[str]:
     except BadInput as error:
         return [f"link.url: {line}" for line in error.lines]
     return []
+
+
+def _identity_complaints(configuration: Configuration) -> list[str]:
+    """Whoever shares an id with the autopilot is taken for it."""
+    ours, asked = configuration.output.component_id, configuration.autopilot.component_id
+    if ours == AUTOPILOT_COMPONENT_ID:
+        taken = "the autopilot's: its ground stations would take our messages for its own"
+    elif ours == asked:
+        taken = "that of autopilot.component_id: nobody could tell us from the autopilot"
+    else:
+        return []
+    return [
+        f"output.component_id: {ours} is {taken}; leave it out (191, an onboard computer), or "
+        "give one that nobody has"
+    ]
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:

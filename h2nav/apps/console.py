@@ -1,11 +1,11 @@
 """What the daemon shows: a live line on a terminal, else journal-style lines or JSON events."""
 
-import json
 import os
 import sys
 from pathlib import Path
 from typing import Any, TextIO
 
+from h2nav.apps.json_output import json_text
 from h2nav.io.deframer import Frame
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
@@ -79,7 +79,7 @@ class Console:
         if self._events is None:
             return
         try:
-            print(json.dumps({"event": name, **values}), file=self._events, flush=True)
+            print(json_text({"event": name, **values}), file=self._events, flush=True)
         except OSError:
             discard(self._events)
             self._events = None

@@ -1,7 +1,6 @@
 """``h2nav demo``: the fake autopilot and the daemon over loopback, an error table, a log."""
 
 import argparse
-import json
 import math
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import IO
 from h2nav.apps.configuration import Configuration, LinkSettings, LogSettings
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
+from h2nav.apps.json_output import print_json
 from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput, TaskFailed
@@ -169,7 +169,7 @@ def _show(
             "rms_deg": {name: rms[name] for name in ("roll", "pitch", "yaw", "tilt", "total")},
             "log": None if log is None else str(log),
         }
-        print(json.dumps(result))
+        print_json(result)
         return
     print(
         f"{health.samples_used} {health.imu_message or 'IMU'} messages in, "

@@ -1,7 +1,6 @@
 """`h2nav evaluate dataset`: filters side by side on recorded trials with truth."""
 
 import argparse
-import json
 import math
 import os
 import statistics
@@ -12,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
 if TYPE_CHECKING:
@@ -127,8 +127,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         first = results[names[0]]
         document = dict(first) if len(names) == 1 else {**first, "filters": results}
-        json.dump({"class": args.vehicle_class, **document, "notes": notes}, sys.stdout)
-        sys.stdout.write("\n")
+        print_json({"class": args.vehicle_class, **document, "notes": notes})
     else:
         sys.stdout.write("".join(_table(name, results[name]) for name in names))
         for trial, lines in notes.items():

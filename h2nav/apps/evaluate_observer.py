@@ -1,11 +1,12 @@
 """``h2nav evaluate observer``: convergence and noise of the twist observer, by exponent."""
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from h2nav.apps.json_output import print_json
 
 if TYPE_CHECKING:
     from h2nav.motion.observer_trials import Course
@@ -31,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
         "vision": {str(a1): _vision(a1) for a1 in VISION_EXPONENTS},
     }
     if args.json:
-        print(json.dumps(document, indent=1))
+        print_json(document, indent=1)
     else:
         _print_text(document)
     if args.plots is not None:

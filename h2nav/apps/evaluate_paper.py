@@ -1,7 +1,6 @@
 """`h2nav evaluate paper`: the source paper's two cases, the slides' tables next to ours."""
 
 import argparse
-import json
 import multiprocessing
 import sys
 from collections.abc import Iterator
@@ -9,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
@@ -106,8 +106,7 @@ def run(args: argparse.Namespace) -> int:
         draw_cases(assumptions, args.plots)
         sys.stderr.write(f"{args.plots}: pictures written\n")
     if args.json:
-        json.dump(_document(tables, assumptions, args.seeds), sys.stdout)
-        sys.stdout.write("\n")
+        print_json(_document(tables, assumptions, args.seeds))
     else:
         sys.stdout.write("\n".join(_report(tables, assumptions, args.seeds)) + "\n")
     return 0

@@ -1,11 +1,11 @@
 """`h2nav export c`: writes the integer filter of a gain file as freestanding C99."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ def _report(
             "directory": str(args.output),
             "files": {file: {"bytes": size} for file, size in sizes.items()},
         }
-        json.dump(result, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(result)
         return
     for file, size in sizes.items():
         sys.stdout.write(f"{args.output / file}  {size} bytes\n")

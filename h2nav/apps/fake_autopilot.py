@@ -1,7 +1,6 @@
 """``h2nav fake-autopilot``: a SITL-style autopilot on a UDP port, TCP port or pseudo-terminal."""
 
 import argparse
-import json
 import select
 import socket
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
 from h2nav.apps.daemon import StopSignals
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 from h2nav.io.links import Link
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
             link.close()
     counts = vehicle.counts()
     if args.json:
-        print(json.dumps({"seconds": (time.monotonic_ns() - start_ns) * 1e-9, **counts}))
+        print_json({"seconds": (time.monotonic_ns() - start_ns) * 1e-9, **counts})
     else:
         for name, count in counts.items():
             print(f"{name:18} {count}", file=sys.stderr)

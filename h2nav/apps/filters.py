@@ -11,7 +11,7 @@ from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.gain_seal import check_seal
 from h2nav.attitude.gains import GainFile, parse_gain_file
 from h2nav.errors import BadInput
-from h2nav.io import gain_files, strict_yaml
+from h2nav.io import gain_files, plain_yaml
 from h2nav.service.autopilot import Identity
 
 FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
@@ -85,7 +85,7 @@ class FilterFactory:
 
     @classmethod
     def recorded(
-        cls, settings: FilterSettings, imu_rate_hz: float, texts: Mapping[str, str]
+        cls, settings: FilterSettings, imu_rate_hz: float, contents: Mapping[str, bytes]
     ) -> "FilterFactory":
         """The gain files that a log carries.
 
@@ -95,11 +95,11 @@ class FilterFactory:
         names = shipped_names(settings, imu_rate_hz)
         files = {}
         for name in sorted(set(names.values())):
-            if name not in texts:
+            if name not in contents:
                 raise BadInput(
                     f"{name}: the log does not hold this gain file; replay with --config"
                 )
-            file = parse_gain_file(strict_yaml.parse_mapping(texts[name], name), name)
+            file = parse_gain_file(plain_yaml.parse_bytes(contents[name], name), name)
             check_seal(file, name)
             files[name] = file
         return cls(settings, names, files)

@@ -1,5 +1,6 @@
 """What every log starts with: the inputs that an exact replay needs, and where it came from."""
 
+import math
 import platform
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +12,8 @@ from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration, LogSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude import native
-from h2nav.io import strict_yaml
+from h2nav.errors import BadInput
+from h2nav.io import plain_yaml
 from h2nav.io.log_folder import MIB, LogLimits
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
@@ -20,19 +22,25 @@ CONFIGURATION_NAME = "configuration.yaml"
 GAINS_FOLDER = "gains/"
 RUN_METADATA = "h2nav"
 YAML_TYPE = "application/yaml"
+LATEST_UNIX_S = 4_102_444_800.0  # the year 2100
 
 
 def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None:
     """The daemon's log; None where none is wanted."""
     if not settings.folder:
         return None
-    limits = LogLimits(
+    return Recorder(Path(settings.folder), log_limits(settings), unix_offset_ns)
+
+
+def log_limits(settings: LogSettings) -> LogLimits:
+    """What the section `log` allows, in the recorder's units."""
+    return LogLimits(
         file_bytes=settings.max_file_mb * MIB,
         file_age_s=settings.max_file_minutes * 60.0,
         files=settings.max_files,
+        run_bytes=settings.max_run_mb * MIB,
         free_bytes=settings.min_free_mb * MIB,
     )
-    return Recorder(Path(settings.folder), limits, unix_offset_ns)
 
 
 def attach_inputs(
@@ -67,12 +75,12 @@ class RecordedInputs(NamedTuple):
 
     Attributes:
         configuration: as it was in force.
-        gain_texts: gain files by name.
+        gain_files: the gain files as they were attached, by name.
         unix_s: the date that the run worked with.
     """
 
     configuration: Configuration
-    gain_texts: dict[str, str]
+    gain_files: dict[str, bytes]
     unix_s: float
 
 
@@ -86,13 +94,25 @@ def inputs_of(recording: Recording) -> RecordedInputs | None:
     if attachment is None:
         return None
     place = f"{recording.path}: {CONFIGURATION_NAME}"
-    mapping = strict_yaml.parse_mapping(attachment.data.decode(), place)
-    gain_texts = {
-        name.removeprefix(GAINS_FOLDER): found.data.decode()
+    mapping = plain_yaml.parse_bytes(attachment.data, place)
+    gains = {
+        name.removeprefix(GAINS_FOLDER): found.data
         for name, found in recording.attachments.items()
         if name.startswith(GAINS_FOLDER)
     }
-    metadata = recording.metadata.get(RUN_METADATA, {})
-    return RecordedInputs(
-        configuration.build(mapping, place), gain_texts, float(metadata.get("unix_s", "0"))
-    )
+    return RecordedInputs(configuration.build(mapping, place), gains, _recorded_date(recording))
+
+
+def _recorded_date(recording: Recording) -> float:
+    """The date of the run in UNIX seconds; 0 when the log does not tell."""
+    text = recording.metadata.get(RUN_METADATA, {}).get("unix_s", "0")
+    try:
+        unix_s = float(text)
+    except ValueError:
+        unix_s = math.nan
+    if not 0.0 <= unix_s <= LATEST_UNIX_S:
+        raise BadInput(
+            f"{recording.path}: metadata {RUN_METADATA}: unix_s: expected UNIX seconds, found "
+            f"{plain_yaml.shown(text)}; replay with --config"
+        )
+    return unix_s

@@ -1,10 +1,10 @@
 """`h2nav log export`: a log's channels as CSV."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 
@@ -42,8 +42,7 @@ def run(args: argparse.Namespace) -> int:
             "skipped": result.skipped,
             "damaged_records": result.damaged_records,
         }
-        json.dump(document, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(document)
     else:
         for file in result.files:
             print(f"{file.path}: {file.rows} rows")

@@ -1,11 +1,13 @@
 """`h2nav log info`: what a log holds."""
 
 import argparse
-import json
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from h2nav.apps.json_output import print_json
+from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
     from h2nav.io.log_survey import LogSurvey
@@ -13,28 +15,50 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
-    parser.add_argument("log", type=Path, metavar="LOG", help="MCAP log, closed or cut off")
+    parser.add_argument(
+        "logs", type=Path, nargs="+", metavar="LOG", help="MCAP logs, closed or cut off"
+    )
     parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.epilog = (
+        "With --json, one LOG gives one document, several give a list of them in their order. A "
+        "file that is no log is named and left out; the exit status is then 2."
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    found: list[LogSurvey] = []
+    errors: list[str] = []
+    for log in args.logs:
+        try:
+            found.append(_surveyed(log))
+        except BadInput as error:
+            errors += error.lines
+    if args.json and (found or len(args.logs) > 1):
+        documents = [_document(survey) for survey in found]
+        print_json(documents[0] if len(args.logs) == 1 else documents)
+    elif not args.json:
+        sys.stdout.write("\n".join(_text(survey) for survey in found))
+    if errors:
+        raise BadInput(*errors)
+    return 0
+
+
+def _surveyed(log: Path) -> "LogSurvey":
     from h2nav.apps.log_progress import byte_bar
     from h2nav.io.log_survey import survey
 
     with byte_bar("reading") as progress:
-        found = survey(args.log, progress)
-    if args.json:
-        document = found._asdict()
-        # As a number it would exceed what JSON's readers keep exactly.
-        document["start_utc"] = _utc(document.pop("start_unix_ns")).isoformat()
-        document["topics"] = [topic._asdict() for topic in found.topics]
-        document["gaps"] = [gap._asdict() for gap in found.gaps]
-        json.dump(document, sys.stdout)
-        sys.stdout.write("\n")
-    else:
-        sys.stdout.write(_text(found))
-    return 0
+        return survey(log, progress)
+
+
+def _document(found: "LogSurvey") -> dict[str, Any]:
+    document = found._asdict()
+    # As a number it would exceed what JSON's readers keep exactly.
+    document["start_utc"] = _utc(document.pop("start_unix_ns")).isoformat()
+    document["topics"] = [topic._asdict() for topic in found.topics]
+    document["gaps"] = [gap._asdict() for gap in found.gaps]
+    return document
 
 
 def _utc(unix_ns: int) -> datetime:

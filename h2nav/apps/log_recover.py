@@ -1,10 +1,10 @@
 """`h2nav log recover`: saves what is left of a log into a new, complete one."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
 NOTHING_LOST, NOTHING_RECOVERED, SOMETHING_LOST = 0, 1, 3
@@ -38,8 +38,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         document = {**recovery._asdict(), "output": str(output)}
         document["lost_something"] = recovery.lost_something
-        json.dump(document, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(document)
     else:
         lost = (
             f"{recovery.lost_bytes} bytes in {recovery.damaged_records} places and "

@@ -1,12 +1,12 @@
 """``h2nav odometry calibrate``: wheel parameters from increments or a recording."""
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     block = configuration(result, angles, fed_radius_m)
     driven = _driven(data, block)
     if args.json:
-        print(json.dumps(_document(result, block, driven), indent=1))
+        print_json(_document(result, block, driven), indent=1)
     else:
         _print_text(result, data, block, driven)
     if args.plots is not None:
@@ -179,7 +179,8 @@ def _print_text(
     solution = result.solution
     print(f"{result.model} from {data.source}; reference read as {result.reading}")
     for i, (name, value) in enumerate(zip(result.names, result.values.tolist(), strict=True)):
-        sigma = math.sqrt(result.covariance[i, i])
+        # Rounding can leave a variance of badly scaled data below 0.
+        sigma = math.sqrt(max(result.covariance[i, i], 0.0))
         shown = "not determined" if math.isnan(value) else f"{value:.6g} +- {sigma:.2g}"
         print(f"  {name:16} {shown}")
     print(

@@ -8,6 +8,7 @@ import numpy as np
 
 from h2nav.apps.odometry_tracks import Array, Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
+from h2nav.io.plain_yaml import shown
 from h2nav.motion.samples import WheelSample
 
 REFERENCE = ("dx_m", "dy_m", "dtheta_rad")
@@ -22,6 +23,7 @@ COUNTERS = {
 }
 POSE = ("x_m", "y_m", "heading_rad")
 MAX_ERRORS = 20
+LARGEST = 1e12  # of any column: 30,000 years in s, the orbit of Jupiter in m
 
 
 def read_increments(path: Path, model: str | None) -> Increments:
@@ -119,10 +121,13 @@ def _numbers(
             errors.append(f"{path}:{line}: {len(row)} cells, expected {len(header)} as the header")
             continue
         numbers = [_number(row[column]) for column in columns]
-        bad = [header[c] for c, n in zip(columns, numbers, strict=True) if not math.isfinite(n)]
+        bad = [header[c] for c, n in zip(columns, numbers, strict=True) if not abs(n) <= LARGEST]
         if bad:
-            cells = ", ".join(f"{name} = {row[header.index(name)]!r}" for name in bad)
-            errors.append(f"{path}:{line}: {cells}: expected a finite number; mend or drop the row")
+            cells = ", ".join(f"{name} = {shown(repr(row[header.index(name)]))}" for name in bad)
+            errors.append(
+                f"{path}:{line}: {cells}: expected a finite number up to {LARGEST:g}; "
+                "mend or drop the row"
+            )
         values.append(numbers)
     if errors:
         more = len(errors) - MAX_ERRORS

@@ -30,6 +30,11 @@ LOG_LEVELS = {
     Severity.NOTICE: LogLevel.INFO,
     Severity.INFO: LogLevel.INFO,
 }
+RECORDER_SEVERITIES = {
+    LogLevel.ERROR: Severity.ERROR,
+    LogLevel.WARNING: Severity.WARNING,
+    LogLevel.INFO: Severity.NOTICE,
+}
 
 
 class Watcher(Protocol):
@@ -210,7 +215,7 @@ class Pipeline:
         self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
         for notice in self._recorder.notices():
-            self.note(t_ns, notice.text)
+            self.note(t_ns, notice.text, RECORDER_SEVERITIES[notice.level])
 
     def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Tells people something that the service does not know of."""

@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-import json
 import math
 import sys
 import time
@@ -15,10 +14,11 @@ from tqdm import tqdm
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.apps.log_contents import attach_inputs, inputs_of
+from h2nav.apps.json_output import print_json
+from h2nav.apps.log_contents import RecordedInputs, attach_inputs, inputs_of
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.apps.reference import Reference
-from h2nav.errors import TaskFailed
+from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.deframer import Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
@@ -92,15 +92,30 @@ def run(args: argparse.Namespace) -> int:
         if recorder is not None:
             recorder.close()
     elapsed_s = time.perf_counter() - started_s
+    loss = None if recorder is None else _loss(recorder)
     result = _result(pipeline, watcher, span_ns * 1e-9, elapsed_s)
     result["log"] = None if output is None else str(output)
     if args.json:
-        print(json.dumps(result))
+        print_json(result)
     else:
         _show(result)
+    if loss is not None:
+        raise TaskFailed(f"{output}: {loss}")
     if not result["imu_samples"]:
         raise TaskFailed(f"{args.log}: no IMU samples of a known autopilot in it")
     return 0
+
+
+def _loss(recorder: Recorder) -> str | None:
+    """What is missing in the log, and why; None when it is complete."""
+    if not recorder.dropped and recorder.trouble is None:
+        return None
+    statistics = recorder.statistics()
+    return (
+        f"the log is incomplete: {recorder.dropped} of {recorder.dropped + statistics.written} "
+        f"messages are lost ({recorder.trouble or 'they could not be encoded'}); name another "
+        "place with -o, or use --no-log"
+    )
 
 
 def _play(
@@ -133,7 +148,7 @@ def _play(
 
 def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     """Configuration and gains: the recording's own, unless the command line says otherwise."""
-    recorded = inputs_of(recording)
+    recorded = _recorded(recording, has_own=args.config is not None)
     if args.config is not None:
         chosen = configuration.read(args.config)
     else:
@@ -150,7 +165,7 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
     if recorded is not None and chosen == recorded.configuration:
         filters = FilterFactory.recorded(
-            chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_texts
+            chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_files
         )
         return Inputs(chosen, filters, recorded.unix_s, True, whole_frames)
     filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
@@ -159,6 +174,16 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     else:
         unix_s = time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
     return Inputs(chosen, filters, unix_s, False, whole_frames)
+
+
+def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
+    """What the recording's own run worked with; who brings inputs does without unusable ones."""
+    try:
+        return inputs_of(recording)
+    except BadInput:
+        if has_own:
+            return None
+        raise
 
 
 class _Watcher:

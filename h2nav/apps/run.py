@@ -41,7 +41,7 @@ def _configuration(args: argparse.Namespace) -> Configuration:
         chosen = dataclasses.replace(chosen, link=configuration.LinkSettings(args.connect))
     if args.log_dir is not None:
         log = dataclasses.replace(chosen.log, folder=args.log_dir)
-        chosen = dataclasses.replace(chosen, log=log)
+        chosen = configuration.at_home(dataclasses.replace(chosen, log=log), "run")
     complaints = configuration.contradictions(chosen)
     if complaints:
         raise BadInput(*complaints)

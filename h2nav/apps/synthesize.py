@@ -1,7 +1,6 @@
 """`h2nav synthesize`: a certified gain file from a sensor model."""
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -9,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
 if TYPE_CHECKING:
@@ -62,8 +62,7 @@ def run(args: argparse.Namespace) -> int:
             "wall_time_s": wall_time_s,
             "solver_wall_time_s": solver_wall_time_s,
         }
-        json.dump(summary, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(summary)
         return 0
     sys.stdout.write(_report(file.methods, norm))
     if "refused" in file.fixed_point:
@@ -74,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _synthesise(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
     """The certified gain file of a model of either kind, and the solvers' times."""
-    from h2nav.io.strict_yaml import read_mapping
+    from h2nav.io.plain_yaml import read_mapping
     from h2nav.synthesis import shaped, two_stage
 
     mapping = read_mapping(path)

@@ -17,13 +17,8 @@ from h2nav.io.codec import decode, record_type
 from h2nav.io.deframer import Deframer
 from h2nav.io.foxglove_messages import flat_fields
 from h2nav.io.log_file import RAW_ENCODING
-from h2nav.io.log_reader import (
-    Directory,
-    LogScan,
-    StoredMessage,
-    message,
-    records_of,
-)
+from h2nav.io.log_reader import Directory, LogScan, records_of
+from h2nav.io.log_records import StoredMessage, message
 from h2nav.io.log_schema import time_from_object, unit_of
 from h2nav.io.log_survey import Progress, require_mcap
 
@@ -162,7 +157,7 @@ class _ChannelExport:
         takers = {RAW_ENCODING: self._take_raw, "json": self._take_json}
         self._take = takers.get(channel.message_encoding, self._take_protobuf)
         if channel.message_encoding == "json" and schema is not None:
-            self._fields = list(orjson.loads(schema.data).get("properties", {}))
+            self._fields = _field_names(schema.data)
 
     def take(self, stored: StoredMessage) -> None:
         """Writes the rows of one message."""
@@ -195,6 +190,16 @@ class _ChannelExport:
             raise ValueError(f"no export of {self._schema_name or 'this encoding'}")
         table = self._tables.table(self.topic, lambda: list(values))
         table.add(stored, list(values.values()))
+
+
+def _field_names(schema: bytes) -> list[str]:
+    """The properties of a JSON schema; none when it is not one, and the first message decides."""
+    try:
+        document = orjson.loads(schema)
+    except ValueError:
+        return []
+    properties = document.get("properties") if isinstance(document, dict) else None
+    return list(properties) if isinstance(properties, dict) else []
 
 
 def _with_unit(name: str) -> str:

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 from h2nav import __version__
 from h2nav.attitude.samples import Quat
 from h2nav.io.foxglove_messages import AttitudeMessages, LogLevel, log_message, protobuf_schemas
-from h2nav.io.log_folder import ACTIVE_SUFFIX
+from h2nav.io.log_folder import ACTIVE_SUFFIX, LOG_MODE
 from h2nav.io.log_schema import RecordFormat, record_format
 
 CHUNK_BYTES = 128 * 1024
@@ -172,7 +172,7 @@ class _Disk:
 
     def __init__(self, path: Path) -> None:
         flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC
-        self._descriptor = os.open(path, flags, 0o644)
+        self._descriptor = os.open(path, flags, LOG_MODE)
         self.position = 0
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

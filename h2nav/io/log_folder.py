@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,10 @@ ACTIVE_SUFFIX = ".active"
 _OUR_NAME = re.compile(r"\d{8}T\d{6}Z_[0-9a-f]{8}_(\d{6})\.mcap(\.active)?")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 MIB = 1 << 20
+RUN_SHARE = 4  # a run may take this part of the room for logs
+RUN_FILES = 4  # and takes it in so many files, so that the oldest can go
+LEAST_RUN_BYTES = 16 * MIB
+LOG_MODE = 0o640  # logs tell where a vehicle was
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +26,18 @@ class LogLimits:
         file_bytes: a file of this size is closed and the next one opened.
         file_age_s: a file of this age likewise.
         files: at most so many files of ours stay in the folder; the oldest are deleted.
+        run_bytes: one run takes at most so much; beyond it the run's own oldest files are deleted.
+            0 = a quarter of what `files` of `file_bytes` take, or of the disk's room for logs
+            where that is less.
         free_bytes: so much of the disk stays free; the oldest files of ours are deleted for it, and
             recording stops when there is none left.
     """
 
-    file_bytes: int = 256 * MIB
-    file_age_s: float = 3600.0
-    files: int = 200
-    free_bytes: int = 256 * MIB
+    file_bytes: int
+    file_age_s: float
+    files: int
+    run_bytes: int
+    free_bytes: int
 
 
 def our_logs(folder: Path) -> list[Path]:
@@ -57,6 +66,38 @@ def next_log_path(folder: Path, unix_ns: int) -> Path:
     number = int(match[1]) + 1 if match else 1
     utc = datetime.fromtimestamp(unix_ns // 1_000_000_000, UTC)
     return folder / f"{utc:%Y%m%dT%H%M%SZ}_{_boot_id()}_{number:06d}.mcap"
+
+
+def run_budget(folder: Path, limits: LogLimits) -> int:
+    """Bytes that the files of a run that begins now may take together."""
+    if limits.run_bytes:
+        return limits.run_bytes
+    taken = sum(_size(path) for path in our_logs(folder))
+    room = taken + _free_bytes(folder) - limits.free_bytes
+    return max(min(limits.files * limits.file_bytes, room) // RUN_SHARE, LEAST_RUN_BYTES)
+
+
+def trim_run(run: Sequence[Path], present: Path, budget: int) -> list[Path]:
+    """Deletes the oldest files of a run until the run keeps to its budget.
+
+    Args:
+        run: its files, oldest first.
+        present: the one that is being written, which counts and is never deleted.
+        budget: bytes that they may take together.
+
+    Returns:
+        What was deleted.
+    """
+    taken = sum(_size(path) for path in run)
+    deleted = []
+    for path in run:
+        if taken <= budget:
+            break
+        if path != present:
+            taken -= _size(path)
+            path.unlink(missing_ok=True)
+            deleted.append(path)
+    return deleted
 
 
 def make_room(folder: Path, limits: LogLimits, keep: Path | None) -> list[Path]:
@@ -88,6 +129,18 @@ def make_room(folder: Path, limits: LogLimits, keep: Path | None) -> list[Path]:
             str(folder),
         )
     return deleted
+
+
+def final_name(path: Path) -> Path:
+    """The name that a log has once it is closed."""
+    return path.with_name(path.name.removesuffix(ACTIVE_SUFFIX))
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:  # closed or deleted meanwhile
+        return 0
 
 
 def _free_bytes(folder: Path) -> int:

@@ -1,34 +1,26 @@
 """Reading MCAP files front to back whatever happened to them: cut off, damaged, never closed.
 
-The index of a file is not used, because it is missing exactly when a log matters most. A record
-counts as intact when its structure fills its length and its checksum, where it has one, fits; after
-a damaged one the scan looks for the next intact record.
+The index of a file is not used, because it is missing exactly when a log matters most. After a
+damaged record the scan looks for the next intact one (`log_records` says what that is).
 """
 
 import os
 import re
 import struct
-import zlib
-from collections.abc import Callable, Iterator
-from io import BytesIO
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeVar
+from typing import BinaryIO, NamedTuple
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
-HEAD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
-LARGEST_RECORD = 64 << 20
+from h2nav.io.log_records import HEAD, LARGEST_RECORD, inner_records, intact_content, parse
+
+_FOOTER = struct.Struct("<BQQQI")
 _SEARCH_BLOCK = 1 << 20
 # A record as it may follow damage: an opcode of the data section and a length below 16 MiB.
 _FIND_HEAD = re.compile(rb"[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7}", re.DOTALL).finditer
-Record = TypeVar("Record")
 _LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
 
 
@@ -48,16 +40,6 @@ class Entry(NamedTuple):
     size: int
     body: bytes
     content: bytes
-
-
-class StoredMessage(NamedTuple):
-    """A message as it stands in the file; times in UNIX ns."""
-
-    channel_id: int
-    sequence: int
-    log_ns: int
-    publish_ns: int
-    data: bytes
 
 
 class LogScan:
@@ -119,7 +101,7 @@ class LogScan:
         if opcode in self._passed_over:
             return Entry(offset, opcode, HEAD.size + length, b"", b"")
         body = self._stream.read(length)
-        content = _intact_content(opcode, body) if len(body) == length else None
+        content = intact_content(opcode, body) if len(body) == length else None
         if content is None:
             return None
         return Entry(offset, opcode, HEAD.size + length, body, content)
@@ -197,26 +179,30 @@ class Directory:
 
     def _read_summary(self) -> None:
         self._summary_read = True
-        if not is_closed(self._path):
-            return
-        with self._path.open("rb") as stream:
-            try:
-                summary = make_reader(stream).get_summary()
-            except (McapError, ValueError, OSError, struct.error):
-                return
-        if summary is not None:
-            self.schemas = {**summary.schemas, **self.schemas}
-            self.channels = {**summary.channels, **self.channels}
+        for opcode, body in inner_records(_summary(self._path)):
+            if opcode == Opcode.SCHEMA and intact_content(opcode, body) is not None:
+                schema = parse(Schema.read, body)
+                self.schemas.setdefault(schema.id, schema)
+            elif opcode == Opcode.CHANNEL and intact_content(opcode, body) is not None:
+                channel = parse(Channel.read, body)
+                self.channels.setdefault(channel.id, channel)
 
 
-def inner_records(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and body of each record of a chunk's content, or of one record outside chunks."""
-    offset = 0
-    while offset + HEAD.size <= len(content):
-        opcode, length = HEAD.unpack_from(content, offset)
-        offset += HEAD.size
-        yield opcode, content[offset : offset + length]
-        offset += length
+def _summary(path: Path) -> bytes:
+    """The records between the data section and the footer; none where the file has no sound end."""
+    if not is_closed(path):
+        return b""
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        footer = size - len(MCAP0_MAGIC) - _FOOTER.size
+        if footer < len(MCAP0_MAGIC):
+            return b""
+        stream.seek(footer)
+        opcode, _, start, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
+        if opcode != Opcode.FOOTER or not start or not 0 < footer - start <= LARGEST_RECORD:
+            return b""
+        stream.seek(start)
+        return stream.read(footer - start)
 
 
 def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
@@ -224,75 +210,3 @@ def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
     if entry.opcode == Opcode.CHUNK:
         return inner_records(entry.content)
     return iter(((entry.opcode, entry.body),))
-
-
-def message(body: bytes) -> StoredMessage:
-    """A message record's fields."""
-    channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(body)
-    return StoredMessage(channel_id, sequence, log_ns, publish_ns, body[_MESSAGE.size :])
-
-
-def parse(read: Callable[[ReadDataStream], Record], body: bytes) -> Record:
-    """A record of the mcap library from a record's body."""
-    return read(ReadDataStream(BytesIO(body)))
-
-
-def _intact_content(opcode: int, body: bytes) -> bytes | None:
-    """The decompressed content of an intact chunk, b"" for another intact record, else None."""
-    try:
-        if opcode == Opcode.CHUNK:
-            return _chunk_content(body)
-        if opcode == Opcode.ATTACHMENT:
-            fits = zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]
-        elif opcode == Opcode.MESSAGE_INDEX:
-            fits = len(body) >= 6 and len(body) == 6 + struct.unpack_from("<I", body, 2)[0]
-        elif opcode == Opcode.MESSAGE:
-            fits = len(body) >= _MESSAGE.size
-        elif opcode == Opcode.DATA_END:
-            fits = len(body) == 4
-        else:
-            fits = _fills(opcode, body)
-    except (McapError, ValueError, struct.error):
-        fits = False
-    return b"" if fits else None
-
-
-def _chunk_content(body: bytes) -> bytes | None:
-    (compression_length,) = struct.unpack_from("<I", body, 28)
-    (length,) = struct.unpack_from("<Q", body, 32 + compression_length)
-    if 40 + compression_length + length != len(body):
-        return None
-    chunk = parse(Chunk.read, body)
-    if chunk.uncompressed_size > LARGEST_RECORD:
-        return None
-    try:
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        content = stream.read(size)
-    except Exception:  # each decompressor has errors of its own
-        return None
-    return content if len(content) == chunk.uncompressed_size and _chained(content) else None
-
-
-def _chained(content: bytes) -> bool:
-    """Whether the records of a chunk fill it."""
-    offset = 0
-    while offset + HEAD.size <= len(content):
-        opcode, length = HEAD.unpack_from(content, offset)
-        if opcode == Opcode.MESSAGE and length < _MESSAGE.size:
-            return False
-        offset += HEAD.size + length
-    return offset == len(content)
-
-
-def _fills(opcode: int, body: bytes) -> bool:
-    """Whether a record of texts parses to exactly its length."""
-    stream = ReadDataStream(BytesIO(body))
-    readers: dict[int, Callable[[ReadDataStream], object]] = {
-        Opcode.SCHEMA: Schema.read,
-        Opcode.CHANNEL: Channel.read,
-        Opcode.METADATA: Metadata.read,
-    }
-    if opcode in readers:
-        readers[opcode](stream)
-        return stream.count == len(body)
-    return opcode == Opcode.HEADER

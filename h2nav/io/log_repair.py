@@ -14,16 +14,9 @@ from mcap.records import Chunk, Header
 from mcap.writer import MCAP0_MAGIC
 
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.io.log_folder import ACTIVE_SUFFIX
-from h2nav.io.log_reader import (
-    HEAD,
-    Directory,
-    Entry,
-    LogScan,
-    is_closed,
-    message,
-    records_of,
-)
+from h2nav.io.log_folder import LOG_MODE, final_name
+from h2nav.io.log_reader import Directory, Entry, LogScan, is_closed, records_of
+from h2nav.io.log_records import HEAD, message
 from h2nav.io.log_summary import LogSummary, record_bytes
 
 
@@ -79,6 +72,7 @@ def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path
     """
     with path.open("r+b") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _restrict(stream)
         end, tail, summary = _walk(stream, pause)
         stream.seek(end)
         stream.truncate()
@@ -86,10 +80,16 @@ def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path
         stream.write(summary.ending(end + len(tail)))
         stream.flush()
         os.fsync(stream.fileno())
-    final = path.with_name(path.name.removesuffix(ACTIVE_SUFFIX))
+    final = final_name(path)
     if final.exists():
         raise FileExistsError(17, "the finished log exists already", str(final))
     return path.rename(final)
+
+
+def _restrict(stream: BinaryIO) -> None:
+    """A log that is made whole is no more open to others than a new one."""
+    descriptor = stream.fileno()
+    os.fchmod(descriptor, os.fstat(descriptor).st_mode & LOG_MODE)
 
 
 def _walk(stream: BinaryIO, pause: Callable[[], None]) -> tuple[int, bytes, LogSummary]:
@@ -125,7 +125,7 @@ def replace_damaged(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
         OSError: the copy could not be written, or nothing was left to copy; `path` stays, unless
             it is empty.
     """
-    final = path.with_name(path.name.removesuffix(ACTIVE_SUFFIX))
+    final = final_name(path)
     try:
         recover(path, final, pause)
     except TaskFailed as error:
@@ -155,6 +155,7 @@ def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -
         raise BadInput(f"{output}: {error.strerror}; name another output with -o") from error
     try:
         with stream, source.open("rb") as damaged:
+            _restrict(stream)
             recovery = _Copy(source, stream).run(LogScan(damaged), pause)
             stream.flush()
             os.fsync(stream.fileno())

@@ -12,7 +12,17 @@ from typing import NamedTuple
 from h2nav import __version__
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import LogFile
-from h2nav.io.log_folder import LogLimits, left_over_logs, make_room, next_log_path
+from h2nav.io.log_folder import (
+    RUN_FILES,
+    LogLimits,
+    final_name,
+    left_over_logs,
+    make_room,
+    next_log_path,
+    our_logs,
+    run_budget,
+    trim_run,
+)
 from h2nav.io.log_repair import DamagedLog, complete_in_place, replace_damaged
 
 SYNC_S = 0.75  # with one poll of the recorder and a slow fsync, below the promised second
@@ -39,6 +49,8 @@ class FolderTarget:
     def __init__(self, folder: Path, limits: LogLimits) -> None:
         self.folder = folder
         self.limits = limits
+        self._run: set[Path] = set()  # final names
+        self._budget = 0
 
     def left_over(self) -> list[Path]:
         """Logs that an earlier run could not close."""
@@ -50,15 +62,22 @@ class FolderTarget:
     def open(self) -> LogFile:
         """The next log; OSError when it cannot be made."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._budget = self._budget or run_budget(self.folder, self.limits)
         make_room(self.folder, self.limits, None)
-        return LogFile(next_log_path(self.folder, time.time_ns()))
+        file = LogFile(next_log_path(self.folder, time.time_ns()))
+        self._run.add(file.path)
+        return file
 
     def is_full(self, file: LogFile, age_s: float) -> bool:
         """Whether another file is due."""
-        return file.size >= self.limits.file_bytes or age_s >= self.limits.file_age_s
+        largest = min(self.limits.file_bytes, self._budget // RUN_FILES)
+        return file.size >= largest or age_s >= self.limits.file_age_s
 
     def check_room(self, file: LogFile) -> None:
-        """Keeps the disk within the limits; OSError when that is not possible."""
+        """Keeps run and disk within the limits; OSError when that is not possible."""
+        run = [path for path in our_logs(self.folder) if final_name(path) in self._run]
+        # What the run has too much it gives up itself; only then earlier runs give way.
+        trim_run(run, file.active_path, self._budget)
         make_room(self.folder, self.limits, file.active_path)
 
 

@@ -21,7 +21,8 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from h2nav.io.log_reader import HEAD, Entry, inner_records, message, parse
+from h2nav.io.log_reader import Entry
+from h2nav.io.log_records import HEAD, inner_records, message, parse
 
 _SUMMARY_CRC_SIZE = 4
 

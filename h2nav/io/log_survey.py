@@ -8,16 +8,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from h2nav.errors import BadInput
-from h2nav.io.log_reader import (
-    Directory,
-    LogScan,
-    StoredMessage,
-    is_closed,
-    is_mcap,
-    message,
-    parse,
-    records_of,
-)
+from h2nav.io.log_reader import Directory, LogScan, is_closed, is_mcap, records_of
+from h2nav.io.log_records import StoredMessage, message, parse
 from h2nav.io.recorder import RECEIVED_TOPIC
 
 GAP_NS = 1_000_000_000

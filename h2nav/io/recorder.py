@@ -58,10 +58,8 @@ class Recorder:
             replay have the original monotonic times back.
     """
 
-    def __init__(
-        self, folder: Path | str, limits: LogLimits | None = None, unix_offset_ns: int = 0
-    ) -> None:
-        target = FolderTarget(Path(folder), limits or LogLimits())
+    def __init__(self, folder: Path | str, limits: LogLimits, unix_offset_ns: int = 0) -> None:
+        target = FolderTarget(Path(folder), limits)
         self._start(LogSeries(target, unix_offset_ns), lossless=False)
 
     @classmethod

@@ -13,15 +13,8 @@ from mcap.records import Metadata
 from h2nav.errors import BadInput
 from h2nav.io.deframer import Deframer
 from h2nav.io.log_file import RAW_ENCODING, Attachment
-from h2nav.io.log_reader import (
-    Directory,
-    LogScan,
-    StoredMessage,
-    is_mcap,
-    message,
-    parse,
-    records_of,
-)
+from h2nav.io.log_reader import Directory, LogScan, is_mcap, records_of
+from h2nav.io.log_records import StoredMessage, message, parse
 from h2nav.io.recorder import RECEIVED_TOPIC
 from h2nav.io.tlog import TlogReader, looks_like_tlog
 

@@ -1,4 +1,4 @@
-"""YAML into settings records, strictly: unknown keys, wrong types and impossible values are errors.
+"""Mappings into settings records: unknown keys, wrong types and impossible values are errors.
 
 Settings are frozen dataclasses of scalars, lists of texts and further dataclasses; the limits
 stand in their annotations (`h2nav.validation`). Every error names file, key, what was expected and
@@ -7,14 +7,15 @@ the remedy, and all of them are reported together.
 
 import dataclasses
 import difflib
-from pathlib import Path
+import sys
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-import yaml
-
 from h2nav.errors import BadInput
+from h2nav.io.plain_yaml import shown
 
 T = TypeVar("T")
+LONGEST_KEY = 60  # what is longer resembles none of ours, and comparing costs its length squared
+LARGEST_DOUBLE = sys.float_info.max
 WORDS = {
     int: "a whole number",
     float: "a number",
@@ -22,42 +23,6 @@ WORDS = {
     bool: "true or false",
     tuple[str, ...]: "a list of texts",
 }
-
-
-def read_mapping(path: Path) -> dict[str, Any]:
-    """The mapping at the top of a YAML file.
-
-    Raises:
-        BadInput: the file cannot be read, is not YAML, or holds no mapping.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    return parse_mapping(text, str(path))
-
-
-def parse_mapping(text: str, place: str) -> dict[str, Any]:
-    """The mapping at the top of a YAML text.
-
-    Args:
-        text: the YAML.
-        place: where it comes from, for errors.
-
-    Raises:
-        BadInput: it is not YAML, or holds no mapping.
-    """
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    try:
-        content = yaml.load(text, Loader=loader)
-    except yaml.YAMLError as error:
-        first_line = " ".join(str(error).split())
-        raise BadInput(f"{place}: not YAML: {first_line}") from None
-    if content is None:
-        return {}
-    if not isinstance(content, dict):
-        raise BadInput(f"{place}: expected keys and values, found {type(content).__name__}")
-    return content
 
 
 def into_record(record_type: type[T], mapping: dict[str, Any], place: str) -> T:
@@ -87,10 +52,10 @@ def _build(
         complaints.append(f"{place}: {prefix.rstrip('.')}: expected a section of keys and values")
         return None
     hints = get_type_hints(record_type, include_extras=True)
-    for key in mapping.keys() - hints.keys():
-        near = difflib.get_close_matches(str(key), hints, n=1)
+    for key in sorted(mapping.keys() - hints.keys()):
+        near = difflib.get_close_matches(key[:LONGEST_KEY], hints, n=1)
         remedy = f"did you mean {prefix}{near[0]}?" if near else f"known: {', '.join(hints)}"
-        complaints.append(f"{place}: {prefix}{key}: unknown key; {remedy}")
+        complaints.append(f"{place}: {prefix}{shown(key)}: unknown key; {remedy}")
     values = {}
     required = {
         field.name
@@ -116,12 +81,17 @@ def _build(
         return None
 
 
+def _found(value: Any) -> str:
+    """Texts in quotes, so that a number can be told from a text that looks like one."""
+    return shown(repr(value))
+
+
 def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:
     limits: tuple[Any, ...] = ()
     if get_origin(hint) is Annotated:
         hint, *rest = get_args(hint)
         limits = tuple(rest)
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+    if hint is float and type(value) is int and abs(value) <= LARGEST_DOUBLE:
         value = float(value)
     if hint == tuple[str, ...]:
         if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
@@ -129,10 +99,10 @@ def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:
         complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
         return None
     if type(value) is not hint:
-        complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
+        complaints.append(f"{place}: expected {WORDS[hint]}, found {_found(value)}")
         return None
     for limit in limits:
         expected = limit.complaint(value)
         if expected is not None:
-            complaints.append(f"{place}: expected {expected}, found {value!r}")
+            complaints.append(f"{place}: expected {expected}, found {_found(value)}")
     return value

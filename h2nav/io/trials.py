@@ -6,21 +6,23 @@ sensor to east-north-up, `mask` (N,) samples that count, `heading_fixed` (False:
 offset is removed before scoring), `gps` rows of time s, ground speed m/s, course deg, altitude m.
 """
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.errors import BadInput
+from h2nav.io.npz_arrays import NumberArray, read_arrays
 
 Array = npt.NDArray[np.float64]
 
 SUFFIX = ".npz"
 RECORDING_SUFFIXES = (".tlog", ".mcap", ".bytes")
+KEYS = ("fs", "t", "gyr", "acc", "mag", "q", "mask", "heading_fixed", "gps")
+LONGEST_S = 1e8  # three years
 _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
 
 
@@ -102,7 +104,7 @@ def read_trial(path: Path) -> Trial:
     Raises:
         BadInput: one line per error, naming the file and the key.
     """
-    arrays = _arrays(path)
+    arrays = read_arrays(path, KEYS)
     errors = [
         f"{path}: {key}: missing; the trial form needs it"
         for key in ("gyr", "acc")
@@ -138,32 +140,24 @@ def read_trial(path: Path) -> Trial:
     )
 
 
-def _arrays(path: Path) -> dict[str, Any]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except OSError as error:
-        raise BadInput(f"{path}: not a readable {SUFFIX} trial: {error.strerror}") from None
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile):
-        raise BadInput(
-            f"{path}: not a readable {SUFFIX} trial; expected numpy's archive of plain arrays"
-        ) from None
-
-
-def _shape_errors(arrays: Mapping[str, Any], path: Path) -> list[str]:
+def _shape_errors(arrays: Mapping[str, NumberArray], path: Path) -> list[str]:
     if "gyr" not in arrays or arrays["gyr"].ndim != 2:
         return [f"{path}: gyr: expected an array of shape (N, 3)"] if "gyr" in arrays else []
     count = len(arrays["gyr"])
     shapes: dict[str, tuple[int, ...]] = {key: (count, size) for key, size in _VECTORS.items()}
     shapes |= {"mask": (count,), "t": (count,)}
     errors = [
-        f"{path}: {key}: expected numbers of shape {shape}, found {arrays[key].dtype} of shape "
-        f"{arrays[key].shape}"
+        f"{path}: {key}: expected numbers of shape {shape}, found {arrays[key].shape}"
         for key, shape in shapes.items()
-        if key in arrays and (arrays[key].shape != shape or arrays[key].dtype.kind not in "fiub")
+        if key in arrays and arrays[key].shape != shape
     ]
     if count < 2:
         errors.append(f"{path}: gyr: expected at least 2 samples, found {count}")
+    errors += [
+        f"{path}: {key}: expected one {what}, found shape {arrays[key].shape}"
+        for key, what in (("fs", "rate in Hz"), ("heading_fixed", "truth value"))
+        if key in arrays and arrays[key].ndim != 0
+    ]
     gps = arrays.get("gps")
     if gps is not None and (gps.ndim != 2 or gps.shape[1] != 4):
         errors.append(f"{path}: gps: expected an array of shape (M, 4), found {gps.shape}")
@@ -171,22 +165,27 @@ def _shape_errors(arrays: Mapping[str, Any], path: Path) -> list[str]:
 
 
 def _times(
-    arrays: Mapping[str, Any], count: int, path: Path
+    arrays: Mapping[str, NumberArray], count: int, path: Path
 ) -> tuple[npt.NDArray[np.int64], float]:
     """Sample times from `t`, or evenly from `fs`; and the nominal rate."""
     if "t" in arrays:
         t_s = np.asarray(arrays["t"], dtype=np.float64)
-        t_us = np.round((t_s - t_s[0]) * 1e6).astype(np.int64)
-        if not np.isfinite(t_s).all() or not np.all(np.diff(t_us) > 0):
-            raise BadInput(f"{path}: t: expected finite times in s that rise from sample to sample")
+        with np.errstate(all="ignore"):
+            past_s = t_s - t_s[0]
+            t_us = np.round(past_s * 1e6).astype(np.int64)
+        if not np.all(np.abs(past_s) < LONGEST_S) or not np.all(np.diff(t_us) > 0):
+            raise BadInput(
+                f"{path}: t: expected finite times in s that rise from sample to sample, over at "
+                f"most {LONGEST_S:g} s"
+            )
         return t_us, usual_rate_hz(t_us)
-    rate_hz = float(arrays["fs"]) if arrays["fs"].ndim == 0 else float("nan")
+    rate_hz = float(arrays["fs"])
     if not 1.0 <= rate_hz <= 100_000.0:
         raise BadInput(f"{path}: fs: expected one rate from 1 to 100000 Hz, found {arrays['fs']}")
     return np.round(np.arange(count) * (1e6 / rate_hz)).astype(np.int64), rate_hz
 
 
-def _floats(arrays: Mapping[str, Any], key: str) -> Array | None:
+def _floats(arrays: Mapping[str, NumberArray], key: str) -> Array | None:
     if key not in arrays:
         return None
     values = np.asarray(arrays[key], dtype=np.float64)

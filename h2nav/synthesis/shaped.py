@@ -98,7 +98,7 @@ def synthesise(
         BadInput: a key of the model is missing, unknown or out of its limits.
         CertificateError: no trustworthy gain; cannot happen for a model inside its limits.
     """
-    disturbance = _checked(document, place)
+    disturbance = checked_model(document, place)
     gyro = float(str(disturbance["gyro_noise_deg_s_rthz"])) * _DEG
     methods: dict[str, object] = {}
     wall_time_s: dict[str, float] = {}
@@ -186,7 +186,7 @@ def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
 
 def _loops_of(file: GainFile, place: str, sets: GainSets) -> list[Loop]:
     """The loops of some gain sets with the plants of a file's model."""
-    disturbance = _checked(file.model, place)
+    disturbance = checked_model(file.model, place)
     gyro = float(str(disturbance["gyro_noise_deg_s_rthz"])) * _DEG
     dt_s = 1.0 / file.rate_hz
     result = []
@@ -260,8 +260,12 @@ def _compare(
     return section
 
 
-def _checked(document: Mapping[str, object], place: str) -> Mapping[str, object]:
-    """The `disturbance` section of a model that is complete and inside its limits."""
+def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, object]:
+    """The `disturbance` section of a model that is complete and inside its limits.
+
+    Raises:
+        BadInput: one line per key that is missing, unknown or out of its limits.
+    """
     errors = key_errors(document, _MODEL_KEYS, f"{place}: ")
     errors += [
         f"{place}: {key}: expected a text that is not empty"

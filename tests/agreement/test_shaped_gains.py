@@ -10,7 +10,7 @@ from h2nav.attitude.plant import discretise
 from h2nav.attitude.shaped_gains import sets_of, shaped_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
-from h2nav.io.strict_yaml import read_mapping
+from h2nav.io.plain_yaml import read_mapping
 from h2nav.synthesis.kinds import check
 from h2nav.synthesis.riccati import solve_riccati
 from h2nav.synthesis.shaped import synthesise, tilt_gain, tilt_plant

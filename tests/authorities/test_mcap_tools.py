@@ -6,12 +6,13 @@ import sys
 from itertools import islice
 from pathlib import Path
 
+from log_limits import limits
 from mcap.reader import make_reader
 from needs import absent, need_package, shared_data
 
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import Attachment, LogFile
-from h2nav.io.log_folder import LogLimits, our_logs
+from h2nav.io.log_folder import our_logs
 from h2nav.io.log_repair import complete_in_place, recover
 from h2nav.io.log_series import FolderTarget, LogSeries
 from h2nav.io.recorder import RecorderRecord
@@ -146,7 +147,7 @@ def test_rerun_converts_a_log(tmp_path: Path) -> None:
 
 def test_doctor_finds_no_fault_in_logs_of_link_bytes_alone(tmp_path: Path) -> None:
     """Rotated, without schema and attachment; it remarks on that."""
-    series = LogSeries(FolderTarget(tmp_path, LogLimits(file_bytes=60_000, free_bytes=0)), START_NS)
+    series = LogSeries(FolderTarget(tmp_path, limits(file_bytes=60_000)), START_NS)
     series.begin()
     source = open_recording(shared_data("flights/takeoff_40s.tlog"))
     for t_ns, data in islice(source.received(), 5_000):

@@ -4,6 +4,7 @@ import pytest
 from needs import REPOSITORY
 
 from h2nav.apps import configuration
+from h2nav.cli import main
 from h2nav.errors import BadInput
 
 CONFIGS = sorted((REPOSITORY / "configs").glob("*.yaml"))
@@ -135,3 +136,52 @@ def test_the_list_of_unsigned_messages_is_checked(tmp_path, names, says):
 def test_messages_without_a_signature_are_given_by_name():
     settings = configuration.SigningSettings(accept_unsigned=("HEARTBEAT", "RADIO_STATUS"))
     assert settings.unsigned_ids() == {0, 109}
+
+
+def test_our_id_is_nobody_elses(tmp_path):
+    (line,) = errors("output: {component_id: 1}\n", tmp_path)
+    assert "output.component_id: 1 is the autopilot's" in line
+    (line,) = errors("autopilot: {component_id: 50}\noutput: {component_id: 50}\n", tmp_path)
+    assert "output.component_id: 50 is that of autopilot.component_id" in line
+
+
+def test_the_home_folder_can_be_written_as_a_tilde(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", "/home/pilot")
+    path = tmp_path / "config.yaml"
+    path.write_text("log: {folder: ~/logs}\nfilter: {gains: ~/gains/mine.yaml}\n")
+    chosen = configuration.read(path)
+    assert chosen.log.folder == "/home/pilot/logs"
+    assert chosen.filter.gains == "/home/pilot/gains/mine.yaml"
+
+
+def test_an_unknown_home_is_named_with_its_key(tmp_path):
+    (line,) = errors("log: {folder: ~nobody-of-that-name/logs}\n", tmp_path)
+    assert "log.folder: ~nobody-of-that-name/logs: no such home" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("filter: {gains: /nowhere/gains.yaml}", "filter.gains: /nowhere/gains.yaml: no such"),
+        ("filter: {gains: mpu9250_100hz}", "gains of kind two_stage, but filter.name default"),
+        ("filter: {gains: mpu6050_100hz}", "filter.gains: gain file mpu6050_100hz: not shipped"),
+        ("link:\n  url: udpin:0.0.0.0:1\n  url: udpin:0.0.0.0:2", ":3: url stands here and in"),
+    ],
+)
+def test_check_config_refuses_what_the_daemon_would_refuse(tmp_path, capsys, text, says):
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    assert main(["check-config", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"h2nav: {path}:")
+    assert says in line
+
+
+def test_a_gain_file_that_was_changed_is_refused_by_check_config(tmp_path, capsys):
+    gains = tmp_path / "mine.yaml"
+    shipped = (REPOSITORY / "gains" / "multirotor_100hz.yaml").read_text()
+    gains.write_text(shipped.replace("rate_hz: 100", "rate_hz: 101", 1))
+    path = tmp_path / "config.yaml"
+    path.write_text(f"filter: {{gains: {gains}}}\n")
+    assert main(["check-config", str(path)]) == 2
+    assert "changed after they were certified" in capsys.readouterr().err

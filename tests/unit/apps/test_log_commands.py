@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from needs import shared_data
 
 from h2nav.cli import main
@@ -213,3 +214,45 @@ def test_no_log_is_one_line_and_exit_2(
     assert error.startswith(f"h2nav: {path}: ")
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_info_takes_several_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    logs = []
+    for name in ("b", "a"):
+        (tmp_path / name).mkdir()
+        logs.append(str(write_log(tmp_path / name)))
+    assert main(["log", "info", *logs, "--json"]) == 0
+    documents = json.loads(capsys.readouterr().out)
+    assert [document["path"] for document in documents] == logs
+    assert main(["log", "info", logs[0], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == documents[0]
+    assert main(["log", "info", *logs]) == 0
+    heads = [line for line in capsys.readouterr().out.splitlines() if "MB, closed" in line]
+    assert [head.partition(": ")[0] for head in heads] == logs
+
+
+def test_info_shows_the_good_ones_among_bad_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, missing = str(write_log(tmp_path)), str(tmp_path / "none.mcap")
+    assert main(["log", "info", missing, log, "--json"]) == 2
+    told = capsys.readouterr()
+    assert [document["path"] for document in json.loads(told.out)] == [log]
+    assert told.err.startswith(f"h2nav: {missing}: No such file")
+
+
+@pytest.mark.parametrize("schema", [b"[1, 2", b"[1, 2]", b"", b"\xff", b'{"properties": 3}'])
+def test_export_without_a_usable_schema_names_columns_as_the_messages_do(
+    tmp_path: Path, schema: bytes
+) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("", "another program")
+        number = writer.register_schema("X", "jsonschema", schema)
+        channel = writer.register_channel("/x", "json", number)
+        writer.add_message(channel, 1, b'{"way_m": 1.5}', 1, 1)
+        writer.finish()
+    assert main(["log", "export", str(path), "-o", str(tmp_path / "csv")]) == 0
+    (row,) = rows_of(tmp_path / "csv" / "x.csv")
+    assert row["way_m [m]"] == "1.5"

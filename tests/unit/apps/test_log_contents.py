@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
+from log_limits import limits
 
 from h2nav.apps import log_contents
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude import native
-from h2nav.io.log_folder import LogLimits
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import open_recording
 
@@ -20,7 +20,7 @@ def test_the_log_names_the_kernels_that_ran(
     monkeypatch.setenv(native.SWITCH, wish)
     chosen = Configuration()
     factory = FilterFactory.shipped(chosen.filter, 100.0)
-    with Recorder(tmp_path, LogLimits(), 0) as recorder:
+    with Recorder(tmp_path, limits(), 0) as recorder:
         log_contents.attach_inputs(recorder, chosen, factory, 5.0)
     (path,) = tmp_path.glob("*.mcap")
     recording = open_recording(path)

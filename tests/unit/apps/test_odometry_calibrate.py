@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav import cli
 from h2nav.apps.odometry_tracks import TimedPose, increments
 from h2nav.io.codec import Encoder
-from h2nav.io.strict_yaml import into_record, parse_mapping
+from h2nav.io.plain_yaml import parse_mapping
+from h2nav.io.strict_yaml import into_record
 from h2nav.maths import se2
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
@@ -132,6 +133,9 @@ def test_under_determined_data_are_said(tmp_path, capsys):
         (DIFF + ",dx_m\n1,2,3,4,5,6\n", "dx_m stand twice"),
         ("phi_left_rad,phi_right_rad,dx_m,dy_m\n1,2,3,4\n", "no known columns|dtheta_rad missing"),
         ('"' + DIFF, "cannot be read as CSV"),
+        (f"{DIFF}\n1e308,1e308,1e308,0,1e308\n", ":2: phi_left_rad = '1e308'"),
+        (f"{DIFF}\n1,2,3,4,{'9' * 1000}\n", ":2: dtheta_rad = '999"),
+        (f"{DIFF}\n1,2,3,4,{'9' * 200_000}\n", "field larger than field limit"),
     ],
 )
 def test_bad_tables_are_named_by_line(tmp_path, capsys, text, words):

@@ -130,6 +130,5 @@ def test_other_files_are_refused(tmp_path: Path, text: str, cause: str) -> None:
 
 def test_values_that_cannot_be_hashed_are_refused(tmp_path: Path, shipped_text: str) -> None:
     path = tmp_path / "g.yaml"
-    for value in (".nan", "2026-01-01"):
-        path.write_text(shipped_text.replace("dip_deg: 60.0\n", f"dip_deg: {value}\n", 1))
-        assert "cannot be hashed" in refusal(path)
+    path.write_text(shipped_text.replace("dip_deg: 60.0\n", "dip_deg: .nan\n", 1))
+    assert "cannot be hashed" in refusal(path)

@@ -1,13 +1,24 @@
 """Names of logs, and what may be deleted to make room."""
 
+import shutil
 from pathlib import Path
 
 import pytest
+from log_limits import limits
 
-from h2nav.io.log_folder import LogLimits, left_over_logs, make_room, next_log_path, our_logs
+from h2nav.io.log_folder import (
+    LEAST_RUN_BYTES,
+    MIB,
+    left_over_logs,
+    make_room,
+    next_log_path,
+    our_logs,
+    run_budget,
+    trim_run,
+)
 
 UNIX_NS = 1_795_260_679_845_863_513  # 2026-11-21 11:31:19 UTC
-NO_FLOOR = LogLimits(files=3, free_bytes=0)
+NO_FLOOR = limits(files=3)
 
 
 def log(folder: Path, number: int, stamp: str = "20260101T000000Z", suffix: str = "") -> Path:
@@ -48,6 +59,26 @@ def test_the_present_log_is_never_deleted(tmp_path: Path) -> None:
     others = [log(tmp_path, number) for number in (2, 3, 4)]
     assert make_room(tmp_path, NO_FLOOR, present) == others[:1]
     with pytest.raises(OSError, match="below the floor") as raised:
-        make_room(tmp_path, LogLimits(files=3, free_bytes=1 << 62), present)
+        make_room(tmp_path, limits(files=3, free_bytes=1 << 62), present)
     assert raised.value.filename == str(tmp_path)
     assert our_logs(tmp_path) == [present], "all others were given up for the space"
+
+
+def test_a_run_gives_up_its_own_oldest_files_first(tmp_path: Path) -> None:
+    earlier = log(tmp_path, 1)
+    run = [log(tmp_path, number) for number in (2, 3, 4)]
+    present = log(tmp_path, 5, suffix=".active")
+    assert trim_run([*run, present], present, budget=4) == []
+    assert trim_run([*run, present], present, budget=2) == run[:2]
+    assert our_logs(tmp_path) == [earlier, run[2], present]
+    assert trim_run([run[2], present], present, budget=0) == [run[2]], "never the present one"
+
+
+def test_a_run_may_take_a_quarter_of_the_room(tmp_path: Path) -> None:
+    assert run_budget(tmp_path, limits(run_bytes=7)) == 7
+    assert run_budget(tmp_path, limits(files=100, file_bytes=MIB)) == 25 * MIB
+    disk = shutil.disk_usage(tmp_path)
+    without_end = limits(files=10_000, file_bytes=disk.total)
+    assert run_budget(tmp_path, without_end) <= disk.total // 4
+    full = limits(free_bytes=2 * disk.total)
+    assert run_budget(tmp_path, full) == LEAST_RUN_BYTES

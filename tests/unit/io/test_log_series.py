@@ -5,23 +5,27 @@ import errno
 import os
 import resource
 import shutil
+import stat
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from random import Random
 
 import pytest
+from log_limits import limits
 from mcap.reader import make_reader
 
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import MIB, LogLimits, our_logs
+from h2nav.io.log_repair import complete_in_place, replace_damaged
 from h2nav.io.log_series import RETRY_FIRST_S, SYNC_S, FolderTarget, LogSeries
 from h2nav.io.recordings import open_recording
 from h2nav.service.records import RejectionRecord
 
-LIMITS = LogLimits(file_bytes=64 * MIB, file_age_s=100.0, files=50, free_bytes=0)
+LIMITS = limits(file_bytes=64 * MIB, file_age_s=100.0, files=50)
 NOISE = bytes(range(256)) * 16
 
 
@@ -87,8 +91,8 @@ def test_each_file_begins_with_attachments_and_metadata(tmp_path: Path, clock: M
 
 
 def test_rotation_by_size_keeps_every_message_in_order(tmp_path: Path, clock: ManualClock) -> None:
-    limits = LogLimits(file_bytes=2_000, file_age_s=1e9, files=50, free_bytes=0)
-    series = series_in(tmp_path, clock, limits)
+    small = limits(file_bytes=2_000, file_age_s=1e9, files=50)
+    series = series_in(tmp_path, clock, small)
     series.begin()
     for number in range(40):
         put(series, number)
@@ -102,8 +106,8 @@ def test_rotation_by_size_keeps_every_message_in_order(tmp_path: Path, clock: Ma
 
 
 def test_the_file_count_is_held(tmp_path: Path, clock: ManualClock) -> None:
-    limits = LogLimits(file_age_s=1.0, files=3, free_bytes=0)
-    series = series_in(tmp_path, clock, limits)
+    small = limits(file_age_s=1.0, files=3)
+    series = series_in(tmp_path, clock, small)
     series.begin()
     for number in range(10):
         put(series, number)
@@ -207,7 +211,7 @@ def test_a_space_floor_that_cannot_be_held_ends_the_file_properly(
     series = series_in(tmp_path, clock)
     series.begin()
     put(series, 1)
-    series._target = FolderTarget(tmp_path, LogLimits(free_bytes=2 * free))
+    series._target = FolderTarget(tmp_path, limits(free_bytes=2 * free))
     clock.now_s += SYNC_S
     series.tend()
     assert "below the floor" in str(series.trouble)
@@ -354,3 +358,60 @@ def test_a_disk_that_fails_at_any_operation_never_raises(
             # What fails after the data were written costs nothing but is counted as if.
             assert len(found) + series.lost >= 6
             assert len(found) >= 4
+
+
+def test_a_flood_does_not_rotate_earlier_flights_away(tmp_path: Path, clock: ManualClock) -> None:
+    bounds = limits(file_bytes=20_000, files=10, run_bytes=40_000)
+    for flight in range(3):
+        with closing_series(tmp_path, clock, bounds) as series:
+            put(series, flight)
+    earlier = our_logs(tmp_path)
+    random = Random(5)
+    with closing_series(tmp_path, clock, bounds) as series:
+        for number in range(200):
+            noise = random.randbytes(2_000)
+            series.write(lambda file, n=number, d=noise: file.add_raw("/mavlink/rx/a", n, d))
+            clock.now_s += SYNC_S
+            series.tend()
+            flood = sum(log.stat().st_size for log in our_logs(tmp_path) if log not in earlier)
+            assert flood <= 40_000 + 20_000, "the budget and the file in progress"
+    assert our_logs(tmp_path)[:3] == earlier
+    assert numbers_in(earlier[0]) == [0]
+    assert series.opened > 10
+
+
+@contextmanager
+def closing_series(folder: Path, clock: ManualClock, bounds: LogLimits) -> Iterator[LogSeries]:
+    series = series_in(folder, clock, bounds)
+    series.begin()
+    yield series
+    series.end()
+
+
+def test_logs_are_not_for_everybody(tmp_path: Path, clock: ManualClock) -> None:
+    before = os.umask(0)
+    try:
+        with closing_series(tmp_path, clock, LIMITS) as series:
+            put(series, 1)
+    finally:
+        os.umask(before)
+    (log,) = our_logs(tmp_path)
+    assert stat.S_IMODE(log.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("is_damaged", [False, True])
+def test_a_repaired_log_is_not_for_everybody_either(tmp_path: Path, is_damaged: bool) -> None:
+    log = LogFile(tmp_path / "flight.mcap")
+    for number in range(400):
+        log.add_raw("/mavlink/rx/a", number, Random(number).randbytes(1_000))
+    log.sync()
+    log.abandon()
+    log.active_path.chmod(0o644)
+    if is_damaged:
+        with log.active_path.open("r+b") as stream:
+            stream.seek(300_000)  # not the first chunk, which names the channel
+            stream.write(bytes(100))
+        final = replace_damaged(log.active_path)
+    else:
+        final = complete_in_place(log.active_path)
+    assert stat.S_IMODE(final.stat().st_mode) & 0o137 == 0

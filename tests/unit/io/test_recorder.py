@@ -11,18 +11,19 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from log_limits import limits
 from mcap.reader import make_reader
 
 from h2nav.errors import BadInput
 from h2nav.io import recorder as recorder_module
 from h2nav.io.foxglove_messages import LogLevel, flat_fields
-from h2nav.io.log_folder import LogLimits, our_logs
+from h2nav.io.log_folder import our_logs
 from h2nav.io.log_reader import is_closed
 from h2nav.io.log_series import LogSeries
 from h2nav.io.recorder import Recorder, RecorderRecord
 from h2nav.io.recordings import open_recording
 
-LIMITS = LogLimits(free_bytes=0)
+LIMITS = limits()
 SEED = 20_261_121
 PROMISED_LOSS_NS = 1_000_000_000
 
@@ -200,13 +201,14 @@ def kill_a_writer(folder: Path, after_s: float) -> tuple[int, int]:
 
 WRITER = """
 import mmap, struct, sys, time
-from h2nav.io.log_folder import LogLimits
+from h2nav.apps.configuration import LogSettings
+from h2nav.apps.log_contents import log_limits
 from h2nav.io.log_series import LogSeries
 from h2nav.io.recorder import Recorder
 with open(sys.argv[2], "w+b") as mark:
     mark.write(bytes(16)); mark.flush()
     shared = mmap.mmap(mark.fileno(), 16)
-    recorder = Recorder(sys.argv[1], LogLimits(free_bytes=0))
+    recorder = Recorder(sys.argv[1], log_limits(LogSettings(min_free_mb=0)))
     number = 0
     while True:
         now = time.monotonic_ns()

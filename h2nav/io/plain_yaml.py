@@ -1,0 +1,172 @@
+"""YAML texts that others wrote, into mappings, lists and scalars, at a bounded cost.
+
+Only plain data is taken: texts, numbers, booleans and nulls in lists and in mappings whose keys are
+distinct texts. Whatever else YAML can do is refused by line: aliases (nine lines of them expand to
+billions of values), tags, dates, a key that stands twice, numbers that no double holds.
+"""
+
+import math
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from h2nav.errors import BadInput
+
+LARGEST_BYTES = 1 << 20  # a gain file has 40 kB
+DEEPEST = 32
+LONGEST_NUMBER = 64
+LONGEST_SHOWN = 60
+
+_TAG = "tag:yaml.org,2002:"
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The mapping at the top of a YAML file.
+
+    Raises:
+        BadInput: the file cannot be read, is not plain YAML, or holds no mapping.
+    """
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    return parse_bytes(data, str(path))
+
+
+def parse_bytes(data: bytes, place: str) -> dict[str, Any]:
+    """The mapping at the top of a YAML document in UTF-8.
+
+    Raises:
+        BadInput: it is too long, not UTF-8, not plain YAML, or holds no mapping.
+    """
+    if len(data) > LARGEST_BYTES:
+        raise BadInput(f"{place}: longer than {LARGEST_BYTES >> 20} MiB; expected far less")
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise BadInput(f"{place}:{line}: not UTF-8; save the file as UTF-8 text") from None
+    return parse_mapping(text, place)
+
+
+def parse_mapping(text: str, place: str) -> dict[str, Any]:
+    """The mapping at the top of a YAML text; an empty text is an empty mapping.
+
+    Args:
+        text: the YAML.
+        place: where it comes from, for errors.
+
+    Raises:
+        BadInput: it is not plain YAML, or holds no mapping.
+    """
+    try:
+        _refuse_what_expands(text, place)
+        loader = _LOADER(text)
+        try:
+            root = loader.get_single_node()
+            content = None if root is None else _Plain(loader, place).value(root)
+        finally:
+            loader.dispose()
+    except yaml.YAMLError as error:
+        raise BadInput(f"{place}: not YAML: {_one_line(error)}") from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise BadInput(f"{place}: expected keys and values, found {type(content).__name__}")
+    return content
+
+
+def shown(value: object) -> str:
+    """A value for an error message: on one line, printable, not longer than a line."""
+    text = value if isinstance(value, str) and value.isprintable() else repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _refuse_what_expands(text: str, place: str) -> None:
+    """Refuses, while it is still a stream of events, what costs more than its length."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        line = _line(event)
+        if isinstance(event, yaml.AliasEvent):
+            raise BadInput(f"{place}:{line}: an alias (*{event.anchor}); write the value itself")
+        if (
+            isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+            and event.tag is not None
+        ):
+            raise BadInput(f"{place}:{line}: a tag ({shown(event.tag)}); leave it out")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            raise BadInput(f"{place}:{line}: nested more than {DEEPEST} deep")
+
+
+class _Plain:
+    """Makes plain values of a document's nodes, which hold neither aliases nor tags."""
+
+    def __init__(self, loader: Any, place: str) -> None:
+        self._loader = loader
+        self._place = place
+
+    def value(self, node: yaml.Node) -> Any:
+        """The node's value."""
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.value(item) for item in node.value]
+        return self._scalar(node)
+
+    def _mapping(self, node: yaml.MappingNode) -> dict[str, Any]:
+        content: dict[str, Any] = {}
+        first_lines: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            if key_node.tag != f"{_TAG}str":
+                self._refuse(key_node, "expected a text as key; put it in quotes if it is meant")
+            key = key_node.value
+            if key in content:
+                self._refuse(
+                    key_node,
+                    f"{shown(key)} stands here and in line {first_lines[key]}; remove one of them",
+                )
+            first_lines[key] = _line(key_node)
+            content[key] = self.value(value_node)
+        return content
+
+    def _scalar(self, node: yaml.Node) -> Any:
+        kind = node.tag.removeprefix(_TAG)
+        if kind == "str":
+            return node.value
+        if kind in ("int", "float") and len(node.value) > LONGEST_NUMBER:
+            self._refuse(node, f"{shown(node.value)}: a number of more digits than any setting has")
+        makers = {
+            "int": self._loader.construct_yaml_int,
+            "float": self._loader.construct_yaml_float,
+            "bool": self._loader.construct_yaml_bool,
+            "null": self._loader.construct_yaml_null,
+        }
+        if kind not in makers:
+            self._refuse(node, f"{shown(node.value)} reads as a {kind}; put it in quotes")
+        try:
+            value = makers[kind](node)
+        except (ValueError, OverflowError):  # such as 0x_
+            self._refuse(node, f"{shown(node.value)}: not a number")
+        if kind == "float" and math.isinf(value) and "inf" not in node.value.lower():
+            self._refuse(node, f"{shown(node.value)}: beyond the largest number")
+        return value
+
+    def _refuse(self, node: yaml.Node, what: str) -> NoReturn:
+        raise BadInput(f"{self._place}:{_line(node)}: {what}")
+
+
+def _line(place: Any) -> int:
+    """The line that an event or a node begins in, from 1."""
+    return int(place.start_mark.line) + 1
+
+
+def _one_line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return "".join(char if char.isprintable() else "?" for char in text)[:300]

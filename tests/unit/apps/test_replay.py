@@ -1,0 +1,91 @@
+"""`h2nav replay`: what it says when its log cannot be written, and of logs from strangers."""
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fuzz.file_seeds import plain_mcap
+from needs import REPOSITORY
+
+from h2nav.cli import main
+
+FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
+LARGEST_BYTES = 50_000
+
+
+@pytest.fixture(scope="module")
+def take_off(tmp_path_factory) -> Path:
+    """A second and a half of a flight."""
+    path = tmp_path_factory.mktemp("flight") / "flight.tlog"
+    path.write_bytes(FLIGHT.read_bytes()[:60_000])
+    return path
+
+
+def limit_files() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_BYTES, LARGEST_BYTES))
+
+
+def replay(*words, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "h2nav", "replay", *map(str, words)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
+    return subprocess.run(command, text=True, check=False, cwd=REPOSITORY, **pipes)
+
+
+def test_a_log_that_may_not_grow_is_a_failure_that_says_what_is_lost(tmp_path):
+    out = tmp_path / "out.mcap"
+    done = replay(FLIGHT, "-o", out, "--json", preexec_fn=limit_files)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"h2nav: {out}: the log is incomplete: ")
+    assert "File too large" in last
+    assert json.loads(done.stdout)["imu_samples"] > 1000, "the result is there all the same"
+
+
+def test_a_folder_that_cannot_hold_files_is_a_failure(take_off):
+    done = replay(take_off, "-o", "/proc/out.mcap")
+    assert done.returncode == 1
+    assert "the log is incomplete" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("place", ["/dev/full", "/nowhere/out.mcap"])
+def test_a_place_that_is_no_new_file_is_bad_input(take_off, place, capsys):
+    assert main(["replay", str(take_off), "-o", place]) == 2
+    assert capsys.readouterr().err.startswith("h2nav: /")
+
+
+def test_a_full_disk_under_standard_output_is_one_line(take_off):
+    with open("/dev/full", "w") as full:
+        done = replay(take_off, "--no-log", "--json", stdout=full)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == "h2nav: output: No space left on device"
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("configuration", "unix_s", "says"),
+    [
+        (b"\xff\xfe", "0", "configuration.yaml:1: not UTF-8"),
+        (b"link: [", "0", "configuration.yaml: not YAML"),
+        (b"lynk: {}", "0", "did you mean link?"),
+        (b"link: {}", "noon", "unix_s: expected UNIX seconds, found noon"),
+        (b"link: {}", "nan", "unix_s: expected UNIX seconds, found nan"),
+        (b"link: {}", "1e300", "unix_s: expected UNIX seconds, found 1e300"),
+    ],
+)
+def test_a_log_with_unusable_inputs_is_bad_input(tmp_path, capsys, configuration, unix_s, says):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(plain_mcap(configuration, unix_s))
+    assert main(["replay", str(path), "--no-log"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line
+
+
+def test_with_a_configuration_of_ones_own_the_recorded_one_does_not_matter(tmp_path, capsys):
+    path, chosen = tmp_path / "log.mcap", tmp_path / "config.yaml"
+    path.write_bytes(plain_mcap(b"link: [", "noon"))
+    chosen.write_text("")
+    assert main(["replay", str(path), "--no-log", "-c", str(chosen)]) == 1
+    assert "no IMU samples" in capsys.readouterr().err

@@ -1,0 +1,158 @@
+"""What puts the daemon on a machine: lock file, container, unit, the documented commands."""
+
+import ipaddress
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from needs import REPOSITORY
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+LOCK = REPOSITORY / "packaging" / "requirements.lock"
+DOCKERFILE = (REPOSITORY / "Dockerfile").read_text()
+UNIT = (REPOSITORY / "packaging" / "systemd" / "h2nav.service").read_text()
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+# Not of a test: they change the machine, or ask a network.
+STUBBED = ("apt-get", "useradd", "systemctl", "journalctl")
+
+
+def locked() -> dict[str, Requirement]:
+    """Package -> its line in the lock file, hashes left out."""
+    lines = [line for line in LOCK.read_text().splitlines() if re.match(r"[a-z0-9]", line)]
+    found = [Requirement(line.rstrip(" \\")) for line in lines]
+    return {requirement.name: requirement for requirement in found}
+
+
+@pytest.mark.parametrize(
+    "declared", [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+)
+def test_the_lock_satisfies_what_is_declared(declared):
+    wanted = Requirement(declared)
+    (pin,) = locked()[wanted.name].specifier
+    assert pin.operator == "=="
+    assert wanted.specifier.contains(Version(pin.version))
+
+
+def test_every_package_of_the_lock_has_hashes_and_no_place():
+    text = LOCK.read_text()
+    pieces = re.split(r"^(?=[a-z0-9])", text, flags=re.MULTILINE)[1:]
+    assert len(pieces) == len(locked())
+    assert all("--hash=sha256:" in piece for piece in pieces)
+    assert "://" not in text
+    assert "--index" not in text
+
+
+def test_the_container_is_made_of_exact_versions():
+    bases = re.findall(r"^FROM (\S+)", DOCKERFILE, re.MULTILINE)
+    assert bases
+    assert all(re.fullmatch(r"python:3\.13\.\d+-slim-\w+", base) for base in bases)
+    assert "--require-hashes" in DOCKERFILE
+    assert "--python-version 3.13" in LOCK.read_text()
+
+
+def test_the_container_is_built_from_what_is_needed():
+    kept = {
+        line[1:]
+        for line in (REPOSITORY / ".dockerignore").read_text().splitlines()
+        if line.startswith("!")
+    }
+    assert all((REPOSITORY / name).exists() for name in kept)
+    assert kept >= {
+        "h2nav",
+        "configs",
+        "gains",
+        "native",
+        "pyproject.toml",
+        "setup.py",
+        "README.md",
+    }
+    copied = re.findall(r"^COPY (\S+) ", DOCKERFILE, re.MULTILINE)
+    assert set(copied) - {".", "--from=build"} <= kept
+
+
+@pytest.mark.parametrize("device", ["ttyAMA", "ttyS", "ttyUSB", "ttyACM", "ttyTHS"])
+def test_the_unit_opens_serial_ports(device):
+    assert f"DeviceAllow=char-{device} rw" in UNIT
+
+
+@pytest.mark.parametrize(
+    ("address", "is_allowed"),
+    [
+        ("192.168.1.7", True), ("10.1.2.3", True), ("172.20.0.1", True), ("169.254.7.7", True),
+        ("100.64.0.1", True), ("100.127.255.254", True), ("fe80::1", True), ("fd00::1", True),
+        ("100.128.0.1", False), ("8.8.8.8", False), ("2001:4860::8888", False),
+    ],
+)  # fmt: skip
+def test_the_unit_reaches_private_networks_alone(address, is_allowed):
+    lines = re.findall(r"^IPAddressAllow=(.*)$", UNIT, re.MULTILINE)
+    words = [word for line in lines for word in line.split() if word != "localhost"]
+    networks = [ipaddress.ip_network(word) for word in words]
+    assert any(ipaddress.ip_address(address) in network for network in networks) == is_allowed
+    assert "IPAddressDeny=any" in UNIT
+
+
+def test_a_wrong_configuration_is_not_restarted():
+    assert "RestartPreventExitStatus=2" in UNIT
+
+
+def documented_commands() -> list[str]:
+    text = (REPOSITORY / "docs" / "companion.md").read_text()
+    block = re.search(r"## Install\n.*?\n```\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    return block[1].splitlines()
+
+
+def test_the_documented_commands_work_one_after_the_other(tmp_path):
+    """In a folder instead of /; what changes the machine or asks a network is stood in for."""
+    for name in ("etc/systemd/system", "usr/local/bin", "opt", "stubs"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in STUBBED:
+        write_program(tmp_path / "stubs" / name, f'echo {name} "$@" >> {tmp_path}/asked')
+    commands = documented_commands()
+    install = [i for i, command in enumerate(commands) if "/opt/h2nav/bin/pip install" in command]
+    assert len(install) == 1
+    commands[install[0]] = "true"
+    script = re.sub(r"(?<![\w.])/(?=opt|etc|usr)", f"{tmp_path}/", "\n".join(commands))
+    script = script.replace("python3 -m venv", "mkdir -p")
+    write_program(
+        tmp_path / "opt" / "h2nav" / "bin" / "h2nav", f'exec {sys.executable} -m h2nav "$@"'
+    )
+    path = f"{tmp_path}/usr/local/bin:{tmp_path}/stubs:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["sh", "-eu", "-c", script],
+        cwd=REPOSITORY,
+        env={**os.environ, "PATH": path, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"{tmp_path}/etc/h2nav/config.yaml: fine" in done.stdout
+    assert (tmp_path / "etc" / "systemd" / "system" / "h2nav.service").read_text() == UNIT
+    asked = (tmp_path / "asked").read_text().splitlines()
+    assert [line.split()[0] for line in asked] == [
+        "apt-get", "useradd", "systemctl", "systemctl", "journalctl",
+    ]  # fmt: skip
+
+
+def test_the_documented_commands_make_what_the_unit_names():
+    commands = "\n".join(documented_commands())
+    named = dict(re.findall(r"^(User|Group|SupplementaryGroups)=(\w+)$", UNIT, re.MULTILINE))
+    assert f"--groups {named['SupplementaryGroups']}" in commands
+    assert (
+        named["User"] == named["Group"] == commands.split("useradd")[1].split("\n")[0].split()[-1]
+    )
+    program, *_, configuration = re.findall(r"^ExecStart=(.*)$", UNIT, re.MULTILINE)[0].split()
+    assert program in commands
+    assert configuration in commands
+
+
+def write_program(path: Path, line: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{line}\n")
+    path.chmod(0o755)
