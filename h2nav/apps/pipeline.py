@@ -214,7 +214,11 @@ class Pipeline:
         self._recorder.record("/link", link, unix_ns)
         self._recorder.record("/deframer", self.deframer.counters, unix_ns)
         self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
-        for notice in self._recorder.notices():
+        self.tell_of_recorder(t_ns)
+
+    def tell_of_recorder(self, t_ns: int) -> None:
+        """Tells what has become of the log since the last time."""
+        for notice in self._recorder.notices() if self._recorder is not None else ():
             self.note(t_ns, notice.text, RECORDER_SEVERITIES[notice.level])
 
     def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
