@@ -39,9 +39,18 @@ _UNPACK_HEADER_1 = Struct("<xBBBBB").unpack_from  # length, seq, sysid, compid, 
 # length, incompat flags, seq, sysid, compid, id in the lower 24 bits. It reads one byte beyond the
 # header, which even an empty frame has (its checksum).
 _UNPACK_HEADER_2 = Struct("<xBBxBBBI").unpack_from
-# Runs of start markers cost no Python: a MAVLink 2 marker is found only where its flags are known
-# or not there yet, a MAVLink 1 marker not before five more of its kind (message 254 is shorter).
-_FIND_START = re.compile(rb"\xfe(?!\xfe{5})|\xfd(?:.[\x00\x01]|.?\Z)", re.DOTALL).search
+# The third byte of the message ids that there are (0: none is above 65,535).
+_ID_ENDS = frozenset(msg_id >> 16 for msg_id in LAYOUTS)
+_ID_END_CLASS = b"[" + b"".join(re.escape(bytes([end])) for end in sorted(_ID_ENDS)) + b"]"
+_OTHER_END_CLASS = _ID_END_CLASS.replace(b"[", b"[^", 1)
+# Crafted garbage costs little Python: a MAVLink 2 marker is found only where its flags and the end
+# of its id are known or not there yet, a MAVLink 1 marker not before five more of its kind (message
+# 254 is shorter).
+_FIND_START = re.compile(
+    rb"\xfe(?!\xfe{5})|\xfd(?:.[\x00\x01](?:.{6}" + _ID_END_CLASS + rb"|.{0,6}\Z)|.?\Z)", re.DOTALL
+).search
+_FIND_UNKNOWN_IDS = re.compile(rb"\xfd(?=.[\x00\x01].{6}" + _OTHER_END_CLASS + rb")", re.DOTALL)
+_ID_END_AT = 9
 
 _checksum = crc16.mcrf4xx
 _new = tuple.__new__
@@ -243,14 +252,23 @@ class Deframer:
         """Counts the bytes from `start` to `stop`, which are no frame, and each marker in them."""
         counts = self._counts
         counts["skipped_bytes"] += stop - start
-        # The search passes over two kinds of markers in silence: all that are not in `rejects`.
-        counts["unknown_flags"] += buffer.count(_MARKER_2, start, stop)
+        # The search passes over three kinds of markers in silence: all that are not in `rejects`.
+        unknown_ids = len(_FIND_UNKNOWN_IDS.findall(buffer, start, stop + _ID_END_AT))
+        counts["unknown_id"] += unknown_ids
+        counts["unknown_flags"] += buffer.count(_MARKER_2, start, stop) - unknown_ids
         counts["bad_length"] += buffer.count(_MARKER_1, start, stop)
         incomplete = "truncated" if ended else "bad_crc"
         for at, verdict in rejects:
             if start <= at < stop and verdict != _NO_MARKER:
-                counts["unknown_flags" if buffer[at] == _MARKER_2 else "bad_length"] -= 1
+                counts[_silent_reason(buffer, at)] -= 1
                 counts[_REASONS.get(verdict, incomplete)] += 1
+
+
+def _silent_reason(buffer: bytes, at: int) -> str:
+    """The reason under which a marker is counted where the search passes over it."""
+    if buffer[at] == _MARKER_1:
+        return "bad_length"
+    return "unknown_id" if _FIND_UNKNOWN_IDS.match(buffer, at) else "unknown_flags"
 
 
 def _frame_at(buffer: bytes, at: int, size: int) -> Frame | int:
