@@ -13,21 +13,23 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.service import health, records
+from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
-from h2nav.service.autopilot import LOST_NS, Autopilot, Heard, Sender
+from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
-from h2nav.service.health import Objection, Signs, State, Verdict
+from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import preference
 from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
 from h2nav.service.outputs import Outputs
-from h2nav.service.sample_clock import Verdict as ClockVerdict
+from h2nav.service.pulse import Pulse
+from h2nav.service.sample_clock import Verdict
 from h2nav.service.settings import ServiceSettings
+from h2nav.service.standing import Standing
 from h2nav.service.stream_requests import StreamRequests
 from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
@@ -53,10 +55,6 @@ TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
-# A program that has used samples and uses none for so long, though its autopilot is there, hangs.
-HANGING_NS = 5 * SECOND_NS
-# A lack of samples is told when it outlasts this after binding.
-START_NS = 3 * SECOND_NS // 2
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
@@ -128,14 +126,9 @@ class Service:
         self._units = UnitsCheck()
         self._link_error: str | None = ""
         self._link_trouble = ""
-        self._verdict = health.AT_START
-        self._told = health.AT_START[:2]
         self._told_dependent = False
-        self._sample_ns: int | None = None  # when a sample was last used, whenever it had arrived
-        self._sample_gap_ns: int | None = None
-        self._heartbeat_ns = 0  # when the bound autopilot was last heard, likewise
-        self._bound_ns = 0
-        self._stall: tuple[int, int] | None = None
+        self._pulse = Pulse()
+        self._standing = Standing(self._notices)
         self._faults: dict[str, int] = {}
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
@@ -165,8 +158,8 @@ class Service:
         """The state as it is logged and shown."""
         row = self._estimation.imu_message
         return records.HealthRecord(
-            state=self._verdict.state.value,
-            reason=self._verdict.reason,
+            state=self._standing.verdict.state.value,
+            reason=self._standing.verdict.reason,
             autopilot=str(self._autopilot.identity or ""),
             imu_message=row.name if row else "",
             imu_rate_hz=self._imu_rate_hz() or 0.0,
@@ -185,10 +178,8 @@ class Service:
         return {**counts, **self._faults}
 
     def is_progressing(self, t_ns: int) -> bool:
-        """False where samples were used, the autopilot is there, and yet no sample is used."""
-        if self._sample_ns is None or not self._is_heard(t_ns) or self._link_error is not None:
-            return True
-        return t_ns - self._sample_ns < HANGING_NS
+        """False where the program seems to hang."""
+        return self._link_error is not None or self._pulse.is_progressing(t_ns)
 
     # --- events -------------------------------------------------------------------------------
 
@@ -282,7 +273,7 @@ class Service:
 
     def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
         """We were held up ourselves: what was not heard meanwhile says nothing about others."""
-        self._stall = (t_ns, length_ns)
+        self._pulse.stalled(t_ns, length_ns)
         return self._judge(t_ns)
 
     def on_timer(self, t_ns: int) -> list[Effect]:
@@ -308,7 +299,7 @@ class Service:
         effects: list[Effect] = []
         heard = self._autopilot.hears_heartbeat(t_ns, sender, message)
         if self._autopilot.owns(sender):
-            self._heartbeat_ns = now_ns
+            self._pulse.heartbeat(now_ns)
         if heard is Heard.BOUND:
             effects += self._on_binding(t_ns)
         elif heard is Heard.RIVAL:
@@ -321,7 +312,7 @@ class Service:
     def _on_binding(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
         assert identity is not None
-        self._bound_ns = t_ns
+        self._pulse.bound(t_ns)
         self._estimation.begin(identity)
         self._lateness.restart()
         self.time_sync.restart()
@@ -342,12 +333,9 @@ class Service:
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
-        self._sample_gap_ns = None if self._sample_ns is None else envelope.now_ns - self._sample_ns
-        self._sample_ns = envelope.now_ns
         self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
         self._outputs.are_held = self._lateness.is_late
-        if not self._lateness.is_late:
-            self._stall = None
+        self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
             effects += self._send_all(self._outputs.due(estimate))
@@ -355,7 +343,7 @@ class Service:
         effects.append(Used(sample, estimate, self._lateness.late_ns))
         if not self._units.is_over:
             effects += self._check_units(t_ns, sample)
-        if self._verdict.state is not State.ACTIVE:
+        if not self._standing.is_active:
             effects += self._judge(envelope.now_ns)
         return effects
 
@@ -368,14 +356,14 @@ class Service:
                 effects += self._notices.tell(t_ns, Severity.ERROR, complaint, complaint[:5])
         return effects
 
-    def _on_new_epoch(self, t_ns: int, event: ClockVerdict) -> list[Effect]:
+    def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
         self.time_sync.restart()
         self._lateness.restart()
         self.motion.restart()
         self._outputs.forget()
         if self._streams is not None:
             self._streams.restart()
-        rebooted = event is ClockVerdict.REBOOT
+        rebooted = event is Verdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.tell(t_ns, Severity.WARNING, text)
 
@@ -439,11 +427,11 @@ class Service:
     def _heartbeat(self, _t_ns: int) -> list[Effect]:
         if self._link_error is not None:
             return []
-        return [self._send(outbound.heartbeat(health.SYSTEM_STATUS[self._verdict.state]))]
+        return [self._send(outbound.heartbeat(SYSTEM_STATUS[self._standing.verdict.state]))]
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
-        if identity is None or self._link_error is not None or not self._is_heard(t_ns):
+        if identity is None or self._link_error is not None or not self._pulse.is_heard(t_ns):
             return []
         asked = outbound.time_sync(0, self.time_sync.request(t_ns), identity.address)
         return [self._send(asked)]
@@ -511,24 +499,14 @@ class Service:
         wished = preference(identity.autopilot, self._settings.autopilot.imu_message)
         return DENIED_IMU if self._streams.is_refused(wished[0]) else SILENT_IMU
 
-    def _is_heard(self, t_ns: int) -> bool:
-        """An autopilot is bound, and its heartbeats come."""
-        return self._autopilot.identity is not None and t_ns - self._heartbeat_ns <= LOST_NS
-
-    def _stall_ns(self, t_ns: int) -> int:
-        """How long we were held up, as long as it still tells in what is heard; else 0."""
-        if self._stall is None or self._sample_ns is None or t_ns - self._stall[0] > SECOND_NS:
-            return 0
-        return self._stall[1]
-
     def _signs(self, t_ns: int) -> Signs:
         units = (Objection(text[:5], text) for text in self._units.report.complaints)
         return Signs(
             link_error=self._link_error,
-            stall_ns=self._stall_ns(t_ns),
-            autopilot_known=self._is_heard(t_ns),
-            last_sample_ns=self._sample_ns,
-            last_gap_ns=self._sample_gap_ns,
+            stall_ns=self._pulse.stall_ns(t_ns),
+            autopilot_known=self._pulse.is_heard(t_ns),
+            last_sample_ns=self._pulse.sample_ns,
+            last_gap_ns=self._pulse.sample_gap_ns,
             no_imu=self._why_no_imu(t_ns),
             has_estimate=self._estimation.has_estimate,
             late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
@@ -538,31 +516,14 @@ class Service:
         )
 
     def _judge(self, t_ns: int) -> list[Effect]:
-        """Looks at the state; a change of it, or of its cause, is told once."""
-        before, verdict = self._verdict, health.judge(self._signs(t_ns), t_ns)
-        self._verdict = verdict
-        effects: list[Effect] = []
-        if verdict[:2] != self._told:
-            effects += self._tell_state(t_ns, verdict)
-        if verdict[:2] != before[:2]:
-            if verdict.state not in (State.ACTIVE, State.DEGRADED):
-                self._outputs.forget()
-            effects.append(Record("/health", self.health))
-        return effects
-
-    def _tell_state(self, t_ns: int, verdict: Verdict) -> list[Effect]:
-        """Tells a change; one that comes back within a minute waits to be told until it lasts."""
-        change = f"{self._told} -> {verdict[:2]}"
-        # Streams have to be asked for first.
-        starting = verdict.state is State.NO_IMU and t_ns - self._bound_ns < START_NS
-        if starting or not self._notices.may_tell(t_ns, change):
-            return []
-        good = verdict.state in (State.ACTIVE, State.ALIGNING)
-        severity = Severity.INFO if good else Severity.WARNING
-        told = self._notices.tell(t_ns, severity, verdict.text, change)
-        if told:
-            self._told = verdict[:2]
-        return told
+        """Looks at the state; a change of it, or of its cause, is logged and told."""
+        has_changed = self._standing.judge(t_ns, self._signs(t_ns))
+        told = self._standing.tell(t_ns, is_starting=self._pulse.is_starting(t_ns))
+        if not has_changed:
+            return told
+        if self._standing.verdict.state not in (State.ACTIVE, State.DEGRADED):
+            self._outputs.forget()
+        return [*told, Record("/health", self.health)]
 
     def _tell_dependence(self, t_ns: int) -> list[Effect]:
         if self._told_dependent or self._estimation.is_independent:

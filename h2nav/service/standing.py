@@ -1,0 +1,55 @@
+"""The state of the service as it stands, and the telling of its changes."""
+
+from h2nav.service import health
+from h2nav.service.effects import Effect, Severity
+from h2nav.service.health import Signs, State, Verdict
+from h2nav.service.notices import Notices
+
+GOOD = (State.ACTIVE, State.ALIGNING)
+
+
+class Standing:
+    """Judges the state and tells a change of it, or of its cause, once.
+
+    A change that comes back within a minute waits to be told until it lasts.
+
+    Args:
+        notices: tell people.
+
+    Attributes:
+        verdict: the present state.
+    """
+
+    def __init__(self, notices: Notices) -> None:
+        self._notices = notices
+        self._told = health.AT_START[:2]
+        self.verdict: Verdict = health.AT_START
+
+    @property
+    def is_active(self) -> bool:
+        """All is well."""
+        return self.verdict.state is State.ACTIVE
+
+    def judge(self, t_ns: int, signs: Signs) -> bool:
+        """Looks at the state; True where it, or its cause, has changed."""
+        before, self.verdict = self.verdict, health.judge(signs, t_ns)
+        return self.verdict[:2] != before[:2]
+
+    def tell(self, t_ns: int, *, is_starting: bool) -> list[Effect]:
+        """Tells what has not been told yet.
+
+        Args:
+            t_ns: host time.
+            is_starting: a lack of samples is no news yet.
+        """
+        verdict = self.verdict
+        if verdict[:2] == self._told or (is_starting and verdict.state is State.NO_IMU):
+            return []
+        change = f"{self._told} -> {verdict[:2]}"
+        if not self._notices.may_tell(t_ns, change):
+            return []
+        severity = Severity.INFO if verdict.state in GOOD else Severity.WARNING
+        told = self._notices.tell(t_ns, severity, verdict.text, change)
+        if told:
+            self._told = verdict[:2]
+        return told
