@@ -81,7 +81,9 @@ class UdpVehicle:
         makers: the message of each stream from the vehicle's time in us; rows may be changed.
         sense: seconds since the start to what the sensors read.
         is_noisy: white noise comes on top of it.
+        speaks_mavlink_1: instead of MAVLink 2.
         stamp_shift_us: added to the time stamp of every IMU message.
+        also_accepts: messages whose request is accepted although they do not come.
         sent_unix_ns: when the sample of each `time_boot_ms` left.
         sent: IMU messages that left so far, and when (host monotonic, s).
         arrivals: what came back.
@@ -114,7 +116,9 @@ class UdpVehicle:
         }
         self.sense: Callable[[float], Reading] = at_rest
         self.is_noisy = True
+        self.speaks_mavlink_1 = False
         self.stamp_shift_us = 0
+        self.also_accepts: set[str] = set()
         self.makers: dict[str, Callable[[int], Any]] = {
             "HEARTBEAT": lambda _t_us: heartbeat(self.vehicle_type, autopilot),
             "RAW_IMU": self._raw_imu,
@@ -146,7 +150,7 @@ class UdpVehicle:
     def packed(self, message: Any, sender: tuple[int, int] | None = None) -> bytes:
         """The frame of a message."""
         self._wire.srcSystem, self._wire.srcComponent = sender or self.identity
-        frame = bytes(message.pack(self._wire))
+        frame = bytes(message.pack(self._wire, force_mavlink1=self.speaks_mavlink_1))
         self._wire.seq = (self._wire.seq + 1) % 256
         return frame
 
@@ -246,7 +250,8 @@ class UdpVehicle:
             self.send(mavlink.MAVLink_timesync_message(self.clock_us() * 1000, message.ts1))
         elif kind == "COMMAND_LONG" and message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             self.asked.append((int(message.param1), message.param2))
-            known = mavlink.mavlink_map[int(message.param1)].msgname in self.rates_hz
+            name = mavlink.mavlink_map[int(message.param1)].msgname
+            known = name in self.rates_hz or name in self.also_accepts
             result = mavlink.MAV_RESULT_ACCEPTED if known else mavlink.MAV_RESULT_FAILED
             self.send(mavlink.MAVLink_command_ack_message(message.command, result))
 

@@ -21,12 +21,14 @@ from rows import ROWS
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("rows", nargs="*", metavar="ROW", help="a row or the beginning of several")
+    parser.add_argument(
+        "rows", nargs="*", metavar="ROW", help="a row, or what stands before its dash"
+    )
     parser.add_argument("--json", action="store_true", help="the rows as one JSON document")
     parser.add_argument("--list", action="store_true", help="the names of the rows")
     parser.add_argument("--nice", type=int, default=0, help="priority of everything (root: -10)")
     args = parser.parse_args()
-    chosen = [name for name in ROWS if not args.rows or name.startswith(tuple(args.rows))]
+    chosen = [name for name in ROWS if not args.rows or wanted(name, args.rows)]
     if not chosen:
         parser.error(f"no such row; known: {', '.join(ROWS)}")
     if args.list:
@@ -40,6 +42,11 @@ def main() -> None:
         print(told(row), file=sys.stderr if args.json else sys.stdout, flush=True)
     if args.json:
         print(json.dumps(done, indent=1))
+
+
+def wanted(name: str, words: list[str]) -> bool:
+    """Whether a row is named, or belongs to a group that is (`D4` for `D4-500` and `D4-8000`)."""
+    return any(name == word or name.startswith(f"{word}-") for word in words)
 
 
 def told(row: Row) -> str:

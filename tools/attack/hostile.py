@@ -1,4 +1,4 @@
-"""Messages that a good autopilot never sends: what ends the daemon, or binds it to the wrong one."""
+"""Messages of no good autopilot: they end the daemon, or bind it to the wrong one."""
 
 import contextlib
 import itertools
@@ -94,13 +94,10 @@ def _fixed_at(name: str, place_deg: tuple[float, float], rate_hz: float) -> Row:
 
 
 def longest_silence_s(at: Scene, since_unix_ns: int = 0) -> float:
-    """Between two ATTITUDE in succession."""
-    times = [
-        arrival.unix_ns
-        for arrival in at.vehicle.arrivals
-        if arrival.name == "ATTITUDE" and arrival.unix_ns >= since_unix_ns
-    ]
-    return max((b - a for a, b in itertools.pairwise(times)), default=0) * 1e-9
+    """Between two ATTITUDE in succession, the later of which came after a time."""
+    times = [arrival.unix_ns for arrival in at.vehicle.arrivals if arrival.name == "ATTITUDE"]
+    pairs = itertools.pairwise(times)
+    return max((b - a for a, b in pairs if b >= since_unix_ns), default=0) * 1e-9
 
 
 def forged_first() -> Row:
