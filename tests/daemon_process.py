@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -30,14 +30,20 @@ class DaemonProcess:
     Args:
         arguments: further words of the command line.
         environment: variables on top of ours.
+        program: what is started in place of ``h2nav``.
 
     Attributes:
         events: all that was read so far, by `wait_for` or `read_events`.
     """
 
-    def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        environment: dict[str, str] | None = None,
+        program: Sequence[str] = H2NAV,
+    ) -> None:
         self.process = subprocess.Popen(
-            [*H2NAV, "run", "--json", *arguments],
+            [*program, "run", "--json", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env={**os.environ, **(environment or {})},
@@ -91,9 +97,9 @@ class DaemonProcess:
 
 
 @contextmanager
-def daemon(*arguments: str, environment: dict[str, str] | None = None) -> Iterator[DaemonProcess]:
+def daemon(*arguments: str, **how: Any) -> Iterator[DaemonProcess]:
     """A daemon that is gone after the block, whatever happens in it."""
-    running = DaemonProcess(*arguments, environment=environment)
+    running = DaemonProcess(*arguments, **how)
     try:
         yield running
     finally:

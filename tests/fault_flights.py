@@ -4,12 +4,12 @@ Nothing here is a matter of how fast the machine is: a flight goes on until some
 `WAIT_S` at the most.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from daemon_process import WAIT_S, DaemonProcess, daemon, free_udp_port
+from daemon_process import H2NAV, WAIT_S, DaemonProcess, daemon, free_udp_port
 from udp_vehicle import UdpVehicle
 
 
@@ -60,7 +60,11 @@ class FaultFlight(NamedTuple):
 
 @contextmanager
 def fault_flight(
-    folder: Path, sections: str = "", environment: dict[str, str] | None = None, **vehicle: Any
+    folder: Path,
+    sections: str = "",
+    environment: dict[str, str] | None = None,
+    program: Sequence[str] = H2NAV,
+    **vehicle: Any,
 ) -> Iterator[FaultFlight]:
     """A daemon with a log in `folder`, and a vehicle that has not sent anything yet.
 
@@ -68,6 +72,7 @@ def fault_flight(
         folder: for configuration and log.
         sections: further lines of the configuration file.
         environment: variables of the daemon.
+        program: what is started in place of ``h2nav``.
         vehicle: how the vehicle differs from the usual one.
     """
     port = free_udp_port()
@@ -78,7 +83,7 @@ def fault_flight(
     )
     flown = UdpVehicle(port, **vehicle)
     try:
-        with daemon("-c", str(config), environment=environment) as running:
+        with daemon("-c", str(config), environment=environment, program=program) as running:
             yield FaultFlight(running, flown, port)
     finally:
         flown.close()
