@@ -22,8 +22,9 @@ class FaultFlight(NamedTuple):
 
     @property
     def status(self) -> dict[str, Any]:
-        """The latest status event."""
-        return next(event for event in reversed(self.daemon.read_events()) if "state" in event)
+        """The latest status event; empty before the first."""
+        events = reversed(self.daemon.read_events())
+        return next((event for event in events if "state" in event), {})
 
     @property
     def texts(self) -> list[str]:
@@ -41,12 +42,12 @@ class FaultFlight(NamedTuple):
 
     def until_state(self, state: str) -> None:
         """Flies until the daemon's latest status is this one."""
-        self.until(lambda: bool(self.daemon.read_events()) and self.status["state"] == state)
+        self.until(lambda: self.status.get("state") == state)
 
     def until_more_samples(self, count: int = 150) -> None:
         """Flies until so many more samples were used."""
-        before = self.status["samples_used"]
-        self.until(lambda: self.status["samples_used"] >= before + count)
+        before = self.status.get("samples_used", 0)
+        self.until(lambda: self.status.get("samples_used", 0) >= before + count)
 
     def _ended(self) -> bool:
         return self.daemon.process.poll() is not None

@@ -175,11 +175,11 @@ class UdpVehicle:
         return False
 
     def pause(self, seconds: float) -> None:
-        """Is silent for so long; what comes meanwhile is kept."""
+        """Is silent for so long, answers nothing either; what comes meanwhile is kept."""
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0.0:
             select.select([self.socket], [], [], min(left_s, LONGEST_WAIT_S))
-            self.listen()
+            self.listen(answers=False)
         self._due_s.clear()
 
     def _send_what_is_due(self, now_s: float) -> None:
@@ -213,8 +213,8 @@ class UdpVehicle:
 
     # --- receiving ------------------------------------------------------------------------------
 
-    def listen(self) -> None:
-        """Takes what has come, and answers."""
+    def listen(self, answers: bool = True) -> None:
+        """Takes what has come, and answers it."""
         while True:
             try:
                 data, ancillary, _, _ = self.socket.recvmsg(2048, ANCILLARY_BYTES)
@@ -225,7 +225,8 @@ class UdpVehicle:
             unix_ns = _kernel_time_ns(ancillary)
             for message in self._parser.parse_buffer(bytearray(data)) or ():
                 self.arrivals.append(Arrival(unix_ns, message))
-                self._answer(message)
+                if answers:
+                    self._answer(message)
 
     def messages(self, name: str) -> list[Any]:
         """What came of this name, oldest first."""
