@@ -21,6 +21,8 @@ ANCILLARY_BYTES = 128
 RECEIVE_BUFFER_BYTES = 1 << 22
 # Sleeping longer than this, the vehicle skips what it should have sent.
 LONGEST_LAG_S = 0.5
+SIGNING_EPOCH_UNIX_S = 1_420_070_400  # 2015
+SIGNING_STAMPS_PER_S = 100_000
 
 Triple = tuple[float, float, float]
 
@@ -153,6 +155,14 @@ class UdpVehicle:
         frame = bytes(message.pack(self._wire, force_mavlink1=self.speaks_mavlink_1))
         self._wire.seq = (self._wire.seq + 1) % 256
         return frame
+
+    def sign(self, key: bytes | None) -> None:
+        """Signs from now on with a key of 32 bytes; with None no longer."""
+        signing = self._wire.signing
+        signing.sign_outgoing = key is not None
+        signing.secret_key = key
+        signing.link_id = 1
+        signing.timestamp = round((time.time() - SIGNING_EPOCH_UNIX_S) * SIGNING_STAMPS_PER_S)
 
     def send_bytes(self, data: bytes) -> None:
         """Sends a datagram as it stands; nobody has to listen."""

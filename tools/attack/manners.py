@@ -1,10 +1,14 @@
 """What a link carries in both directions: questions, clocks, rates of streams, independence."""
 
+import tempfile
+from pathlib import Path
+
 from bench import Row, scene
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from udp_vehicle import command
+from udp_vehicle import UdpVehicle, command, heartbeat
 
 STATION = (255, 190)
+KEY = bytes(range(32))
 BROADCAST = ((1, 0), (0, 0))
 OTHERS_RATES_HZ = {"VFR_HUD": 10.0, "EXTENDED_SYS_STATE": 5.0, "GPS_RAW_INT": 10.0}
 
@@ -73,9 +77,47 @@ def px4_bias() -> Row:
         return row
 
 
+def without_the_key() -> Row:
+    """A signed link, and somebody on it who has not the key."""
+    with tempfile.TemporaryDirectory() as folder:
+        key_file = Path(folder) / "key"
+        key_file.touch(mode=0o600)
+        key_file.write_text(KEY.hex())
+        sections = f"signing: {{key_file: {key_file}, state_file: {folder}/stamp}}"
+        with scene(sections) as at:
+            at.vehicle.sign(KEY)
+            at.until_active()
+            at.vehicle.fly(2.0)
+            thief = UdpVehicle(at.port)
+            thief_frames = _frames_without_the_key(thief)
+            thief.close()
+            recorded = at.vehicle.packed(heartbeat())
+            at.vehicle.send_bytes(recorded)
+            for _ in range(100):
+                at.vehicle.fly(0.1)
+                for frame in (*thief_frames, recorded):
+                    at.vehicle.send_bytes(frame)
+            row = at.row("signing", "signed link; forged, unsigned, MAVLink 1 and repeated frames")
+            row.figures += [f"told: {text}" for _, text in at.daemon.notices()][-6:]
+            signed = [arrival.message.get_msgbuf()[2] & 1 for arrival in at.vehicle.arrivals]
+            row.figures.append(f"{sum(signed)} of {len(signed)} of our frames are signed")
+    return row
+
+
+def _frames_without_the_key(thief: UdpVehicle) -> list[bytes]:
+    """The vehicle's own ids: unsigned, with a key of another, in MAVLink 1."""
+    unsigned = thief.packed(heartbeat(mavlink.MAV_TYPE_FIXED_WING))
+    thief.sign(bytes(32))
+    forged = thief.packed(heartbeat(mavlink.MAV_TYPE_FIXED_WING))
+    thief.sign(None)
+    thief.speaks_mavlink_1 = True
+    return [unsigned, forged, thief.packed(heartbeat(mavlink.MAV_TYPE_FIXED_WING))]
+
+
 ROWS = {
     "broadcast": broadcast,
     "timesync": clock_question,
     "lowered": lowered_streams,
     "px4-bias": px4_bias,
+    "signing": without_the_key,
 }
