@@ -9,7 +9,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.c h2nav/attitude/kernels/
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu golden clean
+.PHONY: help demo test check install bench bench-mcu soak attack golden clean
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
@@ -35,6 +35,12 @@ bench: $(FOR_TESTS)  ## speed of parser, filter, log, live loop, next to their p
 
 bench-mcu: $(FOR_TESTS)  ## instructions, flash and memory of the exported filter on Cortex-M and AVR
 	@$(BIN)/python tools/bench_mcu.py
+
+soak: $(FOR_TESTS)  ## 24 simulated hours through the whole pipeline: does anything grow?
+	@$(BIN)/python tools/soak.py
+
+attack: $(FOR_TESTS)  ## every known attack on the daemon as a process, some 15 minutes
+	@$(BIN)/python tools/attack
 
 golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
 	@$(BIN)/pytest tests/replay --update-golden

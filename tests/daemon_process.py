@@ -1,13 +1,14 @@
 """The daemon and the fake autopilot as processes, as a user runs them."""
 
 import json
+import os
 import select
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,14 +29,26 @@ class DaemonProcess:
 
     Args:
         arguments: further words of the command line.
+        environment: variables on top of ours.
+        program: what is started in place of ``h2nav``.
+
+    Attributes:
+        events: all that was read so far, by `wait_for` or `read_events`.
     """
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        environment: dict[str, str] | None = None,
+        program: Sequence[str] = H2NAV,
+    ) -> None:
         self.process = subprocess.Popen(
-            [*H2NAV, "run", "--json", *arguments],
+            [*program, "run", "--json", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            env={**os.environ, **(environment or {})},
         )
+        self.events: list[dict[str, Any]] = []
         self._buffer = b""
 
     def wait_for(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -49,6 +62,14 @@ class DaemonProcess:
         """Waits until so many samples were used."""
         return self.wait_for(lambda event: event.get("samples_used", 0) >= count)
 
+    def read_events(self) -> list[dict[str, Any]]:
+        """All events so far; does not wait for any."""
+        assert self.process.stdout is not None
+        while select.select([self.process.stdout], [], [], 0.0)[0]:
+            if not self._read_chunk():
+                break
+        return self.events
+
     def stop(self, number: int = signal.SIGTERM) -> int:
         """Sends a signal; the exit status."""
         self.process.send_signal(number)
@@ -60,19 +81,25 @@ class DaemonProcess:
         while (left := end - time.monotonic()) > 0:
             if not select.select([self.process.stdout], [], [], left)[0]:
                 break
-            chunk = self.process.stdout.read1(65536)
-            if not chunk:
+            before = len(self.events)
+            if not self._read_chunk():
                 return
-            *lines, self._buffer = (self._buffer + chunk).split(b"\n")
-            for line in lines:
-                yield json.loads(line)
+            yield from self.events[before:]
         raise AssertionError(f"not seen within {WAIT_S:.0f} s")
+
+    def _read_chunk(self) -> bool:
+        """Reads once; False at the end of the stream."""
+        assert self.process.stdout is not None
+        chunk = self.process.stdout.read1(65536)
+        *lines, self._buffer = (self._buffer + chunk).split(b"\n")
+        self.events += [json.loads(line) for line in lines]
+        return bool(chunk)
 
 
 @contextmanager
-def daemon(*arguments: str) -> Iterator[DaemonProcess]:
+def daemon(*arguments: str, **how: Any) -> Iterator[DaemonProcess]:
     """A daemon that is gone after the block, whatever happens in it."""
-    running = DaemonProcess(*arguments)
+    running = DaemonProcess(*arguments, **how)
     try:
         yield running
     finally:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import select
 import tty
 from pathlib import Path
 
@@ -46,6 +47,14 @@ class PseudoDevice:
     def send(self, data: bytes) -> int:
         assert self._far_end is not None
         return os.write(self._far_end, data)
+
+    def send_all(self, data: bytes) -> None:
+        """Sends everything, however long the program takes to read it."""
+        assert self._far_end is not None
+        while data:
+            select.select([], [self._far_end], [])
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(self._far_end, data) :]
 
     def received(self) -> bytes:
         """Everything that has come in so far."""

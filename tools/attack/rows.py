@@ -1,0 +1,18 @@
+"""All rows by name, in the order in which they run."""
+
+from collections.abc import Callable
+
+import files
+import floods
+import hostile
+import manners
+import stale
+from bench import Row
+
+ROWS: dict[str, Callable[[], Row]] = {
+    **hostile.ROWS,
+    **floods.ROWS,
+    **stale.ROWS,
+    **manners.ROWS,
+    **files.ROWS,
+}
