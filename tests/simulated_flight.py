@@ -14,6 +14,7 @@ from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
+from h2nav.io.recorder import Recorder
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
 from h2nav.service.service import Service, Surroundings
@@ -53,6 +54,7 @@ class SimulatedFlight:
         seed: of sensors and line.
         sensor: the kind of IMU on board.
         extra_streams: messages of other components that the autopilot forwards.
+        recorder: the log; its times are the manual clock's.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class SimulatedFlight:
         seed: int = 1,
         sensor: ImuParameters = MPU_9250,
         extra_streams: tuple[Stream, ...] = (),
+        recorder: Recorder | None = None,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -86,7 +89,7 @@ class SimulatedFlight:
         service = Service(
             configuration.service, Surroundings(filters.filter_for, earth_field_at, UNIX_S)
         )
-        outlets = Outlets(lambda t_ns: t_ns, self._hears, None, self)
+        outlets = Outlets(lambda t_ns: t_ns, self._hears, recorder, self)
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
         self.pipeline.link(self.t_ns, True)
 
