@@ -9,7 +9,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.c h2nav/attitude/kernels/
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu golden clean
+.PHONY: help demo test check install bench bench-mcu fuzz mutants golden clean
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
@@ -35,6 +35,12 @@ bench: $(FOR_TESTS)  ## speed of parser, filter, log, live loop, next to their p
 
 bench-mcu: $(FOR_TESTS)  ## instructions, flash and memory of the exported filter on Cortex-M and AVR
 	@$(BIN)/python tools/bench_mcu.py
+
+fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
+	@$(BIN)/python tools/fuzz.py explore --minutes $(or $(MINUTES),5)
+
+mutants: $(FOR_TESTS)  ## N=300 small faults put into ROOMS=service,io,motion,kernels: which does no test notice?
+	@$(BIN)/python tools/mutants.py -n $(or $(N),300) --seed $(or $(SEED),1) $(if $(ROOMS),--rooms $(ROOMS))
 
 golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
 	@$(BIN)/pytest tests/replay --update-golden
