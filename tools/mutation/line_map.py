@@ -1,8 +1,9 @@
 """Which tests a mutant has to face: those that run its line, the quick ones first.
 
-The map is recorded once per test file (`line_recorder`) and kept until the package or that file
-changes. A line that only the import runs (a constant, a row of a table) is judged by the tests that
-run a line where its name is used, and where there is none by all that run the module.
+The map is recorded once per test file (`line_recorder`) and kept until the package, that file or
+what it imports changes. A line that only the import runs (a constant, a row of a table) is judged
+by the tests that run a line where its name is used, and where there is none by all that run the
+module.
 """
 
 import ast
@@ -11,7 +12,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from tqdm import tqdm
 from mutation.operators import Mutant
 
 TOOLS = Path(__file__).resolve().parent.parent
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
 
 
 class Chosen(NamedTuple):
@@ -62,19 +64,15 @@ class LineMap:
         self._names = _Names(repository)
 
     def choose(self, mutant: Mutant) -> Chosen:
-        """The tests for a mutant, its own line's first, then the rest of their files."""
-        direct = self._running(mutant.module, self._names.statement(mutant))
+        """The tests for a mutant: its own line's first, then the rest of their files."""
+        direct = self._running(self._names.lines(mutant))
         if not direct:
-            for module, line in self._names.uses(mutant):
-                direct |= self._running(module, (line,))
-        if not direct:
-            direct = {t for (module, _), tests in self._tests_of.items()
-                      if module == mutant.module for t in tests}  # fmt: skip
-        files = {test.split("::")[0] for test in direct}
-        others = {test for test in self._seconds if test.split("::")[0] in files} - direct
+            direct = self._running(self._names.bodies(mutant.module))
+        files = {_file(test) for test in direct}
+        others = {test for test in self._seconds if _file(test) in files} - direct
         chosen: list[str] = []
         total_s = 0.0
-        for test in (*self._by_time(direct), *self._by_time(others)):
+        for test in (*self._in_order(direct, mutant), *self._in_order(others, mutant)):
             if chosen and total_s + self._seconds[test] > self._budget_s:
                 continue
             chosen.append(test)
@@ -82,16 +80,25 @@ class LineMap:
         slowest_s = max((self._seconds[test] for test in chosen), default=0.0)
         return Chosen(tuple(chosen), total_s, slowest_s)
 
-    def _running(self, module: str, lines: Sequence[int]) -> set[str]:
-        found = (self._tests_of.get((module, line), set()) for line in lines)
+    def _running(self, lines: Iterable[tuple[str, int]]) -> set[str]:
+        found = (self._tests_of.get(line, set()) for line in lines)
         return set().union(*found)
 
-    def _by_time(self, tests: set[str]) -> list[str]:
-        return sorted(tests, key=lambda test: (self._seconds[test], test))
+    def _in_order(self, tests: set[str], mutant: Mutant) -> list[str]:
+        """Those of the module's own test file first, then the quick ones."""
+        own = f"test_{Path(mutant.module).stem}"
+        return sorted(
+            tests,
+            key=lambda test: (
+                not Path(_file(test)).stem.startswith(own),
+                self._seconds[test],
+                test,
+            ),
+        )
 
 
 class _Names:
-    """Where in the package the names of a module are used."""
+    """Where in the package a mutant shows: where its line runs, or where its name is used."""
 
     def __init__(self, repository: Path) -> None:
         self._trees = {
@@ -99,7 +106,39 @@ class _Names:
             for path in sorted((repository / "h2nav").rglob("*.py"))
         }
 
-    def statement(self, mutant: Mutant) -> range:
+    def lines(self, mutant: Mutant) -> list[tuple[str, int]]:
+        """Module and number of the lines whose tests have to notice the mutant.
+
+        What only the import runs would count for the test that happened to import it first.
+        """
+        function = self._function(mutant)
+        if function is None:
+            return self._uses(self._assigned(mutant))
+        body = range(function.body[0].lineno, (function.end_lineno or 0) + 1)
+        if mutant.line not in body:  # a default value
+            return [(mutant.module, line) for line in body]
+        return [(mutant.module, line) for line in self._statement(mutant)]
+
+    def bodies(self, module: str) -> list[tuple[str, int]]:
+        """All lines of a module that are inside functions."""
+        functions = [n for n in ast.walk(self._trees[module]) if isinstance(n, ast.FunctionDef)]
+        return [
+            (module, line)
+            for function in functions
+            for line in range(function.body[0].lineno, (function.end_lineno or 0) + 1)
+        ]
+
+    def _function(self, mutant: Mutant) -> ast.FunctionDef | None:
+        """The innermost function around a mutant."""
+        around = [
+            node
+            for node in ast.walk(self._trees[mutant.module])
+            if isinstance(node, ast.FunctionDef)
+            and node.lineno <= mutant.line <= (node.end_lineno or 0)
+        ]
+        return max(around, key=lambda node: node.lineno, default=None)
+
+    def _statement(self, mutant: Mutant) -> range:
         """The lines of the smallest statement around a mutant; a tracer may see only its first."""
         best = range(mutant.line, mutant.line + 1)
         for node in ast.walk(self._trees[mutant.module]):
@@ -108,29 +147,29 @@ class _Names:
                 best = range(node.lineno, (node.end_lineno or 0) + 1)
         return best
 
-    def uses(self, mutant: Mutant) -> list[tuple[str, int]]:
-        """The lines inside functions that use the names which the mutant's statement defines."""
-        names = self._defined(mutant)
+    def _uses(self, names: set[str]) -> list[tuple[str, int]]:
+        """The lines that read one of these names."""
         lines = []
         for module, tree in self._trees.items():
             for node in ast.walk(tree):
                 name = getattr(node, "id", None) or getattr(node, "attr", None)
                 if name in names and isinstance(getattr(node, "ctx", None), ast.Load):
                     lines.append((module, node.lineno))
-        return lines
+        inside = {
+            line for module in {module for module, _ in lines} for line in self.bodies(module)
+        }
+        return [line for line in lines if line in inside]
 
-    def _defined(self, mutant: Mutant) -> set[str]:
-        """Names of the assignments, functions and classes around the mutant."""
+    def _assigned(self, mutant: Mutant) -> set[str]:
+        """The names that the statement around the mutant gives a value."""
         names: set[str] = set()
         for node in ast.walk(self._trees[mutant.module]):
-            if not hasattr(node, "lineno") or not node.lineno <= mutant.line <= node.end_lineno:
+            if not isinstance(node, (ast.Assign, ast.AnnAssign)):
                 continue
-            if isinstance(node, ast.Assign):
-                names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
-            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-                names.add(node.target.id)
-            elif isinstance(node, ast.FunctionDef):
-                names.add(node.name)
+            if node.lineno <= mutant.line <= (node.end_lineno or 0):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                for target in targets:
+                    names |= {n.id for n in ast.walk(target) if isinstance(n, ast.Name)}
         return names
 
 
@@ -148,13 +187,13 @@ def record(repository: Path, kept: Path, suites: Sequence[str], jobs: int) -> li
     """
     kept.mkdir(parents=True, exist_ok=True)
     package = _digest(sorted((repository / "h2nav").rglob("*.py")))
-    support = _digest(sorted((repository / "tests").glob("*.py")))
+    support = {path.stem: path for path in sorted((repository / "tests").glob("*.py"))}
     paths = [path for suite in suites for path in _test_files(repository / suite)]
     files = list(dict.fromkeys(paths))
 
     def recorded(path: Path) -> dict:
-        name = f"{path.stem}-{_digest([path])[:12]}-{package[:12]}-{support[:12]}.json"
-        target = kept / name
+        made_of = _digest([path, *_supporting(path, support)])
+        target = kept / f"{path.stem}-{made_of[:12]}-{package[:12]}.json"
         if not target.exists():
             _run_recorder(repository, path, target)
         return json.loads(target.read_text(encoding="utf-8"))
@@ -173,16 +212,30 @@ def environment(repository: Path) -> dict[str, str]:
             (str(repository), str(TOOLS), os.environ.get("PYTHONPATH", ""))
         ),
         "H2NAV_NATIVE": "forbid",
+        # most of the time that pytest needs to start goes into plugins that are not used here
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         "H2NAV_SHARED_DATA": str(shared),
         "H2NAV_REQUIRE_ALL": "0",
     }
 
 
+def _supporting(path: Path, support: Mapping[str, Path]) -> list[Path]:
+    """The modules beside the tests that a test file imports, itself or through another one."""
+    found: dict[str, Path] = {}
+    waiting = [path]
+    while waiting:
+        for node in ast.walk(ast.parse(waiting.pop().read_bytes())):
+            name = node.module if isinstance(node, ast.ImportFrom) else None
+            if name in support and name not in found:
+                found[name] = support[name]
+                waiting.append(support[name])
+    return [found[name] for name in sorted(found)]
+
+
 def _run_recorder(repository: Path, path: Path, target: Path) -> None:
     part = target.with_suffix(".part")
     settings = {"LINES_OUT": str(part), "LINES_OF": str(repository / "h2nav")}
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-p", "mutation.line_recorder", str(path.relative_to(repository))]
+    command = [*PYTEST, "-p", "mutation.line_recorder", str(path.relative_to(repository))]
     done = subprocess.run(
         command,
         cwd=repository,
@@ -194,6 +247,10 @@ def _run_recorder(repository: Path, path: Path, target: Path) -> None:
     if not part.exists():
         raise RuntimeError(f"{path}: pytest failed\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     part.rename(target)
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
 
 
 def _test_files(suite: Path) -> list[Path]:

@@ -136,6 +136,11 @@ class _Finder(ast.NodeVisitor):
         else:
             self.generic_visit(node)
 
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """Decorators of a class are declarations."""
+        for part in node.body:
+            self.visit(part)
+
     # --- operators ----------------------------------------------------------------------------
 
     def visit_BinOp(self, node: ast.BinOp) -> None:
@@ -205,8 +210,8 @@ class _Finder(ast.NodeVisitor):
 
     def visit_Return(self, node: ast.Return) -> None:
         """A result that is forgotten."""
-        is_none = isinstance(node.value, ast.Constant) and node.value.value is None
-        if node.value is not None and not is_none:
+        is_nothing = isinstance(node.value, ast.Constant) and not node.value.value
+        if node.value is not None and not is_nothing:
             self._add(node, self._start(node.value), self._end(node.value), "None", "return")
         self.generic_visit(node)
 

@@ -7,11 +7,10 @@ import resource
 import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from mutation.line_map import Chosen, environment
+from mutation.line_map import PYTEST, Chosen, environment
 from mutation.operators import Mutant
 
 COPIED = ("h2nav", "tests", "tools", "configs", "gains", "native", "docs", "pyproject.toml")
@@ -74,9 +73,8 @@ class Workplace:
         os.utime(path, (time_s, time_s))
 
     def _run(self, chosen: Chosen) -> Verdict:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "--tb=no"]
-        command += ["-p", "no:cacheprovider", f"--timeout={TEST_S + SLOWER * chosen.slowest_s:g}"]
-        command += chosen.tests
+        test_s = TEST_S + SLOWER * chosen.slowest_s
+        command = [*PYTEST, "-x", "--tb=no", f"--timeout={test_s:g}", *chosen.tests]
         process = subprocess.Popen(
             command,
             cwd=self.folder,

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_reader import Entry, LogScan, is_closed
-from h2nav.io.log_repair import DamagedLog, complete_in_place, recover
+from h2nav.io.log_repair import DamagedLog, complete_in_place, recover, replace_damaged
 from h2nav.io.recorder import RecorderRecord
 
 SEED = 20_261_121
@@ -102,6 +102,36 @@ def test_completing_an_interrupted_completion(tmp_path: Path) -> None:
         path = tmp_path / f"{cut}.mcap.active"
         path.write_bytes(closed[:cut])
         assert len(indexed_messages(complete_in_place(path))) == TOTAL
+
+
+def test_damage_behind_the_data_costs_only_the_index(tmp_path: Path) -> None:
+    """All that is behind the data is made anew, so it need not even be readable."""
+    closed = bytearray(write_log(tmp_path / "a.mcap").read_bytes())
+    (end,) = (e for e in entries_of(tmp_path / "a.mcap") if e.opcode == Opcode.DATA_END)
+    closed[end.offset + end.size + 40 :] = b"\x55" * (len(closed) - end.offset - end.size - 40)
+    path = tmp_path / "b.mcap.active"
+    path.write_bytes(closed)
+    assert len(indexed_messages(complete_in_place(path))) == TOTAL
+
+
+def test_completing_lets_others_work_after_each_chunk(tmp_path: Path) -> None:
+    pauses = []
+    complete_in_place(
+        write_log(tmp_path / "a.mcap", close=False), lambda: pauses.append(len(pauses))
+    )
+    assert len(pauses) == CHUNKS
+
+
+def test_an_active_file_with_nothing_in_it_goes_away(tmp_path: Path) -> None:
+    """And that is told, since no log came of it; one with damaged bytes stays where it is."""
+    empty, damaged = tmp_path / "a.mcap.active", tmp_path / "b.mcap.active"
+    empty.write_bytes(b"")
+    damaged.write_bytes(b"\x00" * 100)
+    with pytest.raises(OSError, match="empty, removed"):
+        replace_damaged(empty)
+    with pytest.raises(OSError, match="nothing"):
+        replace_damaged(damaged)
+    assert [path.name for path in tmp_path.iterdir()] == [damaged.name]
 
 
 def test_a_completed_log_is_what_a_closed_one_is(tmp_path: Path) -> None:
