@@ -43,6 +43,7 @@ class Outcome(NamedTuple):
         target: that took it.
         frames: fed to it.
         slowest_s: time of the slowest step.
+        most_told: notices in the worst minute.
         failure: signature of what broke; empty when all was well.
         data: the input that broke it.
         text: traceback.
@@ -51,6 +52,7 @@ class Outcome(NamedTuple):
     target: str
     frames: int = 0
     slowest_s: float = 0.0
+    most_told: int = 0
     failure: str = ""
     data: bytes = b""
     text: str = ""
@@ -109,12 +111,13 @@ def explore(args: argparse.Namespace) -> int:
     inputs = zip(itertools.cycle(turns), itertools.count(args.seed), strict=False)
     totals: Counter[str] = Counter()
     failures: dict[str, Outcome] = {}
-    slowest_s = 0.0
+    slowest_s, most_told = 0.0, 0
     begun_s = time.monotonic()
     for outcome in _outcomes(inputs, args.jobs, 60.0 * args.minutes, args.frames):
         totals["inputs"] += 1
         totals["frames"] += outcome.frames
         slowest_s = max(slowest_s, outcome.slowest_s)
+        most_told = max(most_told, outcome.most_told)
         if outcome.failure:
             totals["failures"] += 1
             known = failures.get(outcome.failure)
@@ -126,6 +129,7 @@ def explore(args: argparse.Namespace) -> int:
     print(
         f"{totals['inputs']} inputs, {totals['frames']} frames in {seconds:.0f} s "
         f"({totals['frames'] / seconds:.0f} frames/s), slowest step {slowest_s * 1e3:.0f} ms, "
+        f"at most {most_told} notices a minute, "
         f"{totals['failures']} failures of {len(failures)} kinds"
     )
     return 1 if failures else 0
@@ -168,7 +172,7 @@ def _try(target: str, seed: int) -> Outcome:
                 explored = wire_targets.explore(target, seed, Path(folder))
             except wire_targets.FailureError as failure:
                 return _failed(target, failure.data, failure.__cause__ or failure)
-            return Outcome(target, explored.frames, explored.slowest_s)
+            return Outcome(target, *explored)
         data = _mutated(target, random.Random(f"{target} {seed}"))
         begun_s = time.perf_counter()
         try:

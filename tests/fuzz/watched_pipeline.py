@@ -9,6 +9,7 @@ import gc
 import math
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
@@ -26,6 +27,7 @@ from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 
+MINUTE_NS = 60_000_000_000
 START_NS = 1_000_000_000_000
 UNIX_OFFSET_NS = 1_794_000_000_000_000_000
 UNIX_S = 1_795_000_000.0
@@ -55,6 +57,7 @@ class WatchedPipeline:
         frames: frames fed so far.
         slowest_s: time of the slowest input.
         told: notices so far.
+        most_told: notices in the worst minute.
     """
 
     message_ids: frozenset[int] = frozenset()
@@ -75,6 +78,8 @@ class WatchedPipeline:
         self.frames = 0
         self.slowest_s = 0.0
         self.told = 0
+        self.most_told = 0
+        self._told_ns: deque[int] = deque()
 
     @property
     def is_active(self) -> bool:
@@ -109,8 +114,11 @@ class WatchedPipeline:
         reached = [reason for reason in self.service.rejected if reason.startswith(GUARDS)]
         if reached:
             raise InvariantBrokenError(f"guards were reached: {', '.join(reached)}")
-        if self._recorder is not None and self._recorder.statistics().rejected:
-            raise InvariantBrokenError("the recorder refused a record")
+        if self._recorder is not None:
+            if self._recorder.statistics().rejected:
+                raise InvariantBrokenError("the recorder refused a record")
+            if self._recorder.trouble:
+                raise InvariantBrokenError(f"the recorder gave up: {self._recorder.trouble}")
 
     def check_memory(self) -> None:
         """What the pipeline holds has not grown since the first call."""
@@ -124,8 +132,6 @@ class WatchedPipeline:
         """Ends the log."""
         if self._recorder is not None:
             self._recorder.close()
-            if self._recorder.statistics().rejected or self._recorder.trouble:
-                raise InvariantBrokenError("the recorder refused a record, or gave up")
 
     # --- the watcher's side -------------------------------------------------------------------
 
@@ -142,6 +148,10 @@ class WatchedPipeline:
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """A notice is one readable line."""
         self.told += 1
+        self._told_ns.append(t_ns)
+        while self._told_ns[0] < t_ns - MINUTE_NS:
+            self._told_ns.popleft()
+        self.most_told = max(self.most_told, len(self._told_ns))
         if not text.isprintable():
             raise InvariantBrokenError(f"a notice is not readable: {text!r}")
 

@@ -22,7 +22,8 @@ from h2nav.io.dialect import LAYOUTS
 
 TARGETS = ("deframer", "codec", "service")
 SESSIONS_WITH_LOG = 5  # every fifth
-SESSIONS_BEGUN_COLD = 3
+SESSIONS_BEGUN_COLD = 3  # every third
+LONG_EVERY, LONGER = 51, 10  # every so many, so many times as long: growth shows there
 CODEC_FRAMES = 200
 MARKERS = (b"\xfd", b"\xfe")
 
@@ -45,10 +46,12 @@ class Explored(NamedTuple):
     Attributes:
         frames: fed.
         slowest_s: time of the slowest input.
+        most_told: notices in the worst minute.
     """
 
     frames: int
     slowest_s: float = 0.0
+    most_told: int = 0
 
 
 def run(target: str, data: bytes, folder: Path) -> None:
@@ -101,19 +104,22 @@ def _attack(seed: int, folder: Path, frames: int) -> Explored:
     session = begun(name, is_active_first, log)
     pipeline = session.pipeline
     try:
-        Attacker(session, seed).attack(frames)
+        is_long = seed % LONG_EVERY == LONG_EVERY - 1
+        Attacker(session, seed).attack(frames * LONGER if is_long else frames)
         session.recover()
         pipeline.check_counts()
         pipeline.check_memory()
         pipeline.close()
+        pipeline.check_counts()
     except Exception as error:
         note = f"seed {seed}: {type(error).__name__}: {error}"
         written = Written(name, is_active_first, session.events, note)
         raise FailureError(written.as_text(), error) from error
     finally:
+        pipeline.close()
         for path in folder.glob("session-*"):
             path.unlink()
-    return Explored(pipeline.frames, pipeline.slowest_s)
+    return Explored(pipeline.frames, pipeline.slowest_s, pipeline.most_told)
 
 
 def begun(configuration: str, is_active_first: bool, log: Path | None = None) -> Session:
