@@ -9,7 +9,7 @@ the tests repeats.
 import argparse
 import itertools
 import os
-import random
+import shlex
 import sys
 import tempfile
 import time
@@ -29,7 +29,6 @@ sys.path.insert(0, str(REPOSITORY / "tests"))
 from fuzz import wire_targets  # noqa: E402
 from fuzz.shrink import shrunk, signature  # noqa: E402
 
-CORPUS = REPOSITORY / "tests" / "fuzz" / "corpus"
 FOUND = REPOSITORY / "out" / "fuzz"
 SHRINK_S = 60.0
 # The service has the most to say; its inputs are the longest, too.
@@ -173,7 +172,9 @@ def _try(target: str, seed: int) -> Outcome:
             except wire_targets.FailureError as failure:
                 return _failed(target, failure.data, failure.__cause__ or failure)
             return Outcome(target, *explored)
-        data = _mutated(target, random.Random(f"{target} {seed}"))
+        from fuzz import file_targets
+
+        data = file_targets.case(target, seed)
         begun_s = time.perf_counter()
         try:
             run(target, data, Path(folder))
@@ -187,39 +188,22 @@ def _failed(target: str, data: bytes, error: BaseException) -> Outcome:
     return Outcome(target, failure=signature(error), data=data, text=text)
 
 
-def _mutated(target: str, rng: random.Random) -> bytes:
-    """A file of the corpus with a few stretches changed, lost, doubled, or taken from another."""
-    files = sorted((CORPUS / target).iterdir())
-    data = bytearray(rng.choice(files).read_bytes())
-    for _ in range(rng.randint(1, 8)):
-        at, size = rng.randint(0, len(data)), rng.choice((1, 1, 2, 4, 8, rng.randint(1, 400)))
-        other = rng.choice(files).read_bytes()
-        place = rng.randint(0, len(other))
-        new = (
-            rng.randbytes(size),
-            bytes(size),
-            b"\xff" * size,
-            b"",
-            bytes(data[at : at + size]) * 2,
-            other[place : place + size],
-            bytes(byte ^ 1 << rng.randrange(8) for byte in data[at : at + size]),
-        )
-        data[at : at + size] = rng.choice(new)
-    return bytes(data)
-
-
 def _show(outcome: Outcome) -> None:
     """Shrinks, writes and prints what broke something."""
     data = b"".join(_parts(outcome.target, outcome.data))
     parts = _parts(outcome.target, data)
     small = shrunk(parts[1:], lambda some: _fails_so(outcome, [parts[0], *some]), SHRINK_S)
     text = b"".join((parts[0], *small))
-    name = "".join(letter if letter.isalnum() else "-" for letter in outcome.failure)
-    path = FOUND / outcome.target / name.lower()
+    path = FOUND / _slug(outcome.target) / _slug(outcome.failure)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(text)
+    again = ("python", "tools/fuzz.py", "repeat", outcome.target, str(path.relative_to(REPOSITORY)))
     print(f"\n{outcome.text}{outcome.target}: {len(parts) - 1} parts shrunk to {len(small)}")
-    print(f"repeat it: python tools/fuzz.py repeat {outcome.target} {path.relative_to(REPOSITORY)}")
+    print(f"repeat it: {shlex.join(again)}")
+
+
+def _slug(text: str) -> str:
+    return "-".join("".join(c if c.isalnum() else " " for c in text.lower()).split())
 
 
 def _parts(target: str, data: bytes) -> list[bytes]:

@@ -166,7 +166,7 @@ def judge(sample: Sequence[Mutant], rooms: Sequence[Room], jobs: int) -> list[Ve
 def report(
     sample: Sequence[Mutant],
     verdicts: Sequence[Verdict],
-    reasons: Mapping[tuple[str, str, str], str],
+    reasons: Mapping[tuple[str, ...], str],
 ) -> int:
     """Prints survivors as diffs, and the score; 1 where one is not explained."""
     fates: Counter[str] = Counter()
@@ -174,7 +174,7 @@ def report(
     unexplained = 0
     for mutant, verdict in zip(sample, verdicts, strict=True):
         text = (REPOSITORY / mutant.module).read_bytes()
-        is_equivalent = (mutant.module, *change(text, mutant)) in reasons
+        is_equivalent = (mutant.module, mutant.within, *change(text, mutant)) in reasons
         fate = verdict.fate
         if fate not in KILLED:
             fate = "equivalent" if is_equivalent else fate
@@ -191,10 +191,11 @@ def report(
     return 1 if unexplained else 0
 
 
-def equivalents() -> dict[tuple[str, str, str], str]:
-    """(module, line before, line after) -> why no test can notice it."""
+def equivalents() -> dict[tuple[str, ...], str]:
+    """(module, function, line before, line after) -> why no test can notice it."""
     rows = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
-    return {(row["module"], row["was"], row["becomes"]): row["reason"] for row in rows}
+    place = ("module", "within", "was", "becomes")
+    return {tuple(row[name] for name in place): row["reason"] for row in rows}
 
 
 def _key(mutant: Mutant) -> str:

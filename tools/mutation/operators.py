@@ -73,6 +73,7 @@ class Mutant(NamedTuple):
         stop: the byte behind the last one that is replaced.
         text: what stands there instead.
         kind: such as ``compare`` or ``constant``.
+        within: name of the function around it; empty outside of functions.
     """
 
     module: str
@@ -81,6 +82,7 @@ class Mutant(NamedTuple):
     stop: int
     text: str
     kind: str
+    within: str
 
     def applied(self, source: bytes) -> bytes:
         """The module with the fault in it."""
@@ -252,7 +254,7 @@ class _Finder(ast.NodeVisitor):
 
     def _add(self, node: ast.expr | ast.stmt, start: int, stop: int, text: str, kind: str) -> None:
         line = self._source.count(b"\n", 0, start) + 1
-        self.mutants.append(Mutant(self._module, line, start, stop, text, kind))
+        self.mutants.append(Mutant(self._module, line, start, stop, text, kind, self._function))
 
     def _delete(self, node: ast.stmt) -> None:
         self._add(node, self._start(node), self._end(node), "pass", "statement")
