@@ -105,10 +105,11 @@ def test_completing_an_interrupted_completion(tmp_path: Path) -> None:
 
 
 def test_damage_behind_the_data_costs_only_the_index(tmp_path: Path) -> None:
-    """All that is behind the data is made anew, so it need not even be readable."""
+    """All that is behind the data is made anew, so it need not be sound."""
     closed = bytearray(write_log(tmp_path / "a.mcap").read_bytes())
     (end,) = (e for e in entries_of(tmp_path / "a.mcap") if e.opcode == Opcode.DATA_END)
-    closed[end.offset + end.size + 40 :] = b"\x55" * (len(closed) - end.offset - end.size - 40)
+    behind = end.offset + end.size
+    closed[behind : behind + 12] = b"\x55" * 12
     path = tmp_path / "b.mcap.active"
     path.write_bytes(closed)
     assert len(indexed_messages(complete_in_place(path))) == TOTAL
@@ -196,6 +197,22 @@ def test_messages_of_channels_that_nobody_knows_are_counted(tmp_path: Path) -> N
     recovery = recover(source, tmp_path / "c.mcap")
     assert recovery.orphaned_messages == TOTAL - 2 * PER_CHUNK
     assert (recovery.messages, recovery.attachments) == (0, 1)
+
+
+def test_what_is_known_of_a_chunk_is_kept_when_the_rest_of_it_is_not(tmp_path: Path) -> None:
+    """Its first channel was told in a lost chunk, its second in itself."""
+    log = LogFile(tmp_path / "a.mcap")
+    log.add_raw("/mavlink/rx/a", 1, b"lost")
+    log.sync()
+    log.add_raw("/mavlink/rx/a", 2, b"orphan")
+    log.add_raw("/mavlink/rx/b", 3, b"kept")
+    log.sync()
+    log.abandon()
+    first = chunks_of(log.active_path)[0]
+    flip(log.active_path, first.offset + first.size - 1)
+    recovery = recover(log.active_path, tmp_path / "b.mcap")
+    assert (recovery.messages, recovery.orphaned_messages) == (1, 1)
+    assert indexed_messages(tmp_path / "b.mcap") == [("/mavlink/rx/b", 3, b"kept")]
 
 
 def without_attachments(source: Path) -> Path:

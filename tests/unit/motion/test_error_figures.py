@@ -41,6 +41,12 @@ def test_an_error_that_has_not_converged_shows():
     assert rate > 0.1
 
 
+def test_a_trial_begins_as_far_off_as_its_description_says():
+    course = run(Trial(FiniteTimeGains(3.0, 3.0, 1.0), 0.1))
+    assert course.attitude[0] == pytest.approx(math.radians(170.0), rel=0.02)
+    assert course.position[0] == pytest.approx(3.0, rel=0.02)
+
+
 def test_perfect_poses_are_not_believed_to_be_perfect():
     innovations = Innovations()
     for _ in range(10):

@@ -229,7 +229,7 @@ def test_jumps_between_good_poses_never_restart():
 
 def test_a_second_lasting_jump_needs_as_many_poses_as_the_first():
     shift = (30.0, -10.0, 2.0)
-    second = 1200 + 6 * (MEASURED.jump_poses + 1)
+    second = 1200 + 6 * MEASURED.jump_poses  # the pose after the one that restarts
 
     def jump(i, pose):
         return pose._replace(p_o=plus(pose.p_o, scaled((i >= 1200) + (i >= second), shift)))
