@@ -9,7 +9,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.c h2nav/attitude/kernels/
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu soak attack golden clean
+.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack golden clean
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
@@ -41,6 +41,12 @@ soak: $(FOR_TESTS)  ## 24 simulated hours through the whole pipeline: does anyth
 
 attack: $(FOR_TESTS)  ## every known attack on the daemon as a process, some 15 minutes
 	@$(BIN)/python tools/attack
+
+fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
+	@$(BIN)/python tools/fuzz.py explore --minutes $(or $(MINUTES),5)
+
+mutants: $(FOR_TESTS)  ## N=300 small faults put into ROOMS=service,io,motion,kernels: which does no test notice?
+	@$(BIN)/python tools/mutants.py -n $(or $(N),300) --seed $(or $(SEED),1) $(if $(ROOMS),--rooms $(ROOMS))
 
 golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
 	@$(BIN)/pytest tests/replay --update-golden

@@ -14,6 +14,7 @@ from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
+from h2nav.io.recorder import Recorder
 from h2nav.service.aiding import EarthFieldAt
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
@@ -56,6 +57,7 @@ class SimulatedFlight:
         extra_streams: messages of other components that the autopilot forwards.
         field_at: the field model.
         line_bytes_per_s: capacity of the autopilot's serial line; None = anything.
+        recorder: the log; its times are the manual clock's.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class SimulatedFlight:
         extra_streams: tuple[Stream, ...] = (),
         field_at: EarthFieldAt = earth_field_at,
         line_bytes_per_s: float | None = None,
+        recorder: Recorder | None = None,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -92,7 +95,7 @@ class SimulatedFlight:
         self._back = Deframer()
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
         service = Service(configuration.service, Surroundings(filters.filter_for, field_at, UNIX_S))
-        outlets = Outlets(lambda t_ns: t_ns, self._hears, None, self)
+        outlets = Outlets(lambda t_ns: t_ns, self._hears, recorder, self)
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
         self.pipeline.link(self.t_ns, True)
 

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_reader import Entry, LogScan, is_closed
-from h2nav.io.log_repair import DamagedLog, complete_in_place, recover
+from h2nav.io.log_repair import DamagedLog, complete_in_place, recover, replace_damaged
 from h2nav.io.recorder import RecorderRecord
 
 SEED = 20_261_121
@@ -104,6 +104,37 @@ def test_completing_an_interrupted_completion(tmp_path: Path) -> None:
         assert len(indexed_messages(complete_in_place(path))) == TOTAL
 
 
+def test_damage_behind_the_data_costs_only_the_index(tmp_path: Path) -> None:
+    """All that is behind the data is made anew, so it need not be sound."""
+    closed = bytearray(write_log(tmp_path / "a.mcap").read_bytes())
+    (end,) = (e for e in entries_of(tmp_path / "a.mcap") if e.opcode == Opcode.DATA_END)
+    behind = end.offset + end.size
+    closed[behind : behind + 12] = b"\x55" * 12
+    path = tmp_path / "b.mcap.active"
+    path.write_bytes(closed)
+    assert len(indexed_messages(complete_in_place(path))) == TOTAL
+
+
+def test_completing_lets_others_work_after_each_chunk(tmp_path: Path) -> None:
+    pauses = []
+    complete_in_place(
+        write_log(tmp_path / "a.mcap", close=False), lambda: pauses.append(len(pauses))
+    )
+    assert len(pauses) == CHUNKS
+
+
+def test_an_active_file_with_nothing_in_it_goes_away(tmp_path: Path) -> None:
+    """And that is told, since no log came of it; one with damaged bytes stays where it is."""
+    empty, damaged = tmp_path / "a.mcap.active", tmp_path / "b.mcap.active"
+    empty.write_bytes(b"")
+    damaged.write_bytes(b"\x00" * 100)
+    with pytest.raises(OSError, match="empty, removed"):
+        replace_damaged(empty)
+    with pytest.raises(OSError, match="nothing"):
+        replace_damaged(damaged)
+    assert [path.name for path in tmp_path.iterdir()] == [damaged.name]
+
+
 def test_a_completed_log_is_what_a_closed_one_is(tmp_path: Path) -> None:
     closed = write_log(tmp_path / "closed.mcap")
     completed = complete_in_place(write_log(tmp_path / "active.mcap", close=False))
@@ -166,6 +197,22 @@ def test_messages_of_channels_that_nobody_knows_are_counted(tmp_path: Path) -> N
     recovery = recover(source, tmp_path / "c.mcap")
     assert recovery.orphaned_messages == TOTAL - 2 * PER_CHUNK
     assert (recovery.messages, recovery.attachments) == (0, 1)
+
+
+def test_what_is_known_of_a_chunk_is_kept_when_the_rest_of_it_is_not(tmp_path: Path) -> None:
+    """Its first channel was told in a lost chunk, its second in itself."""
+    log = LogFile(tmp_path / "a.mcap")
+    log.add_raw("/mavlink/rx/a", 1, b"lost")
+    log.sync()
+    log.add_raw("/mavlink/rx/a", 2, b"orphan")
+    log.add_raw("/mavlink/rx/b", 3, b"kept")
+    log.sync()
+    log.abandon()
+    first = chunks_of(log.active_path)[0]
+    flip(log.active_path, first.offset + first.size - 1)
+    recovery = recover(log.active_path, tmp_path / "b.mcap")
+    assert (recovery.messages, recovery.orphaned_messages) == (1, 1)
+    assert indexed_messages(tmp_path / "b.mcap") == [("/mavlink/rx/b", 3, b"kept")]
 
 
 def without_attachments(source: Path) -> Path:

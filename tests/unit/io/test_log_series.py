@@ -68,6 +68,27 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+def test_a_write_that_the_disk_refuses_is_told_and_the_next_file_goes_on(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    def refused(_file: LogFile) -> None:
+        raise OSError(errno.EIO, "the disk is broken")
+
+    series = series_in(tmp_path, clock)
+    series.begin()
+    put(series, 1)
+    series.write(refused)
+    assert series.trouble is not None
+    assert "the disk is broken" in series.trouble
+    put(series, 2)
+    assert series.lost > 0
+    clock.now_s += RETRY_FIRST_S
+    series.tend()
+    put(series, 3)
+    series.end()
+    assert [n for path in our_logs(tmp_path) for n in numbers_in(path)][-1] == 3
+
+
 def test_each_file_begins_with_attachments_and_metadata(tmp_path: Path, clock: ManualClock) -> None:
     series = series_in(tmp_path, clock)
     series.begin()

@@ -11,6 +11,8 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from log_limits import limits
 from mcap.reader import make_reader
 
@@ -26,6 +28,15 @@ from h2nav.io.recordings import open_recording
 LIMITS = limits()
 SEED = 20_261_121
 PROMISED_LOSS_NS = 1_000_000_000
+
+
+def test_without_an_offset_the_log_is_on_the_monotonic_clock(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Recorder.to_file(path) as recorder:
+        recorder.raw("udp", 12_345, b"bytes")
+    recording = open_recording(path)
+    assert recording.unix_offset_ns == 0
+    assert [arrival.t_ns for arrival in recording.arrivals()] == [12_345]
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
@@ -59,6 +70,9 @@ def test_what_goes_in_comes_out(tmp_path: Path) -> None:
     assert by_topic["/recorder"].publish_time == offset - 7
     q_nb = {"q_w": half, "q_x": 0.0, "q_y": 0.0, "q_z": half}
     assert flat_fields("foxglove.FrameTransform", by_topic["/tf"].data) == q_nb
+    # A viewer takes a transform or pose without a place for a broken one.
+    assert FrameTransform.FromString(by_topic["/tf"].data).HasField("translation")
+    assert PoseInFrame.FromString(by_topic["/pose"].data).pose.HasField("position")
     assert flat_fields("foxglove.PoseInFrame", by_topic["/pose"].data) == q_nb
     assert flat_fields("foxglove.Log", by_topic["/log"].data) == {
         "level": "WARNING",

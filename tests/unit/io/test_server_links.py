@@ -49,6 +49,17 @@ def test_serial_link_of_the_daemon_talks_to_the_pty(tmp_path):
     assert not path.is_symlink()
 
 
+def test_readers_that_come_and_go_cost_no_descriptors(tmp_path):
+    path = tmp_path / "ttyFAKE"
+    ours = up(open_server_link(f"pty:{path}"))
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(5):
+        os.close(os.open(path, os.O_RDWR | os.O_NOCTTY))
+        assert ours.read() == []
+    assert len(os.listdir("/proc/self/fd")) == before
+    ours.close()
+
+
 def test_a_reader_that_leaves_gets_a_new_terminal_behind_the_same_link(tmp_path):
     path = tmp_path / "ttyFAKE"
     ours = up(open_server_link(f"pty:{path}"))

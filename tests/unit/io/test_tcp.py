@@ -5,6 +5,8 @@ from contextlib import ExitStack
 import pytest
 from link_drivers import Clock, bring_up, receive
 
+from h2nav.io import tcp
+from h2nav.io.host_lookup import SocketAddress
 from h2nav.io.links import open_link
 
 
@@ -73,6 +75,33 @@ def test_refused_then_there_then_restarted(stack: ExitStack, clock: Clock) -> No
     again.sendall(b"back")
     assert receive(link) == [b"back"]
     assert link.statistics.opened == 2
+
+
+class TwoAddresses:
+    """A host of two addresses, at the first of which nobody listens."""
+
+    is_under_way = False
+
+    def __init__(self, _host: str, port: int) -> None:
+        self._ports = (1, port)
+
+    def addresses(self) -> list[SocketAddress]:
+        return [SocketAddress(socket.AF_INET, ("127.0.0.1", port)) for port in self._ports]
+
+
+def test_each_attempt_takes_the_next_address_of_the_host(
+    stack: ExitStack, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tcp, "HostLookup", TwoAddresses)
+    listener = server(stack)
+    link = open_link(f"tcp:autopilot:{listener.getsockname()[1]}")
+    stack.callback(link.close)
+    for _ in range(20):
+        link.maintain(clock.advance(1000))
+        if link.is_up:
+            break
+    assert link.is_up
+    assert link.statistics.errors == 1
 
 
 def test_peer_that_does_not_read_costs_frames_not_time_or_memory(

@@ -59,6 +59,7 @@ def test_what_is_optional_may_be_absent(tmp_path: Path) -> None:
     assert trial.q_es is None
     assert trial.mask.all()
     assert trial.heading_fixed
+    assert trial.declination_rad == 0.0
 
 
 def test_truth_that_is_not_finite_is_not_scored(tmp_path: Path) -> None:

@@ -41,6 +41,12 @@ def test_an_error_that_has_not_converged_shows():
     assert rate > 0.1
 
 
+def test_a_trial_begins_as_far_off_as_its_description_says():
+    course = run(Trial(FiniteTimeGains(3.0, 3.0, 1.0), 0.1))
+    assert course.attitude[0] == pytest.approx(math.radians(170.0), rel=0.02)
+    assert course.position[0] == pytest.approx(3.0, rel=0.02)
+
+
 def test_perfect_poses_are_not_believed_to_be_perfect():
     innovations = Innovations()
     for _ in range(10):
@@ -48,3 +54,12 @@ def test_perfect_poses_are_not_believed_to_be_perfect():
     pose, rate = innovations.sigmas(FiniteTimeGains(3.0, 3.0, 1.0))
     assert 0.1 * FLOOR < pose < FLOOR
     assert rate > 0.0
+
+
+def test_an_error_within_chance_is_no_lasting_error():
+    """Of a source with an assumed noise of 0.1 mrad, 2.6 of its mean square are within chance."""
+    gains = FiniteTimeGains(3.0, 3.0, 1.0)
+    nothing = Innovations().seen((0.0, 0.0, 0.0), 0.03).sigmas(gains)
+    for error, is_within in ((1.4e-4, True), (1.8e-4, False)):
+        pose, rate = Innovations().seen((error, error, error), 0.03).sigmas(gains)
+        assert ((pose, rate) == nothing) == is_within

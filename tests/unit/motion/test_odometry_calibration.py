@@ -121,6 +121,17 @@ def test_swapped_wheels_are_noticed():
     assert any("swapped or reversed" in note for note in result.notes)
 
 
+def test_a_parameter_is_poor_from_5_percent_of_itself():
+    shares = {True: [], False: []}
+    for noise in np.linspace(0.02, 0.2, 25):
+        result = calibrate_differential(*differential(3, rows=60, noise=noise))
+        sigmas = np.sqrt(np.diag(result.covariance))
+        for name, value, sigma in zip(result.names, result.values, sigmas, strict=True):
+            is_poor = any(n.startswith(name) and "poorly" in n for n in result.notes)
+            shares[is_poor].append(sigma / value)
+    assert 0.045 < max(shares[False]) <= 0.05 < min(shares[True]) < 0.055
+
+
 def test_poor_data_are_called_poor():
     result = calibrate_differential(*differential(6, rows=8, noise=0.1, low=7.0))
     assert any("poorly determined" in note or "not above 0" in note for note in result.notes)

@@ -1,5 +1,6 @@
 import itertools
 import math
+import random
 
 import pytest
 from hypothesis import given, settings
@@ -216,6 +217,29 @@ def test_a_lasting_jump_moves_the_pose_and_keeps_the_bias():
     assert worst < 1e-4
 
 
+def test_jumps_between_good_poses_never_restart():
+    """They agree with each other, but a source that has moved would not come back in between."""
+    shift = (30.0, 0.0, 0.0)
+    jump = lambda i, pose: pose._replace(p_o=plus(pose.p_o, shift)) if i % 12 == 6 else pose  # noqa: E731
+    observer = TwistObserver(MEASURED)
+    pairs = run(observer, 10.0, change=jump)
+    assert observer.counts[PoseVerdict.JUMP] > 100
+    assert pairs[-1][1].reset_counter == 0
+
+
+def test_a_second_lasting_jump_needs_as_many_poses_as_the_first():
+    shift = (30.0, -10.0, 2.0)
+    second = 1200 + 6 * MEASURED.jump_poses  # the pose after the one that restarts
+
+    def jump(i, pose):
+        return pose._replace(p_o=plus(pose.p_o, scaled((i >= 1200) + (i >= second), shift)))
+
+    observer = TwistObserver(MEASURED)
+    run(observer, 10.0, change=jump)
+    assert observer.counts[PoseVerdict.RESTARTED] == 2
+    assert observer.counts[PoseVerdict.JUMP] == 2 * (MEASURED.jump_poses - 1)
+
+
 def test_jumps_that_disagree_never_restart():
     wild = lambda i, pose: (  # noqa: E731
         pose._replace(p_o=plus(pose.p_o, (10.0 + i, 0, 0))) if i >= 1200 else pose
@@ -238,16 +262,20 @@ def test_the_sources_own_reset_is_followed_at_once():
     assert math.dist(pairs[-1][1].bias_v, BIAS_V) < 1e-4
 
 
-def test_near_a_half_turn_attitude_is_taken_from_the_pose():
+@pytest.mark.parametrize(("short_of_it_rad", "times"), [(0.005, 1), (0.03, 0)])
+def test_near_a_half_turn_attitude_is_taken_from_the_pose(short_of_it_rad, times):
+    """Within 0.02 rad of it, where the direction of the error is noise; else it converges."""
     observer = TwistObserver(
         TwistObserverSettings(velocity="measured", pose_gate_deg=180.0, pose_gate_m=100.0)
     )
     first = next(flight(0.01))[0]
-    q_ob = quaternion.multiply(first.q_ob, quaternion.exp((math.pi - 0.005, 0.0, 0.0)))
-    observer.start(RigidState(0, q_ob, first.p_o, ZERO))
+    turn = (math.pi - short_of_it_rad, 0.0, 0.0)
+    observer.start(
+        RigidState(0, quaternion.multiply(first.q_ob, quaternion.exp(turn)), first.p_o, ZERO)
+    )
     pairs = run(observer, 10.0)
-    assert observer.counts[ObserverEvent.NEAR_HALF_TURN] == 1
-    assert pairs[-1][1].reset_counter == 1
+    assert observer.counts[ObserverEvent.NEAR_HALF_TURN] == times
+    assert pairs[-1][1].reset_counter == times
     check(pairs[-1], 1e-5, 1e-5, 1e-5)
 
 
@@ -324,6 +352,36 @@ def test_after_a_long_pause_of_the_camera_pose_and_velocity_start_anew():
     assert observer.counts[PoseVerdict.JUMP] == 0
     assert pairs[-1][1].reset_counter == 1
     check(pairs[-1], 1e-3, 0.02, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("beyond_us", "verdict"), [(0, PoseVerdict.WAITING), (1, PoseVerdict.TOO_FAR_AHEAD)]
+)
+def test_a_pose_may_be_as_far_ahead_as_the_history_is_long(beyond_us, verdict):
+    observer = TwistObserver(MEASURED)
+    truth = run(observer, 1.0)[-1][0]
+    t_us = truth.t_us + round(MEASURED.history_ms * 1e3) + beyond_us
+    assert observer.use_pose(pose_of(truth, t_us=t_us)) is verdict
+
+
+def test_noise_of_the_poses_shows_in_the_sigma_of_its_own_kind():
+    """20 mrad of attitude noise, 20 cm of position noise; the latter leaves attitude alone."""
+
+    def sigmas(noise_rad, noise_m):
+        rng = random.Random(3)
+        shake = lambda i, pose: pose._replace(  # noqa: E731
+            q_ob=quaternion.multiply(
+                pose.q_ob, quaternion.exp((rng.gauss(0, noise_rad), rng.gauss(0, noise_rad), 0.0))
+            ),
+            p_o=plus(pose.p_o, (rng.gauss(0, noise_m), rng.gauss(0, noise_m), 0.0)),
+        )
+        estimate = run(TwistObserver(MEASURED), 10.0, change=shake)[-1][1]
+        return estimate.sigma_r_rad, estimate.sigma_p_m
+
+    turned, moved, still = sigmas(0.02, 0.0), sigmas(0.0, 0.2), sigmas(0.0, 0.0)
+    assert 1e-3 < turned[0] < 0.02
+    assert 1e-2 < moved[1] < 0.2
+    assert moved[0] < 2.0 * still[0]
 
 
 def test_waiting_poses_are_bounded():

@@ -1,0 +1,1 @@
+"""Mutation testing: `operators` make mutants, `line_map` picks tests, `trial` runs them."""

@@ -1,0 +1,264 @@
+"""Which tests a mutant has to face: those that run its line, the quick ones first.
+
+The map is recorded once per test file (`line_recorder`) and kept until the package, that file or
+what it imports changes. A line that only the import runs (a constant, a row of a table) is judged
+by the tests that run a line where its name is used, and where there is none by all that run the
+module.
+"""
+
+import ast
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from tqdm import tqdm
+
+from mutation.operators import Mutant
+
+TOOLS = Path(__file__).resolve().parent.parent
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
+
+
+class Chosen(NamedTuple):
+    """The tests that judge one mutant.
+
+    Attributes:
+        tests: pytest's node ids, in the order in which they run.
+        seconds: what they take together on the sound package.
+        slowest_s: what the slowest of them takes.
+    """
+
+    tests: tuple[str, ...]
+    seconds: float
+    slowest_s: float
+
+
+class LineMap:
+    """Lines by test.
+
+    Args:
+        repository: a tree with h2nav and its tests.
+        recordings: what `record` gave.
+        budget_s: tests are added until they take this long together.
+    """
+
+    def __init__(
+        self, repository: Path, recordings: Sequence[dict[str, dict]], budget_s: float
+    ) -> None:
+        self._repository = repository
+        self._budget_s = budget_s
+        self._seconds: dict[str, float] = {}
+        self._tests_of: dict[tuple[str, int], set[str]] = {}
+        for recording in recordings:
+            for test, row in recording.items():
+                self._seconds[test] = row["seconds"]
+                for module, lines in row["lines"].items():
+                    for line in lines:
+                        self._tests_of.setdefault((module, line), set()).add(test)
+        self._names = _Names(repository)
+
+    def choose(self, mutant: Mutant) -> Chosen:
+        """The tests for a mutant: its own line's first, then the rest of their files."""
+        direct = self._running(self._names.lines(mutant))
+        if not direct:
+            direct = self._running(self._names.bodies(mutant.module))
+        files = {_file(test) for test in direct}
+        others = {test for test in self._seconds if _file(test) in files} - direct
+        chosen: list[str] = []
+        total_s = 0.0
+        for test in (*self._in_order(direct, mutant), *self._in_order(others, mutant)):
+            if chosen and total_s + self._seconds[test] > self._budget_s:
+                continue
+            chosen.append(test)
+            total_s += self._seconds[test]
+        slowest_s = max((self._seconds[test] for test in chosen), default=0.0)
+        return Chosen(tuple(chosen), total_s, slowest_s)
+
+    def _running(self, lines: Iterable[tuple[str, int]]) -> set[str]:
+        found = (self._tests_of.get(line, set()) for line in lines)
+        return set().union(*found)
+
+    def _in_order(self, tests: set[str], mutant: Mutant) -> list[str]:
+        """Those of the module's own test file first, then the quick ones."""
+        own = f"test_{Path(mutant.module).stem}"
+        return sorted(
+            tests,
+            key=lambda test: (
+                not Path(_file(test)).stem.startswith(own),
+                self._seconds[test],
+                test,
+            ),
+        )
+
+
+class _Names:
+    """Where in the package a mutant shows: where its line runs, or where its name is used."""
+
+    def __init__(self, repository: Path) -> None:
+        self._trees = {
+            str(path.relative_to(repository)): ast.parse(path.read_bytes())
+            for path in sorted((repository / "h2nav").rglob("*.py"))
+        }
+
+    def lines(self, mutant: Mutant) -> list[tuple[str, int]]:
+        """Module and number of the lines whose tests have to notice the mutant.
+
+        What only the import runs would count for the test that happened to import it first.
+        """
+        function = self._function(mutant)
+        if function is None:
+            return self._uses(self._assigned(mutant))
+        body = range(function.body[0].lineno, (function.end_lineno or 0) + 1)
+        if mutant.line not in body:  # a default value
+            return [(mutant.module, line) for line in body]
+        return [(mutant.module, line) for line in self._statement(mutant)]
+
+    def bodies(self, module: str) -> list[tuple[str, int]]:
+        """All lines of a module that are inside functions."""
+        functions = [n for n in ast.walk(self._trees[module]) if isinstance(n, ast.FunctionDef)]
+        return [
+            (module, line)
+            for function in functions
+            for line in range(function.body[0].lineno, (function.end_lineno or 0) + 1)
+        ]
+
+    def _function(self, mutant: Mutant) -> ast.FunctionDef | None:
+        """The innermost function around a mutant."""
+        around = [
+            node
+            for node in ast.walk(self._trees[mutant.module])
+            if isinstance(node, ast.FunctionDef)
+            and node.lineno <= mutant.line <= (node.end_lineno or 0)
+        ]
+        return max(around, key=lambda node: node.lineno, default=None)
+
+    def _statement(self, mutant: Mutant) -> range:
+        """The lines of the smallest statement around a mutant; a tracer may see only its first."""
+        best = range(mutant.line, mutant.line + 1)
+        for node in ast.walk(self._trees[mutant.module]):
+            is_simple = isinstance(node, ast.stmt) and not hasattr(node, "body")
+            if is_simple and node.lineno <= mutant.line <= (node.end_lineno or 0):
+                best = range(node.lineno, (node.end_lineno or 0) + 1)
+        return best
+
+    def _uses(self, names: set[str]) -> list[tuple[str, int]]:
+        """The lines that read one of these names."""
+        lines = []
+        for module, tree in self._trees.items():
+            for node in ast.walk(tree):
+                name = getattr(node, "id", None) or getattr(node, "attr", None)
+                if name in names and isinstance(getattr(node, "ctx", None), ast.Load):
+                    lines.append((module, node.lineno))
+        inside = {
+            line for module in {module for module, _ in lines} for line in self.bodies(module)
+        }
+        return [line for line in lines if line in inside]
+
+    def _assigned(self, mutant: Mutant) -> set[str]:
+        """The names that the statement around the mutant gives a value."""
+        names: set[str] = set()
+        for node in ast.walk(self._trees[mutant.module]):
+            if not isinstance(node, (ast.Assign, ast.AnnAssign)):
+                continue
+            if node.lineno <= mutant.line <= (node.end_lineno or 0):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                for target in targets:
+                    names |= {n.id for n in ast.walk(target) if isinstance(n, ast.Name)}
+        return names
+
+
+def record(repository: Path, kept: Path, suites: Sequence[str], jobs: int) -> list[dict]:
+    """Runs every test file of the suites once under the recorder, as far as that is not kept.
+
+    Args:
+        repository: the tree to run in.
+        kept: folder of the recordings.
+        suites: test files and folders, relative to the tree.
+        jobs: how many at once.
+
+    Returns:
+        For each file: test -> seconds and lines by module.
+    """
+    kept.mkdir(parents=True, exist_ok=True)
+    package = _digest(sorted((repository / "h2nav").rglob("*.py")))
+    support = {path.stem: path for path in sorted((repository / "tests").glob("*.py"))}
+    paths = [path for suite in suites for path in _test_files(repository / suite)]
+    files = list(dict.fromkeys(paths))
+
+    def recorded(path: Path) -> dict:
+        made_of = _digest([path, *_supporting(path, support)])
+        target = kept / f"{path.stem}-{made_of[:12]}-{package[:12]}.json"
+        if not target.exists():
+            _run_recorder(repository, path, target)
+        return json.loads(target.read_text(encoding="utf-8"))
+
+    with ThreadPoolExecutor(jobs) as pool:
+        rounds = pool.map(recorded, files)
+        return list(tqdm(rounds, total=len(files), desc="which test runs which line", unit="file"))
+
+
+def environment(repository: Path) -> dict[str, str]:
+    """For a pytest that imports h2nav from `repository`, with the kernels in Python."""
+    shared = os.environ.get("H2NAV_SHARED_DATA", TOOLS.parent.parent / "shared" / "data")
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(
+            (str(repository), str(TOOLS), os.environ.get("PYTHONPATH", ""))
+        ),
+        "H2NAV_NATIVE": "forbid",
+        # most of the time that pytest needs to start goes into plugins that are not used here
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+        "H2NAV_SHARED_DATA": str(shared),
+        "H2NAV_REQUIRE_ALL": "0",
+    }
+
+
+def _supporting(path: Path, support: Mapping[str, Path]) -> list[Path]:
+    """The modules beside the tests that a test file imports, itself or through another one."""
+    found: dict[str, Path] = {}
+    waiting = [path]
+    while waiting:
+        for node in ast.walk(ast.parse(waiting.pop().read_bytes())):
+            name = node.module if isinstance(node, ast.ImportFrom) else None
+            if name in support and name not in found:
+                found[name] = support[name]
+                waiting.append(support[name])
+    return [found[name] for name in sorted(found)]
+
+
+def _run_recorder(repository: Path, path: Path, target: Path) -> None:
+    part = target.with_suffix(".part")
+    settings = {"LINES_OUT": str(part), "LINES_OF": str(repository / "h2nav")}
+    command = [*PYTEST, "-p", "mutation.line_recorder", str(path.relative_to(repository))]
+    done = subprocess.run(
+        command,
+        cwd=repository,
+        env=environment(repository) | settings,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if not part.exists():
+        raise RuntimeError(f"{path}: pytest failed\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    part.rename(target)
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
+
+
+def _test_files(suite: Path) -> list[Path]:
+    return [suite] if suite.is_file() else sorted(suite.rglob("test_*.py"))
+
+
+def _digest(paths: Sequence[Path]) -> str:
+    hashed = hashlib.sha256()
+    for path in paths:
+        hashed.update(str(path.name).encode() + b"\0" + path.read_bytes() + b"\0")
+    return hashed.hexdigest()
