@@ -39,7 +39,7 @@ def test_a_step_of_the_host_clock_is_noted_and_harms_nothing(tmp_path, step_s):
             flight.until_more_samples()
             until_watchdog_is_fed(ear, flight)
             told = [text for text in flight.texts[before:] if "clock stepped" in text]
-            assert flight.status["state"] == "active"
+            flight.until_state("active")
             assert flight.daemon.stop() == 0
     assert len(told) == 1
     assert f"{step_s:+d}" in told[0]

@@ -17,7 +17,7 @@ def wait_for_cause(running, *words):
 
 def test_a_serial_device_that_is_not_there(tmp_path):
     with daemon("--connect", f"serial:{tmp_path}/ttyABSENT:115200") as running:
-        wait_for_cause(running, "no such file")
+        wait_for_cause(running, "no such")
 
 
 def test_a_host_that_nobody_knows():
@@ -30,4 +30,4 @@ def test_a_port_that_another_program_has():
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         with daemon("--connect", f"udpin:127.0.0.1:{port}") as running:
-            wait_for_cause(running, "in use")
+            wait_for_cause(running, "in use", "another program")
