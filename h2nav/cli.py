@@ -166,7 +166,7 @@ def _discard_if_broken(stream: TextIO) -> None:
 
 
 def _discard(stream: TextIO) -> None:
-    importlib.import_module("h2nav.apps.console").discard(stream)
+    importlib.import_module("h2nav.apps.voice").discard(stream)
 
 
 def _run(words: list[str]) -> int:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from h2nav.apps.json_output import json_text
+from h2nav.apps.voice import Voice
 from h2nav.io.deframer import Frame
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
@@ -19,8 +20,8 @@ USUAL_COLUMNS = 80
 class Console:
     """Looks on at the pipeline and shows what happens.
 
-    Nobody has to be there to read it: a terminal or pipe that goes away costs the output, not the
-    flight.
+    Nobody has to be there to read it: a terminal or pipe that goes away, or that nobody reads,
+    costs the output, not the flight.
 
     Args:
         events_as_json: write status events to standard output, one JSON document a line.
@@ -30,8 +31,9 @@ class Console:
     message_ids: frozenset[int] = frozenset()
 
     def __init__(self, events_as_json: bool = False, stream: TextIO | None = None) -> None:
-        self._events: TextIO | None = sys.stdout if events_as_json else None
-        self._stream: TextIO | None = sys.stderr if stream is None else stream
+        self._stream = sys.stderr if stream is None else stream
+        self._events = Voice(sys.stdout) if events_as_json else None
+        self._lines = Voice(self._stream)
         self._is_terminal = self._stream.isatty()
         self._is_journal = _is_journal(self._stream)
         self._latest: EstimateRecord | None = None
@@ -51,7 +53,7 @@ class Console:
         self._event("notice", {"severity": severity.name.lower(), "text": text})
         prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.name.lower()}: "
         above = ERASE_LINE if self._line else ""
-        self._show(f"{above}{prefix}{text}\n{self._line}")
+        self._lines.say(f"{above}{prefix}{text}\n{self._line}")
 
     def status(self, t_ns: int, health: HealthRecord) -> None:
         """Refreshes the live line a few times a second; as JSON, writes an event each second."""
@@ -62,38 +64,22 @@ class Console:
             self._shown_ns = t_ns
             # A line that wraps could not be erased.
             self._line = self._status_line(health)[: _columns(self._stream) - 1]
-            self._show(ERASE_LINE + self._line)
+            self._lines.say(ERASE_LINE + self._line)
 
     def closing(self, health: HealthRecord, log: Path | None) -> None:
         """The last event of a run, and what became of it; the last live line stays."""
         if self._line:
-            self._show("\n")
+            self._lines.say("\n")
             self._line = ""
-        self._show(
+        self._lines.say(
             f"{health.samples_used} samples used, {health.samples_rejected} refused, "
             f"{health.estimates_sent} attitudes sent; {f'log: {log}' if log else 'no log'}\n"
         )
         self._event("stopped", {**health._asdict(), "log": None if log is None else str(log)})
 
     def _event(self, name: str, values: dict[str, Any]) -> None:
-        if self._events is None:
-            return
-        try:
-            print(json_text({"event": name, **values}), file=self._events, flush=True)
-        except OSError:
-            discard(self._events)
-            self._events = None
-
-    def _show(self, text: str) -> None:
-        if self._stream is None:
-            return
-        try:
-            self._stream.write(text)
-            self._stream.flush()
-        except OSError:
-            discard(self._stream)
-            self._stream = None
-            self._is_terminal = False
+        if self._events is not None:
+            self._events.say(json_text({"event": name, **values}) + "\n")
 
     def _status_line(self, health: HealthRecord) -> str:
         parts = [health.state]
@@ -113,16 +99,12 @@ class Console:
         return "  ".join(parts)
 
 
-def discard(stream: TextIO) -> None:
-    """Leads a stream whose reader has gone to nowhere, so that its rest does not fail at exit."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
-
-
-def _columns(stream: TextIO | None) -> int:
+def _columns(stream: TextIO) -> int:
+    try:
+        known = os.get_terminal_size(stream.fileno()).columns
+    except OSError:  # the terminal has gone
+        known = 0
     # 0 where a terminal does not know its size
-    known = 0 if stream is None else os.get_terminal_size(stream.fileno()).columns
     return known or USUAL_COLUMNS
 
 

@@ -1,0 +1,58 @@
+"""Text for whoever listens: written at once where there is room for it, else lost.
+
+A pipe that nobody reads, a terminal that is held with Ctrl-S or a journal that hangs would stop a
+program that writes to it. The daemon must not stop.
+"""
+
+import contextlib
+import io
+import os
+import select
+from typing import TextIO
+
+# Whether a pipe has room is known for so many bytes (POSIX: PIPE_BUF on Linux).
+ROOM_BYTES = 4096
+
+
+class Voice:
+    """Writes to a stream without ever waiting for its reader.
+
+    Args:
+        stream: standard output, standard error, or a text buffer.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream: TextIO | None = stream
+        self._descriptor: int | None = None
+        with contextlib.suppress(io.UnsupportedOperation, ValueError):
+            self._descriptor = stream.fileno()
+        self.lost = 0
+
+    def say(self, text: str) -> None:
+        """Writes a text, whole or not at all."""
+        if self._stream is None:
+            return
+        try:
+            if self._descriptor is None:
+                self._stream.write(text)
+            elif self._has_room(text):
+                self._stream.write(text)
+                self._stream.flush()
+            else:
+                self.lost += 1
+        except OSError:
+            discard(self._stream)
+            self._stream = None
+
+    def _has_room(self, text: str) -> bool:
+        if len(text.encode(errors="replace")) > ROOM_BYTES:
+            return False
+        _, writable, _ = select.select([], [self._descriptor], [], 0)
+        return bool(writable)
+
+
+def discard(stream: TextIO) -> None:
+    """Leads a stream whose reader has gone to nowhere, so that its rest does not fail at exit."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
