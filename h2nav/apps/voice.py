@@ -35,7 +35,7 @@ class Voice:
         try:
             if self._descriptor is None:
                 self._stream.write(text)
-            elif self._has_room(text):
+            elif _has_room(self._descriptor, text):
                 self._stream.write(text)
                 self._stream.flush()
             else:
@@ -44,11 +44,12 @@ class Voice:
             discard(self._stream)
             self._stream = None
 
-    def _has_room(self, text: str) -> bool:
-        if len(text.encode(errors="replace")) > ROOM_BYTES:
-            return False
-        _, writable, _ = select.select([], [self._descriptor], [], 0)
-        return bool(writable)
+
+def _has_room(descriptor: int, text: str) -> bool:
+    """Whether a write would not wait."""
+    if len(text.encode(errors="replace")) > ROOM_BYTES:
+        return False
+    return bool(select.select([], [descriptor], [], 0)[1])
 
 
 def discard(stream: TextIO) -> None:
