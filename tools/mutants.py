@@ -67,7 +67,14 @@ ROOMS = {
     ),
     "kernels": Room(
         "h2nav/attitude/kernels",
-        ("tests/unit/attitude", "tests/scenarios/test_shaped_faults.py"),
+        (
+            "tests/unit/attitude",
+            "tests/scenarios/test_shaped_faults.py",
+            "tests/scenarios/test_shaped_trials.py",
+            "tests/scenarios/test_lost_attitude.py",
+            "tests/agreement/test_fixed_float.py",
+            "tests/agreement/test_two_stage_against_mekf.py",
+        ),
     ),
 }
 

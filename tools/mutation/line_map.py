@@ -30,8 +30,8 @@ class Chosen(NamedTuple):
 
     Attributes:
         tests: pytest's node ids, in the order in which they run.
-        seconds: what they take together on the sound package.
-        slowest_s: what the slowest of them takes.
+        seconds: what they took together on the sound package.
+        slowest_s: what the slowest of them took.
     """
 
     tests: tuple[str, ...]
@@ -45,7 +45,8 @@ class LineMap:
     Args:
         repository: a tree with h2nav and its tests.
         recordings: what `record` gave.
-        budget_s: tests are added until they take this long together.
+        budget_s: tests are added until they take the processor this long together; the clock
+            would count what else was running when they were recorded.
     """
 
     def __init__(
@@ -54,10 +55,12 @@ class LineMap:
         self._repository = repository
         self._budget_s = budget_s
         self._seconds: dict[str, float] = {}
+        self._processor_s: dict[str, float] = {}
         self._tests_of: dict[tuple[str, int], set[str]] = {}
         for recording in recordings:
             for test, row in recording.items():
                 self._seconds[test] = row["seconds"]
+                self._processor_s[test] = row["processor_s"]
                 for module, lines in row["lines"].items():
                     for line in lines:
                         self._tests_of.setdefault((module, line), set()).add(test)
@@ -71,14 +74,14 @@ class LineMap:
         files = {_file(test) for test in direct}
         others = {test for test in self._seconds if _file(test) in files} - direct
         chosen: list[str] = []
-        total_s = 0.0
+        used_s = 0.0
         for test in (*self._in_order(direct, mutant), *self._in_order(others, mutant)):
-            if chosen and total_s + self._seconds[test] > self._budget_s:
+            if chosen and used_s + self._processor_s[test] > self._budget_s:
                 continue
             chosen.append(test)
-            total_s += self._seconds[test]
-        slowest_s = max((self._seconds[test] for test in chosen), default=0.0)
-        return Chosen(tuple(chosen), total_s, slowest_s)
+            used_s += self._processor_s[test]
+        seconds = [self._seconds[test] for test in chosen]
+        return Chosen(tuple(chosen), sum(seconds), max(seconds, default=0.0))
 
     def _running(self, lines: Iterable[tuple[str, int]]) -> set[str]:
         found = (self._tests_of.get(line, set()) for line in lines)

@@ -6,6 +6,7 @@ before h2nav is imported, so that the lines of the import itself (context "") ar
 
 import json
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 _PACKAGE = Path(os.environ["LINES_OF"])
 _recording = coverage.Coverage(data_file=None, source=[str(_PACKAGE)], config_file=False)
 _seconds: dict[str, float] = {}
+_processor_s: dict[str, float] = {}
 _failed: set[str] = set()
 _recording.start()
 
@@ -23,9 +25,11 @@ _recording.start()
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """What runs from now on belongs to this test."""
     _recording.switch_context(item.nodeid)
+    begun_s = time.process_time()
     try:
         return (yield)
     finally:
+        _processor_s[item.nodeid] = time.process_time() - begun_s
         _recording.switch_context("")
 
 
@@ -37,11 +41,15 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish() -> None:
-    """Writes test -> seconds and lines by module."""
+    """Writes test -> seconds, of the clock and of the processor, and lines by module."""
     _recording.stop()
     data = _recording.get_data()
     tests = {
-        test: {"seconds": round(seconds, 3), "lines": {}}
+        test: {
+            "seconds": round(seconds, 3),
+            "processor_s": round(_processor_s[test], 3),
+            "lines": {},
+        }
         for test, seconds in _seconds.items()
         if test not in _failed
     }

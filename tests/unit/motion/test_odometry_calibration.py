@@ -80,6 +80,14 @@ def test_covariance_is_that_of_repeated_experiments(data, calibrate):
     assert stated == pytest.approx(spread, rel=0.2)
 
 
+def test_the_variance_of_few_rows_counts_the_parameters_that_they_had_to_give():
+    """Three rows, radii: without that count the stated variance would be 0.6 of the true one."""
+    results = [calibrate_differential(*differential(seed, rows=3, low=2.0)) for seed in range(600)]
+    errors = np.array([result.values for result in results])[:, 1:] - (LEFT, RIGHT)
+    stated = np.array([np.diag(result.covariance) for result in results])[:, 1:]
+    assert stated.mean(axis=0) == pytest.approx((errors**2).mean(axis=0), rel=0.25)
+
+
 @pytest.mark.parametrize("displacement", [False, True])
 def test_omni_arm_and_radii(displacement):
     result = calibrate_omni(*omni(3, displacement=displacement), ANGLES)
