@@ -95,10 +95,12 @@ class Autopilot:
 
     Args:
         settings: which ids to accept; 0 accepts any.
+        own_component_id: ours, under which no autopilot can be.
     """
 
-    def __init__(self, settings: AutopilotSettings) -> None:
+    def __init__(self, settings: AutopilotSettings, own_component_id: int = 0) -> None:
         self._settings = settings
+        self._own_component_id = own_component_id
         self._candidates = Candidates()
         self._kind = Steady((0, 0), KIND_HOLD_NS)
         self._armed = Slow(False, STATE_HOLD_NS)
@@ -121,7 +123,7 @@ class Autopilot:
 
     def hears_heartbeat(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
         """Takes a HEARTBEAT of anybody."""
-        if not heartbeat.is_of_autopilot:
+        if not heartbeat.is_of_autopilot or 0 in sender:
             return Heard.NOTHING
         count = self._candidates.hears(t_ns, sender)
         if self.owns(sender):
@@ -143,7 +145,9 @@ class Autopilot:
         self._landed.hears(t_ns, on_ground)
 
     def accepts(self, sender: Sender) -> bool:
-        """Whether the settings allow this address."""
+        """Whether the settings allow this address; 0 is everybody's, and nobody sends under it."""
+        if 0 in sender or sender[1] == self._own_component_id:
+            return False
         wanted = self._settings
         return wanted.system_id in (0, sender[0]) and wanted.component_id in (0, sender[1])
 

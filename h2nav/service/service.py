@@ -102,7 +102,7 @@ class Service:
 
     def __init__(self, settings: ServiceSettings, surroundings: Surroundings) -> None:
         self._settings = settings
-        self._autopilot = Autopilot(settings.autopilot)
+        self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot.imu_message)
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         self._notices = Notices(settings.output.status_text)

@@ -95,6 +95,9 @@ def test_a_serial_line_that_nobody_reads_costs_old_frames_alone(tmp_path):
         "output: {attitude_rate_hz: 100, attitude_quaternion_rate_hz: 100}\n"
     )
     with daemon("-c", str(config)) as running:
+        end_s = time.monotonic() + WAIT_S
+        while not vehicle.attitude_stamps_ms() and time.monotonic() < end_s:
+            vehicle.send(10)  # what comes before the daemon opens its end is lost
         vehicle.send(UNREAD_SAMPLES // 2)
         before_mib = resident_mib(running.process.pid)
         vehicle.send(UNREAD_SAMPLES // 2)

@@ -57,6 +57,14 @@ def test_a_ground_station_is_no_autopilot():
     assert link.bound_to is None
 
 
+@pytest.mark.parametrize("sender", [(0, 1), (1, 0), (0, 0), (1, 191)])
+def test_an_address_that_no_autopilot_has_binds_nothing(sender):
+    autopilot = Autopilot(AutopilotSettings(), own_component_id=191)
+    for t_s in range(20):
+        autopilot.hears_heartbeat(t_s * SECOND_NS, sender, QUADROTOR)
+    assert autopilot.identity is None
+
+
 def test_a_forged_first_heartbeat_gives_way_to_the_real_autopilot():
     link = Link()
     link.heartbeat(0.0, FORGED)
