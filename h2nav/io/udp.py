@@ -25,6 +25,7 @@ _DATAGRAMS_PER_READ = 64  # a flood must not keep the loop from its other work
 # Linux (asm-generic/socket.h), which Python does not name: the kernel's time of arrival, UNIX time.
 _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@ll")
+_STAMP_SLACK_NS = 10_000_000
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
 
 Vouch = Callable[[bytes], bool]
@@ -57,6 +58,7 @@ class UdpLink:
         self._peer: tuple[Any, ...] | None = None
         self._peer_heard_ns = 0
         self._t_ns = 0
+        self._drained_ns = 0  # when the kernel last had no more datagrams for us
         self._datagram = bytearray(_DATAGRAM_BYTES)
         self._view = memoryview(self._datagram)
 
@@ -119,13 +121,14 @@ class UdpLink:
                     [self._datagram], _ANCILLARY_BYTES
                 )
             except BlockingIOError:
+                self._drained_ns = time.monotonic_ns()
                 break
             except OSError as error:  # such as an ICMP answer to an earlier send
                 self._fault(error)
                 break
             data = bytes(self._view[:size])
             if self._is_from_peer(sender, data):
-                datagrams.append(Received(data, _arrival_ns(ancillary, unix_offset_ns)))
+                datagrams.append(Received(data, self._arrival_ns(ancillary, unix_offset_ns)))
             else:
                 self._tally.add(foreign_datagrams=1)
         if datagrams:
@@ -196,11 +199,18 @@ class UdpLink:
             return False
         return self._vouch is None or self._vouch(data)
 
+    def _arrival_ns(
+        self, ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int
+    ) -> int | None:
+        """The kernel's time of arrival on the monotonic clock, where it told a sensible one.
 
-def _arrival_ns(ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int) -> int | None:
-    """The kernel's time of arrival on the monotonic clock, where it told one."""
-    for level, kind, data in ancillary:
-        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
-            seconds, nanoseconds = _TIMESPEC.unpack(data)
-            return int(seconds * 1_000_000_000 + nanoseconds - unix_offset_ns)
-    return None
+        It comes from the UNIX clock, which may have been set since. What has arrived since the
+        kernel had nothing more for us did not arrive before that.
+        """
+        for level, kind, data in ancillary:
+            is_stamp = level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS
+            if is_stamp and len(data) == _TIMESPEC.size:
+                seconds, nanoseconds = _TIMESPEC.unpack(data)
+                t_ns = int(seconds * 1_000_000_000 + nanoseconds - unix_offset_ns)
+                return t_ns if t_ns >= self._drained_ns - _STAMP_SLACK_NS else None
+        return None

@@ -72,7 +72,8 @@ class OdometryOut:
         identity = self._autopilot.identity
         message = self._outputs.due_odometry(motion)
         if message is not None and identity is not None:
-            effects.append(Send(message, identity.system_id))
+            if not self._outputs.are_held:
+                effects.append(Send(message, identity.system_id))
             line = odometry_line(motion.record, motion.quality)
             effects.append(Record("/odometry", line, motion.t_us))
         resets = motion.record.reset_counter

@@ -127,8 +127,7 @@ class Outputs:
 
     def due_odometry(self, motion: Motion) -> OutMessage | None:
         """ODOMETRY of this estimate, where it is due."""
-        message = self._odometry.take(motion)
-        return None if self.are_held else message
+        return self._odometry.take(motion)
 
     def latest(self, message_id: int) -> OutMessage | None:
         """The message made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""

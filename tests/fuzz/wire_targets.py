@@ -274,9 +274,10 @@ def check_codec(data: bytes) -> None:
         if not all(text.isascii() for text in texts):
             continue  # bytes that were no text are not given back
         values = [v.encode() if isinstance(v, str) else v for v in record]
-        message = mavlink.mavlink_map[frame.msg_id](*values)
-        (again,) = Deframer().feed(codec.Encoder(1, 1).encode(message))
-        _must(_same(codec.decode(again), record), f"{record} does not come back")
+        kind = mavlink.mavlink_map[frame.msg_id]
+        known = len(kind.fieldnames)  # without extensions that pymavlink lacks
+        (again,) = Deframer().feed(codec.Encoder(1, 1).encode(kind(*values[:known])))
+        _must(_same(codec.decode(again)[:known], record[:known]), f"{record} does not come back")
 
 
 def _same(left: Any, right: Any) -> bool:

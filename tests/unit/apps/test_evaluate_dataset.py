@@ -165,7 +165,7 @@ def test_plain_words_for_what_is_no_data_set(
     assert cli.main(["evaluate", "dataset", str(tmp_path)]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
-        f"h2nav: {broken}: not a readable .npz trial; expected numpy's archive of plain arrays"
+        f"h2nav: {broken}: not a readable archive; expected numpy's .npz of plain arrays of numbers"
     ]
     notes = tmp_path / "notes.txt"
     notes.write_text("no recording")
