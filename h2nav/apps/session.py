@@ -50,6 +50,7 @@ class Session:
         self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
         if self.recorder is not None:
             attach_inputs(self.recorder, configuration, filters, unix_s)
+        earth_field_at(0.0, 0.0, 0.0, unix_s)  # what loads now holds no attitude back in flight
         surroundings = Surroundings(
             filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
         )
