@@ -84,10 +84,10 @@ def test_what_is_written_just_before_closing_is_read(tmp_path):
         theirs = os.open(path, os.O_RDWR | os.O_NOCTTY)
         os.write(theirs, bytes(size))
         os.close(theirs)
-        read = []
+        arrived = []
         while os.readlink(path) == node:
-            read += ours.read()
-        assert b"".join(read) == bytes(size)
+            arrived += read(ours)
+        assert b"".join(arrived) == bytes(size)
     ours.close()
 
 
