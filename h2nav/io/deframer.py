@@ -264,6 +264,11 @@ class Deframer:
                 counts[_REASONS.get(verdict, incomplete)] += 1
 
 
+def begins_with_frame(data: bytes) -> bool:
+    """Whether the first byte begins a good frame that is whole; costs one checksum at the most."""
+    return bool(data) and not isinstance(_frame_at(data, 0, len(data)), int)
+
+
 def _silent_reason(buffer: bytes, at: int) -> str:
     """The reason under which a marker is counted where the search passes over it."""
     if buffer[at] == _MARKER_1:

@@ -17,6 +17,8 @@ class LinkStatistics(NamedTuple):
         errors: failed openings, losses of the link, failed sends.
         foreign_datagrams: datagrams from anyone but the peer, not passed on.
         peer_changes: how often another (address, port) became the peer.
+        shed_datagrams: datagrams of the peer that had waited for us and do not begin with a frame:
+            a flood of garbage must not hold frames back.
     """
 
     bytes_in: int = 0
@@ -28,6 +30,7 @@ class LinkStatistics(NamedTuple):
     errors: int = 0
     foreign_datagrams: int = 0
     peer_changes: int = 0
+    shed_datagrams: int = 0
 
 
 class LinkTally:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from h2nav.io.back_off import BackOff
+from h2nav.io.deframer import begins_with_frame
 from h2nav.io.host_lookup import HostLookup, SocketAddress
 from h2nav.io.link_errors import explained
 from h2nav.io.link_statistics import LinkStatistics, LinkTally
@@ -19,8 +20,14 @@ PEER_SILENCE_NS = 1_500_000_000
 period, so that two senders never alternate, and short enough for an autopilot that comes back from
 a reboot (about 1 s of silence, then a new source port)."""
 
+WAITED_NS = 60_000_000
+"""A datagram that has waited so long for us, behind others, shows that more comes than we can
+carry. Garbage made to cost the most takes us a millisecond a datagram; looking whether one begins
+with a frame takes ten microseconds."""
+
 _RECEIVE_BUFFER_BYTES = 1 << 20  # asked for; the kernel may grant less (net.core.rmem_max)
 _DATAGRAM_BYTES = 65536
+_BACKLOG_DATAGRAMS = 16
 _DATAGRAMS_PER_READ = 64  # a flood must not keep the loop from its other work
 # Linux (asm-generic/socket.h), which Python does not name: the kernel's time of arrival, UNIX time.
 _SO_TIMESTAMPNS = 35
@@ -115,7 +122,7 @@ class UdpLink:
         if self._socket is None:
             return datagrams
         unix_offset_ns = time.time_ns() - time.monotonic_ns()
-        for _ in range(_DATAGRAMS_PER_READ):
+        for place in range(_DATAGRAMS_PER_READ):
             try:
                 size, ancillary, _, sender = self._socket.recvmsg_into(
                     [self._datagram], _ANCILLARY_BYTES
@@ -127,10 +134,15 @@ class UdpLink:
                 self._fault(error)
                 break
             data = bytes(self._view[:size])
-            if self._is_from_peer(sender, data):
-                datagrams.append(Received(data, self._arrival_ns(ancillary, unix_offset_ns)))
-            else:
+            if not self._is_from_peer(sender, data):
                 self._tally.add(foreign_datagrams=1)
+                continue
+            t_ns = self._arrival_ns(ancillary, unix_offset_ns)
+            is_backlog = place >= _BACKLOG_DATAGRAMS and _has_waited(t_ns)
+            if is_backlog and not begins_with_frame(data):
+                self._tally.add(shed_datagrams=1)
+                continue
+            datagrams.append(Received(data, t_ns))
         if datagrams:
             size = sum(len(datagram.data) for datagram in datagrams)
             self._tally.add(bytes_in=size, chunks_in=len(datagrams))
@@ -214,3 +226,7 @@ class UdpLink:
                 t_ns = int(seconds * 1_000_000_000 + nanoseconds - unix_offset_ns)
                 return t_ns if t_ns >= self._drained_ns - _STAMP_SLACK_NS else None
         return None
+
+
+def _has_waited(t_ns: int | None) -> bool:
+    return t_ns is not None and time.monotonic_ns() - t_ns > WAITED_NS

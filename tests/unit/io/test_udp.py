@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from link_drivers import Clock, attempts, bring_up, receive, wait_readable
+from link_drivers import Clock, attempts, bring_up, read, receive, wait_readable
 from needs import absent
+from wire_frames import FrameMaker
 
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.links import Link, open_link
-from h2nav.io.udp import PEER_SILENCE_NS, Vouch
+from h2nav.io.udp import PEER_SILENCE_NS, WAITED_NS, Vouch
 
 SILENCE_MS = PEER_SILENCE_NS / 1e6
 
@@ -143,7 +144,7 @@ def test_datagrams_carry_the_time_at_which_the_kernel_had_them(
     link = opened("udpin:127.0.0.1:0", stack, clock)
     sender = bare_socket(stack)
     before_ns = time.monotonic_ns()
-    sender.sendto(b"one", ("127.0.0.1", link.local_port))
+    sender.sendto(FrameMaker().raw_imu(1), ("127.0.0.1", link.local_port))
     wait_readable(link.fileno())
     select.select([], [], [], 0.2)  # it waits in the kernel meanwhile
     (received,) = link.read()
@@ -151,6 +152,21 @@ def test_datagrams_carry_the_time_at_which_the_kernel_had_them(
     assert received.t_ns is not None
     # The two clocks are compared to within microseconds; a step of the UNIX clock would show.
     assert -10_000_000 < received.t_ns - before_ns < waited_ns - 150_000_000
+
+
+def test_a_backlog_of_what_is_no_frame_is_shed(stack: ExitStack, clock: Clock) -> None:
+    link = opened("udpin:127.0.0.1:0", stack, clock)
+    address = ("127.0.0.1", link.local_port)
+    sender, frame = bare_socket(stack), FrameMaker().raw_imu(1)
+    garbage = b"\xfd\xff\x00\x00\x00" * 280
+    for data in (*[garbage] * 16, frame, frame[5:] + frame, frame + b"rest", garbage):
+        sender.sendto(data, address)
+    wait_readable(link.fileno())
+    select.select([], [], [], 2e-9 * WAITED_NS)
+    assert read(link) == [*[garbage] * 16, frame, frame + b"rest"]
+    assert link.statistics.shed_datagrams == 2
+    sender.sendto(b"garbage that comes in time", address)
+    assert receive(link) == [b"garbage that comes in time"]
 
 
 def test_sending_link_hears_its_peer_alone(stack: ExitStack, clock: Clock) -> None:
