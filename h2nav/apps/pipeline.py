@@ -223,7 +223,7 @@ class Pipeline:
 
     def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Tells people something that the service does not know of."""
-        self._carry_out(t_ns, [Notice(severity, text)])
+        self._carry_out(t_ns, self.service.on_note(t_ns, severity, text))
 
     def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
         """Carries out what an event leads to."""

@@ -20,7 +20,7 @@ PEER_SILENCE_NS = 1_500_000_000
 period, so that two senders never alternate, and short enough for an autopilot that comes back from
 a reboot (about 1 s of silence, then a new source port)."""
 
-WAITED_NS = 60_000_000
+WAITED_NS = 20_000_000
 """A datagram that has waited so long for us, behind others, shows that more comes than we can
 carry. Garbage made to cost the most takes us a millisecond a datagram; looking whether one begins
 with a frame takes ten microseconds."""

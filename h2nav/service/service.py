@@ -6,6 +6,7 @@ messages and their arrival times alone, never on timers, so a recording of what 
 reproduces them exactly.
 """
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -51,6 +52,7 @@ from h2nav.wire.vehicle import (
     TimeSyncMessage,
 )
 
+DIGITS = re.compile(r"[0-9]+")
 TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
@@ -258,6 +260,10 @@ class Service:
                 self._estimation.rejected[reason] += 1
         return []
 
+    def on_note(self, t_ns: int, severity: Severity, text: str) -> list[Effect]:
+        """Something that the service does not know of, such as trouble with the log."""
+        return self._notices.tell(t_ns, severity, text, DIGITS.sub("#", text))
+
     def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
         """A handler of ours raised: it is counted and told, and the daemon lives on.
 
@@ -400,8 +406,7 @@ class Service:
         if message.target not in (self._ours, (0, 0)):
             return []
         if message.tc1_ns == 0:
-            may_ask = owned or message.target == self._ours
-            answer = self._conversation.on_time_question(envelope, message) if may_ask else None
+            answer = self._conversation.on_time_question(envelope, message)
             return [] if answer is None else [self._send(answer)]
         if not owned:
             return []

@@ -217,6 +217,9 @@ def test_the_time_is_answered_to_who_asked_and_on_the_autopilots_clock():
     (answer,) = [m for m in answers(flight, "TIMESYNC", 8.0) if m.ts1 == 123_456_789]
     assert abs(answer.tc1 - boot_ns) < 20_000_000
     assert (answer.target_system, answer.target_component) == (1, 1)
+    flight.inject(mavlink.MAVLink_timesync_message(0, 987_654_321), STATION)
+    (answer,) = [m for m in answers(flight, "TIMESYNC", 8.0) if m.ts1 == 987_654_321]
+    assert (answer.target_system, answer.target_component) == STATION
 
 
 @pytest.mark.parametrize(
@@ -267,6 +270,14 @@ def test_a_stop_of_our_own_is_told_as_lateness_and_over_at_the_next_fresh_sample
     assert flight.health.state == "active"
     late_ms = [record.late_ms for _, record in flight.seen.estimates[-5:]]
     assert max(late_ms) < 50.0
+
+
+def test_trouble_with_the_log_is_told_once_a_minute_whatever_its_figures():
+    flight = SimulatedFlight("rest").run(3.0)
+    for i in range(20):
+        flight.pipeline.note(flight.t_ns, f"recording stopped: {i} messages lost", Severity.ERROR)
+    told = [severity for _, severity, text in flight.seen.notices if "recording stopped" in text]
+    assert told == [Severity.ERROR]
 
 
 def test_errors_of_the_link_are_told_when_they_change():
