@@ -22,7 +22,6 @@ from h2nav.service.limits import SECOND_NS, Slow, Steady
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.vehicle import Heartbeat
 
-LOST_NS = 5 * SECOND_NS
 GIVEN_UP_NS = 10 * SECOND_NS
 TRIAL_NS = 3 * SECOND_NS
 KIND_HOLD_NS = 3 * SECOND_NS
@@ -67,8 +66,7 @@ class Heard(Enum):
 
     NOTHING = 0
     BOUND = 1  # another autopilot, or another vehicle, is the one to listen to from now on
-    RETURNED = 2  # the bound autopilot was lost and is back
-    RIVAL = 3  # another autopilot is on the link
+    RIVAL = 2  # another autopilot is on the link
 
 
 class Candidates:
@@ -156,23 +154,19 @@ class Autopilot:
         mine = self.identity
         return mine is not None and mine.system_id == sender[0] and mine.component_id == sender[1]
 
-    def is_lost(self, t_ns: int) -> bool:
-        """No heartbeat for `LOST_NS`."""
-        return self.identity is not None and t_ns - self._heard_ns > LOST_NS
-
     def may_be_replaced(self, t_ns: int) -> bool:
         """Nobody is bound, or it has been silent for so long that another may take its place."""
         return self.identity is None or t_ns - self._heard_ns > GIVEN_UP_NS
 
     def _hears_own(self, t_ns: int, heartbeat: Heartbeat, count: int) -> Heard:
         assert self.identity is not None
-        was_lost, self._heard_ns = self.is_lost(t_ns), t_ns
+        self._heard_ns = t_ns
         self._armed.hears(t_ns, heartbeat.is_armed)
         self.is_confirmed |= self._has_imu and count >= CONFIRMING_HEARTBEATS
         if self._kind.hears(t_ns, (heartbeat.autopilot, heartbeat.vehicle_type)):
             self.identity = Identity(*self.identity.address, *self._kind.value)
             return Heard.BOUND
-        return Heard.RETURNED if was_lost else Heard.NOTHING
+        return Heard.NOTHING
 
     def _bind(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
         kind = (heartbeat.autopilot, heartbeat.vehicle_type)

@@ -4,9 +4,9 @@ Times are those of looking, not of arrival: what has waited in a backlog is ther
 was stopped has heard nothing meanwhile, and that says nothing about others.
 """
 
-from h2nav.service.autopilot import LOST_NS
 from h2nav.service.limits import SECOND_NS
 
+LOST_NS = 5 * SECOND_NS
 # A program that has used samples and uses none for so long, though its autopilot is there, hangs.
 HANGING_NS = 5 * SECOND_NS
 # So long after a stop of ours what others say may still be under way.

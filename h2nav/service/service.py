@@ -7,6 +7,7 @@ reproduces them exactly.
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -131,7 +132,7 @@ class Service:
         self._told_dependent = False
         self._pulse = Pulse()
         self._standing = Standing(self._notices)
-        self._faults: dict[str, int] = {}
+        self._refused: Counter[str] = Counter()  # messages other than samples, and faults of ours
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
             Job(self._ask_time, self._time_sync_pause_ns),
@@ -177,7 +178,7 @@ class Service:
     def rejected(self) -> dict[str, int]:
         """Samples and messages that were refused, by reason."""
         counts = self._estimation.rejected + self.motion.rejected + self._conversation.rejected
-        return {**counts, **self._faults}
+        return dict(counts + self._refused)
 
     def is_progressing(self, t_ns: int) -> bool:
         """False where the program seems to hang."""
@@ -257,7 +258,7 @@ class Service:
             if envelope.message_id in IMU_MESSAGES:
                 self._estimation.refuse(envelope.t_ns, reason)
             else:
-                self._estimation.rejected[reason] += 1
+                self._refused[reason] += 1
         return []
 
     def on_note(self, t_ns: int, severity: Severity, text: str) -> list[Effect]:
@@ -273,7 +274,7 @@ class Service:
             what: the error, in one line.
         """
         reason = f"handler_error:{where}"
-        self._faults[reason] = self._faults.get(reason, 0) + 1
+        self._refused[reason] += 1
         text = f"fault in h2nav at {where}: {what}; please report it"
         return self._notices.tell(t_ns, Severity.ERROR, text, reason)
 

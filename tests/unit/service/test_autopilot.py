@@ -149,9 +149,3 @@ def test_arming_is_seen_at_once_and_flips_are_slowed_down():
         seen.append(link.autopilot.is_armed)
     changes = sum(before != after for before, after in itertools.pairwise(seen))
     assert changes <= 2
-
-
-def test_an_autopilot_that_was_silent_has_returned():
-    link = confirmed()
-    assert link.heartbeat(103.0) is Heard.RETURNED
-    assert link.heartbeat(104.0) is Heard.NOTHING
