@@ -25,9 +25,9 @@ from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
 import yaml
+
 from fuzz import file_seeds
 from fuzz.file_mutations import mutated
-
 from h2nav import cli
 from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.filters import FilterFactory

@@ -1,6 +1,7 @@
 """A fixed share of the file fuzzing; `file_targets.run` takes any number of further cases."""
 
 import pytest
+
 from fuzz.file_targets import TARGETS, case, run
 
 CASES = 25

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from fuzz.file_seeds import plain_mcap
 from needs import REPOSITORY
 
+from fuzz.file_seeds import plain_mcap
 from h2nav.cli import main
 
 FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
