@@ -14,6 +14,7 @@ LATE_NS = 150_000_000
 LASTING_NS = 300_000_000
 """Lateness that lasts so long is told."""
 
+FORGIVEN_NS = 20_000_000_000
 # A round trip of more than this says too little about the difference of the clocks.
 SHORT_TRIP_NS = 100_000_000
 # Two crystals differ by 100 millionths at the most. A clock that nobody compares may be that of a
@@ -55,6 +56,9 @@ class Lateness:
             self._least_ns += self._clock_ns + offset_ns
         self._clock_ns = -offset_ns
         self._creep = CREEP_COMPARED
+        if self.is_late:
+            # What came with so short a round trip did not wait: the usual delay was a wrong one.
+            self._least_ns = None
 
     def seen(self, arrived_ns: int, now_ns: int, sample_us: int) -> None:
         """Takes a sample.
@@ -66,6 +70,8 @@ class Lateness:
         """
         sent_ns = sample_us * 1000 + self._clock_ns
         delay_ns = arrived_ns - sent_ns
+        if self._is_forgiven(now_ns):
+            self._least_ns = None
         if self._least_ns is not None:
             crept_ns = round((arrived_ns - self._least_at_ns) * self._creep)
             delay_ns = min(delay_ns, self._least_ns + max(crept_ns, 0))
@@ -75,6 +81,12 @@ class Lateness:
             self._late_since_ns = None
         elif self._late_since_ns is None:
             self._late_since_ns = now_ns
+
+    def _is_forgiven(self, now_ns: int) -> bool:
+        """Where nobody compares the clocks, a delay that stays for long is the usual one."""
+        since_ns = self._late_since_ns
+        is_compared = self._creep == CREEP_COMPARED
+        return not is_compared and since_ns is not None and now_ns - since_ns > FORGIVEN_NS
 
     @property
     def is_late(self) -> bool:

@@ -70,8 +70,27 @@ def test_what_waited_before_the_kernel_is_late_too(compares):
 def test_on_compared_clocks_a_delay_that_stays_is_not_forgotten():
     stream = Stream(compares=True)
     stream.run(5.0)
+    stream._compares = False  # what is late has long round trips, and these say nothing
     late_ms = stream.run(600.0, transit_ms=1_000.0)
     assert min(late_ms) > 800.0
+
+
+def test_a_short_round_trip_shows_that_nothing_waits():
+    """One forged stamp or answer must not silence us for long."""
+    stream = Stream(compares=True)
+    stream.run(5.0)
+    stream._compares = False
+    assert min(stream.run(60.0, transit_ms=1_000.0)) > 900.0
+    stream._compares = True
+    stream.run(0.4, transit_ms=1_000.0)
+    assert max(stream.run(10.0, transit_ms=1_000.0)) < 20.0
+
+
+def test_without_any_exchange_a_delay_that_stays_is_usual_in_the_end():
+    stream = Stream()
+    stream.run(5.0)
+    stream.run(25.0, transit_ms=60_000.0)
+    assert max(stream.run(10.0, transit_ms=60_000.0)) < 20.0
 
 
 @pytest.mark.parametrize(("speed", "compares"), [(0.95, False), (0.9, True), (1.1, True)])
