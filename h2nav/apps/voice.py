@@ -26,7 +26,6 @@ class Voice:
         self._descriptor: int | None = None
         with contextlib.suppress(io.UnsupportedOperation, ValueError):
             self._descriptor = stream.fileno()
-        self.lost = 0
 
     def say(self, text: str) -> None:
         """Writes a text, whole or not at all."""
@@ -38,8 +37,6 @@ class Voice:
             elif _has_room(self._descriptor, text):
                 self._stream.write(text)
                 self._stream.flush()
-            else:
-                self.lost += 1
         except OSError:
             discard(self._stream)
             self._stream = None

@@ -144,8 +144,8 @@ class Deframer:
     overtaken by the next good frame.
 
     Args:
-        accept_v1: give out MAVLink 1 frames; otherwise they are counted and dropped (needed while
-            signing is on, since MAVLink 1 cannot be signed).
+        accept_v1: give out MAVLink 1 frames; otherwise they are counted and dropped. (Where signing
+            is on, `SignatureChecker` refuses them by name instead.)
     """
 
     def __init__(self, *, accept_v1: bool = True) -> None:

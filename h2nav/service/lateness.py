@@ -4,8 +4,9 @@ The delay of a sample is the host's time minus the sample's, on two clocks whose
 unknown; the least delay seen stands for a sample that came as quickly as usual, and whatever a
 sample has more than that is its lateness. Clocks drift apart, and a simulator's clock may run at
 another speed altogether: an exchange of TIMESYNC with a short round trip tells the difference of
-the clocks anew, and the least delay is kept relative to it. Without any exchange the least delay
-is allowed to creep.
+the clocks anew, and the least delay is kept relative to it. What comes with a short round trip did
+not wait: where it looks late, the least delay was a wrong one and is learnt anew. Without any
+exchange the least delay creeps, and a delay that stays for `FORGIVEN_NS` becomes the usual one.
 """
 
 LATE_NS = 150_000_000
