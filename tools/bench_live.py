@@ -81,6 +81,7 @@ class Sender:
             )
             self.sent += 1
         self._listen_until(time.monotonic_ns() + 300_000_000)
+        self._t_ms += 300.0  # a clock that stood still would make all that follows late
 
     def _send(self, message: mavlink.MAVLink_message) -> None:
         with contextlib.suppress(ConnectionRefusedError):
