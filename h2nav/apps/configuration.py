@@ -219,7 +219,7 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
 
 
 def contradictions(configuration: Configuration) -> list[str]:
-    """What is well-formed and yet cannot work, each with key and remedy."""
+    """What is well-formed and yet cannot work, with key and remedy for each."""
     link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
     return [
         *link,
@@ -239,7 +239,7 @@ def _link_complaints(url: str) -> list[str]:
 
 
 def _identity_complaints(configuration: Configuration) -> list[str]:
-    """Whoever shares an id with the autopilot is taken for it."""
+    """A component that shares its id with the autopilot is taken for the autopilot."""
     ours, asked = configuration.output.component_id, configuration.autopilot.component_id
     if ours == AUTOPILOT_COMPONENT_ID:
         taken = "the autopilot's: its ground stations would take our messages for its own"
@@ -254,7 +254,7 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """One filter knows instantaneous gyros."""
+    """Only the two-stage filter in floats knows instantaneous gyro samples."""
     averages = settings.name == "two_stage" and settings.arithmetic == "float"
     if settings.gyro_sampling == "mean" or averages:
         return []

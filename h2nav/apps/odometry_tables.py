@@ -126,7 +126,7 @@ def _numbers(
             cells = ", ".join(f"{name} = {shown(repr(row[header.index(name)]))}" for name in bad)
             errors.append(
                 f"{path}:{line}: {cells}: expected a finite number up to {LARGEST:g}; "
-                "mend or drop the row"
+                "correct or remove the row"
             )
         values.append(numbers)
     if errors:

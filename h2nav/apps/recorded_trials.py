@@ -31,7 +31,7 @@ LEAST_SAMPLES = 2
 
 
 class Stretch:
-    """Samples between two restarts of the filter, and what it was told among them."""
+    """Samples between two restarts of the filter, and what else it was given between them."""
 
     def __init__(self) -> None:
         self.samples: list[ImuSample] = []
@@ -40,7 +40,7 @@ class Stretch:
 
 
 class Listener:
-    """Stands where a filter stands in the service, and keeps everything that it is given.
+    """Takes the place of a filter in the service, and keeps everything that it is given.
 
     Attributes:
         name: as filters have one.
