@@ -1,15 +1,15 @@
-"""What is particular to the exported constant-gain filter: its words and its interface in C."""
+"""What is particular to the exported constant-gain filter: its interface in C."""
 
 from typing import Final
 
-from h2nav.attitude.kernel_modules import LEAN_MODULES
-from h2nav.attitude.kernels import fixed_lean as layout
-from h2nav.attitude.kernels import fixed_motion as motion
+from h2nav.attitude.constant_gain import memory
+from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.kernel_files import CONSTANT_GAIN as KERNEL
 from h2nav.translate.firmware import IntegerForm
 
 _PROTOTYPES = f"""\
 /* Longest time between two samples, microseconds; make several steps of a longer one. */
-#define H2NAV_MOST_DT_US {motion.MOST_DT_US}
+#define H2NAV_MOST_DT_US {MOST_DT_US}
 
 /* Forgets everything. */
 void h2nav_init(h2nav_filter *filter);
@@ -34,30 +34,30 @@ int32_t h2nav_step(h2nav_filter *filter, const h2nav_sample *sample);
 _INTERFACE = """\
 void h2nav_init(h2nav_filter *filter)
 {
-    reset(filter->words);
+    clear(filter);
+    reset(filter);
 }
 
 void h2nav_reset(h2nav_filter *filter)
 {
-    restart(filter->words);
+    restart(filter);
 }
 
 void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int16_t gravity[3],
                 const int16_t field[3], uint16_t dt_us)
 {
-    int32_t *words = sample->words;
     for (int32_t i = 0; i < 3; i++) {
-        words[W_X + i] = rate[i];
-        words[G_X + i] = gravity[i];
-        words[F_X + i] = field ? field[i] : 0;
+        sample->gyro[i] = rate[i];
+        sample->gravity[i] = gravity[i];
+        sample->mag[i] = field ? field[i] : 0;
     }
-    words[HAS_FIELD] = field ? -1 : 0;
-    words[DT_US] = dt_us > H2NAV_MOST_DT_US ? H2NAV_MOST_DT_US : dt_us;
+    sample->has_mag = field ? -1 : 0;
+    sample->dt_us = dt_us > H2NAV_MOST_DT_US ? H2NAV_MOST_DT_US : dt_us;
 }
 
 int32_t h2nav_step(h2nav_filter *filter, const h2nav_sample *sample)
 {
-    return update(filter->words, PARAMS, sample->words);
+    return update(filter, &GAINS, sample);
 }
 """
 
@@ -90,33 +90,19 @@ int main(void)
         h2nav_step(&filter, &sample);
     }
     /* level and north: the scalar part is one */
-    return filter.words[H2NAV_Q_W] > 536000000 ? 0 : 1;
+    return filter.q_nb[0] > 536000000 ? 0 : 1;
 }
 """
 
-LEAN: Final = IntegerForm(
-    name="lean",
-    layout=layout,
-    modules=LEAN_MODULES,
-    entries=("update", "restart"),
-    words=(
-        ("Q_W", motion.Q_W, "attitude, scalar first, 2^29 = 1; norm within 0.0005 of one"),
-        ("Q_X", motion.Q_X, ""),
-        ("Q_Y", motion.Q_Y, ""),
-        ("Q_Z", motion.Q_Z, ""),
-        ("BIAS_X", motion.B_X, "gyro bias, 4503599627 = 1 rad/s"),
-        ("BIAS_Y", motion.B_Y, ""),
-        ("BIAS_Z", motion.B_Z, ""),
-        ("AGE_US", layout.AGE_US, "time since the alignment; -1: not aligned"),
-        ("SATURATIONS", layout.SATURATIONS, "samples in which a limit was met; never wraps"),
-    ),
-    sample_words=(),
+CONSTANT_GAIN: Final = IntegerForm(
+    kernel=KERNEL,
+    more_entries=("restart",),
     bits=(
-        ("FORCE_USED", layout.FORCE_USED, "the accelerometer corrected the tilt"),
-        ("FIELD_USED", layout.FIELD_USED, "the magnetometer corrected the heading"),
-        ("ALIGNED", layout.ALIGNED, "this sample has given the first attitude"),
-        ("DISAGREES", layout.DISAGREES, "both sensors contradict the attitude: the next aligns"),
-        ("SATURATED", layout.SATURATED, "a rate or the bias met its limit"),
+        ("FORCE_USED", memory.FORCE_USED, "the accelerometer corrected the tilt"),
+        ("FIELD_USED", memory.FIELD_USED, "the magnetometer corrected the heading"),
+        ("ALIGNED", memory.ALIGNED, "this sample has given the first attitude"),
+        ("DISAGREES", memory.DISAGREES, "both sensors contradict the attitude: the next aligns"),
+        ("SATURATED", memory.SATURATED, "a rate or the bias met its limit"),
     ),
     about="""\
 The constant-gain form: what a small microcontroller can afford.
