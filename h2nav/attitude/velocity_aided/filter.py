@@ -1,18 +1,20 @@
-"""The default filter: velocity stays bounded, and measured levels pick gains made for that.
+"""The velocity-aided filter: a velocity that is measured, or bounded, holds the attitude.
 
-Around the kernel (`kernels/shaped*.py`) stands only what is not arithmetic of one sample: start,
-bad samples, long gaps, and which velocity holds the filter. Equations: docs/filter.md.
+Measured levels of motion pick the gains. Around the kernel stands only what is not arithmetic of
+one sample: start, bad samples, long gaps, and which velocity holds the filter.
+
+Equations: docs/filter.md.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.kernels import shaped_layout as layout
-from h2nav.attitude.kernels.shaped import step
-from h2nav.attitude.kernels.shaped_field import turn_heading
 from h2nav.attitude.native import CompiledStep
+from h2nav.attitude.record import assign, in_c, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -21,8 +23,13 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.shaped_gains import ShapedGains
-from h2nav.attitude.velocity_aiding import VelocityAiding
+from h2nav.attitude.velocity_aided import memory
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
+from h2nav.attitude.velocity_aided.kernel.start import begin
+from h2nav.attitude.velocity_aided.kernel.step import step
+from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.quaternion import Quat, multiply
 
 # A field is waited for so long; the forces are averaged at least so long.
@@ -34,18 +41,20 @@ LONGEST_GAP_S = 1.0
 MOST_RATE = 200.0
 MOST_FORCE = 4000.0
 MOST_FIELD = 1e6
+# Numbers of `VelocityAidedFilter.state` before those of the kernel.
+HEAD_SIZE = 3
 # After this time of running the start-up transient is over.
 CONVERGED_S = 10.0
 # Heading counts as referenced below this predicted deviation.
 REFERENCED_RAD = 15.0 * math.pi / 180.0
 
 _BITS = (
-    (layout.FORCE_USED, Trust.FORCE_USED),
-    (layout.FIELD_USED, Trust.FIELD_USED),
-    (layout.REST, Trust.REST),
-    (layout.VELOCITY_USED, Trust.VELOCITY_USED),
-    (layout.RESTARTED, Trust.RESTARTED),
-    (layout.SATURATED, Trust.SATURATED),
+    (memory.FORCE_USED, Trust.FORCE_USED),
+    (memory.FIELD_USED, Trust.FIELD_USED),
+    (memory.REST, Trust.REST),
+    (memory.VELOCITY_USED, Trust.VELOCITY_USED),
+    (memory.RESTARTED, Trust.RESTARTED),
+    (memory.SATURATED, Trust.SATURATED),
 )
 # By number: making an IntFlag costs more than the rest of an estimate.
 _ALL_TRUST = tuple(Trust(number) for number in range(512))
@@ -54,47 +63,76 @@ _TRUST = tuple(
 )
 
 
-class ShapedFilter:
-    """The disturbance-shaped filter with precomputed gain sets.
+class VelocityAidedFilter:
+    """The velocity-aided filter with precomputed gain sets, in floats.
 
     Args:
-        gains: of a gain file of kind shaped.
+        gains: of a gain file of kind velocity_aided.
         compiled: the compiled kernel; None for the one in Python.
     """
 
-    def __init__(self, gains: ShapedGains, compiled: CompiledStep | None = None) -> None:
+    def __init__(self, gains: VelocityAidedGains, compiled: CompiledStep | None = None) -> None:
         self._gains = gains
-        self._step: Callable[[list[float], Sequence[float], Sequence[float]], int]
-        self._step = step if compiled is None else compiled
-        numbers = list if compiled is None else compiled.numbers
-        self._g: Sequence[float] = numbers(gains.g)
-        self._x: list[float] = numbers([0.0] * layout.X_SIZE)
-        self._z: list[float] = numbers([0.0] * layout.Z_SIZE)
-        self._numbers = numbers
+        self._step: Callable[[Memory, Gains, Sample], int]
+        self._memory, self._g, self._sample = Memory(), gains.kernel, Sample()
+        self._step = step
+        if compiled is not None:
+            self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
+            assign(self._g, Gains, values(gains.kernel, Gains))
+            self._step = compiled
         self._t_us: int | None = None
         self._aligned = False
         self._window: alignment.Alignment | None = None
         self._aiding = VelocityAiding()
-        self._x[layout.X_T_NO_FIELD] = -1.0
-        for axis in (0, 4, 7):
-            self._x[layout.X_P + axis] = self._g[layout.G_BIAS_VAR]
+        s = self._memory
+        s.mag_accepted_age_s = -1.0
+        s.p_xx = s.p_yy = s.p_zz = self._g.bias_variance
         self.use_vehicle(VehicleState())
 
     @property
     def name(self) -> str:
-        """The name in configurations and tables."""
-        return "default"
+        """`velocity_aided`."""
+        return "velocity_aided"
+
+    @property
+    def t_us(self) -> int | None:
+        """Time of the last sample; None before the first."""
+        return self._t_us
+
+    @property
+    def kernel_memory(self) -> Memory:
+        """The kernel's memory; see `follow`."""
+        return self._memory
+
+    @property
+    def kernel_gains(self) -> Gains:
+        """The kernel's gains in use."""
+        return self._g
+
+    @property
+    def kernel_sample(self) -> Sample:
+        """The kernel's last sample."""
+        return self._sample
+
+    def is_free_at(self, t_us: int) -> bool:
+        """True when a plain sample of this time goes to the kernel as it is.
+
+        The filter is aligned, there is no long gap, and no outside velocity is at hand.
+        """
+        if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_S * 1e6:
+            return False
+        return self._aligned and not self._memory.aided and self._aiding.is_idle(t_us)
 
     @property
     def gain_set(self) -> int:
-        """Number of the gain set in use, 0 the slowest."""
-        return int(self._x[layout.X_SET])
+        """Number of the gain set in use, 0 the weakest."""
+        return int(self._memory.gain_set)
 
     @property
     def field_latency_s(self) -> float:
         """How late the magnetometer's samples are, as learnt so far."""
-        lag = self._x[layout.X_LAG_NUM] / (self._x[layout.X_LAG_DEN] + self._g[layout.G_LAG_PRIOR])
-        return min(max(lag, 0.0), self._g[layout.G_LAG_MOST])
+        s, g = self._memory, self._g
+        return min(max(s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior), 0.0), g.mag_lag_limit)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
@@ -107,57 +145,60 @@ class ShapedFilter:
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(self._t_us, 0) if self._aligned else None
         if not is_plausible(sample):
-            return self._estimate(sample.t_us, layout.SATURATED) if self._aligned else None
+            return self._estimate(sample.t_us, memory.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
-        z = self._z
-        z[0] = (sample.t_us - (self._t_us or 0)) * 1e-6
-        z[1], z[2], z[3] = sample.w_b
-        z[4], z[5], z[6] = sample.f_b
-        z[10] = 0.0
-        if sample.m_b_ut is not None:
-            z[7], z[8], z[9] = sample.m_b_ut
-            z[10] = 1.0 if abs(z[7]) + abs(z[8]) + abs(z[9]) < MOST_FIELD else 0.0
-        z[11] = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
+        u, s = self._sample, self._memory
+        u.dt_s = (sample.t_us - (self._t_us or 0)) * 1e-6
+        u.gyro[:] = sample.w_b
+        u.accel[:] = sample.f_b
+        m = sample.m_b_ut
+        u.has_mag = 0.0
+        if m is not None:
+            u.mag[:] = m
+            u.has_mag = 1.0 if abs(m[0]) + abs(m[1]) + abs(m[2]) < MOST_FIELD else 0.0
+        u.clipped = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
         self._fill_velocity(sample.t_us)
-        bits = self._step(self._x, self._g, z)
+        bits = self._step(s, self._g, u)
         self._t_us = sample.t_us
-        x = self._x
-        aided = x[layout.X_AIDED] > 0.0
-        self._aiding.remember(sample.t_us, (x[layout.X_C], x[layout.X_C + 1]) if aided else None)
+        self._aiding.remember(sample.t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
         return self._estimate(sample.t_us, bits)
+
+    def follow(self, t_us: int) -> None:
+        """Goes on from a sample of this time, to which a batch has brought memory and sample."""
+        self._t_us = t_us
 
     def _fill_velocity(self, t_us: int) -> None:
         """Writes the velocity's part of the kernel's sample."""
-        x, z = self._x, self._z
-        z[layout.Z_AIDED] = 1.0 if self._aiding.is_aided(t_us) else 0.0
-        z[layout.Z_FIX] = 0.0
-        fix = self._aiding.take(t_us, (x[layout.X_C], x[layout.X_C + 1]))
+        s, u = self._memory, self._sample
+        u.aided = 1.0 if self._aiding.is_aided(t_us) else 0.0
+        u.has_fix = 0.0
+        fix = self._aiding.take(t_us, (s.gained_n, s.gained_e))
         if fix is not None:
-            z[layout.Z_FIX] = 1.0
-            z[layout.Z_FIX_V], z[layout.Z_FIX_V + 1] = fix.v_n
-            z[layout.Z_FIX_C], z[layout.Z_FIX_C + 1] = fix.gained
-            z[layout.Z_FIX_VAR] = fix.variance
-            z[layout.Z_FIX_DT] = fix.period_s
+            u.has_fix = 1.0
+            u.fix_velocity_n, u.fix_velocity_e = fix.v_n
+            u.fix_gained_n, u.fix_gained_e = fix.gained
+            u.fix_variance = fix.variance
+            u.fix_period_s = fix.period_s
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
-        self._z[layout.Z_REST] = float(rest_belief(self._gains, vehicle))
-        self._z[layout.Z_NOSE] = nose_velocity_m_s(self._gains, vehicle)
+        self._sample.rest_prior = float(rest_prior(self._gains, vehicle))
+        self._sample.forward_speed = forward_speed_m_s(self._gains, vehicle)
 
     def use_field(self, field: EarthField) -> None:
         """Norm and dip become the gate's reference; see `AttitudeFilter`."""
-        x = self._x
-        change = field.declination_rad - x[layout.X_DECLINATION]
-        x[layout.X_DECLINATION] = field.declination_rad
-        x[layout.X_REF_NORM] = field.norm_ut
-        x[layout.X_REF_DIP] = field.dip_rad
-        x[layout.X_REF_GIVEN] = 1.0
-        x[layout.X_NEW_T] = 0.0
-        if self._aligned and x[layout.X_T_NO_FIELD] >= 0.0 and x[layout.X_AIDED] == 0.0:
-            turn_heading(x, self._g, change)
+        s = self._memory
+        change = field.declination_rad - s.declination
+        s.declination = field.declination_rad
+        s.mag_ref_norm = field.norm_ut
+        s.mag_ref_dip = field.dip_rad
+        s.mag_ref_given = 1.0
+        s.mag_new_s = 0.0
+        if self._aligned and s.mag_accepted_age_s >= 0.0 and s.aided == 0.0:
+            turn_heading(s, self._g, change)
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
@@ -178,23 +219,17 @@ class ShapedFilter:
         if w is not None:
             window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
         head = (self._t_us, int(self._aligned), len(window))
-        values = (*head, *self._x, *self._z, *window, *self._aiding.values())
-        return FilterState(self.name, values)
+        kernel = (*values(self._memory, Memory), *values(self._sample, Sample))
+        return FilterState(self.name, (*head, *kernel, *window, *self._aiding.values()))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
-        start = 3 + layout.X_SIZE + layout.Z_SIZE
-        if state.filter_name != self.name or len(state.values) < start:
-            raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
-        t_us = state.values[0]
-        self._t_us = None if t_us is None else int(t_us)
-        numbers = [0.0 if value is None else float(value) for value in state.values]
-        self._aligned = numbers[1] > 0.0
-        self._x = self._numbers(numbers[3 : 3 + layout.X_SIZE])
-        self._z = self._numbers(numbers[3 + layout.X_SIZE : start])
-        end = start + int(numbers[2])
-        self._window = _window_of(numbers[start:end]) if end > start else None
-        self._aiding.load(numbers[end:])
+        parts = split_state(state, self.name)
+        assign(self._memory, Memory, parts.memory)
+        assign(self._sample, Sample, parts.sample)
+        self._t_us, self._aligned = parts.t_us, parts.is_aligned
+        self._window = _window_of(parts.window) if parts.window else None
+        self._aiding.load(parts.aiding)
 
     def _align(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Collects samples; the first estimate comes from their mean force and field."""
@@ -203,76 +238,89 @@ class ShapedFilter:
         if self._window is None or sample.t_us - self._window.t_us > LONGEST_GAP_S * 1e6:
             self._window = alignment.begin(sample)
         else:
-            bias = (self._x[layout.X_BIAS], self._x[layout.X_BIAS + 1], self._x[layout.X_BIAS + 2])
-            self._window = alignment.extend(self._window, sample, bias)
+            x, y, z = self._memory.gyro_bias
+            self._window = alignment.extend(self._window, sample, (x, y, z))
         window = self._window
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
         if window.length_s < wait:
             return None
         self._begin(sample, alignment.attitude(window), window.fields > 0)
         self._window = None
-        return self._estimate(sample.t_us, layout.RESTARTED)
+        return self._estimate(sample.t_us, memory.RESTARTED)
 
     def _begin(self, sample: ImuSample, q_mb: Quat, has_field: bool) -> None:
         """Everything but bias, bias covariance, latency and references starts anew."""
-        x, g = self._x, self._g
-        half = 0.5 * x[layout.X_DECLINATION]
-        q_nb = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
-        for i in range(4):
-            x[layout.X_Q + i] = q_nb[i]
-        for i in range(layout.X_UN, layout.X_P):
-            x[i] = 0.0
-        for i in (3, 6, 8):
-            x[layout.X_P + i] = 0.0
-        x[layout.X_P + 9] = g[layout.G_HEADING_VAR]
-        for i in (
-            *range(layout.X_TURNING, layout.X_REF_NORM),
-            *range(layout.X_DOUBT, layout.X_SIZE),
-        ):
-            x[i] = 0.0
-        for i in range(3):
-            x[layout.X_RATE_LP + i] = sample.w_b[i]
-            x[layout.X_FORCE_LP + i] = sample.f_b[i]
-        nose = self._z[layout.Z_NOSE] / g[layout.G_GRAVITY]
-        w, p, q, r = q_nb
-        x[layout.X_S] = nose * (1.0 - 2.0 * (q * q + r * r))
-        x[layout.X_S + 1] = nose * 2.0 * (p * q + w * r)
-        x[layout.X_T_NO_FIELD] = 0.0 if has_field else -1.0
-        x[layout.X_FIELD_AGE] = 0.0
-        x[layout.X_NEW_T] = 0.0
-        x[layout.X_AIDED] = 0.0
+        s = self._memory
+        half = 0.5 * s.declination
+        s.q_nb[:] = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
+        begin(s, self._g, sample.w_b, sample.f_b, self._sample.forward_speed, has_field=has_field)
         self._t_us = sample.t_us
         self._aligned = True
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
-        x, z = self._x, self._z
-        bias = (x[layout.X_BIAS], x[layout.X_BIAS + 1], x[layout.X_BIAS + 2])
+        s = self._memory
+        x, y, z = self._sample.gyro
+        bias_x, bias_y, bias_z = s.gyro_bias
+        q_w, q_x, q_y, q_z = s.q_nb
+        to_n, to_e, to_d = s.innovation
         trust = _TRUST[bits]
-        if x[layout.X_T_RUN] > CONVERGED_S:
+        if s.age_s > CONVERGED_S:
             trust |= 2
-        if x[layout.X_P + 9] < REFERENCED_RAD * REFERENCED_RAD:
+        if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD:
             trust |= 16
-        if x[layout.X_AIDED] > 0.0:
+        if s.aided > 0.0:
             trust |= 64
         return AttitudeEstimate(
             t_us,
-            (x[0], x[1], x[2], x[3]),
-            (z[1] - bias[0], z[2] - bias[1], z[3] - bias[2]),
-            bias,
-            (x[layout.X_INNOVATION], x[layout.X_INNOVATION + 1], x[layout.X_INNOVATION + 2]),
-            _tilt_sigma(x),
+            (q_w, q_x, q_y, q_z),
+            (x - bias_x, y - bias_y, z - bias_z),
+            (bias_x, bias_y, bias_z),
+            (to_n, to_e, to_d),
+            _tilt_sigma_rad(s),
             _ALL_TRUST[trust],
         )
 
 
-def rest_belief(gains: ShapedGains, vehicle: VehicleState) -> int:
+class SplitState(NamedTuple):
+    """A `FilterState` taken apart.
+
+    Attributes:
+        t_us: time of the last sample.
+        is_aligned: there is an attitude.
+        memory: numbers of the kernel's memory.
+        sample: numbers of its last sample.
+        window: numbers of the alignment's window; none without one.
+        aiding: numbers of the velocity aiding.
+    """
+
+    t_us: int | None
+    is_aligned: bool
+    memory: list[float]
+    sample: list[float]
+    window: list[float]
+    aiding: list[float]
+
+
+def split_state(state: FilterState, name: str) -> SplitState:
+    """The parts of a state; ValueError for another filter's state."""
+    sizes = (size_of(Memory), size_of(Sample))
+    if state.filter_name != name or len(state.values) < HEAD_SIZE + sum(sizes):
+        raise ValueError(f"state of filter {state.filter_name!r} given to {name!r}")
+    t_us = state.values[0]
+    numbers = [0.0 if value is None else float(value) for value in state.values]
+    ends = list(itertools.accumulate((HEAD_SIZE, *sizes, int(numbers[2]))))
+    parts = [numbers[start:end] for start, end in itertools.pairwise((*ends, len(numbers)))]
+    return SplitState(None if t_us is None else int(t_us), numbers[1] > 0.0, *parts)
+
+
+def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
     """0: never at rest, 1: the signals decide, 2: on the ground, as the autopilot says."""
     if vehicle.on_ground is None:
         return 1 if gains.vehicle_class == "handheld" else 0
     return 2 if vehicle.on_ground else 0
 
 
-def nose_velocity_m_s(gains: ShapedGains, vehicle: VehicleState) -> float:
+def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:
     """Velocity along the nose that holds a filter without fixes, m/s."""
     if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
         return 0.0
@@ -291,20 +339,20 @@ def is_plausible(sample: ImuSample) -> bool:
     )
 
 
-def _tilt_sigma(x: Sequence[float]) -> float:
-    """Predicted one-sigma tilt error, rad: of the gain set, the bias through it, and of doubt.
+def _tilt_sigma_rad(s: Memory) -> float:
+    """Predicted one-sigma tilt error: of the gain set, the bias through it, and what is beyond.
 
     Source: docs/filter.md Eq. (11), (27), (30).
     """
-    u0, u1, u2 = x[layout.X_UN], x[layout.X_UN + 1], x[layout.X_UN + 2]
-    v0, v1, v2 = x[layout.X_UE], x[layout.X_UE + 1], x[layout.X_UE + 2]
+    n_x, n_y, n_z, _ = s.dtilt_n
+    e_x, e_y, e_z, _ = s.dtilt_e
     bias = (
-        x[layout.X_P] * (u0 * u0 + v0 * v0)
-        + x[layout.X_P + 4] * (u1 * u1 + v1 * v1)
-        + x[layout.X_P + 7] * (u2 * u2 + v2 * v2)
+        s.p_xx * (n_x * n_x + e_x * e_x)
+        + s.p_yy * (n_y * n_y + e_y * e_y)
+        + s.p_zz * (n_z * n_z + e_z * e_z)
     )
-    gain_set = 2.0 * x[layout.X_KT] * x[layout.X_KV] * x[layout.X_NV2]
-    return math.sqrt(gain_set + bias + x[layout.X_DOUBT] * x[layout.X_DOUBT])
+    gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
+    return math.sqrt(gain_set + bias + s.extra_tilt_sigma * s.extra_tilt_sigma)
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:
