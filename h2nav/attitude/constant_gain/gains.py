@@ -1,4 +1,4 @@
-"""The integer image of the constant gains: what the lean fixed-point filter takes.
+"""Constant gains of attitude and bias together, and their integers.
 
 The constant-gain filter is the steady state of attitude and bias together. In the eigenframe of
 the information matrix it falls apart into three problems of two states, solved here by their
@@ -10,17 +10,20 @@ Source: docs/fixed-point.md Eq. (5), (6), (13).
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from h2nav.attitude.gains import (
-    GainFile,
-    SensorDensities,
-    TwoStageGains,
-    information,
-    two_stage_gains,
+from h2nav.attitude.constant_gain.memory import (
+    GAIN_LIMIT,
+    LEAST_BIAS_SHIFT,
+    LEAST_SHIFT,
+    MOST_BIAS_SHIFT,
+    MOST_SHIFT,
+    Gains,
 )
-from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.attitude.kernels import shaped_layout
+from h2nav.attitude.gains.densities import SensorDensities, information
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.record import assign, values
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.shaped_gains import GRAVITY_M_S2, shaped_gains
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, velocity_aided_gains
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:  # the daemon computes gains without numpy
@@ -48,7 +51,7 @@ TILT_BANDWIDTH = 0.2
 COMMON_FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 
 
-class FixedModel(NamedTuple):
+class ConstantGainModel(NamedTuple):
     """What the constant gains are computed from.
 
     Attributes:
@@ -85,66 +88,66 @@ class ConstantGains(NamedTuple):
     rate_hz: float
 
 
-class LeanImage(NamedTuple):
-    """Integer parameters and what rounding has done to the gains.
+class IntegerGains(NamedTuple):
+    """The kernel's gains and what rounding has done to them.
 
     Attributes:
-        params: the kernel's parameters.
-        rounded: the gains that the parameters stand for.
+        gains: of the kernel.
+        rounded: the gains that the integers stand for.
         rounding_error: largest change of a gain, relative to the largest of its matrix.
     """
 
-    params: tuple[int, ...]
+    gains: Gains
     rounded: ConstantGains
     rounding_error: float
 
 
-def fixed_model(file: GainFile, place: str) -> FixedModel:
+def constant_gain_model(file: GainFile, place: str) -> ConstantGainModel:
     """The model behind a gain file of either kind.
 
-    A file of kind shaped holds no accelerometer noise: what disturbs the tilt there is motion. Its
-    constant-gain image has the tilt bandwidth `TILT_BANDWIDTH`.
+    A file of kind velocity_aided holds no accelerometer noise: motion is what disturbs the tilt.
+    Its constant-gain image has the tilt bandwidth `TILT_BANDWIDTH`.
 
     Raises:
         BadInput: the file's gains are not usable.
     """
-    if file.kind == "two_stage":
-        gains: TwoStageGains = two_stage_gains(file, place)
-        return FixedModel(gains.name, gains.rate_hz, gains.densities, FORCE_WEIGHT)
-    g = shaped_gains(file, place).g
-    gyro = math.sqrt(g[shaped_layout.G_GYRO])
+    if file.filter_name == "two_stage":
+        gains = two_stage_gains(file, place)
+        return ConstantGainModel(gains.name, gains.rate_hz, gains.densities, FORCE_WEIGHT)
+    g = velocity_aided_gains(file, place).kernel
+    gyro = math.sqrt(g.gyro_noise)
     horizontal = COMMON_FIELD.norm_ut * math.cos(COMMON_FIELD.dip_rad)
     densities = SensorDensities(
         gyro=gyro,
-        bias_walk=math.sqrt(g[shaped_layout.G_BIAS_WALK]),
+        bias_walk=math.sqrt(g.bias_walk),
         accelerometer=gyro * GRAVITY_M_S2 / TILT_BANDWIDTH,
-        magnetometer=math.sqrt(g[shaped_layout.G_FIELD]) * horizontal,
+        magnetometer=math.sqrt(g.mag_noise) * horizontal,
         gravity_m_s2=GRAVITY_M_S2,
         field=COMMON_FIELD,
     )
-    return FixedModel(file.name, file.rate_hz, densities, 1.0)
+    return ConstantGainModel(file.name, file.rate_hz, densities, 1.0)
 
 
-def fixed_image(file: GainFile, place: str) -> "LeanImage":
+def integer_gains_of(file: GainFile, place: str) -> IntegerGains:
     """The integers of a gain file.
 
     Raises:
         BadInput: the file's gains are not usable, or outside the fixed-point format.
     """
-    model = fixed_model(file, place)
-    return lean_image(constant_gains(model.densities, model.rate_hz, model.force_weight), place)
+    model = constant_gain_model(file, place)
+    return integer_gains(constant_gains(model.densities, model.rate_hz, model.force_weight), place)
 
 
 def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
-    """The lean `fixed_point` section: image, rounding error, stability after rounding.
+    """The `fixed_point` section: the integers, their rounding error, stability after rounding.
 
     Raises:
         BadInput: the file's gains are not usable, or outside the fixed-point format.
     """
-    image = fixed_image(file, place)
+    image = integer_gains_of(file, place)
     return {
         "format": "lean-1",
-        "params": list(image.params),
+        "params": values(image.gains, Gains),
         "rounding_error": image.rounding_error,
         "spectral_radius": spectral_radius(image.rounded),
     }
@@ -232,7 +235,7 @@ def _inverse(a: Square) -> Square:
     return a[3] / determinant, -a[1] / determinant, -a[2] / determinant, a[0] / determinant
 
 
-def lean_image(gains: ConstantGains, place: str) -> LeanImage:
+def integer_gains(gains: ConstantGains, place: str) -> IntegerGains:
     """The integers that stand for `gains`.
 
     Args:
@@ -247,28 +250,31 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
     field = (_q14((1.0 - gains.gravity_weight) * cosine), _q14((1.0 - gains.gravity_weight) * sine))
     attitude, shift = _mantissas(gains.attitude, 2.0**14, f"{place}: attitude gain")
     bias, bias_shift = _mantissas(gains.bias, BIAS_UNIT / 2.0**15, f"{place}: bias gain")
-    if not kernel.LEAST_SHIFT <= shift <= 24 or not kernel.LEAST_BIAS_SHIFT <= bias_shift <= 26:
+    if (
+        not LEAST_SHIFT <= shift <= MOST_SHIFT
+        or not LEAST_BIAS_SHIFT <= bias_shift <= MOST_BIAS_SHIFT
+    ):
         raise BadInput(
             f"{place}: gains of {max(gains.attitude):g} rad, {max(gains.bias):g} rad/s per sample "
             "are outside the fixed-point format; expected a higher rate or a smaller bias walk"
         )
-    params = (
-        _q14(cosine),
-        _q14(sine),
-        force,
-        *field,
-        *attitude,
-        shift,
-        *bias,
-        bias_shift,
-        round(FORCE_TOLERANCE * 2**26),
-        round(FIELD_TOLERANCE * 2**26),
-        round(DIP_TOLERANCE * 2**15),
-        min(3, shift - kernel.LEAST_SHIFT, (bias_shift - kernel.LEAST_BIAS_SHIFT) // 2),
-        _boost_shift(gains),
+    image = Gains(
+        mag_n=_q14(cosine),
+        mag_d=_q14(sine),
+        accel_weight=force,
+        mag_weight_n=field[0],
+        mag_weight_d=field[1],
+        attitude_gain=list(attitude),
+        attitude_shift=shift,
+        bias_gain=list(bias),
+        bias_shift=bias_shift,
+        accel_tolerance=round(FORCE_TOLERANCE * 2**26),
+        mag_tolerance=round(FIELD_TOLERANCE * 2**26),
+        dip_tolerance=round(DIP_TOLERANCE * 2**15),
+        boost=min(3, shift - LEAST_SHIFT, (bias_shift - LEAST_BIAS_SHIFT) // 2),
+        boost_shift=_boost_shift(gains),
     )
-    for value, (lo, hi) in zip(params, kernel.PARAMS_RANGES, strict=True):
-        assert lo <= value <= hi
+    assign(image, Gains, values(image, Gains))  # checks the ranges
     rounded = ConstantGains(
         _matrix(attitude, 2.0 ** -(14 + shift)),
         _matrix(bias, 2.0 ** (15 - bias_shift) / BIAS_UNIT),
@@ -282,7 +288,7 @@ def lean_image(gains: ConstantGains, place: str) -> LeanImage:
         if any(exact)
         for a, b in zip(exact, image, strict=True)
     )
-    return LeanImage(params, rounded, error)
+    return IntegerGains(image, rounded, error)
 
 
 def _q14(value: float) -> int:
@@ -295,7 +301,7 @@ def _mantissas(gain: Matrix, unit: float, what: str) -> tuple[Mantissas, int]:
     if not math.isfinite(largest):
         raise BadInput(f"{what}: expected finite numbers")
     shift = 26
-    while shift > 0 and largest * 2.0**shift > kernel.GAIN_LIMIT:
+    while shift > 0 and largest * 2.0**shift > GAIN_LIMIT:
         shift -= 1
     xx, xz, yy, zx, zz = (math.floor(entry * unit * 2.0**shift + 0.5) for entry in gain)
     return (xx, xz, yy, zx, zz), shift
