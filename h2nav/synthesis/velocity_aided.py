@@ -1,4 +1,4 @@
-"""From a disturbance model to a certified gain file of kind shaped.
+"""From a disturbance model to a certified gain file of kind velocity_aided.
 
 A gain set is the H2-optimal observer of one horizontal axis: the tilt is driven by gyro noise, the
 velocity by the tilt, and the velocity is what is (pseudo-)measured. The gain depends on nothing but
@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.flight_gains import flight_image, rounded_sets
-from h2nav.attitude.gains import GainFile
-from h2nav.attitude.kernels.shaped_layout import PERIODS, SETS
+from h2nav.attitude.gains.envelope import GainFile, key_errors
 from h2nav.attitude.plant import Matrix, Plant, discretise
-from h2nav.attitude.shaped_gains import (
+from h2nav.attitude.record import values
+from h2nav.attitude.velocity_aided.gains import (
     CRUISE_SPEED,
     PARAMETERS,
     GainSets,
-    key_errors,
     parameter_errors,
     sets_of,
-    shaped_gains,
+    velocity_aided_gains,
 )
+from h2nav.attitude.velocity_aided.integer.gains import integer_gains, rounded_sets
+from h2nav.attitude.velocity_aided.integer.memory import PERIODS, SETS, Gains
 from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, accept, spectrum
 from h2nav.synthesis.gain_certificate import Loop, certified
@@ -89,7 +89,7 @@ def synthesise(
     """The certified gain sets of a disturbance model at a rate.
 
     Args:
-        document: the model file's mapping, `kind: shaped`.
+        document: the model file's mapping, `kind: velocity_aided`.
         rate_hz: sample rate of the filter.
         place: the model's file, for errors.
         lmi_solvers: which solvers run the H2 LMI beside Riccati and closed form.
@@ -115,7 +115,7 @@ def synthesise(
             ),
         }
     file = GainFile(
-        kind="shaped",
+        kind="velocity_aided",
         name=f"{document['name']}_{rate_hz:g}hz",
         rate_hz=rate_hz,
         model=dict(document),
@@ -151,12 +151,12 @@ def gain_ladder(gyro_density: float, rate_hz: float) -> GainSets:
 
 
 def loops(file: GainFile, place: str) -> list[Loop]:
-    """The closed loops of a shaped file, with plants rebuilt from its model.
+    """The closed loops of a file of this kind, with plants rebuilt from its model.
 
     Raises:
         BadInput: a section of the file is not what this kind needs.
     """
-    shaped_gains(file, place)
+    velocity_aided_gains(file, place)
     return _loops_of(file, place, sets_of(file.gains))
 
 
@@ -169,16 +169,16 @@ def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
     Raises:
         BadInput: the file's gains are not usable.
     """
-    gains = shaped_gains(file, place)
+    gains = velocity_aided_gains(file, place)
     try:
-        image = flight_image(gains, file.name)
+        image = integer_gains(gains, file.name)
     except BadInput as error:
         return {"format": FIXED_POINT_FORMAT, "refused": str(error)}
-    rounded = _loops_of(file, place, rounded_sets(image.params, sets_of(file.gains)))
+    rounded = _loops_of(file, place, rounded_sets(image.gains, sets_of(file.gains)))
     radii = [spectrum(loop.plant, loop.L)[1] or 0.0 for loop in rounded]
     return {
         "format": FIXED_POINT_FORMAT,
-        "params": list(image.params),
+        "params": values(image.gains, Gains),
         "rounding_error": image.rounding_error,
         "spectral_radius": max(radii),
     }
@@ -266,7 +266,7 @@ def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, ob
     Raises:
         BadInput: one line per key that is missing, unknown or out of its limits.
     """
-    errors = key_errors(document, _MODEL_KEYS, f"{place}: ")
+    errors = key_errors(document, _MODEL_KEYS, place, "")
     errors += [
         f"{place}: {key}: expected a text that is not empty"
         for key in ("name", "source")
@@ -275,7 +275,7 @@ def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, ob
     disturbance = document.get("disturbance")
     if not isinstance(disturbance, Mapping):
         raise BadInput(*errors, f"{place}: disturbance: expected a section of keys and values")
-    errors += key_errors(disturbance, (*PARAMETERS, CRUISE_SPEED), f"{place}: disturbance.")
+    errors += key_errors(disturbance, (*PARAMETERS, CRUISE_SPEED), place, "disturbance.")
     errors += parameter_errors(disturbance, f"{place}: disturbance.")
     errors += parameter_errors({"vehicle_class": document.get("vehicle_class")}, f"{place}: ")
     if errors:
