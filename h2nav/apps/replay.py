@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--filter",
-        choices=("default", "two_stage"),
+        choices=("default", "velocity_aided", "two_stage", "constant_gain"),
         help="filter to run instead of the configured one",
     )
     parser.add_argument(
