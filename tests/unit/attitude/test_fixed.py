@@ -6,11 +6,13 @@ import random
 import pytest
 from needs import DEG
 
-from h2nav.attitude.constant_gain.filter import ConstantGainFilter, sample_integers
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter, fill_sample
 from h2nav.attitude.constant_gain.gains import ConstantGainModel, constant_gain_model
+from h2nav.attitude.constant_gain.kernel import step as kernel
+from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
 from h2nav.attitude.gains.densities import SensorDensities
-from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.attitude.kernels import fixed_motion, fixed_triad
+from h2nav.attitude.integer import motion, triad
+from h2nav.attitude.record import assign, rows, values
 from h2nav.attitude.samples import EarthField, ImuSample, Trust
 from h2nav.io import gain_files
 from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
@@ -199,27 +201,27 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
         return x
 
     monkeypatch.setattr(kernel, "known", checked)
-    monkeypatch.setattr(fixed_triad, "known", checked)
-    monkeypatch.setattr(fixed_motion, "known", checked)
+    monkeypatch.setattr(triad, "known", checked)
+    monkeypatch.setattr(motion, "known", checked)
     rng = random.Random(5)
-    params = list(ConstantGainFilter(MODEL).params)
-    state = [0] * kernel.STATE_SIZE
-    kernel.reset(state)
+    gains, memory, sample = ConstantGainFilter(MODEL).kernel_gains, Memory(), Sample()
+    ranges = [found.range or (0, 0) for found in rows(Sample) for _ in range(found.length)]
+    kernel.reset(memory)
     for i in range(40_000):
         block = (i // 500) % 4
         if block == 0:
-            sample = [rng.choice(ends) for ends in kernel.SAMPLE_RANGES]
+            numbers = [rng.choice(ends) for ends in ranges]
         elif block == 1:
-            sample = [rng.randint(lo, hi) for lo, hi in kernel.SAMPLE_RANGES]
+            numbers = [rng.randint(lo, hi) for lo, hi in ranges]
         elif block == 2:  # sane vectors at the edge of the gate, fastest turns
             rates = [rng.choice([-(1 << 31), (1 << 31) - 1]) for _ in range(3)]
-            sample = [*rates, *_on_sphere(rng, 1.224), *_on_sphere(rng, 1.224), -1, 12500]
+            numbers = [*rates, *_on_sphere(rng, 1.224), *_on_sphere(rng, 1.224), -1, 12500]
         else:
-            sample = [0, 0, 0, *_on_sphere(rng, 1.0), *_on_sphere(rng, 1.0), -1, 10000]
-            sample[3:9] = sample[3:9] if i % 500 == 0 else [0, 0, 16384, 8192, 0, 14189]
-        kernel.update(state, params, sample)
-        for value, (lo, hi) in zip(state, kernel.STATE_RANGES, strict=True):
-            assert lo <= value <= hi
+            numbers = [0, 0, 0, *_on_sphere(rng, 1.0), *_on_sphere(rng, 1.0), -1, 10000]
+            numbers[3:9] = numbers[3:9] if i % 500 == 0 else [0, 0, 16384, 8192, 0, 14189]
+        assign(sample, Sample, numbers)
+        kernel.update(memory, gains, sample)
+        assign(memory, Memory, values(memory, Memory))  # refuses what is out of its range
 
 
 def _on_sphere(rng: random.Random, radius: float) -> list[int]:
@@ -232,13 +234,16 @@ def _on_sphere(rng: random.Random, radius: float) -> list[int]:
 def test_every_shipped_gain_file_has_an_integer_image(name: str) -> None:
     file = gain_files.load(name)
     attitude_filter = ConstantGainFilter(constant_gain_model(file, name))
-    for value, (lo, hi) in zip(attitude_filter.params, kernel.PARAMS_RANGES, strict=True):
-        assert lo <= value <= hi
+    gains = attitude_filter.kernel_gains
+    assign(gains, Gains, values(gains, Gains))  # refuses what is out of its range
 
 
-def test_sample_integers_round_half_up_and_saturate() -> None:
-    sample = sample_integers((1.0, 0.0, -1.0), (0.0, 0.0, 1.0), None, 10_000)
-    assert sample[:3] == [1099512, 0, -1099512]
-    assert sample[5] == 16384
-    assert sample[kernel.HAS_FIELD] == 0
-    assert sample_integers((0.0,) * 3, (5.0, -5.0, 0.0), (0.0,) * 3, 0)[3:5] == [32767, -32768]
+def test_fill_sample_round_half_up_and_saturate() -> None:
+    sample = Sample()
+    fill_sample(sample, (1.0, 0.0, -1.0), (0.0, 0.0, 1.0), None, 10_000)
+    assert sample.gyro == [1099512, 0, -1099512]
+    assert sample.gravity[2] == 16384
+    assert sample.has_mag == 0
+    fill_sample(sample, (0.0,) * 3, (5.0, -5.0, 0.0), (0.0,) * 3, 0)
+    assert sample.gravity == [32767, -32768, 0]
+    assert sample.has_mag == -1

@@ -1,5 +1,6 @@
 """The default filter in integers behind the common interface: start, field, bad samples, memory."""
 
+import copy
 import math
 
 import pytest
@@ -29,8 +30,6 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.kernels import fixed_flight_layout as layout
-from h2nav.attitude.kernels import shaped_layout
 from h2nav.attitude.samples import (
     EarthField,
     Quat,
@@ -296,13 +295,13 @@ def test_a_restart_forgets_the_attitude_and_keeps_the_bias() -> None:
 @pytest.mark.parametrize(
     "state",
     [
-        FilterState("default", (1.0,) * 200),
-        FilterState("fixed_default", ()),
-        FilterState("fixed_default", (1,) * 20),
+        FilterState("velocity_aided", (1.0,) * 200),
+        FilterState("velocity_aided_integer", ()),
+        FilterState("velocity_aided_integer", (1,) * 20),
     ],
 )
 def test_another_filters_state_is_refused(state: FilterState) -> None:
-    with pytest.raises(ValueError, match="given to 'fixed_default'"):
+    with pytest.raises(ValueError, match="given to 'velocity_aided_integer'"):
         new_filter().restore(state)
 
 
@@ -310,7 +309,7 @@ def test_a_state_outside_the_ranges_is_refused() -> None:
     filter_ = new_filter()
     name, values = filter_.state()
     broken = tuple((1 << 31) - 1 if value == 0 else value for value in values)
-    with pytest.raises(ValueError, match="the state holds 2147483647, outside"):
+    with pytest.raises(ValueError, match="holds 2147483647, outside"):
         filter_.restore(FilterState(name, broken))
 
 
@@ -318,18 +317,18 @@ def test_a_state_outside_the_ranges_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "what"),
+    ("field", "value", "what"),
     [
-        (shaped_layout.G_SETS + 2, 6.0, "k_velocity_s"),  # more than one per frame of 200 ms
-        (shaped_layout.G_PERIODS + 1, 9.0, "k_fix_tilt_s"),
-        (shaped_layout.G_SETS + 1, 1e-9, "k_tilt_s2"),
+        ("k_velocity", 6.0, "k_velocity_s"),  # more than one per frame of 200 ms
+        ("k_fix_tilt", 9.0, "k_fix_tilt_s"),
+        ("k_tilt", 1e-9, "k_tilt_s2"),
     ],
 )
-def test_a_gain_beyond_the_format_is_refused(place: int, value: float, what: str) -> None:
-    g = list(MULTIROTOR.g)
-    g[place] = value
+def test_a_gain_beyond_the_format_is_refused(field: str, value: float, what: str) -> None:
+    kernel = copy.deepcopy(MULTIROTOR.kernel)
+    getattr(kernel, field)[0] = value
     with pytest.raises(BadInput, match=rf"^mine: {what} is outside what the integer filter holds"):
-        IntegerVelocityAidedFilter(MULTIROTOR._replace(g=tuple(g)), "mine")
+        IntegerVelocityAidedFilter(MULTIROTOR._replace(kernel=kernel), "mine")
 
 
 def test_a_cruise_speed_beyond_the_format_is_refused() -> None:
@@ -340,5 +339,5 @@ def test_a_cruise_speed_beyond_the_format_is_refused() -> None:
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 100.0])
 def test_the_lowpass_follows_the_steps_that_a_sample_is_taken_in(rate_hz: float) -> None:
     """At 25 and 50 Hz too a step lasts 10 ms: half a second are 2^6 of them, within a root of 2."""
-    params = integer_gains(MULTIROTOR._replace(rate_hz=rate_hz), "mine").params
-    assert params[layout.LP_SHIFT] == 6
+    gains = integer_gains(MULTIROTOR._replace(rate_hz=rate_hz), "mine").gains
+    assert gains.rest_lowpass_shift == 6

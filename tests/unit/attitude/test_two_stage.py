@@ -20,14 +20,15 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.filter import FilterState
+from h2nav.attitude.record import size_of
 from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample, Quat, Trust
-from h2nav.attitude.two_stage import memory as layout
 from h2nav.attitude.two_stage.filter import TwoStageFilter
 from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.two_stage.memory import Memory
 from h2nav.maths import quaternion
 
 GAINS = design_two_stage(DENSITIES, 100.0, "test")
-_MEMORY = -layout.X_SIZE  # where the kernel's memory begins in a state
+_MEMORY = -size_of(Memory)  # where the kernel's memory begins in a state
 
 
 def new_filter(field: EarthField | None = FIELD) -> TwoStageFilter:
