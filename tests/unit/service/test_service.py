@@ -5,9 +5,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.io.earth_field import earth_field_at
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.service.effects import Notice
 from h2nav.service.service import Service, Surroundings
-from h2nav.wire.imu import STANDARD_GRAVITY, ImuReading
+from h2nav.wire.imu import ImuReading
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import Heartbeat
 
@@ -51,7 +52,7 @@ class Bench:
 
 def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
     bench = Bench()
-    bench.rests((1, 1), 5, STANDARD_GRAVITY)
+    bench.rests((1, 1), 5, GRAVITY_M_S2)
     assert not [text for text in bench.notices if text.startswith("|acc|")]
     bench.t_us += 20 * US_PER_SECOND
     bench.rests((2, 1), 8, 1.0)
