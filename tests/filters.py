@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 from synthetic_imu import FIELD
 
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.fixed_gains import fixed_model
-from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.samples import EarthField, VehicleState
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 FLYING = VehicleState(on_ground=False)
@@ -20,13 +20,13 @@ GROUND = VehicleState(on_ground=True)
 MULTIROTOR = "multirotor_100hz"
 SENSOR = "mpu9250_100hz"
 
-_VEHICLE = gain_files.load(MULTIROTOR)
+_VEHICLE = velocity_aided_gains(gain_files.load(MULTIROTOR), MULTIROTOR)
 _SENSOR = gain_files.load(SENSOR)
 
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
-    "velocity_aided": lambda: ShapedFilter(shaped_gains(_VEHICLE, MULTIROTOR)),
-    "velocity_aided_integer": lambda: FlightFilter(shaped_gains(_VEHICLE, MULTIROTOR), MULTIROTOR),
-    "constant_gain_integer": lambda: FixedFilter(fixed_model(_SENSOR, SENSOR)),
+    "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE),
+    "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(_VEHICLE, MULTIROTOR),
+    "constant_gain": lambda: ConstantGainFilter(constant_gain_model(_SENSOR, SENSOR)),
     "two_stage": lambda: TwoStageFilter(two_stage_gains(_SENSOR, SENSOR)),
 }
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from h2nav.attitude.euler_ekf import EulerEkf
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.gains import SensorDensities, design_two_stage
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
 from h2nav.attitude.plant import Matrix
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
+from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.imu_model import (
@@ -262,20 +263,20 @@ def densities(assumptions: Assumptions) -> SensorDensities:
 
 
 def _two_stage(trials: Trials) -> dict[str, Matrix]:
-    from h2nav.attitude.two_stage import TwoStageFilter
+    from h2nav.attitude.two_stage.filter import TwoStageFilter
 
     gains = design_two_stage(densities(trials.assumptions), RATE_HZ, "paper")
     return {"two_stage": _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))}
 
 
 def _default(trials: Trials) -> dict[str, Matrix]:
-    from h2nav.attitude.shaped import ShapedFilter
-    from h2nav.attitude.shaped_gains import shaped_gains
+    from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
     from h2nav.io import gain_files
 
     name = f"multirotor_{RATE_HZ}hz"
-    gains = shaped_gains(gain_files.load(name), name)
-    return {"default": _one_by_one(trials, lambda: ShapedFilter(gains))}
+    gains = velocity_aided_gains(gain_files.load(name), name)
+    return {"default": _one_by_one(trials, lambda: VelocityAidedFilter(gains))}
 
 
 def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:

@@ -9,8 +9,8 @@ from needs import DEG, shared_data
 from h2nav.apps.dataset_filters import enu, samples
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState
 from h2nav.attitude.scoring import Errors, errors
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.io.trials import Trial, read_trial
 
@@ -23,9 +23,11 @@ def trial() -> Trial:
     return read_trial(shared_data("imu/sitl__calm.npz"))
 
 
-def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], ShapedFilter]:
+def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], VelocityAidedFilter]:
     """Errors and mask of the samples that got an estimate, and what was trusted."""
-    filter_ = ShapedFilter(shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz"))
+    filter_ = VelocityAidedFilter(
+        velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+    )
     filter_.use_vehicle(VehicleState(on_ground=False))
     rows, places, trust = [], [], []
     for place, sample in enumerate(samples(trial)):

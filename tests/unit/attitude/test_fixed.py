@@ -6,9 +6,9 @@ import random
 import pytest
 from needs import DEG
 
-from h2nav.attitude.fixed import FixedFilter, sample_integers
-from h2nav.attitude.fixed_gains import FixedModel, fixed_model
-from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter, sample_integers
+from h2nav.attitude.constant_gain.gains import ConstantGainModel, constant_gain_model
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.kernels import fixed_motion, fixed_triad
 from h2nav.attitude.samples import EarthField, ImuSample, Trust
@@ -16,7 +16,7 @@ from h2nav.io import gain_files
 from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
 
 FIELD = EarthField(50.0, 60.0 * DEG, 0.0)
-MODEL = FixedModel("test", 100.0, SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD), 1.0)
+MODEL = ConstantGainModel("test", 100.0, SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD), 1.0)
 Quat = tuple[float, float, float, float]
 
 
@@ -38,7 +38,7 @@ ATTITUDES = [
 
 @pytest.mark.parametrize("q_nb", ATTITUDES)
 def test_it_stays_there(q_nb: Quat) -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     for i in range(500):
         estimate = attitude_filter.update(still(q_nb, 10_000 * i))
     assert estimate is not None
@@ -48,11 +48,11 @@ def test_it_stays_there(q_nb: Quat) -> None:
 
 def test_nose_straight_down_without_a_field_still_aligns() -> None:
     q_nb = from_euler(0.0, -90.0 * DEG, 0.0)
-    assert FixedFilter(MODEL).update(still(q_nb, 0, field=False)) is not None
+    assert ConstantGainFilter(MODEL).update(still(q_nb, 0, field=False)) is not None
 
 
 def test_bias_is_learnt() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     bias = (0.5 * DEG, -0.3 * DEG, 0.2 * DEG)
     for i in range(30_000):
         estimate = attitude_filter.update(still(ATTITUDES[1], 10_000 * i)._replace(w_b=bias))
@@ -63,7 +63,7 @@ def test_bias_is_learnt() -> None:
 
 
 def test_restore_refuses_what_is_not_its_state() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     state = attitude_filter.state()
     with pytest.raises(ValueError, match="not a state"):
         attitude_filter.restore(state._replace(filter_name="default"))
@@ -73,7 +73,7 @@ def test_restore_refuses_what_is_not_its_state() -> None:
 
 
 def test_absurd_numbers_saturate_and_are_told() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still(ATTITUDES[0], 0))
     wild = ImuSample(10_000, (1e30, -1e30, 50.0), (1e20, 0.0, 0.0), (1e20, -1e20, 0.0))
     estimate = attitude_filter.update(wild)
@@ -85,7 +85,7 @@ def test_absurd_numbers_saturate_and_are_told() -> None:
 
 def test_a_wrong_attitude_that_both_sensors_contradict_is_found_anew() -> None:
     """Lock-out: after a second of disagreement the next sample aligns."""
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still(from_euler(170.0 * DEG, 0.0, 120.0 * DEG), 0))
     truth = (1.0, 0.0, 0.0, 0.0)
     restarted = []
@@ -110,7 +110,7 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(fixed_triad, "known", checked)
     monkeypatch.setattr(fixed_motion, "known", checked)
     rng = random.Random(5)
-    params = list(FixedFilter(MODEL).params)
+    params = list(ConstantGainFilter(MODEL).params)
     state = [0] * kernel.STATE_SIZE
     kernel.reset(state)
     for i in range(40_000):
@@ -139,7 +139,7 @@ def _on_sphere(rng: random.Random, radius: float) -> list[int]:
 @pytest.mark.parametrize("name", sorted(gain_files.shipped()))
 def test_every_shipped_gain_file_has_an_integer_image(name: str) -> None:
     file = gain_files.load(name)
-    attitude_filter = FixedFilter(fixed_model(file, name))
+    attitude_filter = ConstantGainFilter(constant_gain_model(file, name))
     for value, (lo, hi) in zip(attitude_filter.params, kernel.PARAMS_RANGES, strict=True):
         assert lo <= value <= hi
 

@@ -13,18 +13,18 @@ from h2nav.attitude.samples import (
     Vec3,
     VehicleState,
 )
-from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.maths import quaternion
 
 
-def new_filter(vehicle: VehicleState = FLYING) -> ShapedFilter:
-    filter_ = ShapedFilter(MULTIROTOR)
+def new_filter(vehicle: VehicleState = FLYING) -> VelocityAidedFilter:
+    filter_ = VelocityAidedFilter(MULTIROTOR)
     filter_.use_vehicle(vehicle)
     return filter_
 
 
 def run(
-    filter_: ShapedFilter, samples: Iterable[ImuSample]
+    filter_: VelocityAidedFilter, samples: Iterable[ImuSample]
 ) -> list[tuple[float, AttitudeEstimate]]:
     found = ((sample.t_us * 1e-6, filter_.update(sample)) for sample in samples)
     return [(t_s, estimate) for t_s, estimate in found if estimate is not None]
@@ -44,7 +44,7 @@ def bias_error_deg_s(estimate: AttitudeEstimate, true: Vec3) -> float:
     return max(abs(a - b) for a, b in zip(estimate.bias_b, true, strict=True)) / DEG
 
 
-def errors_deg(flight: Flight, filter_: ShapedFilter, after_s: float = 0.0) -> list[float]:
+def errors_deg(flight: Flight, filter_: VelocityAidedFilter, after_s: float = 0.0) -> list[float]:
     errors = []
     for sample, q in zip(flight.samples, flight.q_nb, strict=True):
         estimate = filter_.update(sample)
@@ -58,7 +58,7 @@ def errors_deg(flight: Flight, filter_: ShapedFilter, after_s: float = 0.0) -> l
 
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda gains: gains.vehicle_class)
 def test_learns_an_unknown_bias_within_30_s_of_gentle_motion(gains) -> None:
-    filter_ = ShapedFilter(gains)
+    filter_ = VelocityAidedFilter(gains)
     flight = fly(gentle, 30.0, 1, bias_b=BIAS, disturbance=Disturbance(force=breeze))
     estimates = run(filter_, flight.samples)
     assert bias_error_deg_s(estimates[-1][1], BIAS) < 0.05
@@ -173,5 +173,5 @@ def test_the_latency_of_the_magnetometer_is_learnt() -> None:
 
 def test_a_slow_turn_in_the_hand_is_not_taken_for_rest() -> None:
     flight = fly(slow, 60.0, 20, bias_b=(0.3 * DEG, -0.3 * DEG, 0.3 * DEG))
-    estimates = run(ShapedFilter(HANDHELD), flight.samples)
+    estimates = run(VelocityAidedFilter(HANDHELD), flight.samples)
     assert bias_error_deg_s(estimates[-1][1], flight.bias_b) < 0.1

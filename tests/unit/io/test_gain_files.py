@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from h2nav.attitude.gain_seal import seal
-from h2nav.attitude.gains import FORMAT, GainFile, two_stage_gains
+from h2nav.attitude.gains.envelope import FORMAT, GainFile
+from h2nav.attitude.gains.seal import seal
+from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 
