@@ -1,4 +1,4 @@
-"""Lemmas of the integer velocity-aided filter: `known` bounds are believed, here each is checked."""
+"""Lemmas of the integer filter: `known` bounds are believed, here each is checked."""
 
 import math
 import random
