@@ -69,6 +69,7 @@ ROOMS = {
         "h2nav/attitude/kernels",
         (
             "tests/unit/attitude",
+            "tests/contract",
             "tests/scenarios/test_shaped_faults.py",
             "tests/scenarios/test_shaped_trials.py",
             "tests/scenarios/test_lost_attitude.py",

@@ -1,13 +1,12 @@
 """Prints the figures behind the claims of docs/paper.md: `python tools/paper_claims.py`."""
 
-import math
-
 import numpy as np
 
 from h2nav.apps.paper_plots import stable_share
 from h2nav.apps.paper_trials import Assumptions, densities
 from h2nav.attitude.paper import Weights, linearised_plant, literal_slides_plant, spectral_abscissa
 from h2nav.attitude.plant import attitude_bias_plant, discretise
+from h2nav.maths.units import DEG
 from h2nav.sim.imu_model import field_vector
 from h2nav.synthesis.certificate import CertificateError, accept, prove
 from h2nav.synthesis.lmi import solve_lmi, solve_raw_lmi
@@ -15,7 +14,6 @@ from h2nav.synthesis.method import SynthesisError, relative_distance
 from h2nav.synthesis.model import vector_sensors
 from h2nav.synthesis.riccati import solve_riccati
 
-DEG = math.pi / 180.0
 ASSUMPTIONS = Assumptions()
 FIELD_N = np.array(field_vector(ASSUMPTIONS.field)) / ASSUMPTIONS.norm_ut
 VECTORS = np.array([[0.0, 0.0, 1.0], FIELD_N])

@@ -34,11 +34,11 @@ from h2nav.errors import TaskFailed
 from h2nav.io import gain_files
 from h2nav.io.trials import Told, Trial
 from h2nav.maths import frames, quaternion
+from h2nav.maths.units import DEG
 from h2nav.synthesis.riccati import solve_riccati
 
 Array = npt.NDArray[np.float64]
 
-DEG = math.pi / 180.0
 GPS_SIGMA_M_S = 0.1
 # Forward-right-down of forward-left-up, as a factor on rows of vectors.
 _FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))

@@ -19,9 +19,8 @@ from h2nav.attitude import alignment
 from h2nav.errors import TaskFailed
 from h2nav.io.trials import Trial
 from h2nav.maths import frames
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-GRAVITY_M_S2 = 9.80665
-_DEG = np.pi / 180.0
 Runner = Callable[[Trial, Conditions], Track]
 
 
@@ -76,7 +75,7 @@ def _imufusion(trial: Trial, _: Conditions) -> Track:
     chosen.set_quaternion(_start_nwu(trial))
     steps_s = _steps_s(trial)
     q_nwu = np.empty((len(trial.w_s), 4))
-    rates, forces = trial.w_s / _DEG, trial.f_s / GRAVITY_M_S2
+    rates, forces = trial.w_s / DEG, trial.f_s / GRAVITY_M_S2
     fields = None if trial.m_s is None else held(trial.m_s)
     started = time.process_time()
     for k in range(len(q_nwu)):

@@ -215,7 +215,8 @@ def _comparisons(
 def _flat(figures: object) -> list[float]:
     if isinstance(figures, list | tuple):
         return [number for item in figures for number in _flat(item)]
-    return [float(str(figures))]
+    assert isinstance(figures, int | float)
+    return [float(figures)]
 
 
 def _document(

@@ -7,7 +7,6 @@ import numpy as np
 
 from h2nav.apps.paper_trials import (
     CASES,
-    DEG,
     Assumptions,
     Case,
     Trials,
@@ -19,6 +18,7 @@ from h2nav.apps.paper_trials import (
 from h2nav.attitude.paper import spectral_abscissa
 from h2nav.attitude.plant import Matrix
 from h2nav.errors import BadInput
+from h2nav.maths.units import DEG
 from h2nav.sim.imu_model import field_vector
 
 ANGLES = ("roll", "pitch", "yaw")

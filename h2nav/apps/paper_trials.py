@@ -20,6 +20,7 @@ from h2nav.attitude.plant import Matrix
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
 from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.maths import frames, quaternion
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.imu_model import (
     MPU_9250,
     GyroSampling,
@@ -28,11 +29,9 @@ from h2nav.sim.imu_model import (
     field_vector,
     readings,
 )
-from h2nav.sim.rigid_motion import GRAVITY_M_S2
 from h2nav.sim.scenarios import scenario
 from h2nav.synthesis.riccati import solve_riccati
 
-DEG = math.pi / 180.0
 RATE_HZ = 100
 DT_S = 1.0 / RATE_HZ
 

@@ -4,6 +4,7 @@ SIMSTATE is the simulator's truth and carries no time; it belongs to the samples
 it. ATTITUDE is the autopilot's own estimate, with its time since boot.
 """
 
+import math
 from array import array
 from typing import Any, NamedTuple
 
@@ -110,7 +111,7 @@ class Reference:
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
         """Takes an estimate."""
         angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
-        roll, pitch, yaw = (angle * np.pi / 180.0 for angle in angles)
+        roll, pitch, yaw = map(math.radians, angles)
         self._by_arrival.add(t_ns // 1000, roll, pitch, yaw)
         self._by_boot_time.add(record.t_us, roll, pitch, yaw)
 

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.motion import rigid_step
 from h2nav.motion.finite_time import FiniteTimeGains
 from h2nav.motion.observer_state import ObserverEvent
@@ -15,7 +16,7 @@ from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import InertialSample, PoseFrame, PoseSample, TwistSample
 from h2nav.motion.settings import TwistObserverSettings
-from h2nav.motion.twist_observer import GRAVITY_M_S2, NEW_EPOCH_SAMPLES, TwistObserver
+from h2nav.motion.twist_observer import NEW_EPOCH_SAMPLES, TwistObserver
 from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 
 STEP_US = 5_000
