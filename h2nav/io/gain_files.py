@@ -1,5 +1,6 @@
 """Gain files on disk: writing, finding shipped ones by name, and the daemon's trust in them."""
 
+import math
 import os
 from collections.abc import Mapping
 from importlib import resources
@@ -13,6 +14,7 @@ from h2nav.errors import BadInput
 from h2nav.io.plain_yaml import read_mapping
 
 SUFFIX = ".yaml"
+SHIPPED_RATES_HZ = (50, 100, 200, 400)
 
 
 def load(path_or_name: str | Path) -> GainFile:
@@ -66,6 +68,11 @@ def shipped() -> dict[str, Path]:
     packaged = Path(str(resources.files("h2nav"))) / "gains"
     folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "gains"
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
+
+
+def shipped_rate(rate_hz: float) -> int:
+    """The rate of the shipped gains that is nearest; filters step with the samples' true times."""
+    return min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / rate_hz)))
 
 
 def text_of(file: GainFile) -> str:

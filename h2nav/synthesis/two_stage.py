@@ -22,14 +22,6 @@ from h2nav.attitude.gains import (
     two_stage_gains,
     two_stage_section,
 )
-from h2nav.attitude.plant import (
-    Matrix,
-    Plant,
-    VectorSensor,
-    attitude_bias_plant,
-    attitude_plant,
-    discretise,
-)
 from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, LoopCertificate, accept
 from h2nav.synthesis.closed_form import attitude_bias_gain, attitude_gain
@@ -41,6 +33,14 @@ from h2nav.synthesis.model import (
     given_values,
     model_from_values,
     vector_sensors,
+)
+from h2nav.synthesis.plant import (
+    Matrix,
+    Plant,
+    VectorSensor,
+    attitude_bias_plant,
+    attitude_plant,
+    discretise,
 )
 from h2nav.synthesis.riccati import solve_riccati
 

@@ -11,18 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.attitude.scoring import errors
+from h2nav.evaluation.rows import Array, from_euler, wrapped
+from h2nav.evaluation.scoring import errors, root_mean_square
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
-from h2nav.maths.quaternion import from_euler
 from h2nav.service.records import EstimateRecord
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 # Further apart than this, an estimate and a reference do not belong together.
 FARTHEST_US = 20_000
-
-Floats = NDArray[np.float64]
 
 
 class ErrorTable(NamedTuple):
@@ -64,7 +62,7 @@ class Pairs(NamedTuple):
 
     reference: str
     rows: NDArray[np.int64]
-    angles: Floats
+    angles: Array
 
 
 class _Attitudes:
@@ -78,7 +76,7 @@ class _Attitudes:
         self.t_us.append(t_us)
         self.angles.extend((roll, pitch, yaw))
 
-    def arrays(self) -> tuple[NDArray[np.int64], Floats]:
+    def arrays(self) -> tuple[NDArray[np.int64], Array]:
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
@@ -162,17 +160,7 @@ def _nearest(at_us: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.in
     return np.where(is_near, order[nearest], -1)
 
 
-def _table(name: str, ours: Floats, truth: Floats) -> ErrorTable:
-    difference = (ours - truth + np.pi) % (2.0 * np.pi) - np.pi
-    found = errors(quaternions(ours), quaternions(truth), np.ones(len(ours), dtype=bool), True)
-    columns = (*np.degrees(difference).T, found.inclination, found.total)
-    return ErrorTable(name, len(ours), *map(_rms, columns))
-
-
-def quaternions(angles: Floats) -> Floats:
-    """(N, 4) q_nb of rows of roll, pitch, yaw."""
-    return np.array([from_euler(*row) for row in angles.tolist()]).reshape(-1, 4)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _table(name: str, ours: Array, truth: Array) -> ErrorTable:
+    found = errors(from_euler(ours), from_euler(truth), np.ones(len(ours), dtype=bool), True)
+    columns = (*np.degrees(wrapped(ours - truth)).T, found.inclination, found.total)
+    return ErrorTable(name, len(ours), *map(root_mean_square, columns))
