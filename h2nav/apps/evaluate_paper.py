@@ -68,14 +68,8 @@ def _document(found: "Tables", assumptions: "Assumptions", seeds: int) -> dict[s
     from h2nav.evaluation.paper.tables import SLIDES, comparisons
 
     return {
-        **{
-            case: {name: row._asdict() for name, row in rows.items()}
-            for case, rows in found.items()
-        },
-        "slides": {
-            case: {name: row._asdict() for name, row in rows.items()}
-            for case, rows in SLIDES.items()
-        },
+        **_by_name(found),
+        "slides": _by_name(SLIDES),
         "slides_rms_outside_factor": _outside(comparisons(found, "rms_deg")),
         "slides_min_max_outside_factor": _outside(comparisons(found, "min_max_deg")),
         "seeds": seeds,

@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--autopilot-radius-m",
         type=float,
+        default=1.0,
         metavar="R",
         help="wheel radius that the autopilot makes WHEEL_DISTANCE with (ArduPilot: WENC_RADIUS); "
         "default 1: from increments, the daemon must be fed wheel angles; from counters, the "
@@ -52,7 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Calibrates and prints the parameters with a configuration block for the daemon."""
     angles = _angles_rad(args.wheel_angles_deg)
-    fed_radius_m = _fed_radius(args.autopilot_radius_m)
+    fed_radius_m = args.autopilot_radius_m
+    if not 1e-4 <= fed_radius_m <= 1e3:
+        raise BadInput(
+            f"--autopilot-radius-m {fed_radius_m}: expected a number from 0.0001 to 1000"
+        )
     read = _read(args.data, args.model)
     # Counters in metres are wheel angles times the autopilot's radius; increments are angles.
     data = read if read.track is None else read._replace(readings=read.readings / fed_radius_m)
@@ -95,14 +100,6 @@ def _angles_rad(text: str) -> tuple[float, float, float]:
             f"--wheel-angles-deg {text}: expected three numbers, such as 0,120,240"
         ) from None
     return (a, b, c)
-
-
-def _fed_radius(radius_m: float | None) -> float:
-    if radius_m is None:
-        return 1.0
-    if not 1e-4 <= radius_m <= 1e3:
-        raise BadInput(f"--autopilot-radius-m {radius_m}: expected a number from 0.0001 to 1000")
-    return radius_m
 
 
 def _document(

@@ -90,8 +90,8 @@ class Reference:
     message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
-        self._by_arrival = _Attitudes()
-        self._by_boot_time = _Attitudes()
+        self._estimates = _Attitudes()  # by arrival
+        self._boot_us = array("q")  # of the same
         self._truth = _Attitudes()
         self._autopilot = _Attitudes()
 
@@ -109,8 +109,8 @@ class Reference:
         """Takes an estimate."""
         angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
         roll, pitch, yaw = (angle * np.pi / 180.0 for angle in angles)
-        self._by_arrival.add(t_ns // 1000, roll, pitch, yaw)
-        self._by_boot_time.add(record.t_us, roll, pitch, yaw)
+        self._estimates.add(t_ns // 1000, roll, pitch, yaw)
+        self._boot_us.append(record.t_us)
 
     def table(self, skip_s: float = 0.0) -> ErrorTable:
         """The errors against SIMSTATE, else ATTITUDE.
@@ -118,9 +118,8 @@ class Reference:
         Args:
             skip_s: references of so many first seconds do not count.
         """
-        arrived_us, angles = self._by_arrival.arrays()
-        boot_us, _ = self._by_boot_time.arrays()
-        pairs = self.pairs(arrived_us, boot_us, skip_s)
+        arrived_us, angles = self._estimates.arrays()
+        pairs = self.pairs(arrived_us, np.array(self._boot_us), skip_s)
         if not len(pairs.rows):
             return ErrorTable("", 0)
         return _table(pairs.reference, angles[pairs.rows], pairs.angles)

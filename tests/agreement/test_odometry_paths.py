@@ -33,22 +33,12 @@ def wheels_of(chassis, motions):
 
 
 def sample_ends(chassis, steps, slip, seeds):
-    """Where noisy runs of the same wheel ways end; the deterministic step stays untouched.
+    """Where noisy runs of the same wheel ways end: (len(seeds), 3) x, y, heading, not wrapped.
 
-    The wheels roll `steps`; what the chassis really does differs by random slip.
-
-    Args:
-        chassis: the layout.
-        steps: the wheels' ways, step by step.
-        slip: the noise.
-        seeds: one run for each; a seed names its run, whichever others are asked for.
-
-    Returns:
-        (len(seeds), 3) array of x, y, heading (not wrapped).
-
-    Source: docs/motion.md Eq. (24).
+    The wheels roll `steps`; what the chassis really does differs by random slip. A seed names its
+    run, whichever others are asked for. Source: docs/motion.md Eq. (24).
     """
-    ways = np.asarray(steps, dtype=np.float64)
+    ways = np.asarray(steps)
     draws = np.stack(
         [np.random.default_rng(s).normal(size=(len(ways), ways.shape[1] + 1)) for s in seeds]
     )
