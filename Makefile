@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 comma := ,
 # The installation follows its declaration and what its compiled part is made from.
-SOURCES := pyproject.toml setup.py $(wildcard native/*.c h2nav/attitude/kernels/*.py h2nav/translate/*.py)
+SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/attitude/*/memory.py h2nav/attitude/*/*/memory.py h2nav/attitude/*/kernel/*.py h2nav/attitude/*/*/kernel/*.py h2nav/attitude/integer/*.py h2nav/translate/*.py)
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 

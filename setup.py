@@ -14,12 +14,12 @@ from setuptools.errors import CompileError
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))
 
-from h2nav.attitude.kernel_modules import COMPILED_MODULES, digest  # noqa: E402
+from h2nav.attitude.kernel_files import COMPILED, digest  # noqa: E402
 from h2nav.errors import BadInput  # noqa: E402
-from h2nav.translate.batch import BATCH_KERNELS, batch_c  # noqa: E402
+from h2nav.translate.batch import batch_c, kernels_h  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402
 
-KERNELS = ROOT / "h2nav" / "attitude" / "kernels"
+ATTITUDE = ROOT / "h2nav" / "attitude"
 
 
 class TranslateAndBuild(build_ext):
@@ -29,16 +29,21 @@ class TranslateAndBuild(build_ext):
         """Translates every kernel of the extension, then compiles."""
         folder = Path(self.build_temp) / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
-        for kernel in BATCH_KERNELS:
-            paths = [KERNELS / name for name in kernel.modules]
-            sources = [Source(str(path), path.read_text(encoding="utf-8")) for path in paths]
+        texts = []
+        for kernel in COMPILED:
+            sources = [
+                Source(str(ATTITUDE / path), (ATTITUDE / path).read_text(encoding="utf-8"))
+                for path in kernel.paths
+            ]
+            texts += [source.text for source in sources]
             target = folder / f"{kernel.name}.c"
             try:
                 target.write_text(batch_c(kernel, sources), encoding="utf-8")
             except BadInput as error:
                 raise CompileError(str(error)) from error
             ext.sources.append(str(target))
-        texts = [(KERNELS / name).read_text(encoding="utf-8") for name in COMPILED_MODULES]
+        (folder / "kernels.h").write_text(kernels_h(COMPILED), encoding="utf-8")
+        ext.include_dirs += [str(folder), str(ROOT / "native")]
         ext.define_macros.append(("KERNEL_DIGEST", f'"{digest(texts)}"'))
         if self.compiler.compiler_type != "msvc":
             # fused multiply-add would make the doubles differ from Python's

@@ -1,68 +1,68 @@
 /* Python's door to the compiled kernels: buffers in, buffers out, nothing allocated.
  *
- * run_<kernel>(memory, gains, samples, columns, results)
- *   memory   writable buffer, changed in place
- *   gains    buffer
- *   samples  rows of `columns` numbers
- *   results  writable buffer, one row of 8 numbers per sample
- * kernel_digest tells which version of the Python kernels the C was translated from.
- * Numbers are C doubles or 32-bit integers, as the kernel's name says.
+ * run(kernel, memory, gains, samples, results)
+ *   kernel   its number
+ *   memory   writable buffer: the kernel's memory, changed in place
+ *   gains    buffer: its gains
+ *   samples  buffer: samples, one behind the other
+ *   results  writable buffer, one row of 8 numbers per sample: attitude, bias, bits
+ * kernel_digest tells which version of the Python kernels the C was translated from, number_codes
+ * of each kernel whether its numbers are doubles (d) or 32-bit integers (i).
  */
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
-#include <stddef.h>
-#include <stdint.h>
 
-enum { RESULT_COLUMNS = 8, BUFFERS = 4, BATCH_ROWS = 64 };
+#include "kernels.h"
 
-void run_shaped(double *memory, const double *gains, const double *samples, size_t rows,
-                size_t columns, double *results);
-void run_fixed_lean(int32_t *memory, const int32_t *gains, const int32_t *samples, size_t rows,
-                    size_t columns, int32_t *results);
-void run_fixed_flight(int32_t *memory, const int32_t *gains, const int32_t *samples, size_t rows,
-                      size_t columns, int32_t *results);
+static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
-enum kernel { SHAPED, FIXED_LEAN, FIXED_FLIGHT };
+enum {
+    RESULT_COLUMNS = 8,
+    BUFFERS = 4,
+    BATCH_ROWS = 64,
+    KERNELS = sizeof kernels / sizeof *kernels
+};
 
-/* The number of rows, or -1 with an error set when the buffers do not fit together. */
-static Py_ssize_t rows_of(const Py_buffer *samples, const Py_buffer *results, Py_ssize_t columns,
-                          Py_ssize_t size)
+/* The number of samples, or -1 with an error set when the buffers do not fit together. */
+static Py_ssize_t rows_of(const struct kernel *kernel, const Py_buffer *buffers)
 {
-    if (columns < 1 || samples->len % (columns * size) != 0) {
-        PyErr_SetString(PyExc_ValueError, "samples are not rows of the given number of columns");
+    if ((size_t)buffers[0].len != kernel->memory_size ||
+        (size_t)buffers[1].len != kernel->gains_size) {
+        PyErr_SetString(PyExc_ValueError, "memory or gains are not those of this kernel");
         return -1;
     }
-    const Py_ssize_t rows = samples->len / (columns * size);
-    if (results->len != rows * RESULT_COLUMNS * size) {
+    if ((size_t)buffers[2].len % kernel->sample_size != 0) {
+        PyErr_SetString(PyExc_ValueError, "samples are not whole samples of this kernel");
+        return -1;
+    }
+    const size_t rows = (size_t)buffers[2].len / kernel->sample_size;
+    if ((size_t)buffers[3].len != rows * RESULT_COLUMNS * kernel->number_size) {
         PyErr_SetString(PyExc_ValueError, "results need one row of 8 numbers per sample");
         return -1;
     }
-    return rows;
+    return (Py_ssize_t)rows;
 }
 
-static PyObject *run(PyObject *arguments, enum kernel kernel)
+static PyObject *run(PyObject *self, PyObject *arguments)
 {
     Py_buffer buffers[BUFFERS];
-    Py_ssize_t columns = 0;
-    if (!PyArg_ParseTuple(arguments, "w*y*y*nw*", &buffers[0], &buffers[1], &buffers[2], &columns,
+    int number = 0;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "iw*y*y*w*", &number, &buffers[0], &buffers[1], &buffers[2],
                           &buffers[3])) {
         return NULL;
     }
-    const Py_ssize_t size = (Py_ssize_t)(kernel == SHAPED ? sizeof(double) : sizeof(int32_t));
-    const Py_ssize_t rows = rows_of(&buffers[2], &buffers[3], columns, size);
+    Py_ssize_t rows = -1;
+    if (number < 0 || number >= (int)KERNELS) {
+        PyErr_SetString(PyExc_ValueError, "there is no kernel of this number");
+    } else {
+        rows = rows_of(kernels[number], buffers);
+    }
     if (rows >= 0) {
         /* Other threads may run beside a batch; a single sample is shorter than the hand-over. */
         PyThreadState *thread = rows >= BATCH_ROWS ? PyEval_SaveThread() : NULL;
-        if (kernel == SHAPED) {
-            run_shaped(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
-                       (size_t)columns, buffers[3].buf);
-        } else if (kernel == FIXED_LEAN) {
-            run_fixed_lean(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
-                           (size_t)columns, buffers[3].buf);
-        } else {
-            run_fixed_flight(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
-                             (size_t)columns, buffers[3].buf);
-        }
+        kernels[number]->run(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
+                             buffers[3].buf);
         if (thread != NULL) {
             PyEval_RestoreThread(thread);
         }
@@ -76,29 +76,8 @@ static PyObject *run(PyObject *arguments, enum kernel kernel)
     Py_RETURN_NONE;
 }
 
-static PyObject *shaped(PyObject *self, PyObject *arguments)
-{
-    (void)self;
-    return run(arguments, SHAPED);
-}
-
-static PyObject *fixed_lean(PyObject *self, PyObject *arguments)
-{
-    (void)self;
-    return run(arguments, FIXED_LEAN);
-}
-
-static PyObject *fixed_flight(PyObject *self, PyObject *arguments)
-{
-    (void)self;
-    return run(arguments, FIXED_FLIGHT);
-}
-
 static PyMethodDef methods[] = {
-    {"run_shaped", shaped, METH_VARARGS, "Rows of doubles through the default filter's step."},
-    {"run_fixed_lean", fixed_lean, METH_VARARGS, "Rows of integers through the lean filter."},
-    {"run_fixed_flight", fixed_flight, METH_VARARGS,
-     "Rows of integers through the default filter in integers."},
+    {"run", run, METH_VARARGS, "Samples through the step of one kernel."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -112,8 +91,14 @@ static struct PyModuleDef definition = {
 
 PyMODINIT_FUNC PyInit__native(void)
 {
+    char codes[KERNELS + 1] = {0};
+    for (size_t i = 0; i < KERNELS; i++) {
+        codes[i] = kernels[i]->number_size == sizeof(double) ? 'd' : 'i';
+    }
     PyObject *module = PyModule_Create(&definition);
-    if (module != NULL && PyModule_AddStringConstant(module, "kernel_digest", KERNEL_DIGEST) != 0) {
+    if (module != NULL &&
+        (PyModule_AddStringConstant(module, "kernel_digest", KERNEL_DIGEST) != 0 ||
+         PyModule_AddStringConstant(module, "number_codes", codes) != 0)) {
         Py_DECREF(module);
         return NULL;
     }

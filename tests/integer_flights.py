@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 
 from needs import DEG
 
-from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
@@ -14,23 +13,26 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 FLYING = VehicleState(on_ground=False)
 GROUND = VehicleState(on_ground=True)
-MULTIROTOR = shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
-HANDHELD = shaped_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
-FIXED_WING = shaped_gains(gain_files.load("fixed-wing_100hz"), "fixed-wing_100hz")
+MULTIROTOR = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+HANDHELD = velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
+FIXED_WING = velocity_aided_gains(gain_files.load("fixed-wing_100hz"), "fixed-wing_100hz")
 BIAS = (1.0 * DEG, -1.0 * DEG, 1.0 * DEG)
 NO_BIAS = (0.0, 0.0, 0.0)
-Filter = ShapedFilter | FlightFilter
+Filter = VelocityAidedFilter | IntegerVelocityAidedFilter
 Fixes = Callable[[ImuSample], VelocityFix]
 
 
-def new_filter(vehicle: VehicleState = FLYING, gains: ShapedGains = MULTIROTOR) -> FlightFilter:
-    filter_ = FlightFilter(gains, gains.name)
+def new_filter(
+    vehicle: VehicleState = FLYING, gains: VelocityAidedGains = MULTIROTOR
+) -> IntegerVelocityAidedFilter:
+    filter_ = IntegerVelocityAidedFilter(gains, gains.name)
     filter_.use_vehicle(vehicle)
     return filter_
 

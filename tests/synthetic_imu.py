@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from needs import DEG
 
-from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField, ImuSample, Quat, Vec3
 from h2nav.maths import quaternion
 

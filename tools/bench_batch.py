@@ -18,12 +18,12 @@ from collections.abc import Callable
 import numpy as np
 
 from h2nav.attitude import batch, native
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.fixed_gains import fixed_model
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 RATE_HZ = 100.0
@@ -45,17 +45,17 @@ def recording(n: int) -> Arrays:
 
 def default_filter() -> AttitudeFilter:
     file = gain_files.load("handheld_100hz")
-    return ShapedFilter(shaped_gains(file, file.name))
+    return VelocityAidedFilter(velocity_aided_gains(file, file.name))
 
 
 def default_integer_filter() -> AttitudeFilter:
     file = gain_files.load("handheld_100hz")
-    return FlightFilter(shaped_gains(file, file.name), file.name)
+    return IntegerVelocityAidedFilter(velocity_aided_gains(file, file.name), file.name)
 
 
 def constant_gain_integer_filter() -> AttitudeFilter:
     file = gain_files.load("mpu9250_100hz")
-    return FixedFilter(fixed_model(file, file.name))
+    return ConstantGainFilter(constant_gain_model(file, file.name))
 
 
 def ours(make: Callable[[], AttitudeFilter]) -> Runner:

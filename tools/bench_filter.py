@@ -9,16 +9,16 @@ import random
 import time
 from collections.abc import Callable, Sequence
 
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.fixed_gains import fixed_model
-from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
 from h2nav.attitude.samples import ImuSample
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 RATE_HZ = 100
@@ -31,17 +31,19 @@ def _two_stage() -> AttitudeFilter:
 
 def _default(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "multirotor_100hz"
-    return ShapedFilter(shaped_gains(gain_files.load(name), name), compiled)
+    return VelocityAidedFilter(velocity_aided_gains(gain_files.load(name), name), compiled)
 
 
 def _default_fixed(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "multirotor_100hz"
-    return FlightFilter(shaped_gains(gain_files.load(name), name), name, compiled)
+    return IntegerVelocityAidedFilter(
+        velocity_aided_gains(gain_files.load(name), name), name, compiled
+    )
 
 
 def _lean(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "mpu9250_100hz"
-    return FixedFilter(fixed_model(gain_files.load(name), name), compiled)
+    return ConstantGainFilter(constant_gain_model(gain_files.load(name), name), compiled)
 
 
 # Add a filter here: name -> maker of a fresh one with shipped gains for 100 Hz.

@@ -56,18 +56,21 @@ class FilterSettings:
     """Which estimator runs.
 
     Attributes:
-        name: `default`, or `two_stage` for the first form.
-        arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run: of
-            `default` the whole filter, of `two_stage` its constant-gain form.
+        name: `velocity_aided`; `default` is the one that h2nav recommends, today the same;
+            `two_stage` the two-stage filter, in floats; `constant_gain` in integers, as on the
+            smallest microcontrollers.
+        arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run.
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
         gains: a gain file, `~` = the home of the daemon's user; `auto` = the shipped one for class
             (or sensor) and rate.
-        sensor: whose shipped gains `two_stage` takes.
+        sensor: whose shipped gains `two_stage` and `constant_gain` take.
         gyro_sampling: `mean` where the sensor integrates between samples (all usual ones),
             `instant` where it does not.
     """
 
-    name: Annotated[str, OneOf(("default", "two_stage"))] = "default"
+    name: Annotated[str, OneOf(("default", "velocity_aided", "two_stage", "constant_gain"))] = (
+        "default"
+    )
     arithmetic: Annotated[str, OneOf(("float", "fixed"))] = "float"
     vehicle_class: Annotated[
         str, OneOf(("auto", "handheld", "multirotor", "fixed-wing", "rover"))
@@ -254,7 +257,9 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """One filter knows instantaneous gyros."""
+    """One filter is made of integers alone, one knows instantaneous gyros."""
+    if settings.name == "constant_gain" and settings.arithmetic == "float":
+        return ["filter.arithmetic: filter.name constant_gain runs in integers; set fixed"]
     averages = settings.name == "two_stage" and settings.arithmetic == "float"
     if settings.gyro_sampling == "mean" or averages:
         return []

@@ -10,7 +10,8 @@ from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
     from h2nav.apps.export_forms import ExportedForm
-    from h2nav.translate.firmware import Firmware, IntegerForm
+    from h2nav.attitude.kernel_files import KernelFiles
+    from h2nav.translate.firmware import Firmware
     from h2nav.translate.source import Source
 
 
@@ -22,9 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--form",
-        choices=("flight", "lean"),
-        help="flight: the whole default filter, usual for gain files of kind shaped; lean: the"
-        " constant-gain filter, the only one for kind two_stage",
+        choices=("velocity_aided", "constant_gain", "flight", "lean"),
+        help="velocity_aided (formerly flight): all that the daemon does by default, usual for gain"
+        " files of that kind; constant_gain (formerly lean): for the smallest microcontrollers, the"
+        " only one for files of kind two_stage",
     )
     parser.add_argument("--json", action="store_true", help="machine-readable result")
 
@@ -32,24 +34,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav import __version__
-    from h2nav.attitude.gain_seal import seal
+    from h2nav.attitude.gains.seal import seal
+    from h2nav.attitude.record import values
     from h2nav.io import gain_files
     from h2nav.translate import firmware
 
     path = gain_files.find(args.gains)
     file = gain_files.load(path)
-    form = _form(args.form, file.kind, str(path))
+    form = _form(args.form, file.filter_name, str(path))
     image = form.image(file, str(path))
-    facts = firmware.Firmware(__version__, file.name, seal(file), image.params, image.constants)
-    samples = form.samples()
-    params, state = list(image.params), form.start(image.params)
-    bits = [form.step(state, params, sample) for sample in samples]
+    numbers = values(image.gains, type(image.gains))
+    facts = firmware.Firmware(__version__, file.name, seal(file), numbers, image.constants)
+    sources = kernel_sources(form.text.kernel)
     texts = {
-        "h2nav_filter.h": firmware.header(form.text, facts),
-        "h2nav_filter.c": firmware.source(form.text, facts, kernel_sources(form.text)),
+        "h2nav_filter.h": firmware.header(form.text, facts, sources),
+        "h2nav_filter.c": firmware.source(form.text, facts, sources),
         "example.c": form.text.example,
         "check_vectors.c": firmware.CHECK,
-        "h2nav_vectors.h": firmware.vectors(samples, bits, state),
+        "h2nav_vectors.h": firmware.vectors(*form.vectors(image.gains)),
     }
     _write(args.output, texts)
     _report(args, facts, form.text.name, image.rounding_error, texts)
@@ -62,19 +64,19 @@ def _form(name: str | None, kind: str, place: str) -> "ExportedForm":
 
     possible = [form for form in FORMS if kind in form.kinds]
     for form in possible:
-        if name in (None, form.text.name):
+        if name in (None, form.text.name, form.former_name):
             return form
     names = " or ".join(form.text.name for form in possible)
     raise BadInput(f"{place}: --form {name} cannot be made of a file of kind {kind}; give {names}")
 
 
-def kernel_sources(form: "IntegerForm") -> list["Source"]:
-    """The modules of a form's kernel as text, imported ones first."""
-    from h2nav.attitude import kernels
+def kernel_sources(kernel: "KernelFiles") -> list["Source"]:
+    """The modules of a kernel as text, imported ones first."""
+    from h2nav import attitude
     from h2nav.translate.source import Source
 
-    folder = Path(kernels.__file__).parent
-    return [Source(f"kernels/{name}", (folder / name).read_text("utf-8")) for name in form.modules]
+    folder = Path(attitude.__path__[0])
+    return [Source(path, (folder / path).read_text("utf-8")) for path in kernel.paths]
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:

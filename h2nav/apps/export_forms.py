@@ -1,153 +1,210 @@
-"""The forms of the integer filter for `h2nav export c`: image of the gains, test vectors."""
+"""The integer filters for `h2nav export c`: integers of the gains, test vectors."""
 
 import random
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from h2nav.attitude.fixed_flight import parts_of
-from h2nav.attitude.fixed_gains import fixed_image
-from h2nav.attitude.flight_gains import flight_image
-from h2nav.attitude.gains import GainFile
-from h2nav.attitude.kernels import fixed_flight, fixed_flight_start, fixed_lean, fixed_motion
-from h2nav.attitude.kernels import fixed_flight_layout as flight
+from h2nav.attitude.constant_gain import memory as constant_gain
+from h2nav.attitude.constant_gain.gains import integer_gains_of
+from h2nav.attitude.constant_gain.kernel import step as constant_gain_step
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.record import assign, row, rows, values
 from h2nav.attitude.samples import VehicleState
-from h2nav.attitude.shaped import LONGEST_GAP_S, nose_velocity_m_s, rest_belief
-from h2nav.attitude.shaped_gains import GRAVITY_M_S2, shaped_gains
-from h2nav.maths.fixedpoint import to_fixed
+from h2nav.attitude.velocity_aided.filter import LONGEST_GAP_S, forward_speed_m_s, rest_prior
+from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
+from h2nav.attitude.velocity_aided.integer.filter import parts_of
+from h2nav.attitude.velocity_aided.integer.gains import integer_gains
+from h2nav.attitude.velocity_aided.integer.kernel import start, step
 from h2nav.translate.firmware import IntegerForm, Row
-from h2nav.translate.firmware_flight import FLIGHT
-from h2nav.translate.firmware_lean import LEAN
+from h2nav.translate.firmware_constant_gain import CONSTANT_GAIN
+from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED
 
-Words = list[int]
 _LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 
 
 class Image(NamedTuple):
-    """What a gain file is to a form.
+    """What a gain file is to an integer filter.
 
     Attributes:
-        params: of the kernel.
+        gains: of the kernel, a record.
         rounding_error: largest relative change of a gain.
         constants: for the interface in C.
     """
 
-    params: tuple[int, ...]
+    gains: Any
     rounding_error: float
     constants: tuple[Row, ...]
 
 
+class Vectors(NamedTuple):
+    """Test vectors of an exported filter, made by the same filter in Python.
+
+    Attributes:
+        samples: numbers of each sample.
+        bits: result of each step.
+        final: numbers of the memory at the end.
+    """
+
+    samples: list[list[int]]
+    bits: list[int]
+    final: list[int]
+
+
 class ExportedForm(NamedTuple):
-    """A form with all that an export needs.
+    """An integer filter with all that an export needs.
 
     Attributes:
         text: what it is in C.
+        former_name: on the command line.
         kinds: of gain files that it can be made from; the first form of a kind is its usual one.
         image: integers of a gain file; BadInput when its formats do not hold them.
-        start: memory of a new filter, from the parameters.
-        step: what ``h2nav_step`` does: memory, parameters, sample -> bits.
-        samples: for the test vectors.
+        vectors: test vectors with these gains.
     """
 
     text: IntegerForm
+    former_name: str
     kinds: tuple[str, ...]
     image: Callable[[GainFile, str], Image]
-    start: Callable[[Sequence[int]], Words]
-    step: Callable[[Words, Words, Words], int]
-    samples: Callable[[], list[Words]]
+    vectors: Callable[[Any], Vectors]
 
 
-def _lean_image(file: GainFile, place: str) -> Image:
-    image = fixed_image(file, place)
-    return Image(image.params, image.rounding_error, ())
+def _constant_gain_image(file: GainFile, place: str) -> Image:
+    image = integer_gains_of(file, place)
+    return Image(image.gains, image.rounding_error, ())
 
 
-def _lean_start(_params: Sequence[int]) -> Words:
-    state = [0] * fixed_lean.STATE_SIZE
-    fixed_lean.reset(state)
-    return state
-
-
-def _flight_image(file: GainFile, place: str) -> Image:
-    gains = shaped_gains(file, place)
-    image = flight_image(gains, place)
-    untold = VehicleState()
-    ends = flight.SAMPLE_RANGES[flight.NOSE]
-    nose = to_fixed(nose_velocity_m_s(gains, untold) / GRAVITY_M_S2, 11, *ends)
+def _velocity_aided_image(file: GainFile, place: str) -> Image:
+    gains = velocity_aided_gains(file, place)
+    image = integer_gains(gains, place)
+    unknown = VehicleState()
+    speed = forward_speed_m_s(gains, unknown) / GRAVITY_M_S2
     constants = (
-        ("REST_UNTOLD", rest_belief(gains, untold), "word REST of a vehicle that tells nothing"),
-        ("NOSE_UNTOLD", nose, "word NOSE of it"),
+        ("REST_UNKNOWN", rest_prior(gains, unknown), "rest_prior when nothing is known"),
+        (
+            "SPEED_UNKNOWN",
+            row(velocity_aided.Sample, "forward_speed").fixed(speed),
+            "forward_speed when nothing is known",
+        ),
     )
-    return Image(image.params, image.rounding_error, constants)
+    return Image(image.gains, image.rounding_error, constants)
 
 
-def _flight_start(params: Sequence[int]) -> Words:
-    state = [0] * flight.STATE_SIZE
-    fixed_flight_start.reset(state)
-    fixed_flight_start.prepare(state, list(params))
-    return state
+def _vectors(
+    memory: Any, sample_type: type, samples: Sequence[Any], step_of: Callable[[Any], int]
+) -> Vectors:
+    flat = [_integers(sample, sample_type) for sample in samples]
+    bits = [step_of(sample) for sample in samples]
+    return Vectors(flat, bits, _integers(memory, type(memory)))
 
 
-def flight_step(state: Words, params: Words, sample: Words) -> int:
-    """What ``h2nav_step`` of the flight form does, for a sample of any length."""
-    dt_us = sample[fixed_motion.DT_US]
+def _integers(record: object, record_type: type) -> list[int]:
+    return [int(number) for number in values(record, record_type)]
+
+
+def constant_gain_vectors(gains: constant_gain.Gains, rows_wanted: int = 400) -> Vectors:
+    """Ordinary motion first, then whatever the formats hold."""
+    memory = constant_gain.Memory()
+    constant_gain_step.reset(memory)
+    samples = constant_gain_samples(rows_wanted)
+    return _vectors(
+        memory,
+        constant_gain.Sample,
+        samples,
+        lambda sample: constant_gain_step.update(memory, gains, sample),
+    )
+
+
+def velocity_aided_vectors(gains: velocity_aided.Gains) -> Vectors:
+    """Motion with fields, then with fixes too, then whatever the formats hold."""
+    memory = velocity_aided.Memory()
+    start.reset(memory, gains)
+    return _vectors(
+        memory,
+        velocity_aided.Sample,
+        velocity_aided_samples(),
+        lambda sample: step_of_any_length(memory, gains, sample),
+    )
+
+
+def step_of_any_length(
+    memory: velocity_aided.Memory, gains: velocity_aided.Gains, sample: velocity_aided.Sample
+) -> int:
+    """What ``h2nav_step`` of the velocity-aided filter does; the sample is the same afterwards."""
+    given = sample.dt_us, sample.has_mag, sample.has_fix
+    dt_us = sample.dt_us
     if dt_us > _LONGEST_GAP_US:
-        fixed_flight_start.restart(state)
+        start.restart(memory)
         dt_us = 0
     bits = 0
-    for part in parts_of(list(sample), dt_us):
-        bits |= fixed_flight.update(state, params, part)
+    for part in parts_of(sample, dt_us):
+        bits |= step.update(memory, gains, part)
+    sample.dt_us, sample.has_mag, sample.has_fix = given
     return bits
 
 
-def lean_samples(rows: int = 400, seed: int = 1) -> list[Words]:
+def _anything(record_type: type, rng: random.Random) -> Any:
+    """A record with every number anywhere in its range."""
+    record = record_type()
+    numbers = [
+        rng.randint(*(found.range or (0, 0)))
+        for found in rows(record_type)
+        for _ in range(found.length)
+    ]
+    assign(record, record_type, numbers)
+    return record
+
+
+def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constant_gain.Sample]:
     """Ordinary motion first, then whatever the formats hold."""
     rng = random.Random(seed)
     samples = []
-    for row in range(rows):
-        if row >= rows // 2:
-            sample = [rng.randint(low, high) for low, high in fixed_lean.SAMPLE_RANGES]
+    for number in range(rows_wanted):
+        if number >= rows_wanted // 2:
+            sample = _anything(constant_gain.Sample, rng)
         else:
             rates = [rng.randint(-1100000, 1100000) for _ in range(3)]
             vectors = [v + rng.randint(-300, 300) for v in (0, 0, 16384, 8192, 0, 14189)]
-            sample = [*rates, *vectors, -(row & 1), 10000]
+            sample = constant_gain.Sample(
+                rates, vectors[:3], vectors[3:], has_mag=-(number & 1), dt_us=10000
+            )
         samples.append(sample)
     return samples
 
 
-def flight_samples(rows: int = 360, seed: int = 1) -> list[Words]:
+def velocity_aided_samples(rows_wanted: int = 360, seed: int = 1) -> list[velocity_aided.Sample]:
     """Motion with fields, then with fixes too, then whatever the formats hold; some are long.
 
     No more rows than fit 32 kB, the largest table of an AVR.
     """
     rng = random.Random(seed)
     samples = []
-    for row in range(rows):
-        if row >= rows * 3 // 4:
-            sample = [rng.randint(low, high) for low, high in flight.SAMPLE_RANGES]
+    for number in range(rows_wanted):
+        if number >= rows_wanted * 3 // 4:
+            sample = _anything(velocity_aided.Sample, rng)
         else:
-            sample = [0] * flight.SAMPLE_SIZE
-            sample[:3] = [rng.randint(-1100000, 1100000) for _ in range(3)]
+            sample = velocity_aided.Sample(fix_variance=170000, fix_period_us=200000)
+            sample.gyro = [rng.randint(-1100000, 1100000) for _ in range(3)]
             for axis, (force, field) in enumerate(((0, 6400), (0, 0), (-(1 << 20), 11085))):
-                sample[flight.A_X + axis] = force + rng.randint(-20000, 20000)
-                sample[flight.F_FIELD + axis] = field + rng.randint(-100, 100)
-            sample[flight.HAS_FIELD] = row & 1
-            sample[flight.IS_AIDED] = int(row >= rows // 4)
-            sample[flight.HAS_FIX] = int(row >= rows // 4 and row % 20 == 0)
-            sample[flight.FIX_VARIANCE] = 170000
-            sample[flight.FIX_PERIOD_US] = 200000
-        sample[fixed_motion.DT_US] = {37: 30000, 90: 100001, 340: 1500000}.get(row, 10000)
+                sample.accel[axis] = force + rng.randint(-20000, 20000)
+                sample.mag[axis] = field + rng.randint(-100, 100)
+            sample.has_mag = number & 1
+            sample.aided = int(number >= rows_wanted // 4)
+            sample.has_fix = int(number >= rows_wanted // 4 and number % 20 == 0)
+        sample.dt_us = {37: 30000, 90: 100001, 340: 1500000}.get(number, 10000)
         samples.append(sample)
     return samples
 
 
 FORMS: Final = (
-    ExportedForm(FLIGHT, ("shaped",), _flight_image, _flight_start, flight_step, flight_samples),
     ExportedForm(
-        LEAN,
-        ("two_stage", "shaped"),
-        _lean_image,
-        _lean_start,
-        fixed_lean.update,
-        lean_samples,
+        VELOCITY_AIDED, "flight", ("velocity_aided",), _velocity_aided_image, velocity_aided_vectors
+    ),
+    ExportedForm(
+        CONSTANT_GAIN,
+        "lean",
+        ("two_stage", "velocity_aided"),
+        _constant_gain_image,
+        constant_gain_vectors,
     ),
 )

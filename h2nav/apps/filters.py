@@ -7,8 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.configuration import FilterSettings
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.gain_seal import check_seal
-from h2nav.attitude.gains import GainFile, parse_gain_file
+from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
+from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
 from h2nav.io import gain_files, plain_yaml
 from h2nav.service.autopilot import Identity
@@ -33,9 +33,21 @@ def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str
     if settings.gains != "auto":
         return dict.fromkeys(classes, settings.gains)
     rate_hz = gain_files.shipped_rate(imu_rate_hz)
-    if settings.name == "two_stage":
+    if algorithm(settings) != "velocity_aided":
         return dict.fromkeys(classes, f"{settings.sensor}_{rate_hz}hz")
     return {name: f"{name}_{rate_hz}hz" for name in classes}
+
+
+def algorithm(settings: FilterSettings) -> str:
+    """The one name of the filter that the settings ask for.
+
+    Until version 0.3 the constant-gain filter was asked for as two_stage in fixed arithmetic.
+    """
+    if settings.name == "default":
+        return "velocity_aided"
+    if settings.name == "two_stage" and settings.arithmetic == "fixed":
+        return "constant_gain"
+    return settings.name
 
 
 class FilterFactory:
@@ -53,9 +65,9 @@ class FilterFactory:
     def __init__(
         self, settings: FilterSettings, names: Mapping[str, str], files: Mapping[str, GainFile]
     ) -> None:
-        wanted = "two_stage" if settings.name == "two_stage" else "shaped"
+        wanted = "velocity_aided" if algorithm(settings) == "velocity_aided" else "two_stage"
         for name, file in files.items():
-            if file.kind != wanted:
+            if file.filter_name != wanted:
                 raise BadInput(
                     f"{name}: gains of kind {file.kind}, but filter.name {settings.name} needs "
                     f"{wanted}; choose another filter.gains or filter.name"
@@ -110,46 +122,51 @@ class FilterFactory:
         return self._filter_from(self._files[self._names[name]])
 
     def _filter_from(self, file: GainFile) -> AttitudeFilter:
-        return _MAKERS[self._settings.name, self._settings.arithmetic](file, self._settings)
+        return _MAKERS[algorithm(self._settings), self._settings.arithmetic](file, self._settings)
 
 
-def _default(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+def _velocity_aided(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.kernel_files import VELOCITY_AIDED
     from h2nav.attitude.native import compiled_step
-    from h2nav.attitude.shaped import ShapedFilter
-    from h2nav.attitude.shaped_gains import shaped_gains
+    from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 
-    return ShapedFilter(shaped_gains(file, file.name), compiled_step("shaped"))
+    gains = velocity_aided_gains(file, file.name)
+    return VelocityAidedFilter(gains, compiled_step(VELOCITY_AIDED))
 
 
-def _default_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
-    from h2nav.attitude.fixed_flight import FlightFilter
+def _integer_velocity_aided(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
     from h2nav.attitude.native import compiled_step
-    from h2nav.attitude.shaped_gains import shaped_gains
+    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+    from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 
-    compiled = compiled_step("fixed_flight")
-    return FlightFilter(shaped_gains(file, file.name), file.name, compiled)
+    gains = velocity_aided_gains(file, file.name)
+    return IntegerVelocityAidedFilter(gains, file.name, compiled_step(VELOCITY_AIDED_INTEGER))
 
 
 def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
-    from h2nav.attitude.gains import two_stage_gains
-    from h2nav.attitude.two_stage import TwoStageFilter
+    from h2nav.attitude.two_stage.filter import TwoStageFilter
+    from h2nav.attitude.two_stage.gains import two_stage_gains
 
     sampling: Literal["mean", "instant"]
     sampling = "instant" if settings.gyro_sampling == "instant" else "mean"
     return TwoStageFilter(two_stage_gains(file, file.name), sampling)
 
 
-def _two_stage_fixed(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
-    from h2nav.attitude.fixed import FixedFilter
-    from h2nav.attitude.fixed_gains import fixed_model
+def _constant_gain(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+    from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+    from h2nav.attitude.constant_gain.gains import constant_gain_model
+    from h2nav.attitude.kernel_files import CONSTANT_GAIN
     from h2nav.attitude.native import compiled_step
 
-    return FixedFilter(fixed_model(file, file.name), compiled_step("fixed_lean"))
+    model = constant_gain_model(file, file.name)
+    return ConstantGainFilter(model, compiled_step(CONSTANT_GAIN))
 
 
 _MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {
-    ("default", "float"): _default,
-    ("default", "fixed"): _default_fixed,
+    ("velocity_aided", "float"): _velocity_aided,
+    ("velocity_aided", "fixed"): _integer_velocity_aided,
     ("two_stage", "float"): _two_stage,
-    ("two_stage", "fixed"): _two_stage_fixed,
+    ("constant_gain", "fixed"): _constant_gain,
 }

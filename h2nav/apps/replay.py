@@ -44,7 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CONFIG.yaml",
         help="configuration; default: the one inside our MCAP, else the defaults",
     )
-    parser.add_argument("--filter", choices=("default", "two_stage"), help="another estimator")
+    parser.add_argument(
+        "--filter",
+        choices=("default", "velocity_aided", "two_stage", "constant_gain"),
+        help="another estimator",
+    )
     parser.add_argument(
         "--class",
         dest="vehicle_class",

@@ -12,7 +12,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
 if TYPE_CHECKING:
-    from h2nav.attitude.gains import GainFile
+    from h2nav.attitude.gains.envelope import GainFile
     from h2nav.synthesis.model import SensorModel
 
 LMI_SOLVERS = ("CLARABEL", "SCS")
@@ -73,12 +73,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _synthesise(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
     """The certified gain file of a model of either kind, and the solvers' times."""
+    from h2nav.attitude.gains.envelope import FORMER_KINDS
     from h2nav.io.plain_yaml import read_mapping
-    from h2nav.synthesis import shaped, two_stage
+    from h2nav.synthesis import two_stage, velocity_aided
 
     mapping = read_mapping(path)
-    if mapping.get("kind") == "shaped":
-        return shaped.synthesise(mapping, rate_hz, str(path), LMI_SOLVERS)
+    kind = str(mapping.get("kind"))
+    if FORMER_KINDS.get(kind, kind) == "velocity_aided":
+        return velocity_aided.synthesise(mapping, rate_hz, str(path), LMI_SOLVERS)
     model = sensor_model(mapping, str(path))
     return two_stage.synthesise(model, rate_hz, str(path), LMI_SOLVERS)
 

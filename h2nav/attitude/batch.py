@@ -3,15 +3,21 @@
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.attitude.batch_flight import run_flight
-from h2nav.attitude.batch_lean import run_lean
-from h2nav.attitude.batch_rows import BatchResult, run_python, samples_of
-from h2nav.attitude.batch_shaped import run_shaped
+from h2nav.attitude.batch_driver import Batch, BatchResult, Samples, run_batch, run_python
+from h2nav.attitude.constant_gain.batch import ConstantGainBatch
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.native import native_kernels
-from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.kernel_files import (
+    CONSTANT_GAIN,
+    VELOCITY_AIDED,
+    VELOCITY_AIDED_INTEGER,
+    KernelFiles,
+)
+from h2nav.attitude.native import compiled_step
+from h2nav.attitude.velocity_aided.batch import VelocityAidedBatch
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.batch import IntegerVelocityAidedBatch
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 
 
 def filter_array(
@@ -28,22 +34,52 @@ def filter_array(
         acc: (N, 3) specific force, m/s^2, body FRD.
         mag: (N, 3) field, microtesla, body FRD; rows with NaN bring no field; None for none.
         dt: time since the sample before, s: one number or (N,); rounded to microseconds in sum.
-        attitude_filter: any filter; `ShapedFilter`, `FlightFilter` and `FixedFilter` have compiled
-            kernels.
+        attitude_filter: any filter; those with a compiled kernel run in it.
 
     Raises:
         ValueError: the arrays do not fit together, or time does not go forward.
     """
-    samples = samples_of(gyr, acc, mag, dt)
+    samples = _samples_of(gyr, acc, mag, dt)
     n = len(samples.t_us)
     result = BatchResult(np.full((n, 4), np.nan), np.full((n, 3), np.nan))
-    native = native_kernels()
-    if native is not None and isinstance(attitude_filter, ShapedFilter):
-        run_shaped(native, attitude_filter, samples, result)
-    elif native is not None and isinstance(attitude_filter, FlightFilter):
-        run_flight(native, attitude_filter, samples, result)
-    elif native is not None and isinstance(attitude_filter, FixedFilter):
-        run_lean(native, attitude_filter, samples, result)
-    else:
+    kernel, batch = _batch_of(attitude_filter)
+    step = None if kernel is None else compiled_step(kernel)
+    if step is None or batch is None:
         run_python(attitude_filter, samples, result, 0, n)
+    else:
+        run_batch(step, batch, attitude_filter, samples, result)
     return result
+
+
+def _batch_of(attitude_filter: AttitudeFilter) -> tuple[KernelFiles | None, Batch | None]:
+    """The kernel of a filter and how batches go through it; None and None for one without."""
+    match attitude_filter:
+        case VelocityAidedFilter():
+            return VELOCITY_AIDED, VelocityAidedBatch(attitude_filter)
+        case IntegerVelocityAidedFilter():
+            return VELOCITY_AIDED_INTEGER, IntegerVelocityAidedBatch(attitude_filter)
+        case ConstantGainFilter():
+            return CONSTANT_GAIN, ConstantGainBatch(attitude_filter)
+    return None, None
+
+
+def _samples_of(
+    gyr: npt.ArrayLike, acc: npt.ArrayLike, mag: npt.ArrayLike | None, dt: npt.ArrayLike
+) -> Samples:
+    """The arrays of `filter_array`, checked."""
+    rates = np.ascontiguousarray(gyr, dtype=np.float64)
+    n = len(rates)
+    forces = np.ascontiguousarray(acc, dtype=np.float64)
+    fields = np.full((n, 3), np.nan) if mag is None else np.ascontiguousarray(mag, np.float64)
+    if any(array.shape != (n, 3) for array in (rates, forces, fields)):
+        raise ValueError("gyr, acc and mag need the same shape (N, 3)")
+    steps = np.broadcast_to(np.asarray(dt, dtype=np.float64), (n,))
+    times = np.cumsum(steps)
+    times *= 1e6  # in place, as below: fresh pages of memory cost as much as the filter
+    t_us = np.round(times, out=times).astype(np.int64)
+    if not np.all(np.diff(t_us) > 0):
+        raise ValueError("dt must be at least a microsecond everywhere")
+    missing = np.isnan(fields[:, 0])
+    missing |= np.isnan(fields[:, 1])
+    missing |= np.isnan(fields[:, 2])
+    return Samples(t_us, rates, forces, fields, ~missing)

@@ -8,19 +8,15 @@ import functools
 import importlib
 import os
 from array import array
-from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from types import ModuleType
-from typing import TypeVar, cast
 
-from h2nav.attitude.kernel_modules import COMPILED_MODULES, digest
+from h2nav.attitude.kernel_files import COMPILED, KernelFiles, digest
 from h2nav.errors import BadInput
 
 SWITCH = "H2NAV_NATIVE"
-# numbers that the compiled loop writes per sample; the last holds the step's bits
+# numbers that the compiled loop writes per sample: attitude, bias, the step's bits
 RESULT_COLUMNS = 8
-
-Number = TypeVar("Number", float, int)
 
 
 def native_kernels() -> ModuleType | None:
@@ -50,8 +46,10 @@ def _current_build() -> ModuleType | None:
         native = importlib.import_module("h2nav.attitude._native")
     except ImportError:
         return None
-    folder = resources.files("h2nav.attitude.kernels")
-    texts = [folder.joinpath(name).read_text("utf-8") for name in COMPILED_MODULES]
+    folder = resources.files("h2nav.attitude")
+    texts = [
+        folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.paths
+    ]
     return native if native.kernel_digest == digest(texts) else None
 
 
@@ -61,35 +59,38 @@ def backend() -> str:
 
 
 class CompiledStep:
-    """A compiled kernel's step, called like the one in Python but on `numbers`.
+    """A compiled kernel, called like its step in Python but on records made by `record.in_c`.
 
     Args:
-        run: its loop over samples.
+        native: the extension.
+        kernel: which of its kernels.
         code: ``d`` for doubles, ``i`` for 32-bit integers.
     """
 
-    def __init__(self, run: Callable[..., None], code: str) -> None:
-        self._run = run
-        self._code = code
-        self._out = array(code, [0] * RESULT_COLUMNS)
+    def __init__(self, native: ModuleType, kernel: KernelFiles, code: str) -> None:
+        self._run = native.run
+        self._number = COMPILED.index(kernel)
+        self._result = array(code, [0] * RESULT_COLUMNS)
 
-    def numbers(self, values: Iterable[Number]) -> list[Number]:
-        """Numbers as C holds them; to the kernels in Python they are as good as a list."""
-        return cast(list[Number], array(self._code, values))
-
-    def __call__(
-        self, memory: list[Number], gains: Sequence[Number], sample: Sequence[Number]
-    ) -> int:
+    def __call__(self, memory: object, gains: object, sample: object) -> int:
         """One sample; returns bits."""
-        self._run(memory, gains, sample, len(sample), self._out)
-        return int(self._out[RESULT_COLUMNS - 1])
+        self._run(self._number, memory, gains, sample, self._result)
+        return int(self._result[RESULT_COLUMNS - 1])
+
+    def run(self, memory: object, gains: object, samples: object, results: object) -> None:
+        """Many samples.
+
+        Args:
+            memory: record, changed.
+            gains: record.
+            samples: buffer of samples, one behind the other.
+            results: buffer of `RESULT_COLUMNS` numbers per sample, written.
+        """
+        self._run(self._number, memory, gains, samples, results)
 
 
-def compiled_step(kernel: str) -> CompiledStep | None:
+def compiled_step(kernel: KernelFiles) -> CompiledStep | None:
     """One kernel's step for one filter; None when there is none, or it may not be used.
-
-    Args:
-        kernel: ``shaped``, ``fixed_lean`` or ``fixed_flight``.
 
     Raises:
         BadInput: see `native_kernels`.
@@ -97,4 +98,4 @@ def compiled_step(kernel: str) -> CompiledStep | None:
     native = native_kernels()
     if native is None:
         return None
-    return CompiledStep(getattr(native, f"run_{kernel}"), "d" if kernel == "shaped" else "i")
+    return CompiledStep(native, kernel, native.number_codes[COMPILED.index(kernel)])

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.gain_seal import seal
-from h2nav.attitude.gains import GainFile
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.gains.seal import seal
 from h2nav.synthesis.certificate import (
     OPTIMAL,
     REPEATABLE,

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from h2nav.attitude import fixed_gains
-from h2nav.attitude.gains import GainFile
-from h2nav.synthesis import shaped, two_stage
+from h2nav.attitude.constant_gain.gains import fixed_point_section
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.synthesis import two_stage, velocity_aided
 from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
 
@@ -22,8 +22,8 @@ class Kind(NamedTuple):
 
 
 KINDS: dict[str, Kind] = {
-    "two_stage": Kind(two_stage.loops, fixed_gains.fixed_point_section),
-    "shaped": Kind(shaped.loops, shaped.fixed_point_section),
+    "two_stage": Kind(two_stage.loops, fixed_point_section),
+    "velocity_aided": Kind(velocity_aided.loops, velocity_aided.fixed_point_section),
 }
 
 
@@ -37,5 +37,5 @@ def check(file: GainFile, place: str) -> Verdict:
     Raises:
         BadInput: model or gains are not what the file's kind needs.
     """
-    kind = KINDS[file.kind]
+    kind = KINDS[file.filter_name]
     return checked(file, kind.loops(file, place), kind.fixed_point(file, place))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
-from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
 from h2nav.synthesis.plant import VectorSensor

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav import __version__
-from h2nav.attitude.fixed_gains import fixed_point_section
-from h2nav.attitude.gains import (
-    GainFile,
+from h2nav.attitude.constant_gain.gains import fixed_point_section
+from h2nav.attitude.gains.densities import SensorDensities
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.two_stage.gains import (
     GainLevel,
-    SensorDensities,
     design_two_stage,
     two_stage_gains,
     two_stage_section,

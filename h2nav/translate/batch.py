@@ -1,61 +1,63 @@
-"""The C file of a kernel for batches: its step, and a loop over the rows of a table of samples."""
+"""The C of the kernels for the native extension: each step, and a loop over samples around it."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
-from h2nav.attitude.kernel_modules import FLIGHT_MODULES, LEAN_MODULES, SHAPED_MODULES
+from h2nav.attitude.kernel_files import KernelFiles
 from h2nav.translate.c99 import translate
+from h2nav.translate.c_expressions import DOUBLE, INT32
 from h2nav.translate.source import Source
+from h2nav.translate.structs import struct_text
+
+_RECORDS = ("Memory", "Gains", "Sample")
 
 
-class BatchKernel(NamedTuple):
-    """A kernel that is compiled for batches.
-
-    Attributes:
-        name: of the C function ``run_<name>``.
-        modules: file names in ``attitude/kernels``, imported ones first.
-        entry: the step function: (memory, gains, sample) -> bits.
-        number: C type of all numbers.
-    """
-
-    name: str
-    modules: tuple[str, ...]
-    entry: str
-    number: str
-
-
-BATCH_KERNELS = (
-    BatchKernel("shaped", SHAPED_MODULES, "step", "double"),
-    BatchKernel("fixed_lean", LEAN_MODULES, "update", "int32_t"),
-    BatchKernel("fixed_flight", FLIGHT_MODULES, "update", "int32_t"),
-)
-# Columns of a result row: the first words of the memory (attitude, bias), then the bits.
-KEPT = 7
-
-
-def batch_c(kernel: BatchKernel, sources: Sequence[Source]) -> str:
-    """The C text; rows of the result hold the first `KEPT` words of the memory and the bits."""
+def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
+    """The C file of one kernel; a row of its results holds attitude, bias and bits."""
     translation = translate(sources, [kernel.entry])
-    number = kernel.number
+    records = [translation.kernel.records[name] for name in _RECORDS]
+    structs = "\n".join(struct_text(found.about, found.rows, found.name) for found in records)
+    number = DOUBLE if records[0].rows[0].range is None else INT32
     return f"""\
-/* Generated from {", ".join(kernel.modules)}; do not edit. */
+/* Generated from {", ".join(kernel.paths)}; do not edit. */
 #include <math.h>
-#include <stddef.h>
-#include <stdint.h>
 
+#include "kernels.h"
+
+{structs}
 {translation.code}
-void run_{kernel.name}({number} *memory, const {number} *gains, const {number} *samples,
-    size_t rows, size_t columns, {number} *results);
-
-void run_{kernel.name}({number} *memory, const {number} *gains, const {number} *samples,
-    size_t rows, size_t columns, {number} *results)
+static void run(void *memory, const void *gains, const void *samples, size_t rows, void *results)
 {{
+    Memory *s = memory;
+    const Sample *sample = samples;
+    {number} *result = results;
     for (size_t row = 0; row < rows; row++) {{
-        const int32_t bits = {kernel.entry}(memory, gains, samples + row * columns);
-        for (size_t i = 0; i < {KEPT}; i++) {{
-            results[row * {KEPT + 1} + i] = memory[i];
+        const int32_t bits = {kernel.entry}(s, gains, sample + row);
+        for (size_t i = 0; i < 4; i++) {{
+            result[i] = s->q_nb[i];
         }}
-        results[row * {KEPT + 1} + {KEPT}] = ({number})bits;
+        for (size_t i = 0; i < 3; i++) {{
+            result[4 + i] = s->gyro_bias[i];
+        }}
+        result[7] = ({number})bits;
+        result += 8;
     }}
 }}
+
+const struct kernel {kernel.name} = {{
+    run, sizeof(Memory), sizeof(Gains), sizeof(Sample), sizeof({number}),
+}};
+"""
+
+
+def kernels_h(kernels: Sequence[KernelFiles]) -> str:
+    """The header that tells the extension of its kernels."""
+    names = [kernel.name for kernel in kernels]
+    externs = "\n".join(f"extern const struct kernel {name};" for name in names)
+    return f"""\
+/* Generated; do not edit. */
+#include "kernel.h"
+
+{externs}
+
+#define KERNELS_IN_ORDER {", ".join(f"&{name}" for name in names)}
 """

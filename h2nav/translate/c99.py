@@ -1,7 +1,7 @@
 """Writes an analysed kernel as freestanding C99: same names, same comments, same arithmetic."""
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from h2nav.translate.c_expressions import (
@@ -20,7 +20,7 @@ from h2nav.translate.layout import (
     home_blocks,
     inner_blocks,
     mentioned,
-    written_arrays,
+    written_arguments,
 )
 from h2nav.translate.ranges import analyse, joined_operation, list_elements
 from h2nav.translate.runtime import operations
@@ -49,14 +49,18 @@ class Translation(NamedTuple):
 
 
 def translate(
-    sources: Sequence[Source], entries: Sequence[str], initialisers: Sequence[str] = ()
+    sources: Sequence[Source],
+    entries: Sequence[str],
+    initialisers: Sequence[str] = (),
+    struct_names: Mapping[str, str] | None = None,
 ) -> Translation:
     """Proves the ranges of a kernel and writes it as C99.
 
     Args:
         sources: the kernel modules, imported ones first.
         entries: functions that will be called from outside; see `ranges.analyse`.
-        initialisers: functions that will be called on uninitialised arrays.
+        initialisers: functions that will be called on records of zeros.
+        struct_names: record -> its C type; the record's own name for those not in it.
 
     Raises:
         Refused: with file and line, whatever cannot be translated or proved.
@@ -71,7 +75,7 @@ def translate(
     functions = []
     for name in facts.functions:
         function = kernel.functions[name]
-        writer = _FunctionWriter(kernel, facts, function, writers, runtime)
+        writer = _FunctionWriter(kernel, facts, function, writers, runtime, struct_names or {})
         melts = function.path == sources[-1].path or _is_expression(function)
         writer.inline = melts and name not in (*entries, *initialisers)
         functions.append(writer.text())
@@ -113,12 +117,14 @@ class _FunctionWriter:
         function: Function,
         writers: dict[str, list[bool]],
         runtime: set[str],
+        struct_names: Mapping[str, str],
     ) -> None:
         self._kernel = kernel
         self._facts = facts
         self._function = function
         self._found: FunctionFacts = facts.functions[function.name]
         self._writers = writers
+        self._struct_names = struct_names
         self._expressions = ExpressionWriter(kernel, facts, function, self._found, runtime)
         self._homes = home_blocks(function.node.body)
         self._lines: list[str] = []
@@ -130,7 +136,7 @@ class _FunctionWriter:
     def text(self) -> str:
         """The whole function."""
         node = self._function.node
-        written = written_arrays(node, self._writers)
+        written = written_arguments(node, self._writers)
         self._writers[node.name] = [argument.arg in written for argument in node.args.args]
         parameters = ", ".join(self._parameter(a.arg, a.arg in written) for a in node.args.args)
         returns = "void" if self._found.result is None else c_type(self._found.result)
@@ -151,10 +157,14 @@ class _FunctionWriter:
         return Refused(self._function.path, node, reason)
 
     def _parameter(self, name: str, written: bool) -> str:
+        const = "" if written else "const "
+        if name in self._found.structures:
+            type_name = self._found.structures[name].type_name
+            return f"{const}{self._struct_names.get(type_name, type_name)} *{name}"
         array = self._found.arrays.get(name)
         if array is None:
             return f"{c_type(self._found.scalars[name])} {name}"
-        return f"{'' if written else 'const '}{element_type(array)} {name}[]"
+        return f"{const}{element_type(array)} {name}[]"
 
     # statements
 

@@ -109,13 +109,13 @@ class ExpressionWriter:
             case ast.Constant(value=int() | float() as value):
                 return Text(c_number(value), _ATOM, c_type(self._kind(node)))
             case ast.Attribute():
-                return Text(c_number(math.pi), _ATOM, DOUBLE)
+                return self._attribute(node)
             case ast.Name(id=name):
                 if name in self._found.scalars:
                     return Text(name, _ATOM, c_type(self._found.scalars[name]))
                 return Text(name, _ATOM, c_type(self._kind(node)))
-            case ast.Subscript(value=ast.Name(id=name), slice=index):
-                return self._element(node, name, index, store)
+            case ast.Subscript(value=array, slice=index):
+                return self._element(node, array, index, store)
             case ast.UnaryOp(op=operator, operand=operand):
                 return self._unary(node, operator, self.expression(operand))
             case ast.BinOp(left=left, op=ast.LShift(), right=right):
@@ -133,8 +133,11 @@ class ExpressionWriter:
                 return self.call(node)
         raise self._refuse(node, f"{type(node).__name__} is outside the subset")
 
-    def _element(self, node: ast.Subscript, name: str, index: ast.expr, store: bool) -> Text:
-        if name in self._found.arrays:
+    def _element(self, node: ast.Subscript, array: ast.expr, index: ast.expr, store: bool) -> Text:
+        name = self._array(array)
+        if isinstance(array, ast.Attribute):
+            array_type = self.expression(array).type
+        elif name in self._found.arrays:
             array_type = element_type(self._found.arrays[name])
         else:
             self._facts.constants.add(name)
@@ -142,6 +145,18 @@ class ExpressionWriter:
         if isinstance(index, ast.Constant):
             return Text(f"{name}[{index.value!r}]", _ATOM, array_type)
         return Text(f"{name}[{self.expression(index).text}]", _ATOM, array_type)
+
+    def _attribute(self, node: ast.Attribute) -> Text:
+        """A field of a record, or pi."""
+        owner = node.value.id if isinstance(node.value, ast.Name) else ""
+        if owner not in self._found.structures:
+            return Text(c_number(math.pi), _ATOM, DOUBLE)
+        number = self._found.structures[owner].members[node.attr]
+        return Text(f"{owner}->{node.attr}", _ATOM, element_type(number))
+
+    def _array(self, node: ast.expr) -> str:
+        """C text of an array: a variable or the vector of a record."""
+        return node.id if isinstance(node, ast.Name) else self.expression(node).text
 
     def _result(self, node: ast.expr, text: Text) -> Text:
         """`text` narrowed to 32 bits where its range is proved to fit."""
@@ -212,8 +227,6 @@ class ExpressionWriter:
                 return self._clamp(node)
             case ast.Name(id="known"):
                 return self._result(node, self.expression(node.args[0]))
-            case ast.Name(id="known"):
-                return self._result(node, self.expression(node.args[0]))
             case ast.Name(id=name):
                 return self._kernel_call(node, name)
         raise self._refuse(node, "call outside the subset")
@@ -240,9 +253,8 @@ class ExpressionWriter:
         arguments = []
         parameters = self._kernel.functions[name].node.args.args
         for parameter, value in zip(parameters, node.args, strict=True):
-            if parameter.arg in callee.arrays:
-                assert isinstance(value, ast.Name)
-                arguments.append(value.id)
+            if parameter.arg in callee.arrays or parameter.arg in callee.structures:
+                arguments.append(self._array(value))
             else:
                 wanted = c_type(callee.scalars[parameter.arg])
                 arguments.append(self.expression(value).widened(wanted).text)

@@ -11,6 +11,7 @@ from h2nav.translate.facts import (
     Float,
     Scalar,
     State,
+    Structure,
     join_scalars,
     join_states,
 )
@@ -65,16 +66,24 @@ class Expressions:
         facts: collects the hull of every expression.
         path: file of the function, for refusals.
         arrays: array variables of the function.
+        structures: its arguments that are records.
         call: runs a call of another kernel function.
     """
 
     def __init__(
-        self, kernel: Kernel, facts: Facts, path: str, arrays: dict[str, Array], call: Caller
+        self,
+        kernel: Kernel,
+        facts: Facts,
+        path: str,
+        arrays: dict[str, Array],
+        structures: dict[str, Structure],
+        call: Caller,
     ) -> None:
         self._kernel = kernel
         self._facts = facts
         self._path = path
         self._arrays = arrays
+        self._structures = structures
         self._call = call
 
     def refuse(self, node: ast.AST, reason: str) -> Refused:
@@ -121,6 +130,9 @@ class Expressions:
                 return FLOAT
             case ast.Name(id=name):
                 return self._name(node, name, state)
+            case ast.Attribute():
+                array = self.number_at(node)
+                return FLOAT if array.is_float else state.cells[array.key].get(0, INT32)
             case ast.Subscript():
                 return self._element(node, state)
             case ast.UnaryOp(op=operator, operand=operand):
@@ -142,11 +154,37 @@ class Expressions:
         self._facts.constants.add(name)
         return FLOAT if isinstance(constant.value, float) else intervals.exactly(constant.value)
 
+    def array_at(self, node: ast.expr) -> Array | None:
+        """The array that `node` names: a variable, or the vector of a record; None for others."""
+        match node:
+            case ast.Name(id=name):
+                return self._arrays.get(name)
+            case ast.Attribute(value=ast.Name(id=name), attr=attribute) if name in self._structures:
+                structure = self._structures[name]
+                return None if attribute in structure.numbers else self._member(node, structure)
+        return None
+
+    def number_at(self, node: ast.Attribute) -> Array:
+        """The single number of a record that `node` names, as an array of one element."""
+        match node:
+            case ast.Attribute(value=ast.Name(id=name), attr=attribute) if name in self._structures:
+                structure = self._structures[name]
+                if attribute in structure.numbers:
+                    return structure.members[attribute]
+                self._member(node, structure)
+                raise self.refuse(node, f"{attribute} is a vector, a number is needed here")
+        raise self.refuse(node, f"{ast.unparse(node)} is not a field of a record")
+
+    def _member(self, node: ast.Attribute, structure: Structure) -> Array:
+        if node.attr not in structure.members:
+            raise self.refuse(node, f"{structure.type_name} has no field {node.attr}")
+        return structure.members[node.attr]
+
     def element_of(self, node: ast.Subscript, state: State) -> tuple[Array, Interval]:
         """The array that `node` subscripts and the range of the index, which must lie inside."""
-        if not isinstance(node.value, ast.Name) or node.value.id not in self._arrays:
+        array = self.array_at(node.value)
+        if array is None:
             raise self.refuse(node, "only arrays may be subscripted")
-        array = self._arrays[node.value.id]
         index = self.integer(node.slice, state)
         limit = INT32.hi if array.length is None else array.length - 1
         if index.lo < 0 or index.hi > limit:
@@ -330,6 +368,9 @@ class Expressions:
         if isinstance(node, ast.Name) and node.id in state.scalars:
             state = state.copy()
             state.scalars[node.id] = Interval(lo, hi)
+        elif isinstance(node, ast.Attribute):
+            state = state.copy()
+            state.cells[self.number_at(node).key][0] = Interval(lo, hi)
         elif isinstance(node, ast.Subscript):
             array, index = self.element_of(node, state)
             if index.lo == index.hi and not array.is_float:

@@ -31,6 +31,20 @@ class Array(NamedTuple):
     writable: bool
 
 
+class Structure(NamedTuple):
+    """A record that is an argument; a single number is an array of one element.
+
+    Attributes:
+        type_name: class of the record.
+        members: its fields by name.
+        numbers: names of those that are single numbers.
+    """
+
+    type_name: str
+    members: dict[str, Array]
+    numbers: frozenset[str]
+
+
 @dataclass(slots=True)
 class State:
     """Scalars by name and array elements by array key, at one point of the program.
@@ -75,11 +89,13 @@ class FunctionFacts:
     Attributes:
         scalars: hull of every scalar variable, arguments included.
         arrays: every array variable, arguments included.
+        structures: the arguments that are records.
         result: hull of the returned values; None when nothing is returned.
     """
 
     scalars: dict[str, Scalar] = field(default_factory=dict)
     arrays: dict[str, Array] = field(default_factory=dict)
+    structures: dict[str, Structure] = field(default_factory=dict)
     result: Scalar | None = None
 
 

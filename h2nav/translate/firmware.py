@@ -1,48 +1,48 @@
 """The files of an exported integer filter: C source, header, example, test vectors.
 
-What differs between the forms of the filter stands in `firmware_lean` and `firmware_flight`.
+What differs between the filters stands in `firmware_velocity_aided` and `firmware_constant_gain`.
 """
 
 from collections.abc import Sequence
-from types import ModuleType
 from typing import NamedTuple
 
+from h2nav.attitude.kernel_files import KernelFiles
+from h2nav.attitude.record import Number
 from h2nav.translate.c99 import translate
 from h2nav.translate.layout import broken
-from h2nav.translate.source import Source
+from h2nav.translate.source import Record, Source, read_kernel
+from h2nav.translate.structs import constant_text, struct_text
 
 # (name without prefix, value, comment)
 Row = tuple[str, int, str]
+STRUCT_NAMES = {"Memory": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2nav_sample"}
 
 
 class IntegerForm(NamedTuple):
-    """One form of the integer filter, as C needs to know it.
+    """One integer filter, as C needs to know it.
 
     Attributes:
-        name: on the command line and in the header.
-        layout: the kernel module that names memory, parameters and sample, and has their ranges.
-        modules: file names in ``attitude/kernels``, imported ones first.
-        entries: kernel functions that the interface calls.
-        words: words of the memory that a program reads.
-        sample_words: words of a sample that a program writes itself.
+        kernel: its files; the entry is called from outside.
+        more_entries: other kernel functions that the interface calls.
         bits: of a step's result.
         about: paragraphs of the header's first comment.
         prototypes: of the interface with comments, and what they need.
-        interface: its functions; the parameters are the table ``PARAMS``.
+        interface: its functions; the gains are the constant ``GAINS``.
         example: a program around them.
     """
 
-    name: str
-    layout: ModuleType
-    modules: tuple[str, ...]
-    entries: tuple[str, ...]
-    words: tuple[Row, ...]
-    sample_words: tuple[Row, ...]
+    kernel: KernelFiles
+    more_entries: tuple[str, ...]
     bits: tuple[Row, ...]
     about: str
     prototypes: str
     interface: str
     example: str
+
+    @property
+    def name(self) -> str:
+        """Of the filter: the same equations in floats have it too."""
+        return self.kernel.name.removesuffix("_integer")
 
 
 class Firmware(NamedTuple):
@@ -52,21 +52,22 @@ class Firmware(NamedTuple):
         version: of h2nav.
         gains: name of the gain file.
         gain_hash: SHA-256 of the gain file's contents.
-        params: the kernel's parameters.
+        numbers: the kernel's gains, in the order of the record.
         constants: more numbers that the interface takes from the gain file.
     """
 
     version: str
     gains: str
     gain_hash: str
-    params: Sequence[int]
+    numbers: Sequence[Number]
     constants: tuple[Row, ...] = ()
 
 
-def header(form: IntegerForm, firmware: Firmware) -> str:
+def header(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> str:
     """Text of ``h2nav_filter.h``."""
     about = "\n".join(f" * {line}".rstrip() for line in form.about.splitlines())
-    sample_words = enumeration("Words of a sample.", form.sample_words)
+    records = read_kernel(kernels).records
+    structs = "\n".join(_struct(records[name]) for name in ("Memory", "Sample"))
     constants = enumeration("Of the gain file.", firmware.constants)
     return f"""\
 /* Attitude filter in 32-bit integers. Made by h2nav {firmware.version} from {firmware.gains}.
@@ -83,22 +84,22 @@ def header(form: IntegerForm, firmware: Firmware) -> str:
 #define H2NAV_GAINS "{firmware.gains}"
 #define H2NAV_GAIN_HASH "{firmware.gain_hash}"
 
-#define H2NAV_STATE_SIZE {form.layout.STATE_SIZE}
-#define H2NAV_SAMPLE_SIZE {form.layout.SAMPLE_SIZE}
+/* How many numbers the structs hold, all of them int32_t. */
+#define H2NAV_STATE_SIZE {_size(records["Memory"])}
+#define H2NAV_SAMPLE_SIZE {_size(records["Sample"])}
 
-/* The filter's whole memory. */
-typedef struct {{
-    int32_t words[H2NAV_STATE_SIZE];
-}} h2nav_filter;
-
-{enumeration("Words of the memory.", form.words)}/* One sample. */
-typedef struct {{
-    int32_t words[H2NAV_SAMPLE_SIZE];
-}} h2nav_sample;
-
-{sample_words}{enumeration("Bits of the result.", form.bits)}{constants}{form.prototypes}
+{structs}
+{enumeration("Bits of the result.", form.bits)}{constants}{form.prototypes}
 #endif
 """
+
+
+def _struct(record: Record) -> str:
+    return struct_text(record.about, record.rows, STRUCT_NAMES[record.name])
+
+
+def _size(record: Record) -> int:
+    return sum(row.length for row in record.rows)
 
 
 def enumeration(comment: str, rows: Sequence[Row]) -> str:
@@ -129,51 +130,26 @@ def source(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> 
     Raises:
         Refused: the kernel cannot be translated, or its ranges cannot be proved.
     """
-    code = translate(kernels, form.entries, ["reset"]).code
+    entries = (form.kernel.entry, *form.more_entries)
+    translation = translate(kernels, entries, ["reset"], STRUCT_NAMES)
+    gains = translation.kernel.records["Gains"]
     return f"""\
 /* Made by h2nav {firmware.version} from {firmware.gains}; see h2nav_filter.h. */
 #include "h2nav_filter.h"
 
-{code}
+{_struct(gains)}
+{translation.code}
 /* Gains {firmware.gain_hash} */
-static const int32_t PARAMS[{len(firmware.params)}] = {{
-{_numbers(form.layout, firmware.params)}
-}};
+{constant_text(gains.rows, firmware.numbers, "static const h2nav_gains GAINS")}
+static void clear(h2nav_filter *filter)
+{{
+    int32_t *numbers = (int32_t *)filter;
+    for (int32_t i = 0; i < H2NAV_STATE_SIZE; i++) {{
+        numbers[i] = 0;
+    }}
+}}
 
 {form.interface}"""
-
-
-def parameter_names(layout: ModuleType) -> list[str]:
-    """Names of the kernel's parameters in their order; one with several numbers repeats its name.
-
-    The first number of each stands in the layout between STATE_SIZE and PARAMS_SIZE, in rising
-    order; what does not rise counts something.
-    """
-    size: int = layout.PARAMS_SIZE
-    names = list(vars(layout))
-    starts: list[tuple[int, str]] = []
-    for name in names[names.index("STATE_SIZE") + 1 : names.index("PARAMS_SIZE")]:
-        if getattr(layout, name) > (starts[-1][0] if starts else -1):
-            starts.append((getattr(layout, name), name))
-    ends = [start for start, _ in starts[1:]] + [size]
-    return [
-        name for (start, name), end in zip(starts, ends, strict=True) for _ in range(start, end)
-    ]
-
-
-def _numbers(layout: ModuleType, params: Sequence[int]) -> str:
-    """The parameters as the inside of a C table, each with its name."""
-    lines: list[str] = []
-    names = parameter_names(layout)
-    first = 0
-    while first < len(params):
-        count = names.count(names[first])
-        values = ", ".join(map(str, params[first : first + count]))
-        if count > 1:
-            lines.append(f"    /* {names[first]}, {count} numbers */")
-        lines.extend(broken(f"    {values}," + (f" /* {names[first]} */" if count == 1 else "")))
-        first += count
-    return "\n".join(lines)
 
 
 CHECK = """\
@@ -185,17 +161,19 @@ int main(void)
 {
     h2nav_filter filter;
     h2nav_sample sample;
+    int32_t *numbers = (int32_t *)&sample;
     h2nav_init(&filter);
     for (int32_t row = 0; row < H2NAV_VECTORS; row++) {
         for (int32_t i = 0; i < H2NAV_SAMPLE_SIZE; i++) {
-            sample.words[i] = h2nav_samples[row][i];
+            numbers[i] = h2nav_samples[row][i];
         }
         if (h2nav_step(&filter, &sample) != h2nav_bits[row]) {
             return 1;
         }
     }
+    numbers = (int32_t *)&filter;
     for (int32_t i = 0; i < H2NAV_STATE_SIZE; i++) {
-        if (filter.words[i] != h2nav_final[i]) {
+        if (numbers[i] != h2nav_final[i]) {
             return 1;
         }
     }

@@ -1,4 +1,4 @@
-"""Where C declares a variable, which array arguments are const, how long lines break."""
+"""Where C declares a variable, which arguments are const, how long lines break."""
 
 import ast
 from collections.abc import Iterator, Sequence
@@ -52,8 +52,8 @@ def mentioned(statement: ast.stmt) -> set[str]:
     return {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
 
 
-def written_arrays(function: ast.FunctionDef, writers: dict[str, list[bool]]) -> set[str]:
-    """Names of the arrays that a function writes, itself or through the functions it calls.
+def written_arguments(function: ast.FunctionDef, writers: dict[str, list[bool]]) -> set[str]:
+    """Names of the arrays and records that a function writes, itself or through those it calls.
 
     Args:
         function: the function.
@@ -61,15 +61,21 @@ def written_arrays(function: ast.FunctionDef, writers: dict[str, list[bool]]) ->
     """
     written = set()
     for node in ast.walk(function):
-        if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
-            if isinstance(node.value, ast.Name):
-                written.add(node.value.id)
+        if isinstance(node, ast.Subscript | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            written.add(_owner(node))
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             flags = writers.get(node.func.id, [])
             for argument, writes in zip(node.args, flags, strict=False):
-                if writes and isinstance(argument, ast.Name):
-                    written.add(argument.id)
+                if writes:
+                    written.add(_owner(argument))
     return written
+
+
+def _owner(node: ast.expr) -> str:
+    """The variable that an element or a field belongs to."""
+    while isinstance(node, ast.Subscript | ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def broken(line: str) -> Iterator[str]:

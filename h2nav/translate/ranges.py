@@ -1,13 +1,13 @@
 """Runs a kernel on intervals: every path, every loop pass, every call; proves what it can reach.
 
 Loops have constant bounds and are run pass by pass; functions are run anew for each call; at a
-join the hull of both paths holds. Arguments named ``x`` whose module declares ``X_RANGES`` start
-inside these ranges, and every entry point must leave them inside: the declaration is thereby an
-invariant of any sequence of calls, proved by induction.
+join the hull of both paths holds. Arguments that are records start inside their declared ranges,
+and every entry point must leave them inside: the declaration is thereby an invariant of any
+sequence of calls, proved by induction.
 """
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from h2nav.translate import intervals
 from h2nav.translate.expressions import Expressions
@@ -19,14 +19,17 @@ from h2nav.translate.facts import (
     FunctionFacts,
     Scalar,
     State,
+    Structure,
     join_scalars,
     join_states,
 )
 from h2nav.translate.intervals import INT16, INT32, INT64, UINT16, Interval
-from h2nav.translate.source import Function, Kernel, Refused
+from h2nav.translate.source import Function, Kernel, Record, Refused
 
 _ANNOTATED = {"int": INT32, "I16": INT16, "U16": UINT16, "I32": INT32, "I64": INT64}
 _LOOP_LIMIT = 4096
+
+Argument = Scalar | Array | Structure
 
 
 def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] = ()) -> Facts:
@@ -34,15 +37,15 @@ def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] 
 
     Args:
         kernel: the translated modules.
-        entries: functions that find and leave every declared array inside its ranges.
-        initialisers: functions that find anything and leave the arrays inside their ranges.
+        entries: functions that find and leave every record inside its declared ranges.
+        initialisers: functions that find a first argument of zeros, and leave it in its ranges.
 
     Raises:
         Refused: outside the subset, wider than 64 bits, or a declared range is left.
     """
     analysis = _Analysis(kernel)
     for name in (*initialisers, *entries):
-        analysis.run_entry(kernel.functions[name], trust_arrays=name in entries)
+        analysis.run_entry(kernel.functions[name], begins=name in initialisers)
     return analysis.facts
 
 
@@ -70,49 +73,55 @@ class _Analysis:
         self._arrays += 1
         return Array(self._arrays, is_float, length, writable)
 
-    def run_entry(self, function: Function, trust_arrays: bool) -> None:
+    def run_entry(self, function: Function, begins: bool) -> None:
         state = State(cells={array.key: dict(cells) for array, cells in self._tables.values()})
-        arguments: dict[str, Scalar | Array] = {}
-        for argument in function.node.args.args:
-            kind = _annotation(function, argument)
-            if isinstance(kind, bool):
-                declared = self._declared(argument.arg)
-                length = len(declared) if declared else None
-                array = self.new_array(kind, length)
-                state.cells[array.key] = dict(enumerate(declared)) if trust_arrays else {}
+        arguments: dict[str, Argument] = {}
+        for number, argument in enumerate(function.node.args.args):
+            kind = _annotation(self._kernel, function, argument)
+            if isinstance(kind, Record):
+                is_zero = begins and number == 0
+                arguments[argument.arg] = self._new_structure(kind, state, is_zero=is_zero)
+            elif isinstance(kind, bool):
+                array = self.new_array(kind, None)
+                state.cells[array.key] = {}
                 arguments[argument.arg] = array
             else:
                 arguments[argument.arg] = kind
         _, after = self.run(function, arguments, state)
         for name, value in arguments.items():
-            if isinstance(value, Array) and after is not None:
+            if isinstance(value, Structure) and after is not None:
                 self._check_declared(function, name, value, after)
 
-    def _declared(self, name: str) -> list[Interval]:
-        """The declared ranges of the elements of an array argument."""
-        constant = self._kernel.constants.get(f"{name.upper()}_RANGES")
-        if constant is None or not isinstance(constant.value, tuple):
-            return []
-        ranges = []
-        for pair in constant.value:
-            assert isinstance(pair, tuple)
-            lo, hi = (int(end) for end in pair if isinstance(end, int))
-            ranges.append(Interval(lo, hi))
-        return ranges
+    def _new_structure(self, record: Record, state: State, is_zero: bool) -> Structure:
+        """A record in memory: of zeros, or anywhere in its declared ranges."""
+        members = {}
+        for row in record.rows:
+            members[row.name] = array = self.new_array(row.range is None, row.length)
+            found = intervals.exactly(0) if is_zero else Interval(*(row.range or INT32))
+            state.cells[array.key] = dict.fromkeys(range(row.length), found)
+        numbers = frozenset(row.name for row in record.rows if row.size is None)
+        return Structure(record.name, members, numbers)
 
-    def _check_declared(self, function: Function, name: str, array: Array, after: State) -> None:
-        for i, allowed in enumerate(self._declared(name)):
-            reached = after.cells[array.key].get(i, INT32)
-            if not reached.within(allowed):
-                raise Refused(
-                    function.path,
-                    function.node,
-                    f"{function.name} may leave {name}[{i}] at {reached.lo}..{reached.hi}, "
-                    f"declared {allowed.lo}..{allowed.hi}",
-                )
+    def _check_declared(
+        self, function: Function, name: str, structure: Structure, after: State
+    ) -> None:
+        for row in self._kernel.records[structure.type_name].rows:
+            if row.range is None:
+                continue
+            allowed, cells = Interval(*row.range), after.cells[structure.members[row.name].key]
+            for i in range(row.length):
+                reached = cells.get(i, INT32)
+                if not reached.within(allowed):
+                    place = row.name if row.size is None else f"{row.name}[{i}]"
+                    raise Refused(
+                        function.path,
+                        function.node,
+                        f"{function.name} may leave {name}.{place} at {reached.lo}..{reached.hi}, "
+                        f"declared {allowed.lo}..{allowed.hi}",
+                    )
 
     def run(
-        self, function: Function, arguments: dict[str, Scalar | Array], state: State
+        self, function: Function, arguments: Mapping[str, Argument], state: State
     ) -> tuple[Scalar | None, State | None]:
         """Runs one call; returns what it returns and the state of the arrays afterwards."""
         if function.name in self._calls:
@@ -133,6 +142,7 @@ class _Analysis:
                 raise Refused(function.path, function.node, reason)
             known.scalars[name] = joined
         known.arrays.update(found.arrays)
+        known.structures.update(found.structures)
         if found.result is not None:
             known.result = join_scalars(known.result or found.result, found.result)
 
@@ -145,7 +155,7 @@ class _Frame:
         analysis: _Analysis,
         kernel: Kernel,
         function: Function,
-        arguments: dict[str, Scalar | Array],
+        arguments: Mapping[str, Argument],
         tables: dict[str, tuple[Array, dict[int, Interval]]],
     ) -> None:
         self._analysis = analysis
@@ -157,10 +167,17 @@ class _Frame:
         for name, value in arguments.items():
             if isinstance(value, Array):
                 self._arrays[name] = self._found.arrays[name] = value
+            elif isinstance(value, Structure):
+                self._found.structures[name] = value
             else:
                 self._scalars[name] = self._found.scalars[name] = value
         self._expressions = Expressions(
-            kernel, analysis.facts, function.path, self._arrays, self._call
+            kernel,
+            analysis.facts,
+            function.path,
+            self._arrays,
+            self._found.structures,
+            self._call,
         )
         self._returned: State | None = None
 
@@ -224,10 +241,10 @@ class _Frame:
             if joined is None:
                 raise self._refuse(target, "is sometimes an integer, sometimes a float")
             self._found.scalars[target.id] = joined
-        elif isinstance(target, ast.Subscript):
+        elif isinstance(target, ast.Subscript | ast.Attribute):
             self._store(target, self._expressions.scalar(value, state), state)
         else:
-            raise self._refuse(target, "only names and elements may be assigned")
+            raise self._refuse(target, "only names, elements and fields may be assigned")
 
     def _new_list(self, target: ast.Name, elements: list[ast.expr], state: State) -> None:
         values = [self._expressions.scalar(element, state) for element in elements]
@@ -244,8 +261,11 @@ class _Frame:
             raise self._refuse(target, "an array of integers holds 32-bit values")
         state.cells[array.key] = cells
 
-    def _store(self, target: ast.Subscript, value: Scalar, state: State) -> None:
-        array, index = self._expressions.element_of(target, state)
+    def _store(self, target: ast.Subscript | ast.Attribute, value: Scalar, state: State) -> None:
+        if isinstance(target, ast.Attribute):
+            array, index = self._expressions.number_at(target), intervals.exactly(0)
+        else:
+            array, index = self._expressions.element_of(target, state)
         if not array.writable:
             raise self._refuse(target, "a constant table is written")
         if array.is_float:
@@ -313,11 +333,14 @@ class _Frame:
         parameters = function.node.args.args
         if len(parameters) != len(node.args) or node.keywords:
             raise self._refuse(node, f"{name} takes {len(parameters)} plain arguments")
-        arguments: dict[str, Scalar | Array] = {}
+        arguments: dict[str, Argument] = {}
         for parameter, value in zip(parameters, node.args, strict=True):
-            kind = _annotation(function, parameter)
+            kind = _annotation(self._kernel, function, parameter)
+            if isinstance(kind, Record):
+                arguments[parameter.arg] = self._structure(value, kind, name)
+                continue
             if isinstance(kind, bool):
-                array = self._arrays.get(value.id) if isinstance(value, ast.Name) else None
+                array = self._expressions.array_at(value)
                 if array is None or array.is_float != kind:
                     raise self._refuse(value, f"{name} needs an array for {parameter.arg}")
                 arguments[parameter.arg] = array
@@ -337,6 +360,12 @@ class _Frame:
         if after is not None:
             state.cells = after.cells
         return result
+
+    def _structure(self, value: ast.expr, record: Record, callee: str) -> Structure:
+        found = self._found.structures.get(value.id) if isinstance(value, ast.Name) else None
+        if found is None or found.type_name != record.name:
+            raise self._refuse(value, f"{callee} needs a {record.name} here")
+        return found
 
 
 def joined_operation(
@@ -362,13 +391,15 @@ def list_elements(value: ast.expr) -> list[ast.expr] | None:
     return None
 
 
-def _annotation(function: Function, argument: ast.arg) -> Scalar | bool:
-    """Range of an annotated scalar; for an array whether it holds floats."""
+def _annotation(kernel: Kernel, function: Function, argument: ast.arg) -> Scalar | bool | Record:
+    """Range of an annotated scalar; for an array whether it holds floats; a record."""
     match argument.annotation:
+        case ast.Name(id=name) if name in kernel.records:
+            return kernel.records[name]
         case ast.Name(id="float"):
             return FLOAT
         case ast.Name(id=name) if name in _ANNOTATED:
             return _ANNOTATED[name]
-        case ast.Subscript(value=ast.Name(id="list" | "Sequence"), slice=ast.Name(id=name)):
+        case ast.Subscript(value=ast.Name(id="list"), slice=ast.Name(id=name)):
             return name == "float"
     raise Refused(function.path, argument, f"{argument.arg} needs an annotation of the subset")

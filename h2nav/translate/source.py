@@ -4,17 +4,27 @@ import ast
 import io
 import math
 import tokenize
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from h2nav.attitude import record
+from h2nav.attitude.record import Row
 from h2nav.errors import BadInput
 
 Number = int | float
 ConstantValue = Number | tuple["ConstantValue", ...]
 
-# Modules whose functions the translator knows itself.
-INTRINSIC_MODULES = ("math", "collections.abc", "h2nav.maths.fixedpoint")
+# Modules whose names the translator knows itself.
+INTRINSIC_MODULES = (
+    "math",
+    "dataclasses",
+    "h2nav.attitude.record",
+    "h2nav.maths.fixedpoint",
+)
+ROW_MAKERS: dict[str, Callable[..., Any]] = {
+    maker.__name__: maker for maker in (record.real, record.reals, record.integer, record.integers)
+}
 
 
 class Source(NamedTuple):
@@ -61,12 +71,27 @@ class Function:
     comments: Mapping[int, Comment]
 
 
+class Record(NamedTuple):
+    """A record of `h2nav.attitude.record`, as its module declares it.
+
+    Attributes:
+        name: of the class, which annotates arguments.
+        about: first paragraph of its docstring.
+        rows: its fields in order.
+    """
+
+    name: str
+    about: str
+    rows: tuple[Row, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Kernel:
     """One name space made of all given modules, in order of definition."""
 
     constants: dict[str, Constant] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
+    records: dict[str, Record] = field(default_factory=dict)
 
 
 def read_kernel(sources: Sequence[Source]) -> Kernel:
@@ -86,10 +111,15 @@ def read_kernel(sources: Sequence[Source]) -> Kernel:
 def _read_statement(
     kernel: Kernel, path: str, node: ast.stmt, comments: Mapping[int, Comment]
 ) -> None:
-    if isinstance(node, ast.FunctionDef):
-        if node.name in kernel.functions or node.name in kernel.constants:
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        if any(
+            node.name in names for names in (kernel.functions, kernel.constants, kernel.records)
+        ):
             raise Refused(path, node, f"{node.name} is defined twice")
-        kernel.functions[node.name] = Function(node.name, path, node, comments)
+        if isinstance(node, ast.ClassDef):
+            kernel.records[node.name] = _read_record(kernel, path, node)
+        else:
+            kernel.functions[node.name] = Function(node.name, path, node, comments)
     elif isinstance(node, ast.Assign | ast.AnnAssign):
         for name, value in _definitions(kernel, path, node):
             remark = comments.get(node.lineno, Comment("", alone=True))
@@ -97,14 +127,44 @@ def _read_statement(
             kernel.constants[name] = Constant(name, value, text)
     elif isinstance(node, ast.ImportFrom):
         for alias in node.names:
-            known = alias.name in kernel.constants or alias.name in kernel.functions
-            if alias.asname or not (known or node.module in (*INTRINSIC_MODULES, "typing")):
+            if alias.asname or not (
+                _is_known(kernel, alias.name) or node.module in INTRINSIC_MODULES
+            ):
                 raise Refused(path, node, f"import of {alias.name} from a module not translated")
     elif isinstance(node, ast.Import):
         if any(alias.name != "math" or alias.asname for alias in node.names):
             raise Refused(path, node, "only math may be imported as a module")
     elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
         raise Refused(path, node, f"a kernel module may not hold {type(node).__name__}")
+
+
+def _is_known(kernel: Kernel, name: str) -> bool:
+    return name in kernel.constants or name in kernel.functions or name in kernel.records
+
+
+def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> Record:
+    rows = []
+    for statement in node.body:
+        match statement:
+            case ast.AnnAssign(
+                target=ast.Name(id=name),
+                value=ast.Call(func=ast.Name(id=maker), args=arguments, keywords=keywords),
+            ) if maker in ROW_MAKERS:
+                positional = [_row_argument(kernel, path, value) for value in arguments]
+                named = {str(k.arg): _row_argument(kernel, path, k.value) for k in keywords}
+                rows.append(record.named_row(name, ROW_MAKERS[maker](*positional, **named)))
+            case ast.Expr(value=ast.Constant(value=str())):
+                pass
+            case _:
+                raise Refused(path, statement, "a record holds only fields made by a row")
+    about = (ast.get_docstring(node) or "").split("\n\n")[0]
+    return Record(node.name, about, tuple(rows))
+
+
+def _row_argument(kernel: Kernel, path: str, node: ast.expr) -> object:
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    return constant_value(kernel.constants, path, node)
 
 
 def _definitions(
@@ -142,11 +202,6 @@ def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr)
             return _tuple_value(constants, path, elements)
         case ast.Call(func=ast.Name(id="range"), args=[stop]):
             return tuple(range(int(_number(constants, path, stop))))
-        case ast.Call(func=ast.Name(id="range"), args=[start, stop]):
-            bounds = (_number(constants, path, start), _number(constants, path, stop))
-            return tuple(range(int(bounds[0]), int(bounds[1])))
-        case ast.BinOp(left=left, op=ast.Mult(), right=right) if isinstance(left, ast.Tuple):
-            return _tuple_value(constants, path, left.elts) * int(_number(constants, path, right))
         case ast.BinOp(left=left, op=operator, right=right):
             return _binary(
                 path,
@@ -161,14 +216,7 @@ def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr)
 def _tuple_value(
     constants: Mapping[str, Constant], path: str, elements: Sequence[ast.expr]
 ) -> tuple[ConstantValue, ...]:
-    values: list[ConstantValue] = []
-    for element in elements:
-        if isinstance(element, ast.Starred):
-            inner = constant_value(constants, path, element.value)
-            values.extend(inner if isinstance(inner, tuple) else (inner,))
-        else:
-            values.append(constant_value(constants, path, element))
-    return tuple(values)
+    return tuple(constant_value(constants, path, element) for element in elements)
 
 
 def _number(constants: Mapping[str, Constant], path: str, node: ast.expr) -> Number:

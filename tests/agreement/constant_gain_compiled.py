@@ -7,7 +7,7 @@ from pathlib import Path
 import needs
 import numpy as np
 
-from h2nav.attitude.fixed_gains import (
+from h2nav.attitude.constant_gain.gains import (
     DIP_TOLERANCE,
     FIELD_TOLERANCE,
     FORCE_TOLERANCE,

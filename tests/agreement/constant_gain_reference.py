@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from h2nav.attitude.fixed_gains import (
+from h2nav.attitude.constant_gain.gains import (
     DIP_TOLERANCE,
     FIELD_TOLERANCE,
     FORCE_TOLERANCE,

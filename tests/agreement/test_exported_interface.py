@@ -15,18 +15,22 @@ from agreement.identity import IDENTITIES
 
 from h2nav.apps import export_c
 from h2nav.apps.export_forms import FORMS
-from h2nav.attitude.fixed_flight import FlightFilter, parts_of, sample_integers
 from h2nav.attitude.kernels import fixed_flight, fixed_flight_place, fixed_flight_start
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import fixed_motion as motion
 from h2nav.attitude.samples import EarthField, ImuSample
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import (
+    IntegerVelocityAidedFilter,
+    parts_of,
+    sample_integers,
+)
 from h2nav.io import gain_files
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
 
 FLIGHT = IDENTITIES["flight"]
-GAINS = shaped_gains(gain_files.load(FLIGHT.gains), FLIGHT.gains)
+GAINS = velocity_aided_gains(gain_files.load(FLIGHT.gains), FLIGHT.gains)
 GRAVITY = 9.80665
 
 
@@ -130,8 +134,8 @@ def test_fill_limits_what_the_formats_do_not_hold(library: ctypes.CDLL) -> None:
 
 @pytest.mark.parametrize("dt_us", [0, 12_500, 12_501, 99_999, 1_000_000, 1_000_001])
 def test_a_step_of_any_length_is_that_of_the_daemon(library: ctypes.CDLL, dt_us: int) -> None:
-    """The same parts as `FlightFilter` makes; the sample is the same afterwards."""
-    program, python = Program(library), FlightFilter(GAINS, GAINS.name)
+    """The same parts as `IntegerVelocityAidedFilter` makes; the sample is the same afterwards."""
+    program, python = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
     still, force, field = (0, 0, 549_756), (3000, -3000, -(1 << 20)), (6400, 0, 11085)
     t_us = 0
     state = FORMS[0].start(python.params)
@@ -160,7 +164,7 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
         if max(map(abs, parts)) > 64.0 * 32767 / 16384:
             continue
         field = [round(part / 64.0 * 2.0**14) for part in parts]
-        program, python = Program(library), FlightFilter(GAINS, GAINS.name)
+        program, python = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
         program.set_field(field)
         python.use_field(EarthField(norm, dip, angle))
         expected, got = memory_of(python), list(program.filter)
@@ -223,6 +227,6 @@ def mutants(text: str) -> list[str]:
     return found
 
 
-def memory_of(python: FlightFilter) -> list[int]:
+def memory_of(python: IntegerVelocityAidedFilter) -> list[int]:
     """The kernel's memory inside the filter's state."""
     return list(python._state)

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from agreement.constant_gain_reference import ConstantGainReference, rotation
 
-from h2nav.attitude.fixed import sample_integers
-from h2nav.attitude.fixed_gains import BIAS_UNIT, LeanImage, constant_gains, lean_image
-from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.constant_gain.filter import sample_integers
+from h2nav.attitude.constant_gain.gains import (
+    BIAS_UNIT,
+    IntegerGains,
+    constant_gains,
+    integer_gains,
+)
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.samples import EarthField
 from h2nav.maths.quaternion import conjugate, from_euler, rotate
@@ -17,8 +22,8 @@ FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 DENSITIES = SensorDensities(1e-3, 2e-5, 0.3, 5.0, 9.80665, FIELD)
 
 
-def image_at(rate_hz: int) -> LeanImage:
-    return lean_image(constant_gains(DENSITIES, rate_hz, 1.0), "test")
+def image_at(rate_hz: int) -> IntegerGains:
+    return integer_gains(constant_gains(DENSITIES, rate_hz, 1.0), "test")
 
 
 def angle_deg(p: np.ndarray, q: np.ndarray) -> float:

@@ -10,8 +10,8 @@ from agreement.constant_gain_compiled import BIAS, MEMORY_SIZE, CompiledReferenc
 from agreement.constant_gain_reference import ConstantGainReference
 from agreement.test_fixed_float import FIELD, image_at
 
-from h2nav.attitude.fixed import sample_integers
-from h2nav.attitude.fixed_gains import BIAS_UNIT
+from h2nav.attitude.constant_gain.filter import sample_integers
+from h2nav.attitude.constant_gain.gains import BIAS_UNIT
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.native import native_kernels
 

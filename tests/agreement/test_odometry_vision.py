@@ -7,8 +7,8 @@ import pytest
 from needs import DEG
 
 from h2nav.attitude.samples import EarthField, VehicleState
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.maths import quaternion
 from h2nav.motion.pose_gate import PoseVerdict
@@ -27,7 +27,7 @@ def fly(name, seconds):
     """Truth and estimate of a flight; poses at 28.6 Hz, 50 ms late, a tenth of them lost."""
     flight, imu = scenario(name), ImuModel(IMU, FIELD, 1)
     file = gain_files.load("multirotor_200hz")
-    attitude = ShapedFilter(shaped_gains(file, file.name))
+    attitude = VelocityAidedFilter(velocity_aided_gains(file, file.name))
     attitude.use_field(FIELD)
     observer, rng, late = TwistObserver(), np.random.default_rng(3), []
     for i in range(1, seconds * RATE_HZ):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from needs import DEG, REPOSITORY
 
-from h2nav.attitude.shaped_gains import sets_of, shaped_gains
+from h2nav.attitude.velocity_aided.gains import sets_of, velocity_aided_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 from h2nav.io.plain_yaml import read_mapping
@@ -44,7 +44,7 @@ def test_discrete_gains_tend_to_the_closed_form() -> None:
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 def test_shipped_files_are_certified_and_read(name: str, rate_hz: int) -> None:
     file = gain_files.load(f"{name}_{rate_hz}hz")
-    gains = shaped_gains(file, file.name)
+    gains = velocity_aided_gains(file, file.name)
     assert (gains.vehicle_class, gains.rate_hz) == (name, rate_hz)
     assert file.model == read_mapping(REPOSITORY / "gains" / "models" / f"{name}.yaml")
 
@@ -83,6 +83,6 @@ def test_errors_of_a_gain_file_name_file_and_key() -> None:
     gains["k_fix_tilt_s"] = "none"
     changed = type(file)(**{k: getattr(file, k) for k in file.__slots__} | {"gains": gains})
     with pytest.raises(BadInput) as caught:
-        shaped_gains(changed, "rover_50hz")
+        velocity_aided_gains(changed, "rover_50hz")
     assert "gains.k_tilt_s2: expected 12 rising numbers" in str(caught.value)
     assert "gains.k_fix_tilt_s: expected 4 rows" in str(caught.value)

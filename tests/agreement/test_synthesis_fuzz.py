@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from h2nav.attitude.gain_seal import check_seal
-from h2nav.attitude.gains import parse_gain_file
+from h2nav.attitude.gains.envelope import parse_gain_file
+from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 from h2nav.io.plain_yaml import read_mapping

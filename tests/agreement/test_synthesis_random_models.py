@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.attitude.gains import SensorDensities, design_two_stage
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
+from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.synthesis.certificate import CertificateError, accept, prove, verify
 from h2nav.synthesis.closed_form import attitude_bias_gain
 from h2nav.synthesis.lmi import solve_lmi

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from h2nav.attitude.gains import GainFile, two_stage_gains
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.io import gain_files
 from h2nav.synthesis import kinds, two_stage
 from h2nav.synthesis.certificate import accept
@@ -76,7 +77,7 @@ def tampered(file: GainFile, level: int = 0) -> GainFile:
 
 
 def test_tampered_file_is_caught_even_with_a_new_seal() -> None:
-    from h2nav.attitude.gain_seal import seal
+    from h2nav.attitude.gains.seal import seal
 
     file = tampered(gain_files.load("mpu9250_100hz"))
     stale = kinds.check(file, "g.yaml").problems

@@ -17,9 +17,9 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.alignment import triad
-from h2nav.attitude.gains import design_two_stage
-from h2nav.attitude.trust import TrustLimits
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.two_stage.trust import TrustLimits
 from h2nav.maths import quaternion
 
 RATE_HZ = 100.0

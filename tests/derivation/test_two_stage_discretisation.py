@@ -6,11 +6,11 @@ from needs import DEG
 from scipy.linalg import expm, solve_discrete_are
 from synthetic_imu import DENSITIES, FIELD_N, GRAVITY
 
-from h2nav.attitude.gains import FORCE_WEIGHTS, design_two_stage
-from h2nav.attitude.kernels import two_stage_layout as layout
-from h2nav.attitude.kernels.two_stage_correction import correct
-from h2nav.attitude.kernels.two_stage_motion import propagate
-from h2nav.attitude.trust import TrustLimits, kernel_gains
+from h2nav.attitude.two_stage import memory as layout
+from h2nav.attitude.two_stage.gains import FORCE_WEIGHTS, design_two_stage
+from h2nav.attitude.two_stage.kernel.correction import correct
+from h2nav.attitude.two_stage.kernel.motion import propagate
+from h2nav.attitude.two_stage.trust import TrustLimits, kernel_gains
 from h2nav.maths import quaternion, so3
 
 

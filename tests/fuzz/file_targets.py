@@ -32,8 +32,8 @@ from h2nav import cli
 from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.synthesize import sensor_model
-from h2nav.attitude.gain_seal import check_seal, seal
-from h2nav.attitude.gains import GainFile, parse_gain_file
+from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
+from h2nav.attitude.gains.seal import check_seal, seal
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.plain_yaml import parse_bytes
 from h2nav.synthesis.shaped import checked_model

@@ -7,8 +7,8 @@ import pytest
 from simulated_flight import SIMULATED, SimulatedFlight
 
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState, VelocityFix
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.service.settings import AidingSettings
 
@@ -28,7 +28,7 @@ def level_tilt_deg(estimate):
 
 def tampered(is_aided, on_ground):
     """Rest for 5 s, then the attitude in the filter's memory is rolled by 60 deg; goes on 6 s."""
-    attitude_filter = ShapedFilter(shaped_gains(gain_files.load(GAINS), GAINS))
+    attitude_filter = VelocityAidedFilter(velocity_aided_gains(gain_files.load(GAINS), GAINS))
     attitude_filter.use_vehicle(VehicleState(on_ground=on_ground))
     estimates = []
     for number in range(1100):
@@ -73,7 +73,7 @@ def test_a_clipped_gyro_in_hover(configuration):
 
 
 def test_samples_that_are_not_later_change_nothing():
-    attitude_filter = ShapedFilter(shaped_gains(gain_files.load(GAINS), GAINS))
+    attitude_filter = VelocityAidedFilter(velocity_aided_gains(gain_files.load(GAINS), GAINS))
     sample = ImuSample(1_000_000, (0.1, 0.0, 0.0), (0.0, 0.0, -9.8), (20.0, 0.0, 45.0))
     assert attitude_filter.update(sample) is None
     assert attitude_filter.update(sample) is None

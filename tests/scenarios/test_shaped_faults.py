@@ -7,8 +7,8 @@ import pytest
 from needs import DEG, shared_data
 
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import samples
 from h2nav.evaluation.rows import enu_from_ned
 from h2nav.evaluation.scoring import Errors, errors
@@ -24,9 +24,11 @@ def trial() -> Trial:
     return read_trial(shared_data("imu/sitl__calm.npz"))
 
 
-def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], ShapedFilter]:
+def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], VelocityAidedFilter]:
     """Errors and mask of the samples that got an estimate, and what was trusted."""
-    filter_ = ShapedFilter(shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz"))
+    filter_ = VelocityAidedFilter(
+        velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+    )
     filter_.use_vehicle(VehicleState(on_ground=False))
     rows, places, trust = [], [], []
     for place, sample in enumerate(samples(trial)):

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.gains import SensorDensities, design_two_stage
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation import imufusion
 from h2nav.evaluation.paper.euler_ekf import EulerEkf
 from h2nav.evaluation.paper.filter import PaperFilter, paper_gain
@@ -258,8 +259,8 @@ def _two_stage(trials: Trials) -> dict[str, Matrix]:
 
 def _default(trials: Trials) -> dict[str, Matrix]:
     name = f"multirotor_{RATE_HZ}hz"
-    gains = shaped_gains(gain_files.load(name), name)
-    return {"default": _one_by_one(trials, lambda: ShapedFilter(gains))}
+    gains = velocity_aided_gains(gain_files.load(name), name)
+    return {"default": _one_by_one(trials, lambda: VelocityAidedFilter(gains))}
 
 
 def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:

@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 
 from h2nav import __version__
-from h2nav.attitude.gain_seal import seal
+from h2nav.attitude.gains.seal import seal
 from h2nav.attitude.kernels import fixed_flight_layout, fixed_lean
 from h2nav.cli import main
 from h2nav.io import gain_files

@@ -7,13 +7,13 @@ import pytest
 from needs import absent
 
 from h2nav.attitude import batch, native
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.fixed_gains import fixed_model
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 from h2nav.translate.batch import BATCH_KERNELS
@@ -23,15 +23,21 @@ Recording = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def shaped_filter() -> AttitudeFilter:
-    return ShapedFilter(shaped_gains(gain_files.load("handheld_100hz"), "handheld_100hz"))
+    return VelocityAidedFilter(
+        velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
+    )
 
 
 def fixed_filter() -> AttitudeFilter:
-    return FixedFilter(fixed_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz"))
+    return ConstantGainFilter(
+        constant_gain_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz")
+    )
 
 
 def flight_filter() -> AttitudeFilter:
-    return FlightFilter(shaped_gains(gain_files.load("handheld_100hz"), "handheld_100hz"), "test")
+    return IntegerVelocityAidedFilter(
+        velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz"), "test"
+    )
 
 
 FILTERS = [shaped_filter, flight_filter, fixed_filter]

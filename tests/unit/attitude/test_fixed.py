@@ -6,9 +6,9 @@ import random
 import pytest
 from needs import DEG
 
-from h2nav.attitude.fixed import FixedFilter, sample_integers
-from h2nav.attitude.fixed_gains import FixedModel, fixed_model
-from h2nav.attitude.gains import SensorDensities
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter, sample_integers
+from h2nav.attitude.constant_gain.gains import ConstantGainModel, constant_gain_model
+from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.kernels import fixed_motion, fixed_triad
 from h2nav.attitude.samples import EarthField, ImuSample, Trust
@@ -16,7 +16,7 @@ from h2nav.io import gain_files
 from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
 
 FIELD = EarthField(50.0, 60.0 * DEG, 0.0)
-MODEL = FixedModel("test", 100.0, SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD), 1.0)
+MODEL = ConstantGainModel("test", 100.0, SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD), 1.0)
 Quat = tuple[float, float, float, float]
 
 
@@ -38,7 +38,7 @@ ATTITUDES = [
 
 @pytest.mark.parametrize("q_nb", ATTITUDES)
 def test_the_first_sample_gives_the_attitude(q_nb: Quat) -> None:
-    estimate = FixedFilter(MODEL).update(still(q_nb, 0))
+    estimate = ConstantGainFilter(MODEL).update(still(q_nb, 0))
     assert estimate is not None
     assert angle(estimate.q_nb, q_nb) < 0.05 * DEG
     assert Trust.ALIGNED in estimate.trust
@@ -46,7 +46,7 @@ def test_the_first_sample_gives_the_attitude(q_nb: Quat) -> None:
 
 @pytest.mark.parametrize("q_nb", ATTITUDES)
 def test_it_stays_there(q_nb: Quat) -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     for i in range(500):
         estimate = attitude_filter.update(still(q_nb, 10_000 * i))
     assert estimate is not None
@@ -55,7 +55,7 @@ def test_it_stays_there(q_nb: Quat) -> None:
 
 
 def test_yaw_plus_90_degrees_from_the_gyro_sends_the_nose_east() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
     for i in range(1, 101):
         yaw = 0.9 * DEG * i
@@ -68,7 +68,7 @@ def test_yaw_plus_90_degrees_from_the_gyro_sends_the_nose_east() -> None:
 
 def test_without_a_field_the_nose_is_north_and_the_tilt_is_right() -> None:
     q_nb = from_euler(20.0 * DEG, -35.0 * DEG, 0.0)
-    estimate = FixedFilter(MODEL).update(still(q_nb, 0, field=False))
+    estimate = ConstantGainFilter(MODEL).update(still(q_nb, 0, field=False))
     assert estimate is not None
     assert angle(estimate.q_nb, q_nb) < 0.05 * DEG
     assert Trust.YAW_REFERENCED not in estimate.trust
@@ -76,11 +76,11 @@ def test_without_a_field_the_nose_is_north_and_the_tilt_is_right() -> None:
 
 def test_nose_straight_down_without_a_field_still_aligns() -> None:
     q_nb = from_euler(0.0, -90.0 * DEG, 0.0)
-    assert FixedFilter(MODEL).update(still(q_nb, 0, field=False)) is not None
+    assert ConstantGainFilter(MODEL).update(still(q_nb, 0, field=False)) is not None
 
 
 def test_declination_turns_the_heading_at_once() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
     attitude_filter.use_field(FIELD._replace(declination_rad=10.0 * DEG))
     estimate = attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 10_000))
@@ -89,7 +89,7 @@ def test_declination_turns_the_heading_at_once() -> None:
 
 
 def test_bias_is_learnt() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     bias = (0.5 * DEG, -0.3 * DEG, 0.2 * DEG)
     for i in range(30_000):
         estimate = attitude_filter.update(still(ATTITUDES[1], 10_000 * i)._replace(w_b=bias))
@@ -107,7 +107,7 @@ def test_split_and_restore_give_identical_estimates() -> None:
         return still(ATTITUDES[2], 10_000 * i, field=i % 3 == 0)._replace(w_b=w)
 
     samples = [shaken(i) for i in range(600)]
-    whole, first, second = (FixedFilter(MODEL) for _ in range(3))
+    whole, first, second = (ConstantGainFilter(MODEL) for _ in range(3))
     whole.use_field(FIELD._replace(norm_ut=49.0, declination_rad=0.1))
     first.use_field(FIELD._replace(norm_ut=49.0, declination_rad=0.1))
     expected = [whole.update(sample) for sample in samples]
@@ -118,7 +118,7 @@ def test_split_and_restore_give_identical_estimates() -> None:
 
 
 def test_restore_refuses_what_is_not_its_state() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     state = attitude_filter.state()
     with pytest.raises(ValueError, match="not a state"):
         attitude_filter.restore(state._replace(filter_name="default"))
@@ -128,7 +128,7 @@ def test_restore_refuses_what_is_not_its_state() -> None:
 
 
 def test_a_gap_is_bridged_by_the_gyro() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still((1.0, 0.0, 0.0, 0.0), 0))
     late = ImuSample(500_000, (0.0, 0.0, 60.0 * DEG), (0.0, 0.0, -9.80665))
     estimate = attitude_filter.update(late)
@@ -138,9 +138,9 @@ def test_a_gap_is_bridged_by_the_gyro() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_numbers_that_are_none_leave_the_filter_as_it_is(bad: float) -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     sample = still(ATTITUDES[1], 0)
-    assert FixedFilter(MODEL).update(sample._replace(w_b=(bad, 0.0, 0.0))) is None
+    assert ConstantGainFilter(MODEL).update(sample._replace(w_b=(bad, 0.0, 0.0))) is None
     attitude_filter.update(sample)
     before = attitude_filter.state()
     estimate = attitude_filter.update(sample._replace(t_us=10_000, f_b=(0.0, bad, 0.0)))
@@ -154,7 +154,7 @@ def test_numbers_that_are_none_leave_the_filter_as_it_is(bad: float) -> None:
 
 
 def test_absurd_numbers_saturate_and_are_told() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still(ATTITUDES[0], 0))
     wild = ImuSample(10_000, (1e30, -1e30, 50.0), (1e20, 0.0, 0.0), (1e20, -1e20, 0.0))
     estimate = attitude_filter.update(wild)
@@ -166,7 +166,7 @@ def test_absurd_numbers_saturate_and_are_told() -> None:
 
 def test_a_wrong_attitude_that_both_sensors_contradict_is_found_anew() -> None:
     """Lock-out: after a second of disagreement the next sample aligns."""
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     attitude_filter.update(still(from_euler(170.0 * DEG, 0.0, 120.0 * DEG), 0))
     truth = (1.0, 0.0, 0.0, 0.0)
     restarted = []
@@ -181,7 +181,7 @@ def test_a_wrong_attitude_that_both_sensors_contradict_is_found_anew() -> None:
 
 
 def test_restart_keeps_the_bias() -> None:
-    attitude_filter = FixedFilter(MODEL)
+    attitude_filter = ConstantGainFilter(MODEL)
     for i in range(3000):
         attitude_filter.update(still(ATTITUDES[0], 10_000 * i)._replace(w_b=(0.01, 0.0, 0.0)))
     attitude_filter.restart()
@@ -202,7 +202,7 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(fixed_triad, "known", checked)
     monkeypatch.setattr(fixed_motion, "known", checked)
     rng = random.Random(5)
-    params = list(FixedFilter(MODEL).params)
+    params = list(ConstantGainFilter(MODEL).params)
     state = [0] * kernel.STATE_SIZE
     kernel.reset(state)
     for i in range(40_000):
@@ -231,7 +231,7 @@ def _on_sphere(rng: random.Random, radius: float) -> list[int]:
 @pytest.mark.parametrize("name", sorted(gain_files.shipped()))
 def test_every_shipped_gain_file_has_an_integer_image(name: str) -> None:
     file = gain_files.load(name)
-    attitude_filter = FixedFilter(fixed_model(file, name))
+    attitude_filter = ConstantGainFilter(constant_gain_model(file, name))
     for value, (lo, hi) in zip(attitude_filter.params, kernel.PARAMS_RANGES, strict=True):
         assert lo <= value <= hi
 

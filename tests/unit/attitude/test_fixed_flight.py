@@ -34,7 +34,6 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -45,8 +44,9 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import ShapedGains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.maths import quaternion
 
 
@@ -76,14 +76,14 @@ class Both(NamedTuple):
 
 def both(
     flight: Flight,
-    gains: ShapedGains = MULTIROTOR,
+    gains: VelocityAidedGains = MULTIROTOR,
     vehicle: VehicleState = FLYING,
     *,
     fixes: Fixes | None = None,
     field: EarthField | None = None,
     skip_s: float = 10.0,
 ) -> Both:
-    floats, integers = ShapedFilter(gains), FlightFilter(gains, "test")
+    floats, integers = VelocityAidedFilter(gains), IntegerVelocityAidedFilter(gains, "test")
     for filter_ in (floats, integers):
         filter_.use_vehicle(vehicle)
         if field is not None:
@@ -105,7 +105,7 @@ def both(
 
 
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR, FIXED_WING], ids=lambda g: g.vehicle_class)
-def test_at_rest_both_agree_to_hundredths_of_a_degree(gains: ShapedGains) -> None:
+def test_at_rest_both_agree_to_hundredths_of_a_degree(gains: VelocityAidedGains) -> None:
     found = both(fly(still, 40.0, 1), gains, GROUND)
     assert rms_deg([a * DEG for a in found.apart_deg()]) < 0.05
     assert max(found.apart_deg()) < 0.15
@@ -116,7 +116,9 @@ def test_at_rest_both_agree_to_hundredths_of_a_degree(gains: ShapedGains) -> Non
 
 @pytest.mark.parametrize("law", [slow, gentle])
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda g: g.vehicle_class)
-def test_in_motion_both_agree_to_hundredths_of_a_degree(law: RateLaw, gains: ShapedGains) -> None:
+def test_in_motion_both_agree_to_hundredths_of_a_degree(
+    law: RateLaw, gains: VelocityAidedGains
+) -> None:
     found = both(fly(law, 60.0, 1, bias_b=BIAS), gains, skip_s=25.0)
     floats, integers = found.errors_deg()
     assert rms_deg([a * DEG for a in found.apart_deg()]) < 0.12
@@ -203,7 +205,7 @@ def test_fixes_that_deny_the_tilt_ask_the_force() -> None:
     assert max(tilt_deg(e.q_nb) for e in later[400:]) < 1.5
 
 
-def _past(filter_: FlightFilter) -> tuple[float, ...]:
+def _past(filter_: IntegerVelocityAidedFilter) -> tuple[float, ...]:
     """The numbers behind the first four of the aiding, in a filter's state."""
     return filter_._aiding.values()[4:]
 
@@ -212,7 +214,7 @@ def _past(filter_: FlightFilter) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda g: g.vehicle_class)
-def test_an_unknown_bias_is_learnt_in_motion(gains: ShapedGains) -> None:
+def test_an_unknown_bias_is_learnt_in_motion(gains: VelocityAidedGains) -> None:
     flight = fly(gentle, 40.0, 1, bias_b=BIAS, disturbance=Disturbance(force=breeze))
     last = drive(new_filter(gains=gains), flight.samples)[-1]
     assert last is not None

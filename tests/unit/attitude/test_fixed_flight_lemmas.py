@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from h2nav.attitude.flight_gains import flight_image
 from h2nav.attitude.kernels import (
     fixed_flight,
     fixed_flight_doubt,
@@ -15,12 +14,13 @@ from h2nav.attitude.kernels import (
     fixed_flight_start,
     fixed_flight_theta,
     fixed_flight_velocity,
-    fixed_functions,
     fixed_motion,
     fixed_triad,
 )
 from h2nav.attitude.kernels import fixed_flight_layout as layout
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.gains import integer_gains
+from h2nav.attitude.velocity_aided.integer.kernel import functions as fixed_functions
 from h2nav.io import gain_files
 
 MODULES = (
@@ -170,7 +170,7 @@ def corner_params(rng: random.Random) -> Words:
 
 
 def shipped_params(name: str) -> Words:
-    return list(flight_image(shaped_gains(gain_files.load(name), name), name).params)
+    return list(integer_gains(velocity_aided_gains(gain_files.load(name), name), name).params)
 
 
 def watched_run(rng: random.Random, params: Words, count: int) -> None:

@@ -29,8 +29,6 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.flight_gains import flight_image
 from h2nav.attitude.kernels import fixed_flight_layout as layout
 from h2nav.attitude.kernels import shaped_layout
 from h2nav.attitude.samples import (
@@ -40,6 +38,8 @@ from h2nav.attitude.samples import (
     Vec3,
     VehicleState,
 )
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
 
@@ -274,7 +274,7 @@ def test_split_and_restore_gives_the_same_bits(
         first.use_field(FIELD._replace(declination_rad=0.2))
     expected = drive(whole, flight.samples, fixes)
     found = drive(first, flight.samples[:split], fixes)
-    second = FlightFilter(FIXED_WING, "test")
+    second = IntegerVelocityAidedFilter(FIXED_WING, "test")
     second.restore(first.state())
     found += drive(second, flight.samples[split:], fixes, split)
     assert found == expected
@@ -329,16 +329,16 @@ def test_a_gain_beyond_the_format_is_refused(place: int, value: float, what: str
     g = list(MULTIROTOR.g)
     g[place] = value
     with pytest.raises(BadInput, match=rf"^mine: {what} is outside what the integer filter holds"):
-        FlightFilter(MULTIROTOR._replace(g=tuple(g)), "mine")
+        IntegerVelocityAidedFilter(MULTIROTOR._replace(g=tuple(g)), "mine")
 
 
 def test_a_cruise_speed_beyond_the_format_is_refused() -> None:
     with pytest.raises(BadInput, match=r"cruise_speed_m_s .* \(200 of 0\.\.157\)"):
-        FlightFilter(FIXED_WING._replace(cruise_speed_m_s=200.0), "mine")
+        IntegerVelocityAidedFilter(FIXED_WING._replace(cruise_speed_m_s=200.0), "mine")
 
 
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 100.0])
 def test_the_lowpass_follows_the_steps_that_a_sample_is_taken_in(rate_hz: float) -> None:
     """At 25 and 50 Hz too a step lasts 10 ms: half a second are 2^6 of them, within a root of 2."""
-    params = flight_image(MULTIROTOR._replace(rate_hz=rate_hz), "mine").params
+    params = integer_gains(MULTIROTOR._replace(rate_hz=rate_hz), "mine").params
     assert params[layout.LP_SHIFT] == 6

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from h2nav.attitude.kernels.fixed_functions import (
+from h2nav.attitude.velocity_aided.integer.kernel.functions import (
     LARGEST_LOG_Q8,
     LONGEST,
     bits_of,

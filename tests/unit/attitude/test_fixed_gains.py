@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from h2nav.attitude.fixed_gains import (
+from h2nav.attitude.constant_gain.gains import (
     ConstantGains,
     constant_gains,
     fixed_point_section,
-    lean_image,
+    integer_gains,
     slowest_shares,
     spectral_radius,
 )
-from h2nav.attitude.gains import SensorDensities, information
+from h2nav.attitude.gains.densities import SensorDensities, information
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
@@ -50,7 +50,7 @@ def test_gains_solve_the_discrete_riccati_equation(rate_hz: float, weight: float
 
 def test_the_image_stands_for_the_gains() -> None:
     gains = constant_gains(DENSITIES, 100.0, 1.0)
-    image = lean_image(gains, "test")
+    image = integer_gains(gains, "test")
     assert image.rounding_error < 2e-4
     assert image.rounded.attitude == pytest.approx(gains.attitude, abs=2e-4 * max(gains.attitude))
     assert spectral_radius(image.rounded) == pytest.approx(spectral_radius(gains), abs=1e-6)
@@ -88,4 +88,4 @@ def test_the_section_of_a_gain_file(name: str) -> None:
 
 def test_gains_outside_the_format_are_refused() -> None:
     with pytest.raises(BadInput, match="outside the fixed-point format"):
-        lean_image(constant_gains(DENSITIES._replace(gyro=1.0), 10.0, 1.0), "fast.yaml")
+        integer_gains(constant_gains(DENSITIES._replace(gyro=1.0), 10.0, 1.0), "fast.yaml")

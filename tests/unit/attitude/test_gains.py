@@ -6,11 +6,10 @@ import pytest
 from needs import DEG
 from synthetic_imu import DENSITIES, FIELD
 
-from h2nav.attitude.gains import (
-    FORMAT,
+from h2nav.attitude.gains.envelope import FORMAT, parse_gain_file
+from h2nav.attitude.two_stage.gains import (
     design_two_stage,
     gains_at,
-    parse_gain_file,
     two_stage_gains,
     two_stage_section,
 )

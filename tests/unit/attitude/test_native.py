@@ -4,30 +4,32 @@ from collections.abc import Callable
 
 import pytest
 
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed import FixedFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.fixed_gains import fixed_model
 from h2nav.attitude.native import CompiledStep, compiled_step
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 Maker = Callable[[CompiledStep | None], AttitudeFilter]
 
 
-def multirotor() -> ShapedGains:
+def multirotor() -> VelocityAidedGains:
     name = "multirotor_100hz"
-    return shaped_gains(gain_files.load(name), name)
+    return velocity_aided_gains(gain_files.load(name), name)
 
 
 MAKERS: dict[str, Maker] = {
-    "shaped": lambda compiled: ShapedFilter(multirotor(), compiled),
-    "fixed_lean": lambda compiled: FixedFilter(
-        fixed_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz"), compiled
+    "shaped": lambda compiled: VelocityAidedFilter(multirotor(), compiled),
+    "fixed_lean": lambda compiled: ConstantGainFilter(
+        constant_gain_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz"), compiled
     ),
-    "fixed_flight": lambda compiled: FlightFilter(multirotor(), "multirotor_100hz", compiled),
+    "fixed_flight": lambda compiled: IntegerVelocityAidedFilter(
+        multirotor(), "multirotor_100hz", compiled
+    ),
 }
 
 

@@ -18,27 +18,27 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.maths import quaternion
 
 FLYING = VehicleState(on_ground=False)
 GROUND = VehicleState(on_ground=True)
-MULTIROTOR = shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
-HANDHELD = shaped_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
-FIXED_WING = shaped_gains(gain_files.load("fixed-wing_100hz"), "fixed-wing_100hz")
+MULTIROTOR = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+HANDHELD = velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
+FIXED_WING = velocity_aided_gains(gain_files.load("fixed-wing_100hz"), "fixed-wing_100hz")
 GENTLE_BIAS = (1.0 * DEG, -1.0 * DEG, 1.0 * DEG)
 
 
-def new_filter(vehicle: VehicleState = FLYING) -> ShapedFilter:
-    filter_ = ShapedFilter(MULTIROTOR)
+def new_filter(vehicle: VehicleState = FLYING) -> VelocityAidedFilter:
+    filter_ = VelocityAidedFilter(MULTIROTOR)
     filter_.use_vehicle(vehicle)
     return filter_
 
 
 def run(
-    filter_: ShapedFilter, samples: Iterable[ImuSample]
+    filter_: VelocityAidedFilter, samples: Iterable[ImuSample]
 ) -> list[tuple[float, AttitudeEstimate]]:
     found = ((sample.t_us * 1e-6, filter_.update(sample)) for sample in samples)
     return [(t_s, estimate) for t_s, estimate in found if estimate is not None]
@@ -68,7 +68,7 @@ def bias_error_deg_s(estimate: AttitudeEstimate, true: Vec3) -> float:
     return max(abs(a - b) for a, b in zip(estimate.bias_b, true, strict=True)) / DEG
 
 
-def errors_deg(flight: Flight, filter_: ShapedFilter, after_s: float = 0.0) -> list[float]:
+def errors_deg(flight: Flight, filter_: VelocityAidedFilter, after_s: float = 0.0) -> list[float]:
     errors = []
     for sample, q in zip(flight.samples, flight.q_nb, strict=True):
         estimate = filter_.update(sample)
@@ -82,7 +82,7 @@ def errors_deg(flight: Flight, filter_: ShapedFilter, after_s: float = 0.0) -> l
 
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda gains: gains.vehicle_class)
 def test_learns_an_unknown_bias_within_30_s_of_gentle_motion(gains) -> None:
-    filter_ = ShapedFilter(gains)
+    filter_ = VelocityAidedFilter(gains)
     flight = fly(gentle, 30.0, 1, bias_b=GENTLE_BIAS, disturbance=Disturbance(force=breeze))
     estimates = run(filter_, flight.samples)
     assert bias_error_deg_s(estimates[-1][1], GENTLE_BIAS) < 0.05
@@ -269,7 +269,7 @@ def test_no_input_makes_an_estimate_that_is_not_finite(rows: Rows) -> None:
 # --- memory -------------------------------------------------------------------------------------
 
 
-def drive(filter_: ShapedFilter, flight: Flight, first: int, last: int, aided: bool) -> list:
+def drive(filter_: VelocityAidedFilter, flight: Flight, first: int, last: int, aided: bool) -> list:
     found = []
     for i in range(first, last):
         sample = flight.samples[i]
@@ -287,13 +287,13 @@ def test_split_and_restore_gives_the_same_bits(split: int, aided: bool, field: b
     whole = new_filter(GROUND)
     if field:
         whole.use_field(FIELD)
-    first = ShapedFilter(MULTIROTOR)
+    first = VelocityAidedFilter(MULTIROTOR)
     first.use_vehicle(GROUND)
     if field:
         first.use_field(FIELD)
     expected = drive(whole, flight, 0, 600, aided)
     found = drive(first, flight, 0, split, aided)
-    second = ShapedFilter(MULTIROTOR)
+    second = VelocityAidedFilter(MULTIROTOR)
     second.restore(first.state())
     found += drive(second, flight, split, 600, aided)
     assert found == expected
@@ -307,5 +307,5 @@ def test_another_filters_state_is_refused() -> None:
 
 def test_a_slow_turn_in_the_hand_is_not_taken_for_rest() -> None:
     flight = fly(slow, 60.0, 20, bias_b=(0.3 * DEG, -0.3 * DEG, 0.3 * DEG))
-    estimates = run(ShapedFilter(HANDHELD), flight.samples)
+    estimates = run(VelocityAidedFilter(HANDHELD), flight.samples)
     assert bias_error_deg_s(estimates[-1][1], flight.bias_b) < 0.1

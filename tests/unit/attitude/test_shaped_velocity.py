@@ -9,12 +9,12 @@ from needs import DEG
 from synthetic_imu import GRAVITY, Disturbance, Flight, fly, rms_deg
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust, Vec3, VehicleState, VelocityFix
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.maths import quaternion
 
-GAINS = shaped_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+GAINS = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
 PERIOD = 20  # samples between fixes: 5 Hz
 
 
@@ -46,7 +46,11 @@ def accelerating(seconds: float, seed: int) -> Drive:
 
 
 def follow(
-    filter_: ShapedFilter, drive: Drive, latency: int = 15, until: int | None = None, field=True
+    filter_: VelocityAidedFilter,
+    drive: Drive,
+    latency: int = 15,
+    until: int | None = None,
+    field=True,
 ) -> list[AttitudeEstimate | None]:
     """Fixes of 0.1 s to 0.2 s age, as receivers give them, up to the sample `until`."""
     filter_.use_vehicle(VehicleState(on_ground=False))
@@ -72,8 +76,8 @@ def tilt_errors(drive: Drive, found: list[AttitudeEstimate | None], after: int) 
 
 def test_velocity_gives_the_tilt_under_lasting_acceleration() -> None:
     drive = accelerating(80.0, 1)
-    aided = rms_deg(tilt_errors(drive, follow(ShapedFilter(GAINS), drive), 4000))
-    alone = rms_deg(tilt_errors(drive, follow(ShapedFilter(GAINS), drive, until=0), 4000))
+    aided = rms_deg(tilt_errors(drive, follow(VelocityAidedFilter(GAINS), drive), 4000))
+    alone = rms_deg(tilt_errors(drive, follow(VelocityAidedFilter(GAINS), drive, until=0), 4000))
     assert aided < 0.15
     assert alone > 5.0 * aided
 
@@ -81,13 +85,13 @@ def test_velocity_gives_the_tilt_under_lasting_acceleration() -> None:
 @pytest.mark.parametrize("latency", [0, 10, 25, 40])
 def test_the_age_of_a_fix_costs_next_to_nothing(latency: int) -> None:
     drive = accelerating(60.0, 2)
-    found = follow(ShapedFilter(GAINS), drive, latency)
+    found = follow(VelocityAidedFilter(GAINS), drive, latency)
     assert rms_deg(tilt_errors(drive, found, 4000)) < 0.2
 
 
 def test_velocity_holds_the_heading_without_magnetometer() -> None:
     drive = accelerating(90.0, 3)
-    found = follow(ShapedFilter(GAINS), drive, field=False)
+    found = follow(VelocityAidedFilter(GAINS), drive, field=False)
     last = found[-1]
     assert last is not None
     assert quaternion.angle(last.q_nb, drive.flight.q_nb[-1]) < 1.0 * DEG
@@ -96,7 +100,7 @@ def test_velocity_holds_the_heading_without_magnetometer() -> None:
 
 def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
     drive = accelerating(40.0, 4)
-    found = follow(ShapedFilter(GAINS), drive, until=2000)
+    found = follow(VelocityAidedFilter(GAINS), drive, until=2000)
     is_aided = [bool(e and e.trust & Trust.VELOCITY_USED) for e in found]
     assert not any(is_aided[:60])
     assert all(is_aided[70:2000])
@@ -123,20 +127,20 @@ def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
 )
 def test_a_bad_fix_is_as_none(spoilt: VelocityFix) -> None:
     drive = accelerating(10.0, 5)
-    filter_ = ShapedFilter(GAINS)
+    filter_ = VelocityAidedFilter(GAINS)
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0:
             filter_.use_velocity(spoilt._replace(t_us=sample.t_us + spoilt.t_us))
         found.append(filter_.update(sample))
-    alone = ShapedFilter(GAINS)
+    alone = VelocityAidedFilter(GAINS)
     assert found == [alone.update(sample) for sample in drive.flight.samples]
     assert not any(e and e.trust & Trust.VELOCITY_USED for e in found)
 
 
 def test_an_outlier_is_refused_and_a_lasting_jump_is_taken() -> None:
     drive = accelerating(60.0, 6)
-    filter_ = ShapedFilter(GAINS)
+    filter_ = VelocityAidedFilter(GAINS)
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0:

@@ -3,10 +3,10 @@ import math
 import pytest
 from synthetic_imu import DENSITIES, FIELD
 
-from h2nav.attitude.gains import design_two_stage
-from h2nav.attitude.kernels import two_stage_layout as layout
 from h2nav.attitude.samples import ImuSample
-from h2nav.attitude.trust import TrustLimits, kernel_gains, usable, usable_field
+from h2nav.attitude.two_stage import memory as layout
+from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.two_stage.trust import TrustLimits, kernel_gains, usable, usable_field
 
 GOOD = ImuSample(0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
 

@@ -20,10 +20,10 @@ from synthetic_imu import (
 )
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.gains import design_two_stage
-from h2nav.attitude.kernels import two_stage_layout as layout
 from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample, Quat, Trust
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage import memory as layout
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.maths import quaternion
 
 GAINS = design_two_stage(DENSITIES, 100.0, "test")

@@ -16,9 +16,9 @@ import pytest
 from needs import DEG
 from synthetic_imu import DENSITIES, FIELD, Disturbance, fly, slow
 
-from h2nav.attitude.gains import design_two_stage
 from h2nav.attitude.samples import Vec3
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.maths import quaternion
 
 RATE_HZ = 50.0

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from h2nav.attitude.gain_seal import seal
-from h2nav.attitude.gains import GainFile, two_stage_gains
+from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.gains.seal import seal
+from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 

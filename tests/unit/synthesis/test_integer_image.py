@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from h2nav.attitude.fixed_flight import FlightFilter
 from h2nav.attitude.kernels import fixed_flight_layout as layout
-from h2nav.attitude.shaped_gains import shaped_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 from h2nav.synthesis import kinds, shaped
@@ -46,7 +46,7 @@ def test_another_image_is_noticed(name, key, value):
 def test_the_flight_form_of_a_file_is_its_image():
     name = "fixed-wing_50hz"
     file = gain_files.load(name)
-    made = FlightFilter(shaped_gains(file, name), name)
+    made = IntegerVelocityAidedFilter(velocity_aided_gains(file, name), name)
     assert list(made.params) == file.fixed_point["params"]
 
 
@@ -65,7 +65,7 @@ def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
     assert "bias_start_deg_s is outside" in str(file.fixed_point["refused"])
     assert kinds.check(file, "made").problems == ()
     with pytest.raises(BadInput, match="bias_start_deg_s is outside what the integer filter"):
-        FlightFilter(shaped_gains(file, "made"), "made")
+        IntegerVelocityAidedFilter(velocity_aided_gains(file, "made"), "made")
     hidden = replace(file, fixed_point=gain_files.load("multirotor_100hz").fixed_point)
     assert any(p.startswith("fixed_point.") for p in kinds.check(hidden, "made").problems)
 

@@ -20,12 +20,12 @@ from h2nav.attitude.kernels import (
     shaped_rest,
     shaped_theta,
     shaped_velocity,
-    two_stage,
-    two_stage_correction,
-    two_stage_layout,
-    two_stage_motion,
-    two_stage_trust,
 )
+from h2nav.attitude.two_stage import memory as two_stage_layout
+from h2nav.attitude.two_stage.kernel import correction as two_stage_correction
+from h2nav.attitude.two_stage.kernel import motion as two_stage_motion
+from h2nav.attitude.two_stage.kernel import step as two_stage
+from h2nav.attitude.two_stage.kernel import trust as two_stage_trust
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
 

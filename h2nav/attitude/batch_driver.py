@@ -1,0 +1,170 @@
+"""Recordings through a compiled kernel: the one loop that the batches of all filters share.
+
+A batch goes through the kernel in chunks of ordinary samples. Every other sample goes through the
+filter's own interface, so that the bits are those of the interface.
+"""
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.native import RESULT_COLUMNS, CompiledStep
+from h2nav.attitude.record import assign, in_c, is_in_c, rows, values
+from h2nav.attitude.samples import ImuSample
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+Table = npt.NDArray[np.void]
+CHUNK = 1 << 12  # samples whose table stays in the processor's cache
+
+
+class BatchResult(NamedTuple):
+    """Estimates of a recording, one row per sample; NaN before the first attitude.
+
+    Attributes:
+        q_nb: (N, 4) attitude, body to NED, scalar first.
+        bias_b: (N, 3) gyro bias, rad/s.
+    """
+
+    q_nb: Floats
+    bias_b: Floats
+
+
+class Samples(NamedTuple):
+    """A recording, one row per sample.
+
+    Attributes:
+        t_us: (N,) time since the start, rising.
+        gyr: (N, 3) angular rate, rad/s, body FRD.
+        acc: (N, 3) specific force, m/s^2, body FRD.
+        mag: (N, 3) field, microtesla, body FRD.
+        has_field: (N,) False where a part of the field is NaN.
+    """
+
+    t_us: Integers
+    gyr: Floats
+    acc: Floats
+    mag: Floats
+    has_field: Mask
+
+    def part(self, first: int, stop: int) -> "Samples":
+        """Some of the rows."""
+        return Samples(
+            self.t_us[first:stop],
+            self.gyr[first:stop],
+            self.acc[first:stop],
+            self.mag[first:stop],
+            self.has_field[first:stop],
+        )
+
+
+class Batch(Protocol):
+    """How one filter's ordinary samples go through its compiled kernel."""
+
+    def special(self, samples: Samples) -> Mask:
+        """The samples that must go through the filter's own interface."""
+
+    def ready(self, samples: Samples, first: int, stop: int) -> int:
+        """Where the ordinary samples from `first` end at the latest, as the filter stands now."""
+
+    def table(self, part: Samples) -> Table:
+        """The kernel's samples."""
+
+    def records(self) -> tuple[object, object]:
+        """Memory and gains of the filter's kernel."""
+
+    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+        """The estimates of the kernel's results; brings the filter to the end of the part."""
+
+
+def run_batch(
+    step: CompiledStep,
+    batch: Batch,
+    attitude_filter: AttitudeFilter,
+    samples: Samples,
+    result: BatchResult,
+) -> None:
+    """Ordinary samples through the compiled step, all others through the filter's interface."""
+    special = batch.special(samples)
+    first = 0
+    while first < len(samples.t_us):
+        ahead = np.flatnonzero(special[first : first + CHUNK])
+        stop = first + int(ahead[0]) if len(ahead) else min(first + CHUNK, len(samples.t_us))
+        if stop > first:
+            stop = batch.ready(samples, first, stop)
+        if stop == first:
+            run_python(attitude_filter, samples, result, first, first + 1)
+            first += 1
+            continue
+        part = samples.part(first, stop)
+        table = batch.table(part)
+        out = _run_kernel(step, batch, table)
+        result.q_nb[first:stop], result.bias_b[first:stop] = batch.finish(part, table, out)
+        first = stop
+
+
+def _run_kernel(step: CompiledStep, batch: Batch, table: Table) -> npt.NDArray[Any]:
+    """Brings the filter's memory to the end of a table; returns the kernel's results."""
+    memory, gains = batch.records()
+    out = np.empty((len(table), RESULT_COLUMNS), dtype=table.dtype[0].base)
+    if is_in_c(memory):
+        step.run(memory, gains, table, out)
+        return out
+    memory_type, gains_type = type(memory), type(gains)
+    in_c_memory, in_c_gains = in_c(memory_type), in_c(gains_type)
+    assign(in_c_memory, memory_type, values(memory, memory_type))
+    assign(in_c_gains, gains_type, values(gains, gains_type))
+    step.run(in_c_memory, in_c_gains, table, out)
+    assign(memory, memory_type, values(in_c_memory, memory_type))
+    return out
+
+
+def run_python(
+    attitude_filter: AttitudeFilter, samples: Samples, result: BatchResult, first: int, stop: int
+) -> None:
+    """Samples `first` to `stop` one by one, through the filter's own interface."""
+    columns = (array[first:stop].tolist() for array in samples)
+    for i, (t_us, w, f, m, has_field) in enumerate(zip(*columns, strict=True), first):
+        field = (m[0], m[1], m[2]) if has_field else None
+        estimate = attitude_filter.update(
+            ImuSample(t_us, (w[0], w[1], w[2]), (f[0], f[1], f[2]), field)
+        )
+        if estimate is not None:
+            result.q_nb[i] = estimate.q_nb
+            result.bias_b[i] = estimate.bias_b
+
+
+def empty_table(sample_type: type, size: int) -> Table:
+    """A table of zeros; its columns have the names of the record's fields."""
+    columns = []
+    for row in rows(sample_type):
+        number = np.float64 if row.range is None else np.int32
+        columns.append((row.name, number) if row.size is None else (row.name, number, row.size))
+    return np.zeros(size, dtype=columns)
+
+
+def sizes(vectors: Floats) -> Floats:
+    """Sums of magnitudes by row; columns are much faster than a sum over so short an axis."""
+    total: Floats = np.abs(vectors[:, 0])
+    column = np.empty_like(total)
+    total += np.abs(vectors[:, 1], out=column)
+    total += np.abs(vectors[:, 2], out=column)
+    return total
+
+
+def rounded(numbers: Floats, ends: tuple[int, int] | None) -> Floats:
+    """Whole numbers inside `ends`, in place; as `fixedpoint.to_fixed` makes them."""
+    assert ends is not None
+    numbers += 0.5
+    np.floor(numbers, out=numbers)
+    return np.clip(numbers, *ends, out=numbers)
+
+
+def unit_quaternions(words: npt.NDArray[np.int32]) -> Floats:
+    """(N, 4) attitudes of length one, from those of integer kernels."""
+    w, x, y, z = (words[:, i].astype(np.float64) for i in range(4))
+    length = np.sqrt(w * w + x * x + y * y + z * z)
+    return np.stack((w / length, x / length, y / length, z / length), axis=1)

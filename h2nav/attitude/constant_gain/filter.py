@@ -1,0 +1,251 @@
+"""The constant-gain filter in integers, behind the interface that every filter has.
+
+Floats enter and leave only here; between them run the integers of the kernel, which are the same
+bits in Python, in C on any computer and on a microcontroller.
+"""
+
+import math
+from collections.abc import Callable
+
+from h2nav.attitude.constant_gain import memory
+from h2nav.attitude.constant_gain.gains import (
+    BIAS_UNIT,
+    ConstantGainModel,
+    IntegerGains,
+    constant_gains,
+    integer_gains,
+)
+from h2nav.attitude.constant_gain.kernel.step import reset, restart, update
+from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.native import CompiledStep
+from h2nav.attitude.record import assign, in_c, row, size_of, values
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.errors import BadInput
+from h2nav.maths.quaternion import conjugate, multiply
+
+RATE_SCALE = 1e-6  # rad/s to rad/us
+_GYRO, _GRAVITY, _MAG = (row(Sample, name) for name in ("gyro", "gravity", "mag"))
+# The common field, whose gains every usable gain file holds.
+STEEPEST_SURE_DIP_RAD = math.radians(60.0)
+DIP_STEP_RAD = math.radians(1.0)
+
+
+def fill_sample(u: Sample, w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) -> None:
+    """Writes one sample as the kernel takes it.
+
+    Args:
+        u: the kernel's sample.
+        w_b: angular rate, rad/s.
+        gravity: opposite of the specific force in units of gravity.
+        field: magnetic field in units of its expected norm; None for no new field.
+        dt_us: time since the sample before, 0 to `integer.motion.MOST_DT_US`.
+    """
+    u.gyro[:] = [_GYRO.fixed(w * RATE_SCALE) for w in w_b]
+    u.gravity[:] = [_GRAVITY.fixed(part) for part in gravity]
+    u.mag[:] = [_MAG.fixed(part) for part in field or (0.0, 0.0, 0.0)]
+    u.has_mag = 0 if field is None else -1
+    u.dt_us = dt_us
+
+
+class ConstantGainFilter:
+    """The constant-gain filter, in integers.
+
+    Args:
+        model: of a gain file; the constant gains follow from it, here and at every new field.
+        compiled: the compiled kernel; None for the one in Python.
+    """
+
+    def __init__(self, model: ConstantGainModel, compiled: CompiledStep | None = None) -> None:
+        self._model = model
+        self._step: Callable[[Memory, Gains, Sample], int] = update
+        self._memory, self._g, self._sample = Memory(), Gains(), Sample()
+        if compiled is not None:
+            self._step = compiled
+            self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
+        reset(self._memory)
+        self._t_us: int | None = None
+        self._field = model.densities.field
+        self._use_gains(model.densities.field)
+
+    @property
+    def name(self) -> str:
+        """`constant_gain`."""
+        return "constant_gain"
+
+    @property
+    def t_us(self) -> int | None:
+        """Time of the last sample; None before the first."""
+        return self._t_us
+
+    @property
+    def kernel_memory(self) -> Memory:
+        """The kernel's memory; see `follow`."""
+        return self._memory
+
+    @property
+    def kernel_gains(self) -> Gains:
+        """The kernel's gains in use."""
+        return self._g
+
+    @property
+    def field(self) -> EarthField:
+        """The field that is expected."""
+        return self._field
+
+    @property
+    def gravity_scale(self) -> float:
+        """From specific force to its opposite in units of gravity."""
+        return -1.0 / self._model.densities.gravity_m_s2
+
+    def _use_gains(self, field: EarthField) -> None:
+        assign(self._g, Gains, values(self._integer_gains(field).gains, Gains))
+        self._field = field
+
+    def _integer_gains(self, field: EarthField) -> IntegerGains:
+        """The integers for a field; near the poles with the gains of the steepest dip that fits.
+
+        Where the field is nearly vertical, the heading gains per unit of it outgrow the format.
+        """
+        model = self._model
+        dip_rad = field.dip_rad
+        while True:
+            densities = model.densities._replace(field=field._replace(dip_rad=dip_rad))
+            gains = constant_gains(densities, model.rate_hz, model.force_weight)
+            try:
+                return integer_gains(gains._replace(dip_rad=field.dip_rad), model.name)
+            except BadInput:
+                if abs(dip_rad) <= STEEPEST_SURE_DIP_RAD:
+                    raise
+                dip_rad -= math.copysign(DIP_STEP_RAD, dip_rad)
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Takes one sample; None until one has shown an attitude.
+
+        Rates and forces that are not numbers leave the filter as it is: the attitude before comes
+        again with the sample's time and `Trust.SATURATED`.
+        """
+        if not all(map(math.isfinite, (*sample.w_b, *sample.f_b))):
+            if self._memory.age_us < 0:
+                return None
+            return self._estimate(sample._replace(w_b=self._bias()), memory.SATURATED)
+        dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
+        if dt_us < 0:
+            raise ValueError("samples go forward in time")
+        self._t_us = sample.t_us
+        while dt_us > MOST_DT_US:
+            self._coast(sample)
+            dt_us -= MOST_DT_US
+        self._fill(sample, dt_us)
+        bits = self._step(self._memory, self._g, self._sample)
+        if self._memory.age_us < 0 and not bits & memory.DISAGREES:
+            return None
+        return self._estimate(sample, bits)
+
+    def follow(self, t_us: int) -> None:
+        """Goes on from a sample of this time, to which a batch has brought the memory."""
+        self._t_us = t_us
+
+    def _fill(self, sample: ImuSample, dt_us: int) -> None:
+        """Writes the kernel's sample; without vectors where the sensors stand at their limits."""
+        scale = self.gravity_scale
+        f_x, f_y, f_z = sample.f_b
+        field = None
+        if sample.m_b_ut is not None and all(map(math.isfinite, sample.m_b_ut)):
+            m_x, m_y, m_z = sample.m_b_ut
+            norm = self._field.norm_ut
+            field = (m_x / norm, m_y / norm, m_z / norm)
+        gravity = (f_x * scale, f_y * scale, f_z * scale)
+        if sample.clipped:  # vectors of length zero pass no gate
+            gravity, field = (0.0, 0.0, 0.0), None
+        fill_sample(self._sample, sample.w_b, gravity, field, dt_us)
+
+    def _coast(self, sample: ImuSample) -> None:
+        """Turns by the gyro alone for the longest step."""
+        if self._memory.age_us >= 0:
+            fill_sample(self._sample, sample.w_b, (0.0, 0.0, 0.0), None, MOST_DT_US)
+            self._step(self._memory, self._g, self._sample)
+
+    def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
+        w, x, y, z = map(float, self._memory.q_nb)
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        half = 0.5 * self._field.declination_rad
+        bias = self._bias()
+        w_x, w_y, w_z = sample.w_b
+        q_nb = multiply(
+            (math.cos(half), 0.0, 0.0, math.sin(half)),
+            (w / length, x / length, y / length, z / length),
+        )
+        return AttitudeEstimate(
+            t_us=sample.t_us,
+            q_nb=q_nb,
+            w_b=(w_x - bias[0], w_y - bias[1], w_z - bias[2]),
+            bias_b=bias,
+            innovation_n=self._correction(q_nb),
+            sigma_tilt_rad=math.nan,
+            trust=self._trust(bits, sample.clipped),
+        )
+
+    def _bias(self) -> Vec3:
+        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._memory.gyro_bias)
+        return b_x, b_y, b_z
+
+    def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
+        """The correction that the next step will apply, as a rotation in n."""
+        t_x, t_y, t_z = (part * 2.0**-29 for part in self._memory.turn_carry)
+        turned = multiply(multiply(q_nb, (0.0, t_x, t_y, t_z)), conjugate(q_nb))
+        return turned[1], turned[2], turned[3]
+
+    def _trust(self, bits: int, clipped: bool) -> Trust:
+        trust = Trust.ALIGNED
+        if self._memory.age_us >= self._g.boost << self._g.boost_shift:
+            trust |= Trust.CONVERGED
+        if bits & memory.FORCE_USED:
+            trust |= Trust.FORCE_USED
+        if bits & memory.FIELD_USED:
+            trust |= Trust.FIELD_USED | Trust.YAW_REFERENCED
+        if bits & (memory.ALIGNED | memory.DISAGREES):
+            trust |= Trust.RESTARTED
+        if bits & memory.SATURATED or clipped:
+            trust |= Trust.SATURATED
+        return trust
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Ignored: the constant gains are the same on the ground."""
+
+    def use_field(self, field: EarthField) -> None:
+        """Takes the expected field; gains and gates follow it."""
+        if field._replace(declination_rad=0.0) != self._field._replace(declination_rad=0.0):
+            self._use_gains(field)
+        self._field = field
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Ignored: this filter has no velocity."""
+
+    def restart(self) -> None:
+        """Forgets time and attitude; keeps the bias."""
+        restart(self._memory)
+        self._t_us = None
+
+    def state(self) -> FilterState:
+        """Time, field and the kernel's integers."""
+        return FilterState(self.name, (self._t_us, *self._field, *values(self._memory, Memory)))
+
+    def restore(self, state: FilterState) -> None:
+        """Continues where `state` was taken."""
+        t_us, *rest = state.values
+        if state.filter_name != self.name or len(rest) != 3 + size_of(Memory):
+            raise ValueError(f"not a state of the filter {self.name}")
+        numbers = [value for value in rest if value is not None]
+        self.use_field(EarthField(*map(float, numbers[:3])))
+        assign(self._memory, Memory, [int(value) for value in numbers[3:]])
+        self._t_us = None if t_us is None else int(t_us)

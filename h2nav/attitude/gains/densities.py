@@ -1,0 +1,37 @@
+"""Noise densities of the sensors, and how much one sample tells of the attitude."""
+
+from typing import NamedTuple
+
+from h2nav.attitude.samples import EarthField
+
+
+class SensorDensities(NamedTuple):
+    """What constant gains are made from: two-sided noise densities and the field.
+
+    A sample at rate f of noise with density n has the variance n^2 f.
+
+    Attributes:
+        gyro: rad/s/sqrt(Hz).
+        bias_walk: rad/s/sqrt(s).
+        accelerometer: m/s^2/sqrt(Hz).
+        magnetometer: microtesla/sqrt(Hz).
+        gravity_m_s2: size of the gravity vector.
+        field: the earth field; its declination plays no part.
+    """
+
+    gyro: float
+    bias_walk: float
+    accelerometer: float
+    magnetometer: float
+    gravity_m_s2: float
+    field: EarthField
+
+
+def information(densities: SensorDensities, rate_hz: float) -> tuple[float, float]:
+    """What one sample tells, 1/rad^2: of the two tilts, and of a turn square to the field.
+
+    Source: docs/derivation.md Eq. (2.9).
+    """
+    force = densities.gravity_m_s2**2 / (densities.accelerometer**2 * rate_hz)
+    field = densities.field.norm_ut**2 / (densities.magnetometer**2 * rate_hz)
+    return force, field

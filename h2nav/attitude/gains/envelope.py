@@ -1,0 +1,122 @@
+"""The envelope that gain files of all kinds share.
+
+A gain file is YAML; `parse_gain_file` takes it as plain mappings, so nothing here opens a file.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from h2nav.errors import BadInput
+
+FORMAT = "h2nav-gains/1"
+KINDS = ("velocity_aided", "two_stage")
+# kinds of older files
+FORMER_KINDS = {"shaped": "velocity_aided"}
+MAX_RATE_HZ = 4000.0
+_SECTIONS = ("model", "gains", "methods", "certificate", "fixed_point")
+_ENVELOPE = ("format", "kind", "name", "rate_hz", *_SECTIONS, "made_by")
+
+
+@dataclass(frozen=True, slots=True)
+class GainFile:
+    """The envelope that every kind of gain file shares.
+
+    Attributes:
+        kind: as the file says, one of `KINDS` or `FORMER_KINDS`.
+        name: unique among the shipped files.
+        rate_hz: sample rate the gains are optimal for.
+        model: the physical inputs, units in the key names.
+        gains: what the filter takes, complete in itself.
+        methods: per synthesis method its gain and H2 norm.
+        certificate: what `h2nav certify` checks.
+        fixed_point: the integer image of the gains.
+        made_by: program and version.
+    """
+
+    kind: str
+    name: str
+    rate_hz: float
+    model: Mapping[str, object]
+    gains: Mapping[str, object]
+    methods: Mapping[str, object]
+    certificate: Mapping[str, object]
+    fixed_point: Mapping[str, object]
+    made_by: str
+
+    @property
+    def filter_name(self) -> str:
+        """The filter that the gains are for."""
+        return FORMER_KINDS.get(self.kind, self.kind)
+
+
+def parse_gain_file(document: object, place: str) -> GainFile:
+    """The envelope of a gain file, strictly checked; its sections stay plain mappings.
+
+    Args:
+        document: the file as mappings, lists and scalars.
+        place: the file's name, for errors.
+
+    Raises:
+        BadInput: one line per error, each naming the file and the key.
+    """
+    if not isinstance(document, Mapping):
+        raise BadInput(f"{place}: expected a mapping that begins with format: {FORMAT}")
+    if document.get("format") != FORMAT:
+        raise BadInput(
+            f"{place}: format: expected {FORMAT}, found {document.get('format')!r}; "
+            "make the file again with h2nav synthesize"
+        )
+    errors = key_errors(document, _ENVELOPE, place, "")
+    if "kind" in document and document["kind"] not in (*KINDS, *FORMER_KINDS):
+        errors.append(f"{place}: kind: expected one of {', '.join(KINDS)}")
+    errors += [
+        f"{place}: {key}: expected a text that is not empty"
+        for key in ("name", "made_by")
+        if key in document and (not isinstance(document[key], str) or not document[key])
+    ]
+    errors += [
+        f"{place}: {key}: expected a mapping"
+        for key in _SECTIONS
+        if key in document and not isinstance(document[key], Mapping)
+    ]
+    if "rate_hz" in document and not is_within(document["rate_hz"], 1.0, MAX_RATE_HZ):
+        errors.append(f"{place}: rate_hz: expected a number from 1 to {MAX_RATE_HZ:g}")
+    if errors:
+        raise BadInput(*errors)
+    return GainFile(
+        kind=document["kind"],
+        name=document["name"],
+        rate_hz=float(document["rate_hz"]),
+        made_by=document["made_by"],
+        **{section: document[section] for section in _SECTIONS},
+    )
+
+
+def key_errors(
+    section: Mapping[str, object], expected: Sequence[str], place: str, prefix: str
+) -> list[str]:
+    """One line per key that is missing or unknown."""
+    missing = [
+        f"{place}: {prefix}{key}: missing; make the file again with h2nav synthesize"
+        for key in expected
+        if key not in section
+    ]
+    unknown = [
+        f"{place}: {prefix}{key}: unknown key; expected only {', '.join(expected)}"
+        for key in section
+        if key not in expected
+    ]
+    return missing + unknown
+
+
+def numbers_of(value: object) -> list[float]:
+    """A list of finite numbers; empty when `value` is anything else."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return []
+    fine = all(is_within(item, -1e300, 1e300) for item in value)
+    return [float(item) for item in value] if fine else []
+
+
+def is_within(value: object, low: float, high: float) -> bool:
+    """Whether `value` is a number from `low` to `high`."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

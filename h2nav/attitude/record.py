@@ -1,0 +1,158 @@
+"""Records of the kernels: memory, gains and samples, each field declared once and used by name.
+
+A record is a dataclass with slots whose fields are made by `real`, `reals`, `integer` and
+`integers`. From that one declaration follow the attribute that the kernels read and write, the
+range that the translator proves, the member of the C struct, the check of a restored state, and
+the table of symbols in the documents.
+"""
+
+import ctypes
+import functools
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import Field, field, fields
+from typing import Any, NamedTuple, TypeVar, cast
+
+from h2nav.maths.fixedpoint import to_fixed
+
+Number = float | int
+R = TypeVar("R")
+
+
+class Row(NamedTuple):
+    """One field of a record.
+
+    Attributes:
+        name: of the attribute and of the C member.
+        size: how many numbers a vector has; None for a single number.
+        range: lowest and highest value of an integer, both included; None for a float.
+        unit: of the value; plain for a number without one.
+        about: what it is.
+        q: fraction bits of an integer: it stands for value 2^-q.
+    """
+
+    name: str
+    size: int | None
+    range: tuple[int, int] | None
+    unit: str
+    about: str
+    q: int = 0
+
+    @property
+    def length(self) -> int:
+        """How many numbers the field holds."""
+        return 1 if self.size is None else self.size
+
+    def fixed(self, value: float) -> int:
+        """The integer nearest to a value in the field's unit, moved into the range.
+
+        Raises:
+            ValueError: `value` is not a number.
+        """
+        assert self.range is not None
+        return to_fixed(value, self.q, *self.range)
+
+
+def real(unit: str, about: str) -> Any:
+    """A field that is one float."""
+    return field(default=0.0, metadata={"row": Row("", None, None, unit, about)})
+
+
+def reals(size: int, unit: str, about: str) -> Any:
+    """A field that is a list of floats."""
+    made = Row("", size, None, unit, about)
+    return field(default_factory=lambda: [0.0] * size, metadata={"row": made})
+
+
+def integer(low: int, high: int, unit: str, about: str, q: int = 0) -> Any:
+    """A field that is one 32-bit integer from `low` to `high`."""
+    return field(default=0, metadata={"row": Row("", None, (low, high), unit, about, q)})
+
+
+def integers(size: int, low: int, high: int, unit: str, about: str, q: int = 0) -> Any:
+    """A field that is a list of 32-bit integers, each from `low` to `high`."""
+    made = Row("", size, (low, high), unit, about, q)
+    return field(default_factory=lambda: [0] * size, metadata={"row": made})
+
+
+def named_row(name: str, made: "Field[Any]") -> Row:
+    """The row behind a field of this name."""
+    nameless: Row = made.metadata["row"]
+    return nameless._replace(name=name)
+
+
+@functools.cache
+def rows(record_type: type) -> tuple[Row, ...]:
+    """The fields of a record, in the order of their places in memory."""
+    return tuple(named_row(made.name, made) for made in fields(record_type))
+
+
+def row(record_type: type, name: str) -> Row:
+    """The row of one field."""
+    return next(found for found in rows(record_type) if found.name == name)
+
+
+def size_of(record_type: type) -> int:
+    """How many numbers a record holds."""
+    return sum(found.length for found in rows(record_type))
+
+
+def values(record: object, record_type: type) -> list[Number]:
+    """All numbers of a record, in the order of their places in memory."""
+    flat: list[Number] = []
+    for found in rows(record_type):
+        value = getattr(record, found.name)
+        flat.extend((value,) if found.size is None else value)
+    return flat
+
+
+def assign(record: object, record_type: type, flat: Sequence[Number]) -> None:
+    """Writes all numbers of a record, in the order of their places in memory.
+
+    Raises:
+        ValueError: a number is missing, outside its declared range, or not finite.
+    """
+    if len(flat) != size_of(record_type):
+        raise ValueError(f"{len(flat)} numbers for the {size_of(record_type)} of a record")
+    starts = itertools.accumulate((found.length for found in rows(record_type)), initial=0)
+    parts = [
+        (found, flat[start : start + found.length])
+        for found, start in zip(rows(record_type), starts, strict=False)
+    ]
+    for found, part in parts:
+        _check(found, part)
+    for found, part in parts:
+        if found.size is None:
+            setattr(record, found.name, part[0])
+        else:
+            getattr(record, found.name)[:] = part
+
+
+def _check(field_row: Row, part: Sequence[Number]) -> None:
+    low, high = field_row.range or (-math.inf, math.inf)
+    for value in part:
+        if not (low <= value <= high and math.isfinite(value)):
+            raise ValueError(f"{field_row.name} holds {value}, outside {low}..{high}")
+
+
+def in_c(record_type: type[R]) -> R:
+    """A record of zeros with the memory of its C struct, for the compiled kernels.
+
+    It has the attributes of `record_type`, and its vectors take whole lists through ``[:]``.
+    """
+    return cast(R, _struct_of(cast(Any, record_type))())
+
+
+def is_in_c(record: object) -> bool:
+    """True for what `in_c` has made."""
+    return isinstance(record, ctypes.Structure)
+
+
+@functools.cache
+def _struct_of(record_type: Any) -> type[ctypes.Structure]:
+    members = []
+    for found in rows(record_type):
+        number: type[Any] = ctypes.c_double if found.range is None else ctypes.c_int32
+        members.append((found.name, number if found.size is None else number * found.size))
+    return type(record_type.__name__, (ctypes.Structure,), {"_fields_": members})

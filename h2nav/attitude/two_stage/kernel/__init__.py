@@ -1,0 +1,1 @@
+"""One step of the two-stage filter, in the translatable subset."""

@@ -1,0 +1,1 @@
+"""The velocity-aided filter: the default one. Equations: docs/filter.md."""

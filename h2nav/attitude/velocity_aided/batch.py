@@ -1,0 +1,78 @@
+"""Batches of the velocity-aided filter, in floats."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from h2nav.attitude.batch_driver import BatchResult, Mask, Samples, Table, empty_table, sizes
+from h2nav.attitude.velocity_aided.filter import (
+    LONGEST_GAP_S,
+    MOST_FIELD,
+    MOST_FORCE,
+    MOST_RATE,
+    VelocityAidedFilter,
+)
+from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
+
+
+class VelocityAidedBatch:
+    """How ordinary samples go through the compiled kernel; see `batch_driver.Batch`.
+
+    Args:
+        attitude_filter: the filter that the samples are for.
+    """
+
+    def __init__(self, attitude_filter: VelocityAidedFilter) -> None:
+        self._filter = attitude_filter
+
+    def special(self, samples: Samples) -> Mask:
+        """Samples that the filter does not pass to its kernel as they are."""
+        return special_samples(samples)
+
+    def ready(self, samples: Samples, first: int, stop: int) -> int:
+        """None while the filter aligns, after a long gap, or with an outside velocity at hand."""
+        return stop if self._filter.is_free_at(int(samples.t_us[first])) else first
+
+    def records(self) -> tuple[Memory, Gains]:
+        """Memory and gains of the kernel."""
+        return self._filter.kernel_memory, self._filter.kernel_gains
+
+    def table(self, part: Samples) -> Table:
+        """The kernel's samples; what the autopilot says of the vehicle stays as it is."""
+        table = empty_table(Sample, len(part.t_us))
+        before = np.append(self._filter.t_us or 0, part.t_us[:-1])
+        table["dt_s"] = (part.t_us - before) * 1e-6
+        table["gyro"] = part.gyr
+        table["accel"] = part.acc
+        table["mag"][part.has_field] = part.mag[part.has_field]
+        table["has_mag"] = part.has_field
+        table["rest_prior"] = self._filter.kernel_sample.rest_prior
+        table["forward_speed"] = self._filter.kernel_sample.forward_speed
+        return table
+
+    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+        """The estimates; the filter's last sample becomes that of the part."""
+        last = self._filter.kernel_sample
+        last.dt_s = float(table["dt_s"][-1])
+        last.gyro[:] = table["gyro"][-1].tolist()
+        last.accel[:] = table["accel"][-1].tolist()
+        last.has_mag = float(part.has_field[-1])
+        last.clipped = last.aided = last.has_fix = 0.0
+        if part.has_field.any():
+            last.mag[:] = part.mag[np.flatnonzero(part.has_field)[-1]].tolist()
+        self._filter.follow(int(part.t_us[-1]))
+        return BatchResult(out[:, :4], out[:, 4:7])
+
+
+def special_samples(samples: Samples) -> Mask:
+    """Samples that the filter, in floats or integers, does not pass to its kernel as they are."""
+    gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
+    plausible = sizes(samples.gyr) < MOST_RATE * (1.0 - 1e-9)
+    forces = sizes(samples.acc)
+    plausible &= forces < MOST_FORCE * (1.0 - 1e-9)
+    large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD * (1.0 - 1e-9))
+    special: Mask = ~plausible | large | (gaps * 1e-6 > LONGEST_GAP_S)
+    special[1:] |= ~plausible[:-1]  # time runs on from the last sample that was taken
+    special |= forces == 0.0
+    return special

@@ -1,0 +1,131 @@
+"""Measured velocities in the velocity-aided filter in integers.
+
+Source: docs/filter.md Eq. (15), (16), (30).
+"""
+
+from h2nav.maths.fixedpoint import I32, clamp
+
+from ..memory import (
+    GAINED_MASK,
+    LOG_MOST,
+    MOST_REJECTED,
+    PERIODS,
+    SETS,
+    THETA_MOST,
+    VELOCITY_MOST,
+    VELOCITY_USED,
+    Gains,
+    Memory,
+    Sample,
+)
+from .functions import limited, logarithm, power2, product, shifted
+from .theta import forget_velocity, turn
+from .tilt import raise_tilt_sigma
+from .velocity import Q24, density, level_share, raised, select_set, square_of
+
+LOG_SECOND = 5102  # log2 of 1e6
+STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
+SUSPECT_TILT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
+
+
+def note_fix(s: Memory, sample: Sample) -> None:
+    """Keeps the innovation of a fix, at the time for which it was true, for its frame.
+
+    Source: docs/filter.md Eq. (15).
+    """
+    gained = ((s.gained_n - sample.fix_gained_n + (1 << 27)) & GAINED_MASK) - (1 << 27)
+    s.fix_innovation_n = limited(sample.fix_velocity_n - s.velocity_n + gained, THETA_MOST)
+    gained = ((s.gained_e - sample.fix_gained_e + (1 << 27)) & GAINED_MASK) - (1 << 27)
+    s.fix_innovation_e = limited(sample.fix_velocity_e - s.velocity_e + gained, THETA_MOST)
+    s.fix_variance = sample.fix_variance
+    s.fix_period_us = sample.fix_period_us
+
+
+def judge_fix(s: Memory, g: Gains) -> I32:
+    """Gate and level for the fix that waits; returns bits.
+
+    Source: docs/filter.md Eq. (15), (16), (30).
+    """
+    s.innovation_n = s.fix_innovation_n
+    s.innovation_e = s.fix_innovation_e
+    period_us = s.fix_period_us
+    s.fix_span_us = period_us
+    s.fix_period_us = 0
+    if s.fixes_rejected >= MOST_REJECTED:
+        believe_fixes(s)
+        return VELOCITY_USED
+    log_period = logarithm(period_us | 1) - LOG_SECOND
+    square = square_of(s.innovation_n, s.innovation_e)
+    floor = power2(logarithm(g.fix_floor) - log_period) + s.fix_variance + 1
+    gate = limited(floor, 1 << 29) + s.innovation_power
+    log_square = logarithm(square | 1)
+    if log_square > s.log_startup_inflation + g.log_fix_gate + logarithm(gate):
+        s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MOST_REJECTED)
+        # the tilt that would explain it: y / (5 T), Q28
+        raise_tilt_sigma(s, power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8)))
+        return 0
+    s.fixes_rejected = 0
+    share = level_share(s, g, period_us)
+    s.innovation_power = raised(s.innovation_power, square, share)
+    s.velocity_use = 2
+    return VELOCITY_USED
+
+
+def choose_fix(s: Memory, g: Gains) -> None:
+    """Noise and gains for a fix that is believed.
+
+    Source: docs/filter.md Eq. (15), (16).
+    """
+    period_us = s.fix_span_us
+    log_period = logarithm(period_us | 1) - LOG_SECOND
+    floor = g.fix_floor + power2(logarithm(s.fix_variance | 1) + log_period)
+    noise = density(limited(floor, 1 << 29), g.fix_correlation, g.fix_ceiling, s.innovation_power)
+    s.log_velocity_noise = logarithm(noise) - Q24
+    select_set(s, g)
+    set_fix_gains(s, g, period_us)
+    kept = 32768 - shifted(s.k_velocity_m, s.k_velocity_s)
+    log_span = log_period + logarithm(clamp(kept, 1, 32768)) - (15 << 8)
+    s.log_noise = clamp(
+        s.log_startup_inflation + g.log_fix_inflation + s.log_velocity_noise - log_span,
+        -LOG_MOST,
+        LOG_MOST,
+    )
+
+
+def believe_fixes(s: Memory) -> None:
+    """Nothing is known of the velocity yet, or the fixes agree in contradicting it."""
+    forget_velocity(s)
+    s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MOST)
+    s.velocity_e = limited(s.velocity_e + s.innovation_e, VELOCITY_MOST)
+    s.fixes_rejected = 0
+    if s.extra_tilt_sigma > SUSPECT_TILT and s.log_startup_inflation < STARTED:
+        s.tilt_suspect = 1
+
+
+def set_fix_gains(s: Memory, g: Gains, period_us: I32) -> None:
+    """Gains of the set for the nearest period that gains were made for."""
+    row = 0
+    for i in range(PERIODS - 1):
+        if period_us > g.fix_periods_us[i]:
+            row = (i + 1) * SETS
+    row += s.gain_set
+    gain = g.k_fix_tilt[row]
+    s.k_tilt_m = gain >> 5
+    s.k_tilt_s = clamp((gain & 31) - 8, -3, 23)
+    gain = g.k_fix_velocity[row]
+    s.k_velocity_m = gain >> 5
+    s.k_velocity_s = clamp((gain & 31) - 8, -3, 23)
+
+
+def apply_fix(s: Memory) -> None:
+    """The constant gain for a measured velocity.
+
+    Source: docs/filter.md Eq. (16).
+    """
+    tilt_n = shifted(product(s.innovation_n, s.k_tilt_m), s.k_tilt_s - 5)
+    tilt_e = shifted(product(s.innovation_e, s.k_tilt_m), s.k_tilt_s - 5)
+    turn(s, tilt_n, tilt_e)
+    north = shifted(product(s.innovation_n, s.k_velocity_m), s.k_velocity_s)
+    east = shifted(product(s.innovation_e, s.k_velocity_m), s.k_velocity_s)
+    s.velocity_n = limited(s.velocity_n + limited(north, 1 << 30), VELOCITY_MOST)
+    s.velocity_e = limited(s.velocity_e + limited(east, 1 << 30), VELOCITY_MOST)

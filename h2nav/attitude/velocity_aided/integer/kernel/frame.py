@@ -1,0 +1,157 @@
+"""Second stage of the integer filter: one part of a frame with each of its samples.
+
+Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
+"""
+
+from h2nav.maths.fixedpoint import I32, clamp
+
+from ..memory import FIELD_USED, FRAME, LEVEL_MOST, RESTARTED, RESTING, Gains, Memory, Sample
+from .fixes import apply_fix, choose_fix, judge_fix
+from .heading import judge_field, learn_field, learn_latency, prepare_heading, resolve_field
+from .theta import (
+    apply_theta,
+    fade,
+    fade_tilt_sigma,
+    find_gain,
+    predict_covariance,
+    predict_sensitivities,
+    use_gain,
+)
+from .tilt import ask_force, find_rest_gain, judge_rest
+from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
+
+
+def second_stage(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+    """One of the sixteen parts of a frame; returns bits.
+
+    Source: docs/fixed-point.md Eq. (20).
+    """
+    phase = s.phase
+    s.phase = (phase + 1) & (FRAME - 1)
+    if phase < 4:
+        return judge_motion(s, g, sample, r, phase)
+    if phase < 10:
+        return use_motion(s, g, sample, r, phase)
+    return use_field(s, g, phase)
+
+
+def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
+    """Theta over the frame; levels, noise and gains for its velocity; returns bits."""
+    if phase == 0:
+        begin_frame(s, g, sample)
+        predict_covariance(s, g, r)
+    elif phase == 1:
+        predict_sensitivities(s, r)
+    elif phase == 2:
+        return judge_velocity(s, g, sample, r)
+    elif s.velocity_use == 1:
+        choose_bounded(s, g)
+    elif s.velocity_use == 2:
+        choose_fix(s, g)
+    return 0
+
+
+def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
+    """Theta from the frame's velocity, or from rest in its place; returns bits."""
+    if phase == 4:
+        find_motion_gain(s, g, s.dvelocity_n, s.innovation_n)
+    elif phase == 6:
+        find_motion_gain(s, g, s.dvelocity_e, s.innovation_e)
+    elif phase == 8:
+        if s.velocity_use > 0:
+            fade(s)
+            fade_tilt_sigma(s)
+    elif phase == 9:
+        if rests(s, g) > 0:
+            return RESTING | apply_theta(s, g)
+        return apply_theta(s, g)
+    else:
+        if s.velocity_use > 0 or rests(s, g) > 0:
+            use_gain(s)
+        if phase == 7:
+            judge_rest(s, g, sample)
+            ask_force(s, g, sample, r)
+        elif s.velocity_use == 2:
+            apply_fix(s)
+    return 0
+
+
+def rests(s: Memory, g: Gains) -> I32:
+    """1 when nothing has moved for long enough."""
+    if s.rest_us > 0 and s.rest_us >= g.rest_time_us:
+        return 1
+    return 0
+
+
+def find_motion_gain(s: Memory, g: Gains, row: list[I32], innovation: I32) -> None:
+    """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
+
+    Source: docs/filter.md Eq. (18), (20).
+    """
+    if rests(s, g) > 0:
+        find_rest_gain(s, g)
+    elif s.velocity_use > 0:
+        find_gain(s, row, innovation, s.log_noise)
+
+
+def use_field(s: Memory, g: Gains, phase: I32) -> I32:
+    """Theta from the heading of the newest field, if that is believed; returns bits.
+
+    What it finds is applied with what the next frame's velocity finds.
+    """
+    if phase == 10:
+        s.mag_accepted = 0
+        if s.mag_span_us > 0:
+            resolve_field(s, g)
+    elif phase == 11:
+        if s.mag_frame_us > 0:
+            judge_field(s, g)
+    elif s.mag_accepted > 0:
+        if phase == 12:
+            learn_field(s, g)
+        elif phase == 13:
+            learn_latency(s)
+            prepare_heading(s, g)
+            s.mag_frame_us = 0
+            return FIELD_USED
+        elif s.mag_accepted == 2:
+            measure_heading(s, phase)
+    return 0
+
+
+def measure_heading(s: Memory, phase: I32) -> None:
+    """Theta from the heading that has been prepared."""
+    if phase == 14:
+        find_gain(s, s.jacobian, s.heading_innovation, s.log_heading_noise)
+    else:
+        use_gain(s)
+
+
+def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
+    """Closes the sums of the frame before.
+
+    Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (8).
+    """
+    time_us = s.frame_us
+    # 2^17 / 1e6
+    s.frame_time = (time_us * 8590 + 32768) >> 16
+    share = level_share(s, g, time_us)
+    s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MOST), share)
+    s.innovation_n = s.innovation_sum_n
+    s.innovation_e = s.innovation_sum_e
+    s.velocity_use = 1 - sample.aided
+    s.frame_us = 0
+    s.innovation_sum_n = 0
+    s.innovation_sum_e = 0
+    s.turning_sum = 0
+    set_ease(s, g)
+
+
+def judge_velocity(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+    """Levels and gate for the innovation of the frame; returns bits."""
+    if s.aided > 0:
+        if s.fix_period_us > 0:
+            return judge_fix(s, g)
+    elif s.velocity_use > 0 and judge_bounded(s, g, sample, r) > 0:
+        return RESTARTED
+    return 0

@@ -1,0 +1,344 @@
+"""Heading of the integer filter: the field, its latency, reference and disturbance.
+
+The reference is kept as horizontal and vertical part; its dip is compared by cross products, so
+that no angle but the heading is ever computed.
+
+Source: docs/fixed-point.md Eq. (27) to (29); docs/filter.md Eq. (21) to (26).
+"""
+
+from h2nav.maths.fixedpoint import I32, clamp, known
+
+from ..memory import (
+    AGE_MOST_US,
+    FIELD_MOST_US,
+    LOG_MOST,
+    MOST_REJECTED,
+    NORM_MOST,
+    REF_MOST,
+    THETA_MOST,
+    Gains,
+    Memory,
+    Sample,
+)
+from .functions import HALF_TURN_Q28, length, limited, logarithm, polar, power2, product, ratio
+from .theta import add_heading, forget_sensitivities
+
+LOG_SECOND_Q8 = 5102  # log2 of 1e6
+TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: most of a heading that is taken from one field
+LEAST_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
+ERROR_MOST = 4095
+HEADING_UNIT = 1 << 27  # half a radian, Q28
+
+
+def take_field(s: Memory, sample: Sample, r: list[I32], w: list[I32]) -> None:
+    """Turns a new field to n, and its change by the rotation; a repeated one is none.
+
+    Args:
+        s: memory.
+        sample: one with a field.
+        r: matrix, Q15.
+        w: rate less bias, 1e6 2^-29 rad/s.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    if s.mag_frame_us > 0:
+        # the one before is being worked on; this one's time will count with the next
+        return
+    x = sample.mag[0]
+    y = sample.mag[1]
+    z = sample.mag[2]
+    if x == s.mag_last[0] and y == s.mag_last[1] and z == s.mag_last[2]:
+        return
+    s.mag_last[0] = x
+    s.mag_last[1] = y
+    s.mag_last[2] = z
+    # one that is not used before the next comes counts with it
+    s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MOST_US)
+    s.mag_age_us = 0
+    s.heading_due = s.correction[2]
+    # what the rotation since the sample was taken has done to it
+    change_x = (w[1] * z - w[2] * y) >> 15
+    change_y = (w[2] * x - w[0] * z) >> 15
+    change_z = (w[0] * y - w[1] * x) >> 15
+    for i in range(3):
+        a = r[3 * i]
+        b = r[3 * i + 1]
+        c = r[3 * i + 2]
+        part = (((a * x) >> 1) + ((b * y) >> 1) + ((c * z) >> 1)) >> 14
+        s.mag_ned[i] = known(part, -NORM_MOST, NORM_MOST)  # Lemma 2
+        part = (((a * change_x) >> 1) + ((b * change_y) >> 1) + ((c * change_z) >> 1)) >> 14
+        s.mag_rate[i] = limited(part, 32767)
+
+
+def resolve_field(s: Memory, g: Gains) -> None:
+    """Undoes the latency of the field that waits; its horizontal part, length and heading.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    s.mag_frame_us = s.mag_span_us
+    s.mag_span_us = 0
+    size = s.mag_ref_norm >> 14
+    weight = limited((size * size) >> 9, 32767)
+    lag = ratio(
+        clamp(s.mag_lag_num, 0, 1 << 30) >> 3,
+        s.mag_lag_den + product(g.mag_lag_prior, weight) + 1,
+    )
+    s.mag_lag = clamp(lag >> 1, 0, g.mag_lag_limit)
+    for i in range(3):
+        part = s.mag_ned[i] - ((s.mag_lag * s.mag_rate[i]) >> 11)
+        s.mag_ned[i] = limited(part, NORM_MOST)
+    size_and_angle = [0, 0]
+    polar(s.mag_ned[0], s.mag_ned[1], size_and_angle)
+    s.mag_horizontal = clamp(size_and_angle[0], 0, NORM_MOST)
+    s.mag_heading = known(size_and_angle[1], -(1 << 30), 1 << 30)
+    s.mag_norm = clamp(length(s.mag_horizontal, s.mag_ned[2]), 0, NORM_MOST)
+
+
+def judge_field(s: Memory, g: Gains) -> None:
+    """Decides whether the field of the frame is believed.
+
+    Source: docs/filter.md Eq. (22), (26).
+    """
+    if s.mag_norm == 0:
+        s.mag_frame_us = 0
+        return
+    if s.mag_ref_norm == 0:
+        s.mag_ref_horizontal = s.mag_horizontal << 12
+        s.mag_ref_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
+        s.mag_ref_norm = s.mag_norm << 12
+    if s.heading_reset < 2:
+        if (
+            differs(
+                s,
+                g.mag_norm_gate,
+                g.mag_dip_gate,
+                s.mag_ref_horizontal,
+                s.mag_ref_down,
+                s.mag_ref_norm,
+            )
+            == 0
+        ):
+            s.mag_new_us = 0
+        elif renew_reference(s, g) == 0:
+            s.mag_frame_us = 0
+            return
+    s.mag_accepted = 1
+
+
+def crossed(s: Memory, horizontal: I32, down: I32) -> I32:
+    """Sine of the angle between the dips of field and reference, times both lengths, Q24."""
+    flat = (s.mag_horizontal >> 2) * (down >> 14)
+    return flat - (s.mag_ned[2] >> 2) * (horizontal >> 14)
+
+
+def differs(s: Memory, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32, norm: I32) -> I32:
+    """1 when length or dip of the field that waits are outside the gates about a reference.
+
+    Args:
+        s: memory.
+        norm_gate: relative, Q15.
+        dip_gate: sine, Q15.
+        horizontal: part of the reference.
+        down: part of the reference.
+        norm: its length.
+    """
+    expected = norm >> 12
+    if abs(s.mag_norm - expected) >= product(expected, norm_gate):
+        return 1
+    both = (s.mag_norm >> 2) * (expected >> 2)
+    if abs(crossed(s, horizontal, down)) >= product(both, dip_gate):
+        return 1
+    flat = (s.mag_horizontal >> 2) * (horizontal >> 14)
+    if flat + (s.mag_ned[2] >> 2) * (down >> 14) <= 0:
+        return 1
+    return 0
+
+
+def renew_reference(s: Memory, g: Gains) -> I32:
+    """A field that contradicts the reference, but not itself, becomes the reference: 1.
+
+    Source: docs/filter.md Eq. (26).
+    """
+    age = s.mag_frame_us
+    differs_again = 1
+    if s.mag_new_us > 0:
+        differs_again = differs(
+            s,
+            g.mag_norm_gate >> 1,
+            g.mag_dip_gate >> 1,
+            s.mag_new_horizontal,
+            s.mag_new_down,
+            s.mag_new_norm,
+        )
+    if differs_again > 0:
+        s.mag_new_us = age
+        s.mag_new_turn = 0
+        s.mag_new_horizontal = s.mag_horizontal << 12
+        s.mag_new_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
+        s.mag_new_norm = s.mag_norm << 12
+    else:
+        time = clamp(s.mag_new_us + age, 0, AGE_MOST_US)
+        share = ratio(age, time + 1)
+        s.mag_new_horizontal = clamp(
+            moved(s.mag_new_horizontal, s.mag_horizontal, share), 0, REF_MOST
+        )
+        s.mag_new_down = moved(s.mag_new_down, s.mag_ned[2], share)
+        s.mag_new_norm = clamp(moved(s.mag_new_norm, s.mag_norm, share), 0, REF_MOST)
+        s.mag_new_us = time
+        # the root of the level of rotation times the time; the level's unit is 1e12 2^-57
+        turn = power2((logarithm(s.turning | 1) >> 1) + logarithm(age | 1) - 3200)
+        s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
+    if s.mag_new_us < g.mag_new_time_us or s.mag_new_turn < g.mag_new_turn:
+        return 0
+    s.mag_ref_horizontal = s.mag_new_horizontal
+    s.mag_ref_down = s.mag_new_down
+    s.mag_ref_norm = s.mag_new_norm
+    s.mag_ref_given = 0
+    s.mag_new_us = 0
+    s.mag_lag_num = 0
+    s.mag_lag_den = 0
+    forget_heading(s, g)
+    return 1
+
+
+def forget_heading(s: Memory, g: Gains) -> None:
+    """The heading is known no better than at the start, and not from the biases."""
+    s.p_xh = 0
+    s.p_yh = 0
+    s.p_zh = 0
+    s.heading_variance = g.heading_variance
+
+
+def moved(reference: I32, part: I32, share: I32) -> I32:
+    """One part of a reference, Q26, moved towards that of a field, Q14."""
+    value = known(part, -NORM_MOST, NORM_MOST) << 12
+    return limited(reference + product(value - reference, share), REF_MOST)
+
+
+def learn_field(s: Memory, g: Gains) -> None:
+    """Level of disturbance and reference from a field that is believed.
+
+    Source: docs/filter.md Eq. (23), (24).
+    """
+    if s.heading_reset == 2:
+        return
+    age = s.mag_frame_us
+    expected = s.mag_ref_norm >> 12
+    norm_error = ratio(abs(s.mag_norm - expected), expected + 1)
+    both = (s.mag_norm >> 2) * (expected >> 2)
+    dip_error = ratio(abs(crossed(s, s.mag_ref_horizontal, s.mag_ref_down)), both + 1)
+    shown = ((norm_error * norm_error) >> 1) + ((dip_error * dip_error) >> 1)
+    # over twice the dip's cosine squared; a little keeps it finite where the field is vertical
+    norm = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
+    flat = (s.mag_horizontal >> 2) * (s.mag_horizontal >> 2) + (norm >> 7) + 1
+    log_shown = logarithm(shown + 1) + logarithm(norm) - logarithm(flat) - (4 << 8)
+    shown = limited(power2(log_shown), 1 << 26)
+    share = ratio(age, g.level_time_us + age)
+    s.mag_disturbance = clamp(
+        s.mag_disturbance + product(shown - s.mag_disturbance, share), 0, 1 << 26
+    )
+    if s.mag_ref_given == 0:
+        share = ratio(age, g.mag_ref_time_us + age)
+        s.mag_ref_horizontal = clamp(
+            moved(s.mag_ref_horizontal, s.mag_horizontal, share), 0, REF_MOST
+        )
+        s.mag_ref_down = moved(s.mag_ref_down, s.mag_ned[2], share)
+        s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MOST)
+
+
+def learn_latency(s: Memory) -> None:
+    """Latency of the field from how its heading-free parts change with the rotation.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    if s.heading_reset == 2:
+        return
+    north_rate = s.mag_rate[0]
+    east_rate = s.mag_rate[1]
+    down_rate = s.mag_rate[2]
+    if abs(north_rate) + abs(east_rate) + abs(down_rate) < LEAST_FIELD_RATE:
+        return
+    cosine = ratio(abs(s.mag_ned[0]), s.mag_horizontal + 1)
+    if s.mag_ned[0] < 0:
+        cosine = -cosine
+    sine = ratio(abs(s.mag_ned[1]), s.mag_horizontal + 1)
+    if s.mag_ned[1] < 0:
+        sine = -sine
+    flat_rate = (((cosine * north_rate) >> 1) + ((sine * east_rate) >> 1)) >> 14
+    down = s.mag_ned[2] + ((s.mag_lag * down_rate) >> 11) - (s.mag_ref_down >> 12)
+    flat = (
+        s.mag_horizontal
+        + ((s.mag_lag * limited(flat_rate, 32767)) >> 11)
+        - (s.mag_ref_horizontal >> 12)
+    )
+    down = limited(down, ERROR_MOST)
+    flat = limited(flat, ERROR_MOST)
+    down_rate = limited(down_rate, ERROR_MOST)
+    flat_rate = limited(flat_rate, ERROR_MOST)
+    weight = s.mag_frame_us >> 10
+    s.mag_lag_num = limited(
+        s.mag_lag_num + ((down * down_rate + flat * flat_rate) >> 6) * weight, 1 << 30
+    )
+    den = s.mag_lag_den + ((down_rate * down_rate + flat_rate * flat_rate) >> 6) * weight
+    if den > 1 << 29:
+        # old samples count for less, so that the sums stay bounded
+        den = den >> 1
+        s.mag_lag_num = s.mag_lag_num >> 1
+    s.mag_lag_den = den
+
+
+def heading_error(s: Memory) -> I32:
+    """Heading that the field shows, less what was corrected since it came or will be, rad, Q28."""
+    error = s.declination - s.mag_heading
+    if error > HALF_TURN_Q28:
+        error -= 2 * HALF_TURN_Q28
+    elif error < -HALF_TURN_Q28:
+        error += 2 * HALF_TURN_Q28
+    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MOST)
+
+
+def turn_heading(s: Memory, g: Gains, angle: I32) -> None:
+    """Turns by an angle (rad, Q28) of which nothing was known but from the field.
+
+    Source: docs/filter.md Eq. (26).
+    """
+    add_heading(s, 2 * limited(angle, 1 << 28))
+    # velocity and sensitivities were in the frame that has turned
+    forget_sensitivities(s)
+    s.velocity_n = 0
+    s.velocity_e = 0
+    s.fixes_rejected = MOST_REJECTED
+    forget_heading(s, g)
+
+
+def prepare_heading(s: Memory, g: Gains) -> None:
+    """What a believed field says of the heading, how that depends on theta, and its noise.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    error = heading_error(s)
+    if s.heading_reset > 0:
+        turn_heading(s, g, limited(error, TURNED_AT_ONCE))
+        if abs(error) <= TURNED_AT_ONCE:
+            s.heading_reset = 0
+        return
+    s.heading_innovation = error
+    # a tilt about magnetic north turns the dipping field sideways; theta's part of it is known
+    slope = ratio(abs(s.mag_ref_down), (s.mag_ref_horizontal << 3) + 1)
+    square = (slope * slope) >> 15
+    if s.mag_ref_down < 0:
+        slope = -slope
+    north = (slope * s.declination_sine) >> 14
+    east = -((slope * s.declination_cosine) >> 14)
+    for i in range(4):
+        part = (product(s.dtilt_n[i], north) >> 1) + (product(s.dtilt_e[i], east) >> 1)
+        s.jacobian[i] = limited(part, 1 << 25) << 4
+    s.jacobian[3] += HEADING_UNIT
+    tilt = limited(power2(((s.log_gyro_noise + s.log_velocity_noise) >> 1) + (26 << 8)), 1 << 29)
+    seen = limited(product(tilt, square), 1 << 22) << 7
+    disturbed = limited(product(s.mag_disturbance, g.mag_correlation), 1 << 26) << 3
+    log_noise = logarithm(g.mag_noise + seen + disturbed) - (26 << 8) + s.log_startup_inflation
+    log_noise -= logarithm(s.mag_frame_us | 1) - LOG_SECOND_Q8
+    # row and error are Q28, for `measure` they are Q24 of a unit 2^-4 rad
+    s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)
+    s.mag_accepted = 2

@@ -1,0 +1,50 @@
+"""The field of the place where the vehicle is, told to the velocity-aided filter in integers.
+
+Source: docs/filter.md Eq. (23) to (26).
+"""
+
+from h2nav.maths.fixedpoint import I16, I32, clamp
+
+from ..memory import NORM_MOST, Gains, Memory
+from .functions import HALF_TURN_Q28, limited, polar, ratio
+from .heading import turn_heading
+
+
+def set_place(s: Memory, g: Gains, north: I16, east: I16, down: I16) -> None:
+    """Norm and dip become the gate's reference; a change of declination turns the heading.
+
+    Args:
+        s: memory.
+        g: gains.
+        north: field of a model, true north, Q14 = 64 uT.
+        east: the same.
+        down: the same.
+    """
+    flat = [0, 0]
+    whole = [0, 0]
+    polar(north, east, flat)
+    declination = 0
+    if flat[0] > 0:
+        declination = limited(flat[1], HALF_TURN_Q28)
+    level = clamp(flat[0], 0, NORM_MOST)
+    polar(level, down, whole)
+    change = declination - s.declination
+    s.declination = declination
+    s.declination_sine = part_of(east, level)
+    s.declination_cosine = part_of(north, level)
+    # Q14 to Q26
+    s.mag_ref_horizontal = level << 12
+    s.mag_ref_down = down * 4096
+    s.mag_ref_norm = clamp(whole[0], 0, NORM_MOST) << 12
+    s.mag_ref_given = 1
+    s.mag_new_us = 0
+    if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:
+        turn_heading(s, g, change)
+
+
+def part_of(x: I32, length: I32) -> I32:
+    """X over the length of the vector that it is a part of, Q14; zero for a vector of none."""
+    share = (ratio(abs(x), length | 1) + 1) >> 1
+    if x < 0:
+        return -share
+    return share

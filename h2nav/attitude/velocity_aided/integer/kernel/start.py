@@ -1,0 +1,106 @@
+"""How the velocity-aided filter in integers finds its first attitude, forgets it, and begins anew.
+
+Source: docs/filter.md Eq. (14), (26), (30), (32).
+"""
+
+from h2nav.attitude.integer.motion import RATE_LIMIT, rotation
+from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
+from h2nav.maths.fixedpoint import I32, clamp
+
+from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Memory, Sample
+from .functions import limited
+from .heading import forget_heading
+from .tilt import ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt, upright
+from .velocity import begin_frames
+
+FIELD_WAIT_US = 250000
+MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: most of a declination that the start takes
+
+
+def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
+    """Starts the tilt again, from a force where the tilt is worth nothing.
+
+    That is after clipped samples that may have hidden a turn, and when the low-passed force has
+    denied the tilt. Source: docs/filter.md Eq. (30), (32).
+    """
+    if s.tilt_suspect == 2:
+        level(s, s.accel_lp[0], s.accel_lp[1], s.accel_lp[2], r)
+        s.extra_tilt_sigma = LEVEL_SIGMA
+    elif s.clipped_angle > ALL_CLIPPED:
+        level(s, sample.accel[0], sample.accel[1], sample.accel[2], r)
+    s.clipped_angle = 0
+    restart_tilt(s, sample, r)
+    begin_frames(s)
+
+
+def align(s: Memory, g: Gains, sample: Sample) -> I32:
+    """Takes the attitude that one sample shows; returns bits.
+
+    A field is waited for; without one the nose points north.
+    """
+    s.mag_age_us = clamp(s.mag_age_us + sample.dt_us, 0, FIELD_MOST_US)
+    if sample.clipped > 0:
+        return 0
+    if sample.has_mag == 0 and s.mag_age_us < FIELD_WAIT_US:
+        return 0
+    north = [UNIT_Q14, 0, 0]
+    if sample.has_mag > 0:
+        # half of it, a quarter of a strong one: its direction counts, and `triad` takes 1.25
+        size = abs(sample.mag[0]) + abs(sample.mag[1]) + abs(sample.mag[2])
+        for i in range(3):
+            north[i] = sample.mag[i] >> (2 if size > 32767 else 1)
+    elif abs(sample.accel[0]) > abs(sample.accel[1]) + abs(sample.accel[2]):
+        north[0] = 0
+        north[2] = UNIT_Q14
+    if upright(s, sample.accel[0], sample.accel[1], sample.accel[2], north) == 0:
+        return 0
+    s.heading_reset = 1 - sample.has_mag
+    begin(s, g, sample)
+    return ALIGNED | RESTARTED
+
+
+def begin(s: Memory, g: Gains, sample: Sample) -> None:
+    """Everything but bias, its covariance, latency and references starts anew."""
+    r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
+    rotation(s.q_nb, r)
+    restart_tilt(s, sample, r)
+    begin_frames(s)
+    forget_heading(s, g)
+    for i in range(3):
+        s.gyro_lp[i] = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
+        s.accel_lp[i] = sample.accel[i] << 4
+        s.accel_carry[i] = 0
+    for i in range(4):
+        s.dtheta[i] = 0
+    s.velocity_carry_n = 0
+    s.velocity_carry_e = 0
+    s.rest_us = 0
+    s.clipped_angle = 0
+    s.extra_tilt_sigma = 0
+    s.aided = 0
+    s.fix_period_us = 0
+    s.mag_age_us = 0
+    s.mag_new_us = 0
+    if sample.has_mag > 0:
+        # the attitude is that of magnetic north
+        s.correction[2] = limited(s.declination, MOST_AT_ONCE) * 2
+        if abs(s.declination) > MOST_AT_ONCE:
+            # beside a pole: the fields to come give the rest
+            s.heading_reset = 1
+
+
+def reset(s: Memory, g: Gains) -> None:
+    """Makes a filter of zeros: not aligned, and the biases known as badly as the gains say."""
+    s.q_nb[0] = Q_LIMIT - (1 << 19)
+    s.p_xx = g.bias_variance
+    s.p_yy = g.bias_variance
+    s.p_zz = g.bias_variance
+    s.heading_variance = VARIANCE_LEAST
+    s.declination_cosine = UNIT_Q14
+    s.age_us = -1
+
+
+def restart(s: Memory) -> None:
+    """Forgets the attitude; keeps bias, references and the counter of saturations."""
+    s.age_us = -1
+    s.mag_age_us = 0

@@ -1,0 +1,125 @@
+"""The flight filter in 32-bit integers: all that the default filter does, without a division.
+
+The first stage runs with every sample. The second stage runs once per frame of sixteen samples, one
+part of it with each, so that no sample costs much more than another. Around it stands what finds
+the first attitude. Formats and the proof of the ranges: docs/fixed-point.md.
+
+Source: docs/fixed-point.md Eq. (15) to (29); docs/filter.md.
+"""
+
+from h2nav.attitude.integer.motion import (
+    BIAS_BITS,
+    CARRY_LIMIT,
+    RATE_LIMIT,
+    propagate,
+    rotation,
+    unrotated,
+)
+from h2nav.maths.fixedpoint import I32, clamp, known
+
+from ..memory import (
+    AGE_MOST_US,
+    CORRECTION_MOST,
+    FIELD_MOST_US,
+    FORCE_USED,
+    FRAME_MOST_US,
+    RESTARTED,
+    SATURATED,
+    Gains,
+    Memory,
+    Sample,
+)
+from .fixes import note_fix
+from .frame import second_stage
+from .heading import take_field
+from .start import align, begin_anew
+from .tilt import MOST_CLIPPED, doubt_rate, watch_rest
+from .velocity import accelerate, change_aiding, correct_velocity
+
+STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
+SATURATIONS_MOST = 1 << 30
+
+
+def update(s: Memory, g: Gains, sample: Sample) -> I32:
+    """Takes one sample: aligns or steps; returns bits."""
+    if s.age_us < 0:
+        return align(s, g, sample)
+    return step(s, g, sample)
+
+
+def step(s: Memory, g: Gains, sample: Sample) -> I32:
+    """Takes one sample of an aligned filter; returns what it rested on, as bits."""
+    r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
+    met = [0]
+    bits = 0
+    propagate(s.q_nb, s.gyro_bias, s.turn_carry, sample.gyro, sample.dt_us, met)
+    rotation(s.q_nb, r)
+    dt_us = sample.dt_us
+    s.age_us = clamp(s.age_us + dt_us, 0, AGE_MOST_US)
+    s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MOST_US)
+    s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MOST_US)
+    if sample.clipped > 0:
+        doubt_rate(s, g, sample)
+        met[0] = 1
+    elif s.clipped_angle > MOST_CLIPPED or s.tilt_suspect == 2:
+        begin_anew(s, sample, r)
+        bits = RESTARTED
+    else:
+        s.clipped_angle = 0
+        bits = use_sample(s, g, sample, r)
+    drain(s, r)
+    if met[0] != 0 or bits & SATURATED != 0:
+        s.saturations = clamp(s.saturations + 1, 0, SATURATIONS_MOST)
+        bits |= SATURATED
+    return bits
+
+
+def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+    """Force, field and fix of one sample, and the frame's part that comes with it; returns bits."""
+    w = [0, 0, 0]
+    bits = 0
+    if sample.aided != s.aided:
+        change_aiding(s, sample, r)
+    rates(s, sample, w)
+    accelerate(s, sample, r)
+    if sample.aided > 0:
+        if sample.has_fix > 0:
+            note_fix(s, sample)
+    else:
+        correct_velocity(s, sample, r)
+        bits = FORCE_USED
+    if sample.has_mag > 0:
+        take_field(s, sample, r, w)
+    watch_rest(s, g, sample)
+    return bits | second_stage(s, g, sample, r)
+
+
+def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
+    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    square = 0
+    for i in range(3):
+        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
+        w[i] = (rate - (s.gyro_bias[i] >> BIAS_BITS)) >> 10
+        square += w[i] * w[i]
+    # at most sixteen samples since the sum was zero
+    s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
+
+
+def drain(s: Memory, r: list[I32]) -> None:
+    """Hands the correction to come to the next turn, at most STEP_MOST of it.
+
+    Source: docs/fixed-point.md Eq. (7).
+    """
+    e = [0, 0, 0]
+    for i in range(3):
+        e[i] = clamp(s.correction[i] >> 11, -STEP_MOST, STEP_MOST)
+        s.correction[i] = known(
+            s.correction[i] - (e[i] << 11), -CORRECTION_MOST, CORRECTION_MOST
+        )  # Lemma 6
+    # a turn keeps the length (Lemma 2)
+    for i in range(3):
+        part = s.turn_carry[i] + (unrotated(r[i], r[3 + i], r[6 + i], e) >> 4)
+        s.turn_carry[i] = known(part, -CARRY_LIMIT, CARRY_LIMIT)

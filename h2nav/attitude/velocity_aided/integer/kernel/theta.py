@@ -1,0 +1,346 @@
+"""Second stage of the integer filter: covariance and sensitivities of bias and heading.
+
+Factors are scaled to 15 digits, each group by its largest, and the powers of two are followed
+beside them: the covariance spans nine decades, a product never more than 32 bits.
+
+Source: docs/fixed-point.md Eq. (19) to (22); docs/filter.md Eq. (6), (7), (12), (17) to (19).
+"""
+
+from h2nav.maths.fixedpoint import I32, clamp, known
+
+from ..memory import (
+    CORRECTION_MOST,
+    SATURATED,
+    THETA_MOST,
+    TILT_SIGMA_MOST,
+    VARIANCE_LEAST,
+    VELOCITY_MOST,
+    Gains,
+    Memory,
+)
+from .functions import bits_of, limited, logarithm, mantissa, power2, product, reciprocal, shifted
+
+NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
+MOST_NOISE = 29 << 8
+
+
+def heading_turn(s: Memory, r: list[I32], turn: list[I32]) -> None:
+    """Writes the heading that one unit of each bias gives in the frame, Q22 of its unit."""
+    unit = (s.frame_time * 15625) >> 14
+    for i in range(3):
+        turn[i] = (unit * r[6 + i] + 16384) >> 15
+
+
+def predict_covariance(s: Memory, g: Gains, r: list[I32]) -> None:
+    """P <- F P F^T + Q over one frame.
+
+    Source: docs/filter.md Eq. (12).
+    """
+    turn = [0, 0, 0]
+    heading_turn(s, r, turn)
+    x = turn[0]
+    y = turn[1]
+    z = turn[2]
+    time = s.frame_time
+    a = heading_of(s.p_xx, s.p_xy, s.p_xz, x, y, z)
+    b = heading_of(s.p_xy, s.p_yy, s.p_yz, x, y, z)
+    c = heading_of(s.p_xz, s.p_yz, s.p_zz, x, y, z)
+    both = heading_of(a, b, c, x, y, z)
+    both -= 2 * heading_of(s.p_xh, s.p_yh, s.p_zh, x, y, z)
+    noise = g.gyro_noise + (
+        product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
+    )
+    both += product(limited(noise, 1 << 30), time) >> 5
+    s.p_xh = limited(s.p_xh - a, THETA_MOST)
+    s.p_yh = limited(s.p_yh - b, THETA_MOST)
+    s.p_zh = limited(s.p_zh - c, THETA_MOST)
+    s.heading_variance = clamp(s.heading_variance + both, VARIANCE_LEAST, THETA_MOST)
+    walk = (product(g.bias_walk, time) >> 2) + 1
+    s.p_xx = grown(s.p_xx, walk, g.bias_variance)
+    s.p_yy = grown(s.p_yy, walk, g.bias_variance)
+    s.p_zz = grown(s.p_zz, walk, g.bias_variance)
+
+
+def heading_of(a: I32, b: I32, c: I32, x: I32, y: I32, z: I32) -> I32:
+    """Sum of a x, b y and c z, the second factors Q22."""
+    return (product(a, x) >> 7) + (product(b, y) >> 7) + (product(c, z) >> 7)
+
+
+def grown(variance: I32, walk: I32, most: I32) -> I32:
+    """One variance of the bias, raised as long as it is below its start."""
+    if variance < most:
+        variance = clamp(variance + walk, VARIANCE_LEAST, THETA_MOST)
+    return variance
+
+
+def predict_sensitivities(s: Memory, r: list[I32]) -> None:
+    """Sensitivities of velocity and tilt over one frame.
+
+    Source: docs/filter.md Eq. (6), (7).
+    """
+    turn = [0, 0, 0]
+    heading_turn(s, r, turn)
+    unit = (s.frame_time * 15625) >> 14
+    for i in range(3):
+        carry(s.dtilt_n, s.dvelocity_n, i, s.frame_time, (unit * r[3 + i]) >> 10, turn[i])
+        carry(s.dtilt_e, s.dvelocity_e, i, s.frame_time, -((unit * r[i]) >> 10), turn[i])
+    carry_heading(s.dtilt_n, s.dvelocity_n, s.frame_time)
+    carry_heading(s.dtilt_e, s.dvelocity_e, s.frame_time)
+
+
+def carry(
+    dtilt: list[I32], dvelocity: list[I32], axis: I32, time: I32, change: I32, turn: I32
+) -> None:
+    """Sensitivities to one bias; they refer to the heading error where that is now."""
+    tilt = dtilt[axis]
+    velocity = dvelocity[axis] + (product(tilt, time) >> 6)
+    velocity += product(dvelocity[3], turn) >> 7
+    dvelocity[axis] = limited(velocity, THETA_MOST)
+    tilt += change + (product(dtilt[3], turn) >> 7)
+    dtilt[axis] = limited(tilt, THETA_MOST)
+
+
+def carry_heading(dtilt: list[I32], dvelocity: list[I32], time: I32) -> None:
+    """Sensitivity of a velocity to the heading error."""
+    velocity = dvelocity[3] + (product(dtilt[3], time) >> 6)
+    dvelocity[3] = limited(velocity, THETA_MOST)
+
+
+def size_of(a: I32) -> I32:
+    """Size of a number, or one less: as many binary digits as it."""
+    return known(a ^ (a >> 31), 0, 2147483647)
+
+
+def digits_of(a: I32, b: I32, c: I32, d: I32) -> I32:
+    """Number of binary digits of the largest of four numbers."""
+    return bits_of(size_of(a) | size_of(b) | size_of(c) | size_of(d))
+
+
+def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> None:
+    """Gain for one scalar measurement of theta; `use_gain` applies it with the next sample.
+
+    Args:
+        s: memory.
+        row: how the measurement depends on theta, Q24 of the measurement's unit.
+        innovation: the same unit, Q24.
+        log_noise: of its variance without the error of theta.
+
+    Source: docs/fixed-point.md Eq. (20), (21).
+    """
+    scale = clamp(digits_of(row[0], row[1], row[2], row[3]) - 13, 0, 18)
+    a = [0, 0, 0, 0]
+    for i in range(4):
+        a[i] = known(row[i] >> scale, -8192, 8191)
+    h0 = times(s.p_xx, s.p_xy, s.p_xz, s.p_xh, a)
+    h1 = times(s.p_xy, s.p_yy, s.p_yz, s.p_yh, a)
+    h2 = times(s.p_xz, s.p_yz, s.p_zz, s.p_zh, a)
+    h3 = times(s.p_xh, s.p_yh, s.p_zh, s.heading_variance, a)
+    fall = clamp(digits_of(h0, h1, h2, h3) - 15, 0, 16)
+    h0 = known(h0 >> fall, -32768, 32767)
+    h1 = known(h1 >> fall, -32768, 32767)
+    h2 = known(h2 >> fall, -32768, 32767)
+    h3 = known(h3 >> fall, -32768, 32767)
+    variance = a[0] * h0 + a[1] * h1 + a[2] * h2 + a[3] * h3
+    # what the correction so far explains already
+    explained = row_times(s.dtheta, a)
+    s.gain_h[0] = h0
+    s.gain_h[1] = h1
+    s.gain_h[2] = h2
+    s.gain_h[3] = h3
+    y = innovation - limited(shifted(explained, 13 - scale), THETA_MOST)
+    log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
+    weigh_gain(s, clamp(variance, 0, 1 << 30), y, log_noise, scale, fall)
+
+
+def weigh_gain(s: Memory, variance: I32, y: I32, log_noise: I32, scale: I32, fall: I32) -> None:
+    """Divides by the variance of the innovation, noise included.
+
+    Args:
+        s: memory.
+        variance: without noise.
+        y: innovation.
+        log_noise: of the noise, in the unit of the variance.
+        scale: digits that the sensitivities have lost.
+        fall: digits that H has lost.
+
+    Source: docs/fixed-point.md Eq. (21), (22).
+    """
+    # noise that is too large for the unit of the variance: both in a larger one
+    excess = 0
+    if log_noise > MOST_NOISE:
+        excess = (log_noise >> 8) - 28
+    if excess > 30:
+        s.gain_inverse = 0
+        s.gain_innovation = 0
+        return
+    variance = (variance >> excess) + power2(log_noise - (excess << 8)) + 1
+    digits = bits_of(variance)
+    inverse = reciprocal(mantissa(variance, digits))
+    lost = digits + excess
+    y_scale = clamp(bits_of(size_of(y)) - 15, 0, 16)
+    s.gain_inverse = inverse
+    s.gain_innovation = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
+    # a step that would need a shift to the left is beyond what theta can be
+    s.gain_theta_shift = clamp(lost + scale - 29 - y_scale, 0, 31)
+    s.gain_p_shift = clamp(lost - fall - 16, 0, 31)
+
+
+def times(p_0: I32, p_1: I32, p_2: I32, p_3: I32, a: list[I32]) -> I32:
+    """Four numbers times four of 13 digits, over 2^15."""
+    return product(p_0, a[0]) + product(p_1, a[1]) + product(p_2, a[2]) + product(p_3, a[3])
+
+
+def row_times(row: list[I32], a: list[I32]) -> I32:
+    """A vector of four numbers times one of 13 digits, over 2^15."""
+    return times(row[0], row[1], row[2], row[3], a)
+
+
+def use_gain(s: Memory) -> None:
+    """Correction and covariance with the gain that was found: D += h e, P <- P - h h^T / S.
+
+    What is taken from a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
+    """
+    h0 = s.gain_h[0]
+    h1 = s.gain_h[1]
+    h2 = s.gain_h[2]
+    h3 = s.gain_h[3]
+    e = s.gain_innovation
+    shift = s.gain_theta_shift
+    s.dtheta[0] = limited(s.dtheta[0] + (h0 * e >> shift), THETA_MOST)
+    s.dtheta[1] = limited(s.dtheta[1] + (h1 * e >> shift), THETA_MOST)
+    s.dtheta[2] = limited(s.dtheta[2] + (h2 * e >> shift), THETA_MOST)
+    s.dtheta[3] = limited(s.dtheta[3] + (h3 * e >> shift), THETA_MOST)
+    inverse = s.gain_inverse
+    shift = s.gain_p_shift
+    k = (h0 * inverse + 16384) >> 15
+    s.p_xx = lowered_variance(s.p_xx, k * h0 >> shift)
+    s.p_xy = lowered(s.p_xy, k * h1 >> shift)
+    s.p_xz = lowered(s.p_xz, k * h2 >> shift)
+    s.p_xh = lowered(s.p_xh, k * h3 >> shift)
+    k = (h1 * inverse + 16384) >> 15
+    s.p_yy = lowered_variance(s.p_yy, k * h1 >> shift)
+    s.p_yz = lowered(s.p_yz, k * h2 >> shift)
+    s.p_yh = lowered(s.p_yh, k * h3 >> shift)
+    k = (h2 * inverse + 16384) >> 15
+    s.p_zz = lowered_variance(s.p_zz, k * h2 >> shift)
+    s.p_zh = lowered(s.p_zh, k * h3 >> shift)
+    k = (h3 * inverse + 16384) >> 15
+    s.heading_variance = lowered_variance(s.heading_variance, k * h3 >> shift)
+
+
+def lowered(covariance: I32, fall: I32) -> I32:
+    """A covariance from which something is taken."""
+    return limited(covariance - fall, THETA_MOST)
+
+
+def lowered_variance(variance: I32, fall: I32) -> I32:
+    """A variance from which something is taken; it stays positive."""
+    rest = limited(variance - fall, THETA_MOST)
+    if rest < VARIANCE_LEAST:
+        rest = VARIANCE_LEAST
+    return rest
+
+
+def fade(s: Memory) -> None:
+    """The constant gain has worked on the sensitivities too.
+
+    Source: docs/filter.md Eq. (17).
+    """
+    for i in range(4):
+        fade_one(s, s.dtilt_n, s.dvelocity_n, i)
+        fade_one(s, s.dtilt_e, s.dvelocity_e, i)
+
+
+def fade_one(s: Memory, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
+    """One sensitivity of tilt and velocity."""
+    before = dvelocity[i]
+    tilt = dtilt[i] - shifted(product(before, s.k_tilt_m), s.k_tilt_s - 4)
+    dtilt[i] = limited(tilt, THETA_MOST)
+    velocity = before - shifted(product(before, s.k_velocity_m), s.k_velocity_s)
+    dvelocity[i] = limited(velocity, THETA_MOST)
+
+
+def apply_theta(s: Memory, g: Gains) -> I32:
+    """Moves bias, velocity and attitude by the correction D, which is forgotten.
+
+    Returns SATURATED when the bias meets its limit, else 0.
+
+    Source: docs/filter.md Eq. (19).
+    """
+    scale = clamp(digits_of(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3]) - 13, 0, 18)
+    d = [0, 0, 0, 0]
+    for i in range(4):
+        d[i] = known(s.dtheta[i] >> scale, -8192, 8191)
+    bits = 0
+    for i in range(3):
+        bias = s.gyro_bias[i] + (s.dtheta[i] >> 2)
+        s.gyro_bias[i] = limited(bias, g.bias_limit)
+        if s.gyro_bias[i] != bias:
+            bits = SATURATED
+    heading = s.dtheta[3]
+    for i in range(4):
+        s.dtheta[i] = 0
+    s.velocity_n = limited(
+        s.velocity_n + shifted(row_times(s.dvelocity_n, d), 13 - scale), VELOCITY_MOST
+    )
+    s.velocity_e = limited(
+        s.velocity_e + shifted(row_times(s.dvelocity_e, d), 13 - scale), VELOCITY_MOST
+    )
+    turn(
+        s,
+        shifted(row_times(s.dtilt_n, d), 12 - scale),
+        shifted(row_times(s.dtilt_e, d), 12 - scale),
+    )
+    add_heading(s, heading)
+    limit_heading(s, g)
+    return bits
+
+
+def turn(s: Memory, tilt_n: I32, tilt_e: I32) -> None:
+    """Adds a tilt north and east (half radians, Q30) to the correction to come."""
+    s.correction[0] = limited(s.correction[0] + limited(tilt_e, 1 << 29), CORRECTION_MOST)
+    s.correction[1] = limited(s.correction[1] - limited(tilt_n, 1 << 29), CORRECTION_MOST)
+
+
+def add_heading(s: Memory, angle: I32) -> None:
+    """Adds a heading (half radians, Q30) to the correction to come."""
+    s.correction[2] = limited(s.correction[2] + angle, CORRECTION_MOST)
+    s.heading_due = limited(s.heading_due + angle, CORRECTION_MOST)
+
+
+def limit_heading(s: Memory, g: Gains) -> None:
+    """Keeps the heading's variance where theta is linear; correlations stay what they are."""
+    most = g.heading_variance
+    if s.heading_variance > most:
+        keep = clamp(
+            power2(((logarithm(most) - logarithm(s.heading_variance)) >> 1) + (15 << 8)), 0, 32767
+        )
+        s.p_xh = product(s.p_xh, keep)
+        s.p_yh = product(s.p_yh, keep)
+        s.p_zh = product(s.p_zh, keep)
+        s.heading_variance = most
+
+
+def forget_velocity(s: Memory) -> None:
+    """The velocity begins anew: no error of theta has worked on it yet."""
+    for i in range(4):
+        s.dvelocity_n[i] = 0
+        s.dvelocity_e[i] = 0
+
+
+def forget_sensitivities(s: Memory) -> None:
+    """Tilt and velocity begin anew."""
+    forget_velocity(s)
+    for i in range(4):
+        s.dtilt_n[i] = 0
+        s.dtilt_e[i] = 0
+
+
+def fade_tilt_sigma(s: Memory) -> None:
+    """Doubt of the tilt fades at the speed of the loop's poles.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    doubt = s.extra_tilt_sigma
+    doubt -= shifted(product(doubt, s.k_velocity_m), s.k_velocity_s + 1)
+    s.extra_tilt_sigma = clamp(doubt, 0, TILT_SIGMA_MOST)

@@ -1,0 +1,241 @@
+"""What the velocity-aided filter in integers does when its tilt is wrong by far, and at rest.
+
+Source: docs/filter.md Eq. (14), (20), (30) to (32).
+"""
+
+from h2nav.attitude.integer.motion import RATE_LIMIT
+from h2nav.attitude.integer.triad import UNIT_Q14, VECTOR_LIMIT, triad
+from h2nav.maths.fixedpoint import I32, clamp, known
+
+from ..memory import (
+    AGE_MOST_US,
+    FORCE_MOST,
+    MOST_REJECTED,
+    THETA_MOST,
+    TILT_SIGMA_MOST,
+    VARIANCE_LEAST,
+    VELOCITY_MOST,
+    Gains,
+    Memory,
+    Sample,
+)
+from .functions import bits_of, limited, logarithm, power2, product
+from .theta import find_gain, forget_sensitivities, limit_heading
+
+MOST_CLIPPED = 53687091  # 0.2 rad, Q28: after clipped samples that may have hidden more, start anew
+ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
+LEVEL_SIGMA = 26843546  # 0.1 rad: of a tilt taken from the force alone
+LEVEL_SIZE = 6710886  # 0.1, Q26, of the force's square: 5 % of g
+AIR_COSINE_2 = 24802  # square of 0.87, Q15: a steady turn within 5 % of g banks by 18 deg
+GROUND_COSINE_2 = 31792  # square of 0.985: no steady acceleration on the ground is that large
+REST_FLOOR = 3627000  # (0.1 deg/s)^2 in units of theta, Q28
+REST_SIGMAS_2 = 9  # a rate that is this far from the known bias is no bias
+ONE_Q26 = 1 << 26
+
+
+def watch_rest(s: Memory, g: Gains, sample: Sample) -> None:
+    """Low-passes rate and force; notes a sample that is far from either.
+
+    Source: docs/fixed-point.md Eq. (26).
+    """
+    shift = g.rest_lowpass_shift
+    rate = 0
+    force = 0
+    for i in range(3):
+        value = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
+        d = value - s.gyro_lp[i]
+        # between the two
+        after = s.gyro_lp[i] + (d >> shift)
+        s.gyro_lp[i] = known(after, -(RATE_LIMIT << 4), RATE_LIMIT << 4)
+        rate += (d >> 15) * (d >> 15)
+        d = (sample.accel[i] << 4) - s.accel_lp[i]
+        after = s.accel_lp[i] + (d >> shift)
+        s.accel_lp[i] = known(after, -(FORCE_MOST << 4), FORCE_MOST << 4)
+        force += (d >> 15) * (d >> 15)
+    s.unsteady |= ((g.rest_gyro - rate) | (g.rest_accel - force)) >> 31
+
+
+def judge_rest(s: Memory, g: Gains, sample: Sample) -> None:
+    """How long nothing has been felt to move.
+
+    Source: docs/filter.md Eq. (20), (31).
+    """
+    time_us = (s.frame_time * 15625) >> 11
+    most = g.bias_limit >> 9
+    is_steady = 1 + s.unsteady
+    for i in range(3):
+        if abs(s.gyro_lp[i]) > most:
+            is_steady = 0
+    s.unsteady = 0
+    if is_steady == 0:
+        s.steady_us = 0
+        s.rest_us = 0
+        return
+    s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MOST_US)
+    still = sample.rest_prior
+    # by the signals alone a slow turn looks like rest: the bias must not jump by it
+    if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
+        still = 0
+    s.rest_us = clamp(s.rest_us + time_us, 0, AGE_MOST_US)
+    if still == 0:
+        s.rest_us = 0
+
+
+def bias_error(s: Memory, axis: I32) -> I32:
+    """Low-passed rate less bias, units of theta, Q24."""
+    return limited(s.gyro_lp[axis] - (s.gyro_bias[axis] >> 9), 1 << 22) << 7
+
+
+def moves(s: Memory, axis: I32, variance: I32) -> I32:
+    """1 when the low-passed rate contradicts the bias as far as it is known."""
+    d = limited(bias_error(s, axis), 32767 << 10) >> 10
+    known_to = limited(variance + REST_FLOOR, 119000000)
+    if d * d > REST_SIGMAS_2 * known_to:
+        return 1
+    return 0
+
+
+def find_rest_gain(s: Memory, g: Gains) -> None:
+    """Gain for one axis of the low-passed rate taken as bias; the axes take turns.
+
+    Source: docs/filter.md Eq. (20).
+    """
+    axis = s.rest_axis
+    s.rest_axis = axis + 1 if axis < 2 else 0
+    for i in range(4):
+        s.jacobian[i] = 0
+    s.jacobian[axis] = 1 << 24
+    # two of three axes in a frame: each has the noise of one and a half
+    log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
+    find_gain(s, s.jacobian, bias_error(s, axis), g.log_rest_noise - log_time)
+
+
+def restart_tilt(s: Memory, sample: Sample, r: list[I32]) -> None:
+    """The tilt was wrong: find it anew, keep bias and heading.
+
+    Source: docs/filter.md Eq. (14).
+    """
+    forget_sensitivities(s)
+    s.velocity_n = known((sample.forward_speed * r[0]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
+    s.velocity_e = known((sample.forward_speed * r[3]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
+    s.turning = 0
+    s.innovation_power = 0
+    s.innovation_variance = 0
+    s.innovation_mean_n = 0
+    s.innovation_mean_e = 0
+    s.age_us = 0
+    s.fixes_rejected = MOST_REJECTED
+    s.tilt_suspect = 0
+    s.steady_us = 0
+
+
+def doubt_rate(s: Memory, g: Gains, sample: Sample) -> None:
+    """A clipped rate is doubted by as much as it differs from the rates before it.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    square = 1
+    for i in range(3):
+        value = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
+        d = (value - s.gyro_lp[i]) >> 15
+        square += d * d
+    # the difference in 1e6 2^-28 rad/s times microseconds: rad, Q28
+    lost = limited(power2(logarithm(square) >> 1), 33000) * sample.dt_us
+    before = s.clipped_angle
+    s.clipped_angle = clamp(before + lost, 0, 1 << 30)
+    raise_tilt_sigma(s, s.extra_tilt_sigma + lost)
+    # the heading has been turned as well as the tilt
+    squares = product(
+        limited(lost, 1 << 28) << 2, (limited(2 * limited(before, 1 << 27) + lost, 1 << 28)) >> 14
+    )
+    s.heading_variance = clamp(
+        s.heading_variance + (limited(squares, 1 << 28) << 1), VARIANCE_LEAST, THETA_MOST
+    )
+    limit_heading(s, g)
+
+
+def raise_tilt_sigma(s: Memory, angle: I32) -> None:
+    """The tilt is known no better than this, rad, Q28."""
+    if angle > TILT_SIGMA_MOST:
+        angle = TILT_SIGMA_MOST
+    if angle > s.extra_tilt_sigma:
+        s.extra_tilt_sigma = angle
+
+
+def ask_force(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
+    """Notes when a low-passed force of size g denies the tilt, once something else does too.
+
+    Source: docs/filter.md Eq. (31).
+    """
+    cosine_2 = AIR_COSINE_2
+    if s.tilt_suspect > 0:
+        s.tilt_suspect = 0
+    elif s.steady_us < g.rest_time_us:
+        return
+    elif sample.rest_prior == 2:
+        cosine_2 = GROUND_COSINE_2
+    x = limited(s.accel_lp[0] >> 10, 32767)
+    y = limited(s.accel_lp[1] >> 10, 32767)
+    z = limited(s.accel_lp[2] >> 10, 32767)
+    square = (x >> 1) * (x >> 1) + (y >> 1) * (y >> 1) + (z >> 1) * (z >> 1)
+    down = (((r[6] * x) >> 1) + ((r[7] * y) >> 1) + ((r[8] * z) >> 1)) >> 15
+    if abs(square - ONE_Q26) > LEVEL_SIZE:
+        return
+    # half the force shows down, Q14 >> 1; its square is compared with that of the whole
+    if down >= 0 or limited(down, 32767) * limited(down, 32767) <= product(square, cosine_2):
+        s.tilt_suspect = 2
+
+
+def upright(s: Memory, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
+    """Takes the attitude in which a force points up and `north` about north; returns 1 if it can.
+
+    Args:
+        s: memory.
+        x: specific force, body frame, any unit, below 2^30.
+        y: the same.
+        z: the same.
+        north: what shows north when gravity is taken away, body frame, Q14.
+    """
+    scale = bits_of(abs(x) | abs(y) | abs(z)) - 14
+    if scale < -13:
+        return 0
+    down = [0, 0, 0]
+    if scale >= 0:
+        down[0] = known(-(x >> scale), -UNIT_Q14, UNIT_Q14)
+        down[1] = known(-(y >> scale), -UNIT_Q14, UNIT_Q14)
+        down[2] = known(-(z >> scale), -UNIT_Q14, UNIT_Q14)
+    else:
+        down[0] = known(-(known(x, -8192, 8192) << -scale), -UNIT_Q14, UNIT_Q14)
+        down[1] = known(-(known(y, -8192, 8192) << -scale), -UNIT_Q14, UNIT_Q14)
+        down[2] = known(-(known(z, -8192, 8192) << -scale), -UNIT_Q14, UNIT_Q14)
+    # the largest is half a unit or more: its length is within what `triad` scales, or twice that
+    if (down[0] >> 1) * (down[0] >> 1) + (down[1] >> 1) * (down[1] >> 1) + (down[2] >> 1) * (
+        down[2] >> 1
+    ) > ONE_Q26:
+        for i in range(3):
+            down[i] = down[i] >> 1
+    if triad(down, north, s.q_nb) == 0:
+        return 0
+    s.turn_carry[0] = 0
+    s.turn_carry[1] = 0
+    s.turn_carry[2] = 0
+    s.correction[0] = 0
+    s.correction[1] = 0
+    s.correction[2] = 0
+    # a field that waits was turned by another attitude
+    s.mag_span_us = 0
+    s.mag_frame_us = 0
+    return 1
+
+
+def level(s: Memory, x: I32, y: I32, z: I32, r: list[I32]) -> None:
+    """Takes the tilt from a force, unless it shows along the nose; the heading is asked anew.
+
+    Source: docs/filter.md Eq. (32).
+    """
+    north = [0, 0, 0]
+    for i in range(3):
+        north[i] = known(r[i] >> 1, -VECTOR_LIMIT, VECTOR_LIMIT)
+    if upright(s, x, y, z, north) > 0:
+        # the field was seen through the wrong tilt: the next gives the heading, as at the start
+        s.heading_reset = 2

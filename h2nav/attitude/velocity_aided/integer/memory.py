@@ -1,0 +1,351 @@
+"""What the velocity-aided filter in integers remembers, is given, and is fed with.
+
+It is the velocity-aided filter (docs/filter.md) in 32-bit integers. The frame n is north-east-down
+with true north. Velocities are divided by gravity, so that their unit is the second. theta is what
+the second stage estimates: the errors of the three biases, in units of 2e6 2^-27 rad/s, and of the
+heading, in units of 0.5 rad. Logarithms are to base two, with 8 fraction bits.
+
+Formats: docs/fixed-point.md.
+"""
+
+from dataclasses import dataclass
+
+from h2nav.attitude.integer.motion import BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US, RATE_LIMIT
+from h2nav.attitude.integer.triad import Q_LIMIT
+from h2nav.attitude.record import integer, integers
+from h2nav.maths.fixedpoint import I32
+
+FRAME = 16  # samples per frame of the second stage
+SETS = 12  # gain sets, weakest first
+PERIODS = 4  # times between fixes that gains are made for
+MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+
+# bits of a step's result
+FORCE_USED = 1
+FIELD_USED = 2
+RESTING = 4
+VELOCITY_USED = 8
+RESTARTED = 16
+SATURATED = 32
+ALIGNED = 64  # this sample has given a first attitude
+
+INT32_LEAST = -(1 << 31)
+INT32_MOST = (1 << 31) - 1
+CORRECTION_MOST = 1 << 30
+VELOCITY_MOST = 1 << 29  # 32 s: 313 m/s
+THETA_MOST = (1 << 30) - 1  # of a sensitivity, a covariance, a correction of theta
+VARIANCE_LEAST = 256  # variances stay positive
+INNOVATION_MOST = 1 << 27  # 8 s: 78 m/s
+LEVEL_MOST = 1 << 29
+TILT_SIGMA_MOST = 421439783  # 1.57 rad: nothing is known
+FORCE_MOST = 16 << 20
+AGE_MOST_US = 1 << 30
+FRAME_MOST_US = 240000
+GAINED_MASK = (1 << 28) - 1
+LOG_MOST = 10240
+FIELD_MOST_US = 1000000  # a sample never counts for more than this time
+NORM_MOST = 60000
+REF_MOST = NORM_MOST << 12
+LAG_MOST = 12500
+PACKED_MOST = (32767 << 5) + 31
+SHIFT_MOST = 31
+
+
+@dataclass(slots=True)
+class Memory:
+    """The filter's whole memory."""
+
+    q_nb: list[I32] = integers(4, -Q_LIMIT, Q_LIMIT, "", "attitude, body to n, scalar first", q=29)
+    gyro_bias: list[I32] = integers(
+        3, -BIAS_LIMIT, BIAS_LIMIT, "2 rad/us", "gyro bias; 4503599627 = 1 rad/s", q=53
+    )
+    correction: list[I32] = integers(
+        3, -CORRECTION_MOST, CORRECTION_MOST, "2 rad", "correction to come, about n", q=30
+    )
+    turn_carry: list[I32] = integers(
+        3, -CARRY_LIMIT, CARRY_LIMIT, "2 rad", "rest of a turn for the next step, body", q=30
+    )
+    age_us: I32 = integer(-1, AGE_MOST_US, "us", "time since the tilt was found; -1: not aligned")
+    saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
+    velocity_n: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "velocity north", q=24)
+    velocity_e: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "velocity east", q=24)
+    dtilt_n: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt north to theta", q=28
+    )
+    dtilt_e: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt east to theta", q=28
+    )
+    dvelocity_n: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity north to theta", q=24
+    )
+    dvelocity_e: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity east to theta", q=24
+    )
+    p_xx: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias x", q=28)
+    p_xy: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases x and y", q=28)
+    p_xz: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases x and z", q=28)
+    p_xh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias x and heading", q=28)
+    p_yy: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias y", q=28)
+    p_yz: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases y and z", q=28)
+    p_yh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias y and heading", q=28)
+    p_zz: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias z", q=28)
+    p_zh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias z and heading", q=28)
+    heading_variance: I32 = integer(
+        VARIANCE_LEAST, THETA_MOST, "0.25 rad^2", "variance of the heading", q=28
+    )
+    dtheta: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "", "correction of theta that the frame has found", q=28
+    )
+    phase: I32 = integer(0, FRAME - 1, "", "which part of the second stage runs with this sample")
+    frame_us: I32 = integer(0, FRAME_MOST_US, "us", "time of the frame so far")
+    innovation_sum_n: I32 = integer(
+        -INNOVATION_MOST, INNOVATION_MOST, "s", "mean innovation of the frame so far, north", q=24
+    )
+    innovation_sum_e: I32 = integer(
+        -INNOVATION_MOST, INNOVATION_MOST, "s", "mean innovation of the frame so far, east", q=24
+    )
+    turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
+    frame_time: I32 = integer(0, 32767, "s", "time of the frame before", q=17)
+    innovation_n: I32 = integer(
+        -THETA_MOST, THETA_MOST, "s", "innovation that the second stage works on, north", q=24
+    )
+    innovation_e: I32 = integer(
+        -THETA_MOST, THETA_MOST, "s", "innovation that the second stage works on, east", q=24
+    )
+    velocity_use: I32 = integer(0, 2, "", "0: none, 1: the bounded velocity, 2: a fix")
+    log_noise: I32 = integer(-LOG_MOST, LOG_MOST, "log2 s^2", "noise of that innovation", q=8)
+    log_gyro_noise: I32 = integer(
+        -LOG_MOST, LOG_MOST, "log2 rad^2/s", "gyro noise with that of rotation", q=8
+    )
+    log_velocity_noise: I32 = integer(
+        -LOG_MOST, LOG_MOST, "log2 s^3", "velocity noise as last used", q=8
+    )
+    log_startup_inflation: I32 = integer(
+        -LOG_MOST, LOG_MOST, "log2", "factor on all noises while the filter starts", q=8
+    )
+    k_tilt_m: I32 = integer(0, 32767, "1/s", "gain in use on the tilt: m 2^-(15 + s)")
+    k_tilt_s: I32 = integer(-3, 30, "", "its shift")
+    k_velocity_m: I32 = integer(0, 32767, "", "gain in use on the velocity: m 2^-(15 + s)")
+    k_velocity_s: I32 = integer(-3, 30, "", "its shift")
+    gain_set: I32 = integer(0, SETS - 1, "", "number of the gain set in use, 0 the weakest")
+    turning: I32 = integer(0, LEVEL_MOST, "2e12 2^-58 (rad/s)^2", "mean square of the rate")
+    innovation_power: I32 = integer(0, LEVEL_MOST, "s^2", "mean square of the innovation", q=24)
+    innovation_variance: I32 = integer(
+        0, LEVEL_MOST, "s^2", "mean square of the innovation about its slow mean", q=24
+    )
+    innovation_mean_n: I32 = integer(
+        -INNOVATION_MOST, INNOVATION_MOST, "s", "slow mean of the innovation, north", q=24
+    )
+    innovation_mean_e: I32 = integer(
+        -INNOVATION_MOST, INNOVATION_MOST, "s", "slow mean of the innovation, east", q=24
+    )
+    velocity_carry_n: I32 = integer(0, 8191, "", "what rounding has left of the acceleration north")
+    velocity_carry_e: I32 = integer(0, 8191, "", "what rounding has left of the acceleration east")
+    accel_carry: list[I32] = integers(3, 0, 511, "", "what rounding has left of the force")
+    gyro_lp: list[I32] = integers(
+        3, -(RATE_LIMIT << 4), RATE_LIMIT << 4, "2 rad/us", "low-passed rate", q=44
+    )
+    accel_lp: list[I32] = integers(
+        3, -(FORCE_MOST << 4), FORCE_MOST << 4, "g", "low-passed specific force", q=24
+    )
+    steady_us: I32 = integer(0, AGE_MOST_US, "us", "how long both have been steady")
+    rest_us: I32 = integer(0, AGE_MOST_US, "us", "how long nothing has contradicted rest")
+    unsteady: I32 = integer(-1, 0, "", "-1: one sample of the frame was not steady")
+    rest_axis: I32 = integer(0, 2, "", "which axis of the bias is measured next")
+    clipped_angle: I32 = integer(
+        0, 1 << 30, "rad", "angle that the clipped samples in a row may have hidden", q=28
+    )
+    extra_tilt_sigma: I32 = integer(
+        0, TILT_SIGMA_MOST, "rad", "deviation of the tilt beyond that of the gain sets", q=28
+    )
+    tilt_suspect: I32 = integer(
+        0, 2, "", "1: fixes contradict the tilt by far; 2: the force does too"
+    )
+    aided: I32 = integer(0, 1, "", "1: a measured velocity holds the filter")
+    fixes_rejected: I32 = integer(0, MOST_REJECTED, "", "fixes rejected in a row")
+    gained_n: I32 = integer(
+        0, GAINED_MASK, "s", "velocity gained north from the force alone, modulo 2^28", q=24
+    )
+    gained_e: I32 = integer(0, GAINED_MASK, "s", "velocity gained east, modulo 2^28", q=24)
+    fix_innovation_n: I32 = integer(
+        -THETA_MOST, THETA_MOST, "s", "innovation of a fix that waits for its frame, north", q=24
+    )
+    fix_innovation_e: I32 = integer(
+        -THETA_MOST, THETA_MOST, "s", "innovation of a fix that waits for its frame, east", q=24
+    )
+    fix_variance: I32 = integer(0, 1 << 24, "s^2", "its variance", q=24)
+    fix_period_us: I32 = integer(0, 1 << 22, "us", "time since the fix before; 0: none waits")
+    mag_last: list[I32] = integers(3, -32768, 32767, "64 uT", "field that came last, body", q=14)
+    mag_age_us: I32 = integer(0, FIELD_MOST_US, "us", "time since it came")
+    mag_span_us: I32 = integer(
+        0, FIELD_MOST_US, "us", "time that the field in mag_ned stands for; 0: no new one"
+    )
+    mag_ned: list[I32] = integers(3, -NORM_MOST, NORM_MOST, "64 uT", "field in n", q=14)
+    mag_rate: list[I32] = integers(
+        3, -32767, 32767, "64 uT 1e6 2^-28 /s", "its change by rotation", q=14
+    )
+    mag_horizontal: I32 = integer(0, NORM_MOST, "64 uT", "its horizontal part", q=14)
+    mag_norm: I32 = integer(0, NORM_MOST, "64 uT", "its norm", q=14)
+    mag_heading: I32 = integer(-(1 << 30), 1 << 30, "rad", "its direction from north", q=28)
+    mag_accepted: I32 = integer(
+        0, 2, "", "1: it agrees with its reference; 2: the heading is ready to be measured"
+    )
+    heading_reset: I32 = integer(
+        0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
+    )
+    mag_ref_horizontal: I32 = integer(0, REF_MOST, "64 uT", "reference field, horizontal", q=26)
+    mag_ref_down: I32 = integer(-REF_MOST, REF_MOST, "64 uT", "reference field, down", q=26)
+    mag_ref_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm; 0: none yet", q=26)
+    mag_ref_given: I32 = integer(0, 1, "", "1: it comes from a model of the earth's field")
+    mag_new_horizontal: I32 = integer(
+        0, REF_MOST, "64 uT", "a field that contradicts the reference, but not itself", q=26
+    )
+    mag_new_down: I32 = integer(-REF_MOST, REF_MOST, "64 uT", "its part down", q=26)
+    mag_new_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm", q=26)
+    mag_new_us: I32 = integer(0, AGE_MOST_US, "us", "for how long")
+    mag_new_turn: I32 = integer(0, 1 << 30, "rad", "over how much turning", q=16)
+    mag_disturbance: I32 = integer(
+        0, 1 << 26, "rad^2", "mean square of the magnetic disturbance of the heading", q=26
+    )
+    mag_lag_num: I32 = integer(
+        -(1 << 30), 1 << 30, "", "numerator of the latency of the field's samples"
+    )
+    mag_lag_den: I32 = integer(0, 1 << 30, "", "denominator of that latency")
+    mag_lag: I32 = integer(0, LAG_MOST, "8 us", "latency in use")
+    mag_frame_us: I32 = integer(
+        0, FIELD_MOST_US, "us", "time that the field of this frame stands for; 0: there is none"
+    )
+    jacobian: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "rad", "how the measured angle depends on theta", q=28
+    )
+    heading_innovation: I32 = integer(
+        -THETA_MOST, THETA_MOST, "rad", "what the field says of the heading", q=28
+    )
+    log_heading_noise: I32 = integer(-LOG_MOST, LOG_MOST, "log2", "noise of that", q=8)
+    gain_h: list[I32] = integers(
+        4, -32768, 32767, "", "covariance of theta with the measurement, scaled to 15 digits"
+    )
+    gain_inverse: I32 = integer(0, 32768, "", "one over the innovation's variance, scaled")
+    gain_innovation: I32 = integer(-32768, 32768, "", "innovation over that variance, scaled")
+    gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
+    gain_p_shift: I32 = integer(0, SHIFT_MOST, "", "what the fall of the covariance is divided by")
+    fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
+    heading_due: I32 = integer(
+        -CORRECTION_MOST,
+        CORRECTION_MOST,
+        "2 rad",
+        "correction[2] as if nothing had been turned since the field in mag_ned came",
+        q=30,
+    )
+    declination: I32 = integer(1 - (1 << 30), (1 << 30) - 1, "rad", "declination", q=28)
+    declination_sine: I32 = integer(-(1 << 14), 1 << 14, "", "its sine", q=14)
+    declination_cosine: I32 = integer(-(1 << 14), 1 << 14, "", "its cosine", q=14)
+
+
+@dataclass(slots=True)
+class Gains:
+    """Gains and limits of a gain file, as integers."""
+
+    rest_lowpass_shift: I32 = integer(0, 14, "", "the low-pass takes 2^-shift of the difference")
+    rest_gyro: I32 = integer(0, 1 << 30, "", "limit about the low-passed rate, squared")
+    rest_accel: I32 = integer(0, 1 << 30, "", "limit about the low-passed force, squared")
+    rest_time_us: I32 = integer(0, AGE_MOST_US, "us", "at rest after so long")
+    log_rest_noise: I32 = integer(
+        -LOG_MOST, LOG_MOST, "log2 s", "density of the low-passed rate at rest, squared", q=8
+    )
+    bias_limit: I32 = integer(1, BIAS_LIMIT, "2 rad/us", "limit of a bias", q=53)
+    bias_variance: I32 = integer(
+        VARIANCE_LEAST, THETA_MOST, "", "start and limit of the variance of a bias", q=28
+    )
+    bias_walk: I32 = integer(0, 1 << 28, "1/s", "density of the bias walk, squared", q=28)
+    heading_variance: I32 = integer(
+        VARIANCE_LEAST, THETA_MOST, "0.25 rad^2", "start and limit of the heading variance", q=28
+    )
+    gyro_noise: I32 = integer(1, 1 << 28, "rad^2/s", "density of the gyro, squared", q=33)
+    scale_noise_m: I32 = integer(0, 32767, "", "gyro noise per turning: m 2^-(15 + s)")
+    scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
+    heading_scale_noise_m: I32 = integer(0, 32767, "", "the same about the vertical")
+    heading_scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
+    velocity_floor: I32 = integer(
+        1, 1 << 28, "s^3", "least density of the bounded velocity, squared", q=24
+    )
+    velocity_correlation: I32 = integer(0, 32767, "s", "twice its correlation time", q=12)
+    velocity_ceiling: I32 = integer(1, 1 << 30, "s^3", "its largest density, squared", q=24)
+    fix_floor: I32 = integer(
+        1, 1 << 28, "s^3", "least density of a measured velocity, squared", q=24
+    )
+    fix_correlation: I32 = integer(0, 32767, "s", "twice its correlation time", q=12)
+    fix_ceiling: I32 = integer(1, 1 << 30, "s^3", "its largest density, squared", q=24)
+    log_bias_inflation: I32 = integer(
+        0, LOG_MOST, "log2", "on the noise of the second stage, bounded velocity", q=8
+    )
+    log_fix_inflation: I32 = integer(
+        0, LOG_MOST, "log2", "on the noise of the second stage, measured velocity", q=8
+    )
+    log_fix_gate: I32 = integer(0, LOG_MOST, "log2", "gate on a fix, squared sigmas", q=8)
+    impossible_velocity: I32 = integer(
+        1, 1 << 30, "s^2", "innovation that says the tilt is wrong, squared", q=24
+    )
+    level_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the levels")
+    innovation_mean_time_us: I32 = integer(1000, 1 << 29, "us", "... of the slow mean")
+    startup_time_us: I32 = integer(0, 1 << 29, "us", "time scale of the start-up inflation")
+    log_start_factor: I32 = integer(
+        -LOG_MOST, LOG_MOST, "log2 us", "how much sharper the gain sets are at the start", q=8
+    )
+    mag_noise: I32 = integer(
+        1, 1 << 26, "rad^2 s", "density of the heading by the magnetometer, squared", q=26
+    )
+    mag_correlation: I32 = integer(
+        0, 32767, "s", "twice the correlation time of magnetic disturbance", q=12
+    )
+    mag_norm_gate: I32 = integer(0, 32767, "", "gate on the norm of the field, relative", q=15)
+    mag_dip_gate: I32 = integer(0, 32767, "", "gate on its dip, sine", q=15)
+    mag_ref_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the reference field")
+    mag_new_time_us: I32 = integer(
+        1000, 1 << 29, "us", "after this time another field becomes the reference"
+    )
+    mag_new_turn: I32 = integer(0, 1 << 30, "rad", "and after this much turning", q=16)
+    mag_lag_prior: I32 = integer(
+        1, 1 << 29, "", "weight of zero latency, as mag_lag_den for a norm of 64 uT"
+    )
+    mag_lag_limit: I32 = integer(0, LAG_MOST, "8 us", "largest latency")
+    log_set_bounds: list[I32] = integers(
+        SETS - 1, -LOG_MOST, LOG_MOST, "log2 1/s^4", "omega0^4 up to which a set is taken", q=8
+    )
+    k_tilt: list[I32] = integers(SETS, 0, PACKED_MOST, "1/s^2", "gain on the tilt, packed")
+    k_velocity: list[I32] = integers(SETS, 0, PACKED_MOST, "1/s", "gain on the velocity, packed")
+    fix_periods_us: list[I32] = integers(
+        PERIODS, 0, 1 << 22, "us", "longest time between fixes of each row"
+    )
+    k_fix_tilt: list[I32] = integers(
+        PERIODS * SETS, 0, PACKED_MOST, "1/s", "gain at a fix on the tilt, packed, by rows"
+    )
+    k_fix_velocity: list[I32] = integers(
+        PERIODS * SETS, 0, PACKED_MOST, "", "gain at a fix on the velocity, packed, by rows"
+    )
+
+
+@dataclass(slots=True)
+class Sample:
+    """One sample."""
+
+    gyro: list[I32] = integers(
+        3, INT32_LEAST, INT32_MOST, "rad/us", "angular rate; 1099512 = 1 rad/s", q=40
+    )
+    accel: list[I32] = integers(3, -FORCE_MOST, FORCE_MOST - 1, "g", "specific force", q=20)
+    mag: list[I32] = integers(3, -32768, 32767, "64 uT", "magnetic field", q=14)
+    has_mag: I32 = integer(0, 1, "", "1: the field counts")
+    dt_us: I32 = integer(0, MOST_DT_US, "us", "time since the sample before")
+    clipped: I32 = integer(0, 1, "", "1: the rate counts, force and field do not")
+    rest_prior: I32 = integer(0, 2, "", "0: it flies, 1: the sensors decide, 2: on the ground")
+    forward_speed: I32 = integer(
+        -32767, 32767, "s", "velocity along the nose; the airspeed of an aeroplane", q=11
+    )
+    aided: I32 = integer(0, 1, "", "1: velocity fixes come, now and then with a sample")
+    has_fix: I32 = integer(0, 1, "", "1: one comes with this sample")
+    fix_velocity_n: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "its velocity north", q=24)
+    fix_velocity_e: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "its velocity east", q=24)
+    fix_gained_n: I32 = integer(0, GAINED_MASK, "s", "gained_n when the fix was true", q=24)
+    fix_gained_e: I32 = integer(0, GAINED_MASK, "s", "gained_e when the fix was true", q=24)
+    fix_variance: I32 = integer(1, 1 << 24, "s^2", "its variance, of either part", q=24)
+    fix_period_us: I32 = integer(1, 1 << 22, "us", "time since the fix before")

@@ -1,0 +1,208 @@
+"""What the velocity-aided filter takes from the magnetometer: heading, latency, reference.
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Memory, Sample
+from .prediction import forget_sensitivities
+from .theta import apply_theta, measure_theta
+
+OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
+
+
+def use_field(s: Memory, g: Gains, sample: Sample) -> int:
+    """Heading, and theta through it, from a new field.
+
+    Source: docs/filter.md Eq. (21) - (26).
+    """
+    new = 0.0
+    for i in range(3):
+        if sample.mag[i] != s.mag_last[i]:
+            new = 1.0
+        s.mag_last[i] = sample.mag[i]
+    if new == 0.0:
+        # Held by the sensor's driver: it was used when it was new.
+        return 0
+    age = s.mag_age_s
+    s.mag_age_s = 0.0
+    if age > OLDEST_FIELD:
+        age = OLDEST_FIELD
+    lag = rotate_field(s, g, sample)
+    north = s.mag_ned[0]
+    east = s.mag_ned[1]
+    down = s.mag_ned[2]
+    flat = math.sqrt(north * north + east * east)
+    norm = math.sqrt(flat * flat + down * down)
+    if norm == 0.0:
+        return 0
+    dip = math.atan2(down, flat)
+    if s.mag_ref_norm == 0.0:
+        s.mag_ref_norm = norm
+        s.mag_ref_dip = dip
+    lost = s.mag_accepted_age_s
+    if lost > HEADING_LOST:
+        if not_believed(s, g, norm, dip, age) > 0.0:
+            return 0
+        learn_field(s, g, norm, dip, flat, age, lag)
+    innovation = s.declination - math.atan2(east, north)
+    if innovation > math.pi:
+        innovation = innovation - 2.0 * math.pi
+    if innovation < -math.pi:
+        innovation = innovation + 2.0 * math.pi
+    s.innovation[2] = innovation
+    s.mag_accepted_age_s = 0.0
+    if lost < 0.0:
+        turn_heading(s, g, innovation)
+        return FIELD_USED
+    # Only the disturbance in the heading counts; norm and dip show the other two components.
+    noise = g.mag_noise + g.mag_correlation * s.mag_disturbance
+    measure_heading(s, g, innovation, noise, age)
+    return FIELD_USED
+
+
+def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
+    """The field in NED, its latency undone, into mag_ned; returns the latency, s.
+
+    The change of the field per second of latency goes into dtheta. Source: docs/filter.md Eq. (21).
+    """
+    wx = sample.gyro[0] - s.gyro_bias[0]
+    wy = sample.gyro[1] - s.gyro_bias[1]
+    wz = sample.gyro[2] - s.gyro_bias[2]
+    mx = sample.mag[0]
+    my = sample.mag[1]
+    mz = sample.mag[2]
+    # What the rotation since the sample was taken has done to it.
+    lx = wy * mz - wz * my
+    ly = wz * mx - wx * mz
+    lz = wx * my - wy * mx
+    lag = s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior)
+    if lag < 0.0:
+        lag = 0.0
+    if lag > g.mag_lag_limit:
+        lag = g.mag_lag_limit
+    for i in range(3):
+        a = s.r_nb[3 * i]
+        b = s.r_nb[3 * i + 1]
+        c = s.r_nb[3 * i + 2]
+        s.dtheta[i] = a * lx + b * ly + c * lz
+        s.mag_ned[i] = a * mx + b * my + c * mz - lag * s.dtheta[i]
+    return lag
+
+
+def not_believed(s: Memory, g: Gains, norm: float, dip: float, age: float) -> float:
+    """1 while the field contradicts its reference; a steady new field becomes the reference.
+
+    Source: docs/filter.md Eq. (22), (26).
+    """
+    if (
+        math.fabs(norm - s.mag_ref_norm) < g.mag_norm_gate * s.mag_ref_norm
+        and math.fabs(dip - s.mag_ref_dip) < g.mag_dip_gate
+    ):
+        s.mag_new_s = 0.0
+        return 0.0
+    if (
+        s.mag_new_s > 0.0
+        and math.fabs(norm - s.mag_new_norm) < 0.5 * g.mag_norm_gate * s.mag_new_norm
+        and math.fabs(dip - s.mag_new_dip) < 0.5 * g.mag_dip_gate
+    ):
+        share = age / (s.mag_new_s + age)
+        s.mag_new_s = s.mag_new_s + age
+        s.mag_new_turn = s.mag_new_turn + age * math.sqrt(s.turning)
+        s.mag_new_norm = s.mag_new_norm + share * (norm - s.mag_new_norm)
+        s.mag_new_dip = s.mag_new_dip + share * (dip - s.mag_new_dip)
+    else:
+        s.mag_new_s = age
+        s.mag_new_turn = 0.0
+        s.mag_new_norm = norm
+        s.mag_new_dip = dip
+    if s.mag_new_s < g.mag_new_time_s or s.mag_new_turn < g.mag_new_turn:
+        return 1.0
+    s.mag_ref_norm = s.mag_new_norm
+    s.mag_ref_dip = s.mag_new_dip
+    s.mag_ref_given = 0.0
+    s.mag_new_s = 0.0
+    s.mag_lag_num = 0.0
+    s.mag_lag_den = 0.0
+    s.p_xh = 0.0
+    s.p_yh = 0.0
+    s.p_zh = 0.0
+    s.heading_variance = g.heading_variance
+    return 0.0
+
+
+def learn_field(
+    s: Memory,
+    g: Gains,
+    norm: float,
+    dip: float,
+    flat: float,
+    age: float,
+    lag: float,
+) -> None:
+    """Latency, level of disturbance and reference from a field that is believed.
+
+    Source: docs/filter.md Eq. (21), (23), (24).
+    """
+    reference = s.mag_ref_norm
+    more_norm = (norm - reference) / reference
+    more_dip = dip - s.mag_ref_dip
+    # Vertical and horizontal size do not depend on the heading; flat > 0 inside the dip gate.
+    down_rate = s.dtheta[2]
+    flat_rate = (s.mag_ned[0] * s.dtheta[0] + s.mag_ned[1] * s.dtheta[1]) / (flat + 0.001 * norm)
+    down = s.mag_ned[2] + lag * down_rate - reference * math.sin(s.mag_ref_dip)
+    level = flat + lag * flat_rate - reference * math.cos(s.mag_ref_dip)
+    weight = age / (reference * reference)
+    s.mag_lag_num = s.mag_lag_num + weight * (down * down_rate + level * flat_rate)
+    s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
+    cosine = flat / norm
+    shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
+    share = age / (g.level_time_s + age)
+    s.mag_disturbance = s.mag_disturbance + share * (shown - s.mag_disturbance)
+    if s.mag_ref_given == 0.0:
+        share = age / (g.mag_ref_time_s + age)
+        s.mag_ref_norm = reference + share * (norm - reference)
+        s.mag_ref_dip = s.mag_ref_dip + share * more_dip
+
+
+def measure_heading(s: Memory, g: Gains, innovation: float, density: float, age: float) -> None:
+    """Theta from a heading that is seen through the tilt error.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    # A tilt about magnetic north turns the dipping field sideways; theta's part of it is known.
+    slope = math.tan(s.mag_ref_dip)
+    north = slope * math.sin(s.declination)
+    east = -slope * math.cos(s.declination)
+    for i in range(4):
+        s.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
+        s.dtheta[i] = 0.0
+    s.jacobian[3] = s.jacobian[3] + 1.0
+    tilt = math.sqrt((g.gyro_noise + g.scale_noise * s.turning) * s.velocity_noise)
+    noise = s.startup_inflation * (density + 2.0 * slope * slope * tilt) / age
+    measure_theta(s, s.jacobian, innovation, noise)
+    apply_theta(s, 0.0, 0.0)
+
+
+def turn_heading(s: Memory, g: Gains, angle: float) -> None:
+    """Takes a heading that nothing was known of from the field alone."""
+    cosine = math.cos(0.5 * angle)
+    sine = math.sin(0.5 * angle)
+    qw = s.q_nb[0]
+    qx = s.q_nb[1]
+    qy = s.q_nb[2]
+    qz = s.q_nb[3]
+    s.q_nb[0] = cosine * qw - sine * qz
+    s.q_nb[1] = cosine * qx - sine * qy
+    s.q_nb[2] = cosine * qy + sine * qx
+    s.q_nb[3] = cosine * qz + sine * qw
+    # Velocity and sensitivities were in the frame that has turned.
+    forget_sensitivities(s)
+    s.velocity_n = 0.0
+    s.velocity_e = 0.0
+    s.fixes_rejected = MOST_REJECTED
+    s.p_xh = 0.0
+    s.p_yh = 0.0
+    s.p_zh = 0.0
+    s.heading_variance = g.heading_variance

@@ -1,0 +1,137 @@
+"""Prediction of the velocity-aided filter's attitude and velocity, and turns of the attitude.
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import MOST_REJECTED, Gains, Memory, Sample
+
+
+def predict_attitude(s: Memory, sample: Sample) -> None:
+    """Attitude over one step, and its matrix.
+
+    Source: docs/filter.md Eq. (4).
+    """
+    dt = sample.dt_s
+    px = dt * (sample.gyro[0] - s.gyro_bias[0])
+    py = dt * (sample.gyro[1] - s.gyro_bias[1])
+    pz = dt * (sample.gyro[2] - s.gyro_bias[2])
+    half = 0.5 * math.sqrt(px * px + py * py + pz * pz)
+    c = math.cos(half)
+    k = 0.5
+    if half > 1e-9:
+        k = 0.5 * math.sin(half) / half
+    px = k * px
+    py = k * py
+    pz = k * pz
+    qw = s.q_nb[0]
+    qx = s.q_nb[1]
+    qy = s.q_nb[2]
+    qz = s.q_nb[3]
+    nw = c * qw - px * qx - py * qy - pz * qz
+    nx = c * qx + px * qw + pz * qy - py * qz
+    ny = c * qy + py * qw + px * qz - pz * qx
+    nz = c * qz + pz * qw + py * qx - px * qy
+    # One Newton step towards unit length: the length is never far from 1.
+    k = 1.5 - 0.5 * (nw * nw + nx * nx + ny * ny + nz * nz)
+    nw = k * nw
+    nx = k * nx
+    ny = k * ny
+    nz = k * nz
+    s.q_nb[0] = nw
+    s.q_nb[1] = nx
+    s.q_nb[2] = ny
+    s.q_nb[3] = nz
+    set_matrix(s, nw, nx, ny, nz)
+
+
+def set_matrix(s: Memory, nw: float, nx: float, ny: float, nz: float) -> None:
+    """The matrix of an attitude, row by row, into r_nb."""
+    s.r_nb[0] = 1.0 - 2.0 * (ny * ny + nz * nz)
+    s.r_nb[1] = 2.0 * (nx * ny - nw * nz)
+    s.r_nb[2] = 2.0 * (nx * nz + nw * ny)
+    s.r_nb[3] = 2.0 * (nx * ny + nw * nz)
+    s.r_nb[4] = 1.0 - 2.0 * (nx * nx + nz * nz)
+    s.r_nb[5] = 2.0 * (ny * nz - nw * nx)
+    s.r_nb[6] = 2.0 * (nx * nz - nw * ny)
+    s.r_nb[7] = 2.0 * (ny * nz + nw * nx)
+    s.r_nb[8] = 1.0 - 2.0 * (nx * nx + ny * ny)
+
+
+def turn(s: Memory, a: float, b: float, c: float) -> None:
+    """Turns the attitude in NED by the vector whose half is given: q <- Exp(2 (a, b, c)) q.
+
+    Exact for every angle but for the length of q, which is made 1 again: large turns shrink, and
+    pi becomes a limit instead of a wrap. Source: docs/filter.md Eq. (19).
+    """
+    qw = s.q_nb[0]
+    qx = s.q_nb[1]
+    qy = s.q_nb[2]
+    qz = s.q_nb[3]
+    k = 1.0 / math.sqrt(1.0 + a * a + b * b + c * c)
+    s.q_nb[0] = k * (qw - a * qx - b * qy - c * qz)
+    s.q_nb[1] = k * (qx + a * qw + b * qz - c * qy)
+    s.q_nb[2] = k * (qy + b * qw + c * qx - a * qz)
+    s.q_nb[3] = k * (qz + c * qw + a * qy - b * qx)
+
+
+def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
+    """Velocity over one step, levels, start-up, and the switch between kinds of velocity.
+
+    Source: docs/filter.md Eq. (5), (8), (13).
+    """
+    dt = sample.dt_s
+    fx = sample.accel[0] / g.gravity
+    fy = sample.accel[1] / g.gravity
+    fz = sample.accel[2] / g.gravity
+    north = dt * (s.r_nb[0] * fx + s.r_nb[1] * fy + s.r_nb[2] * fz)
+    east = dt * (s.r_nb[3] * fx + s.r_nb[4] * fy + s.r_nb[5] * fz)
+    if sample.aided != s.aided:
+        # The velocity before and the one after have nothing to do with each other.
+        forget_velocity(s)
+        s.dtilt_n[3] = 0.0
+        s.dtilt_e[3] = 0.0
+        s.velocity_n = sample.forward_speed * s.r_nb[0] / g.gravity
+        s.velocity_e = sample.forward_speed * s.r_nb[3] / g.gravity
+        s.gained_n = 0.0
+        s.gained_e = 0.0
+        s.fixes_rejected = MOST_REJECTED
+        s.tilt_suspect = 0.0
+        s.aided = sample.aided
+    if sample.aided > 0.0:
+        # Only a measured velocity tells the heading: a bounded one is bounded in any direction.
+        s.dvelocity_n[3] = s.dvelocity_n[3] - east
+        s.dvelocity_e[3] = s.dvelocity_e[3] + north
+        s.gained_n = s.gained_n + north
+        s.gained_e = s.gained_e + east
+    s.velocity_n = s.velocity_n + north
+    s.velocity_e = s.velocity_e + east
+    wx = sample.gyro[0] - s.gyro_bias[0]
+    wy = sample.gyro[1] - s.gyro_bias[1]
+    wz = sample.gyro[2] - s.gyro_bias[2]
+    s.age_s = s.age_s + dt
+    # The first tilt error is none of the bias: the second stage listens once it has passed.
+    ease = g.startup_time_s / s.age_s
+    ease = ease * ease
+    s.startup_inflation = 1.0 + ease * ease
+    time = g.level_time_s
+    if s.age_s < time:
+        time = s.age_s
+    share = dt / time
+    s.turning = s.turning + share * (wx * wx + wy * wy + wz * wz - s.turning)
+
+
+def forget_sensitivities(s: Memory) -> None:
+    """Tilt and velocity begin anew: no error of theta has worked on them yet."""
+    forget_velocity(s)
+    for i in range(4):
+        s.dtilt_n[i] = 0.0
+        s.dtilt_e[i] = 0.0
+
+
+def forget_velocity(s: Memory) -> None:
+    """The velocity begins anew."""
+    for i in range(4):
+        s.dvelocity_n[i] = 0.0
+        s.dvelocity_e[i] = 0.0

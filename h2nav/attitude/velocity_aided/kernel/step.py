@@ -1,0 +1,43 @@
+"""One step of the velocity-aided filter, in the translatable subset.
+
+Equations: docs/filter.md.
+"""
+
+from ..memory import SATURATED, Gains, Memory, Sample
+from .heading import use_field
+from .prediction import predict_attitude, predict_velocity
+from .rest import use_rest
+from .theta import limit, predict_theta
+from .tilt import MOST_CLIPPED, begin_anew, check_level, doubt_rate
+from .velocity import use_bounded_velocity, use_fix
+
+
+def step(s: Memory, g: Gains, sample: Sample) -> int:
+    """Takes one sample; returns bits.
+
+    Source: docs/filter.md Eq. (4) - (26), (30) - (32).
+    """
+    bits = 0
+    dt = sample.dt_s
+    predict_attitude(s, sample)
+    predict_theta(s, g, dt)
+    s.mag_age_s = s.mag_age_s + dt
+    if s.mag_accepted_age_s >= 0.0:
+        s.mag_accepted_age_s = s.mag_accepted_age_s + dt
+    if sample.clipped > 0.0:
+        doubt_rate(s, sample)
+        bits = SATURATED
+    else:
+        if s.clipped_angle > MOST_CLIPPED:
+            bits = begin_anew(s, g, sample)
+        s.clipped_angle = 0.0
+        predict_velocity(s, g, sample)
+        if sample.aided > 0.0:
+            if sample.has_fix > 0.0:
+                bits = bits | use_fix(s, g, sample)
+        else:
+            bits = bits | use_bounded_velocity(s, g, sample)
+        if sample.has_mag > 0.0:
+            bits = bits | use_field(s, g, sample)
+        bits = bits | use_rest(s, g, sample) | check_level(s, g, sample)
+    return bits | limit(s, g)

@@ -1,0 +1,156 @@
+"""Second stage of the velocity-aided filter: theta = (bias error 3, heading error).
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import SATURATED, Gains, Memory
+from .prediction import turn
+
+
+def predict_theta(s: Memory, g: Gains, dt: float) -> None:
+    """Covariance of theta and the sensitivities over one step.
+
+    Source: docs/filter.md Eq. (6), (7), (12).
+    """
+    dx = dt * s.r_nb[6]
+    dy = dt * s.r_nb[7]
+    dz = dt * s.r_nb[8]
+    p00 = s.p_xx
+    p01 = s.p_xy
+    p02 = s.p_xz
+    p03 = s.p_xh
+    p11 = s.p_yy
+    p12 = s.p_yz
+    p13 = s.p_yh
+    p22 = s.p_zz
+    p23 = s.p_zh
+    c0 = p00 * dx + p01 * dy + p02 * dz
+    c1 = p01 * dx + p11 * dy + p12 * dz
+    c2 = p02 * dx + p12 * dy + p22 * dz
+    turn_noise = dt * (g.gyro_noise + g.heading_scale_noise * s.turning)
+    both = (c0 - 2.0 * p03) * dx + (c1 - 2.0 * p13) * dy + (c2 - 2.0 * p23) * dz
+    s.p_xh = p03 - c0
+    s.p_yh = p13 - c1
+    s.p_zh = p23 - c2
+    s.heading_variance = s.heading_variance + both + turn_noise
+    walk = g.bias_walk * dt
+    if p00 < g.bias_variance:
+        s.p_xx = p00 + walk
+    if p11 < g.bias_variance:
+        s.p_yy = p11 + walk
+    if p22 < g.bias_variance:
+        s.p_zz = p22 + walk
+    # The heading error moves with the bias error, and the sensitivities refer to where it is now.
+    v = s.dvelocity_n[3]
+    s.dvelocity_n[0] = s.dvelocity_n[0] + dt * s.dtilt_n[0] + dx * v
+    s.dvelocity_n[1] = s.dvelocity_n[1] + dt * s.dtilt_n[1] + dy * v
+    s.dvelocity_n[2] = s.dvelocity_n[2] + dt * s.dtilt_n[2] + dz * v
+    s.dvelocity_n[3] = v + dt * s.dtilt_n[3]
+    v = s.dvelocity_e[3]
+    s.dvelocity_e[0] = s.dvelocity_e[0] + dt * s.dtilt_e[0] + dx * v
+    s.dvelocity_e[1] = s.dvelocity_e[1] + dt * s.dtilt_e[1] + dy * v
+    s.dvelocity_e[2] = s.dvelocity_e[2] + dt * s.dtilt_e[2] + dz * v
+    s.dvelocity_e[3] = v + dt * s.dtilt_e[3]
+    u = s.dtilt_n[3]
+    s.dtilt_n[0] = s.dtilt_n[0] + dt * s.r_nb[3] + dx * u
+    s.dtilt_n[1] = s.dtilt_n[1] + dt * s.r_nb[4] + dy * u
+    s.dtilt_n[2] = s.dtilt_n[2] + dt * s.r_nb[5] + dz * u
+    u = s.dtilt_e[3]
+    s.dtilt_e[0] = s.dtilt_e[0] - dt * s.r_nb[0] + dx * u
+    s.dtilt_e[1] = s.dtilt_e[1] - dt * s.r_nb[1] + dy * u
+    s.dtilt_e[2] = s.dtilt_e[2] - dt * s.r_nb[2] + dz * u
+
+
+def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) -> None:
+    """One scalar measurement row . theta; adds to the correction in dtheta.
+
+    Source: docs/filter.md Eq. (18).
+    """
+    a0 = row[0]
+    a1 = row[1]
+    a2 = row[2]
+    a3 = row[3]
+    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
+    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
+    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
+    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
+    scale = 1.0 / (a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + noise)
+    d0 = s.dtheta[0]
+    d1 = s.dtheta[1]
+    d2 = s.dtheta[2]
+    d3 = s.dtheta[3]
+    e = scale * (innovation - a0 * d0 - a1 * d1 - a2 * d2 - a3 * d3)
+    s.dtheta[0] = d0 + h0 * e
+    s.dtheta[1] = d1 + h1 * e
+    s.dtheta[2] = d2 + h2 * e
+    s.dtheta[3] = d3 + h3 * e
+    shrink(s, h0, h1, h2, h3, scale)
+
+
+def shrink(s: Memory, h0: float, h1: float, h2: float, h3: float, scale: float) -> None:
+    """P -= scale h h^T."""
+    k = scale * h0
+    s.p_xx = s.p_xx - k * h0
+    s.p_xy = s.p_xy - k * h1
+    s.p_xz = s.p_xz - k * h2
+    s.p_xh = s.p_xh - k * h3
+    k = scale * h1
+    s.p_yy = s.p_yy - k * h1
+    s.p_yz = s.p_yz - k * h2
+    s.p_yh = s.p_yh - k * h3
+    k = scale * h2
+    s.p_zz = s.p_zz - k * h2
+    s.p_zh = s.p_zh - k * h3
+    s.heading_variance = s.heading_variance - scale * h3 * h3
+
+
+def apply_theta(s: Memory, north: float, east: float) -> None:
+    """Moves bias, velocity and attitude by the correction in dtheta and by a tilt besides.
+
+    Source: docs/filter.md Eq. (19).
+    """
+    d0 = s.dtheta[0]
+    d1 = s.dtheta[1]
+    d2 = s.dtheta[2]
+    d3 = s.dtheta[3]
+    s.gyro_bias[0] = s.gyro_bias[0] + d0
+    s.gyro_bias[1] = s.gyro_bias[1] + d1
+    s.gyro_bias[2] = s.gyro_bias[2] + d2
+    s.velocity_n = (
+        s.velocity_n
+        + s.dvelocity_n[0] * d0
+        + s.dvelocity_n[1] * d1
+        + s.dvelocity_n[2] * d2
+        + s.dvelocity_n[3] * d3
+    )
+    s.velocity_e = (
+        s.velocity_e
+        + s.dvelocity_e[0] * d0
+        + s.dvelocity_e[1] * d1
+        + s.dvelocity_e[2] * d2
+        + s.dvelocity_e[3] * d3
+    )
+    north = north + s.dtilt_n[0] * d0 + s.dtilt_n[1] * d1 + s.dtilt_n[2] * d2 + s.dtilt_n[3] * d3
+    east = east + s.dtilt_e[0] * d0 + s.dtilt_e[1] * d1 + s.dtilt_e[2] * d2 + s.dtilt_e[3] * d3
+    turn(s, 0.5 * east, -0.5 * north, 0.5 * d3)
+
+
+def limit(s: Memory, g: Gains) -> int:
+    """Keeps the bias inside its limit and the heading variance where theta is linear."""
+    bits = 0
+    for i in range(3):
+        if s.gyro_bias[i] > g.bias_limit:
+            s.gyro_bias[i] = g.bias_limit
+            bits = SATURATED
+        if s.gyro_bias[i] < -g.bias_limit:
+            s.gyro_bias[i] = -g.bias_limit
+            bits = SATURATED
+    if s.heading_variance > g.heading_variance:
+        c = math.sqrt(g.heading_variance / s.heading_variance)
+        s.p_xh = c * s.p_xh
+        s.p_yh = c * s.p_yh
+        s.p_zh = c * s.p_zh
+        s.heading_variance = g.heading_variance
+    return bits

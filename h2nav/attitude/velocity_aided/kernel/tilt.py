@@ -1,0 +1,120 @@
+"""What the velocity-aided filter doubts of its tilt, and how it finds the tilt anew.
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Memory, Sample
+from .prediction import forget_sensitivities, set_matrix, turn
+
+MOST_TILT_SIGMA = 1.57  # rad: nothing is known
+MOST_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts anew
+ALL_CLIPPED = 0.6  # rad: ... and the force is the better guess, even of one that accelerates
+LEVEL_SIGMA = 0.1  # rad: of a tilt taken from the force alone
+LEVEL_SIZE = 0.1  # relative, of the force's square: 5 % of g
+AIR_COSINE = 0.87  # 30 deg: a steady turn whose force is within 5 % of g banks by 18 deg
+GROUND_COSINE = 0.985  # 10 deg: no steady acceleration on the ground is that large
+
+
+def doubt_rate(s: Memory, sample: Sample) -> None:
+    """A clipped rate is doubted by as much as it differs from the rates before it.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    square = 0.0
+    for i in range(3):
+        d = sample.gyro[i] - s.gyro_lp[i]
+        square = square + d * d
+    lost = sample.dt_s * math.sqrt(square)
+    s.clipped_angle = s.clipped_angle + lost
+    raise_tilt_sigma(s, s.extra_tilt_sigma + lost)
+    # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
+    s.heading_variance = s.heading_variance + lost * (2.0 * s.clipped_angle - lost)
+
+
+def raise_tilt_sigma(s: Memory, angle: float) -> None:
+    """The tilt is known no better than this, rad."""
+    if angle > MOST_TILT_SIGMA:
+        angle = MOST_TILT_SIGMA
+    if angle > s.extra_tilt_sigma:
+        s.extra_tilt_sigma = angle
+
+
+def check_level(s: Memory, g: Gains, sample: Sample) -> int:
+    """Takes the tilt from a force of size g that contradicts it, once something else does too.
+
+    Source: docs/filter.md Eq. (31), (32).
+    """
+    cosine = AIR_COSINE
+    if s.tilt_suspect > 0.0:
+        s.tilt_suspect = 0.0
+    elif s.steady_s < g.rest_time_s:
+        return 0
+    elif sample.rest_prior == 2.0:
+        cosine = GROUND_COSINE
+    fx = s.accel_lp[0]
+    fy = s.accel_lp[1]
+    fz = s.accel_lp[2]
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    ratio = norm / g.gravity
+    down = s.r_nb[6] * fx + s.r_nb[7] * fy + s.r_nb[8] * fz
+    if math.fabs(ratio * ratio - 1.0) > LEVEL_SIZE or -down > cosine * norm:
+        return 0
+    level(s, fx, fy, fz, norm)
+    restart_tilt(s, g, sample.forward_speed / g.gravity)
+    s.extra_tilt_sigma = LEVEL_SIGMA
+    return RESTARTED
+
+
+def begin_anew(s: Memory, g: Gains, sample: Sample) -> int:
+    """Starts the tilt again after clipped samples that may have hidden a turn.
+
+    Source: docs/filter.md Eq. (30).
+    """
+    fx = sample.accel[0]
+    fy = sample.accel[1]
+    fz = sample.accel[2]
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    if s.clipped_angle > ALL_CLIPPED and norm > 0.0:
+        level(s, fx, fy, fz, norm)
+    restart_tilt(s, g, sample.forward_speed / g.gravity)
+    return RESTARTED
+
+
+def level(s: Memory, fx: float, fy: float, fz: float, norm: float) -> None:
+    """Turns the attitude so that a force, of size norm, points up; the heading is asked anew.
+
+    Source: docs/filter.md Eq. (32).
+    """
+    # The smallest turn that does it: half its tangent along its axis.
+    scale = norm - (s.r_nb[6] * fx + s.r_nb[7] * fy + s.r_nb[8] * fz)
+    north = s.r_nb[0] * fx + s.r_nb[1] * fy + s.r_nb[2] * fz
+    east = s.r_nb[3] * fx + s.r_nb[4] * fy + s.r_nb[5] * fz
+    if scale < 0.001 * norm:
+        # Upside down: about any horizontal axis.
+        scale = 0.001 * norm
+        north = norm
+    turn(s, -east / scale, north / scale, 0.0)
+    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
+    # The field was seen through the wrong tilt: the next gives the heading, as at the start.
+    s.mag_accepted_age_s = HEADING_LOST
+
+
+def restart_tilt(s: Memory, g: Gains, nose: float) -> None:
+    """The velocity is impossible, so the tilt was wrong: find it anew, keep bias and heading.
+
+    Source: docs/filter.md Eq. (14).
+    """
+    forget_sensitivities(s)
+    s.velocity_n = nose * s.r_nb[0]
+    s.velocity_e = nose * s.r_nb[3]
+    s.turning = 0.0
+    s.innovation_power = 0.0
+    s.innovation_mean_n = 0.0
+    s.innovation_mean_e = 0.0
+    s.innovation_variance = 0.0
+    s.age_s = 0.0
+    s.fixes_rejected = MOST_REJECTED
+    s.tilt_suspect = 0.0
+    s.steady_s = 0.0

@@ -1,0 +1,168 @@
+"""Both corrections of the velocity-aided filter by a velocity, bounded or measured.
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import (
+    FORCE_USED,
+    MOST_REJECTED,
+    PERIODS,
+    RESTARTED,
+    SETS,
+    VELOCITY_USED,
+    Gains,
+    Memory,
+    Sample,
+)
+from .prediction import forget_velocity
+from .theta import apply_theta, measure_theta
+from .tilt import raise_tilt_sigma, restart_tilt
+
+SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
+STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
+
+
+def use_bounded_velocity(s: Memory, g: Gains, sample: Sample) -> int:
+    """Tilt, velocity and bias from a velocity near zero, or near the forward speed along the nose.
+
+    Source: docs/filter.md Eq. (9) - (11), (14).
+    """
+    dt = sample.dt_s
+    nose = sample.forward_speed / g.gravity
+    north = nose * s.r_nb[0] - s.velocity_n
+    east = nose * s.r_nb[3] - s.velocity_e
+    square = north * north + east * east
+    if square > g.impossible_velocity:
+        restart_tilt(s, g, nose)
+        return RESTARTED
+    time = g.level_time_s
+    if s.age_s < time:
+        time = s.age_s
+    share = dt / time
+    s.innovation_power = s.innovation_power + share * (square - s.innovation_power)
+    # An innovation that stays is a wrong bias rather than motion: it must not hide itself.
+    slow = dt / (g.innovation_mean_time_s + dt)
+    d = north - s.innovation_mean_n
+    s.innovation_mean_n = s.innovation_mean_n + slow * d
+    square = d * d
+    d = east - s.innovation_mean_e
+    s.innovation_mean_e = s.innovation_mean_e + slow * d
+    s.innovation_variance = s.innovation_variance + share * (square + d * d - s.innovation_variance)
+    density = g.velocity_floor + g.velocity_correlation * s.innovation_variance
+    if density > g.velocity_ceiling:
+        density = g.velocity_ceiling
+    noise = g.bias_inflation * density
+    density = g.velocity_floor + g.velocity_correlation * s.innovation_power
+    if density > g.velocity_ceiling:
+        density = g.velocity_ceiling
+    s.velocity_noise = density
+    number = select_set(s, g, density)
+    s.k_tilt = g.k_tilt[number]
+    s.k_velocity = g.k_velocity[number]
+    keep = dt
+    if dt * s.k_velocity > 0.5:
+        keep = 0.5 / s.k_velocity
+    noise = s.startup_inflation * noise * (1.0 / dt + s.k_velocity)
+    correct_velocity(s, north, east, noise, keep * s.k_tilt, keep * s.k_velocity)
+    return FORCE_USED
+
+
+def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
+    """Tilt, velocity, bias and heading from a measured velocity.
+
+    Source: docs/filter.md Eq. (15), (16).
+    """
+    north = sample.fix_velocity_n / g.gravity + s.gained_n - sample.fix_gained_n - s.velocity_n
+    east = sample.fix_velocity_e / g.gravity + s.gained_e - sample.fix_gained_e - s.velocity_e
+    square = north * north + east * east
+    period = sample.fix_period_s
+    variance = sample.fix_variance / (g.gravity * g.gravity)
+    if s.fixes_rejected >= MOST_REJECTED:
+        # Nothing is known of the velocity yet, or the fixes agree in contradicting it.
+        forget_velocity(s)
+        s.velocity_n = s.velocity_n + north
+        s.velocity_e = s.velocity_e + east
+        s.fixes_rejected = 0.0
+        if s.extra_tilt_sigma > SUSPECT_TILT and s.startup_inflation < STARTED:
+            s.tilt_suspect = 1.0
+        return VELOCITY_USED
+    floor = g.fix_floor / period + variance
+    if square > s.startup_inflation * g.fix_gate * (floor + s.innovation_power):
+        s.fixes_rejected = s.fixes_rejected + 1.0
+        raise_tilt_sigma(s, math.sqrt(square) / (period * MOST_REJECTED))
+        return 0
+    s.fixes_rejected = 0.0
+    time = g.level_time_s
+    if s.age_s < time:
+        time = s.age_s
+    share = 1.0
+    if period < time:
+        share = period / time
+    s.innovation_power = s.innovation_power + share * (square - s.innovation_power)
+    density = g.fix_floor + period * variance + g.fix_correlation * s.innovation_power
+    if density > g.fix_ceiling:
+        density = g.fix_ceiling
+    s.velocity_noise = density
+    number = select_set(s, g, density)
+    row = 0
+    for i in range(PERIODS - 1):
+        if period > g.fix_periods[i]:
+            row = SETS * (i + 1)
+    s.k_tilt = g.k_fix_tilt[row + number]
+    s.k_velocity = g.k_fix_velocity[row + number]
+    noise = s.startup_inflation * g.fix_inflation * density / (period * (1.0 - s.k_velocity))
+    correct_velocity(s, north, east, noise, s.k_tilt, s.k_velocity)
+    return FORCE_USED | VELOCITY_USED
+
+
+def select_set(s: Memory, g: Gains, density: float) -> int:
+    """Number of the gain set for the measured levels; sharper sets while the filter starts.
+
+    Source: docs/filter.md Eq. (9), (14).
+    """
+    wanted = (g.gyro_noise + g.scale_noise * s.turning) / density
+    ramp = g.start_factor / s.age_s
+    ramp = ramp * ramp
+    ramp = ramp * ramp
+    if wanted < ramp:
+        wanted = ramp
+    number = 0
+    for i in range(SETS - 1):
+        if wanted > g.set_bounds[i]:
+            number = i + 1
+    s.gain_set = number
+    return number
+
+
+def correct_velocity(
+    s: Memory, north: float, east: float, noise: float, kt: float, kv: float
+) -> None:
+    """Both stages: the constant gain on tilt and velocity, the covariance on theta.
+
+    Args:
+        s: memory.
+        north: innovation of the velocity over g.
+        east: the same.
+        noise: variance of either innovation without the error of theta, s^2.
+        kt: tilt per innovation, 1/s.
+        kv: velocity per innovation.
+
+    Source: docs/filter.md Eq. (10), (17) - (19), (30).
+    """
+    for i in range(4):
+        s.dtheta[i] = 0.0
+    measure_theta(s, s.dvelocity_n, north, noise)
+    measure_theta(s, s.dvelocity_e, east, noise)
+    for i in range(4):
+        s.dtilt_n[i] = s.dtilt_n[i] - kt * s.dvelocity_n[i]
+        s.dvelocity_n[i] = s.dvelocity_n[i] - kv * s.dvelocity_n[i]
+        s.dtilt_e[i] = s.dtilt_e[i] - kt * s.dvelocity_e[i]
+        s.dvelocity_e[i] = s.dvelocity_e[i] - kv * s.dvelocity_e[i]
+    s.velocity_n = s.velocity_n + kv * north
+    s.velocity_e = s.velocity_e + kv * east
+    apply_theta(s, kt * north, kt * east)
+    s.extra_tilt_sigma = s.extra_tilt_sigma - 0.5 * kv * s.extra_tilt_sigma
+    s.innovation[0] = kt * east
+    s.innovation[1] = -kt * north

@@ -1,0 +1,163 @@
+"""What the velocity-aided filter remembers, is given, and is fed with, in floats.
+
+Frames: body forward-right-down; n is local north-east-down with true north. Velocities are divided
+by gravity, so that their unit is the second. Fields are in one unit throughout. theta is what the
+second stage estimates: the errors of the three gyro biases (rad/s) and of the heading (rad).
+
+Equations: docs/filter.md.
+"""
+
+from dataclasses import dataclass
+
+from h2nav.attitude.record import real, reals
+
+SETS = 12  # gain sets, weakest first
+PERIODS = 4  # times between fixes that gains are made for
+MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, whatever its dip
+
+# bits of a step's result
+FORCE_USED = 1
+FIELD_USED = 2
+REST = 4
+VELOCITY_USED = 8
+RESTARTED = 16
+SATURATED = 32
+
+
+@dataclass(slots=True)
+class Memory:
+    """The whole memory of the filter, and the intermediate results of a step."""
+
+    q_nb: list[float] = reals(4, "", "attitude, body to n, scalar first")
+    gyro_bias: list[float] = reals(3, "rad/s", "gyro bias")
+    velocity_n: float = real("s", "velocity north over gravity")
+    velocity_e: float = real("s", "velocity east over gravity")
+    dtilt_n: list[float] = reals(4, "", "sensitivity of the tilt north to theta")
+    dtilt_e: list[float] = reals(4, "", "sensitivity of the tilt east to theta")
+    dvelocity_n: list[float] = reals(4, "", "sensitivity of the velocity north to theta")
+    dvelocity_e: list[float] = reals(4, "", "sensitivity of the velocity east to theta")
+    p_xx: float = real("(rad/s)^2", "variance of the bias x")
+    p_xy: float = real("(rad/s)^2", "covariance of the biases x and y")
+    p_xz: float = real("(rad/s)^2", "covariance of the biases x and z")
+    p_xh: float = real("rad^2/s", "covariance of the bias x and the heading")
+    p_yy: float = real("(rad/s)^2", "variance of the bias y")
+    p_yz: float = real("(rad/s)^2", "covariance of the biases y and z")
+    p_yh: float = real("rad^2/s", "covariance of the bias y and the heading")
+    p_zz: float = real("(rad/s)^2", "variance of the bias z")
+    p_zh: float = real("rad^2/s", "covariance of the bias z and the heading")
+    heading_variance: float = real("rad^2", "variance of the heading")
+    turning: float = real("(rad/s)^2", "mean square of the angular rate")
+    innovation_power: float = real("s^2", "mean square of the velocity innovation")
+    innovation_mean_n: float = real("s", "slow mean of the velocity innovation, north")
+    innovation_mean_e: float = real("s", "slow mean of the velocity innovation, east")
+    innovation_variance: float = real("s^2", "mean square of the innovation about its slow mean")
+    velocity_noise: float = real("s^3", "density squared of the velocity noise as last used")
+    k_tilt: float = real("1/s^2", "gain in use on the tilt; 1/s at a fix")
+    k_velocity: float = real("1/s", "gain in use on the velocity; a plain number at a fix")
+    gain_set: float = real("", "number of the gain set in use, 0 the weakest")
+    age_s: float = real("s", "time since the tilt was found")
+    gyro_lp: list[float] = reals(3, "rad/s", "low-passed angular rate")
+    accel_lp: list[float] = reals(3, "m/s^2", "low-passed specific force")
+    rest_s: float = real("s", "how long the vehicle has been at rest")
+    mag_ref_norm: float = real("field", "norm of the reference field; 0: none yet")
+    mag_ref_dip: float = real("rad", "dip of the reference field")
+    mag_ref_given: float = real("", "1: the reference comes from a model of the earth's field")
+    mag_new_norm: float = real("field", "norm of a field that contradicts the reference")
+    mag_new_dip: float = real("rad", "its dip")
+    mag_new_s: float = real("s", "for how long it has agreed with itself")
+    mag_new_turn: float = real("rad", "over how much turning")
+    mag_disturbance: float = real("rad^2", "mean square of the magnetic disturbance of the heading")
+    mag_lag_num: float = real("rad^2/s", "numerator of the latency of the field's samples")
+    mag_lag_den: float = real("rad^2/s^2", "denominator of that latency")
+    mag_age_s: float = real("s", "time since the last new field")
+    mag_last: list[float] = reals(3, "field", "the last new field, body")
+    mag_accepted_age_s: float = real("s", "time since a field was accepted; < 0: never")
+    declination: float = real("rad", "magnetic north from true north, positive east")
+    aided: float = real("", "1: a measured velocity holds the filter")
+    fixes_rejected: float = real("", "fixes rejected in a row")
+    gained_n: float = real("s", "velocity gained north since aiding began; nothing corrects it")
+    gained_e: float = real("s", "velocity gained east")
+    startup_inflation: float = real("", "factor on the noises while the filter starts")
+    r_nb: list[float] = reals(9, "", "matrix of the attitude, row by row; not remembered")
+    dtheta: list[float] = reals(4, "", "correction of theta; not remembered")
+    innovation: list[float] = reals(3, "rad", "rotation applied about n, e; heading innovation")
+    mag_ned: list[float] = reals(3, "field", "field in n; not remembered")
+    jacobian: list[float] = reals(4, "", "how the heading depends on theta; not remembered")
+    extra_tilt_sigma: float = real("rad", "deviation of the tilt beyond that of the gain sets")
+    clipped_angle: float = real("rad", "angle that the clipped samples in a row may have hidden")
+    tilt_suspect: float = real("", "1: fixes contradict the tilt by far, the force decides")
+    steady_s: float = real("s", "how long rate and force have been steady, and the rate small")
+
+
+@dataclass(slots=True)
+class Sample:
+    """One sample, and what else is known with it."""
+
+    dt_s: float = real("s", "time since the sample before")
+    gyro: list[float] = reals(3, "rad/s", "angular rate")
+    accel: list[float] = reals(3, "m/s^2", "specific force")
+    mag: list[float] = reals(3, "field", "magnetic field")
+    has_mag: float = real("", "1: the field counts")
+    clipped: float = real("", "1: the rate counts, force and field do not")
+    rest_prior: float = real("", "0: not at rest, 1: the signals decide, 2: on the ground")
+    forward_speed: float = real("m/s", "velocity along the nose that holds a filter without fixes")
+    aided: float = real("", "1: velocity fixes come; no bounded velocity is assumed")
+    has_fix: float = real("", "1: a fix comes with this sample")
+    fix_velocity_n: float = real("m/s", "its velocity north")
+    fix_velocity_e: float = real("m/s", "its velocity east")
+    fix_gained_n: float = real("s", "gained_n when the fix was true")
+    fix_gained_e: float = real("s", "gained_e when the fix was true")
+    fix_variance: float = real("(m/s)^2", "its variance, of either part")
+    fix_period_s: float = real("s", "time since the fix before")
+
+
+@dataclass(slots=True)
+class Gains:
+    """Gains and limits of a gain file; densities and limits are squared as the kernel needs them.
+
+    Which parameter of a gain file becomes which field: `h2nav.attitude.velocity_aided.gains`.
+    """
+
+    gravity: float = real("m/s^2", "size of gravity")
+    gyro_noise: float = real("rad^2/s", "density of the gyro, squared")
+    scale_noise: float = real("s", "gyro noise per square of the rate")
+    heading_scale_noise: float = real("s", "the same about the vertical")
+    velocity_floor: float = real("s^3", "least density of the bounded velocity, squared")
+    velocity_correlation: float = real("s", "twice its correlation time")
+    velocity_ceiling: float = real("s^3", "largest density of the bounded velocity, squared")
+    fix_floor: float = real("s^3", "least density of a measured velocity, squared")
+    fix_correlation: float = real("s", "twice its correlation time")
+    fix_ceiling: float = real("s^3", "largest density of a measured velocity, squared")
+    fix_gate: float = real("", "gate on the innovation of a fix, squared sigmas")
+    impossible_velocity: float = real("s^2", "innovation that says the tilt is wrong, squared")
+    level_time_s: float = real("s", "time constant of the levels")
+    start_factor: float = real("s", "how much sharper the gain sets are at the start")
+    bias_inflation: float = real("", "on the noise of the second stage, bounded velocity")
+    fix_inflation: float = real("", "on the noise of the second stage, measured velocity")
+    bias_variance: float = real("(rad/s)^2", "start and limit of the variance of a bias")
+    bias_walk: float = real("rad^2/s^3", "density of the bias walk, squared")
+    bias_limit: float = real("rad/s", "limit of a bias")
+    heading_variance: float = real("rad^2", "start and limit of the variance of the heading")
+    mag_noise: float = real("rad^2 s", "density of the heading by the magnetometer, squared")
+    mag_correlation: float = real("s", "twice the correlation time of magnetic disturbance")
+    mag_norm_gate: float = real("", "gate on the norm of the field, relative")
+    mag_dip_gate: float = real("rad", "gate on its dip")
+    mag_ref_time_s: float = real("s", "time constant of the reference field")
+    mag_new_time_s: float = real("s", "after this time another field becomes the reference")
+    mag_new_turn: float = real("rad", "and after this much turning")
+    mag_lag_prior: float = real("rad^2/s^2", "weight of zero latency")
+    mag_lag_limit: float = real("s", "largest latency")
+    rest_lowpass_s: float = real("s", "time constant of the low-passed rate and force")
+    rest_gyro: float = real("(rad/s)^2", "steady: distance from the low-passed rate, squared")
+    rest_accel: float = real("(m/s^2)^2", "steady: distance from the low-passed force, squared")
+    rest_time_s: float = real("s", "at rest after so long")
+    rest_noise: float = real("rad^2/s", "density of the low-passed rate at rest, squared")
+    innovation_mean_time_s: float = real("s", "time constant of the slow mean of the innovation")
+    startup_time_s: float = real("s", "time scale of startup_inflation")
+    set_bounds: list[float] = reals(SETS - 1, "1/s^4", "omega0^4 up to which a gain set is taken")
+    k_tilt: list[float] = reals(SETS, "1/s^2", "gain on the tilt of each set")
+    k_velocity: list[float] = reals(SETS, "1/s", "gain on the velocity of each set")
+    fix_periods: list[float] = reals(PERIODS, "s", "longest time between fixes of each row")
+    k_fix_tilt: list[float] = reals(PERIODS * SETS, "1/s", "gain at a fix on the tilt, by rows")
+    k_fix_velocity: list[float] = reals(PERIODS * SETS, "", "gain at a fix on the velocity")

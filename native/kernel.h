@@ -1,0 +1,16 @@
+/* One compiled kernel, as the extension knows it. */
+#ifndef H2NAV_KERNEL_H
+#define H2NAV_KERNEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+struct kernel {
+    void (*run)(void *memory, const void *gains, const void *samples, size_t rows, void *results);
+    size_t memory_size;
+    size_t gains_size;
+    size_t sample_size;
+    size_t number_size; /* of a double or of a 32-bit integer */
+};
+
+#endif
