@@ -9,12 +9,13 @@ from pathlib import Path
 
 import yaml
 
-from h2nav.attitude.gains.envelope import FORMAT, GainFile, parse_gain_file
-from h2nav.attitude.gains.seal import check_seal
+from h2nav.attitude.gain_seal import check_seal
+from h2nav.attitude.gains import FORMAT, GainFile, parse_gain_file
 from h2nav.errors import BadInput
 from h2nav.io.plain_yaml import read_mapping
 
 SUFFIX = ".yaml"
+SHIPPED_RATES_HZ = (50, 100, 200, 400)
 LONGEST_ROW = 600  # characters; a loop of a plant of three states with its proof takes some 500
 
 
@@ -69,6 +70,11 @@ def shipped() -> dict[str, Path]:
     packaged = Path(str(resources.files("h2nav"))) / "gains"
     folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "gains"
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
+
+
+def shipped_rate(rate_hz: float) -> int:
+    """The rate of the shipped gains that is nearest; filters step with the samples' true times."""
+    return min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / rate_hz)))
 
 
 def text_of(file: GainFile) -> str:

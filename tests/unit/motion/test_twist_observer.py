@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from h2nav.evaluation.observer.trials import BIAS_V, BIAS_W, twist
 from h2nav.maths import quaternion
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.motion import rigid_step
 from h2nav.motion.finite_time import FiniteTimeGains
 from h2nav.motion.observer_state import ObserverEvent
-from h2nav.motion.observer_trials import BIAS_V, BIAS_W, twist
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import InertialSample, PoseFrame, PoseSample, TwistSample

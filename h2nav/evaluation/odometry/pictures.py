@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from h2nav.apps.odometry_tracks import Increments
+from h2nav.evaluation import pictures
+from h2nav.evaluation.odometry.calibration import Calibration
+from h2nav.evaluation.odometry.tracks import Increments
 from h2nav.maths import se2
 from h2nav.motion import dead_reckoning
-from h2nav.motion.odometry_calibration import Calibration
 from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.settings import OdometrySettings
 from h2nav.motion.wheels import Chassis, DifferentialDrive, OmniDrive
@@ -23,25 +24,19 @@ def write(
     folder: Path, result: Calibration, data: Increments, angles_rad: tuple[float, float, float]
 ) -> list[Path]:
     """Writes ``calibration_residuals.png`` and, where wheels are known, ``odometry_path.png``."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
+    pyplot = pictures.pyplot()
     folder.mkdir(parents=True, exist_ok=True)
     figure, axes = pyplot.subplots(3, 1, figsize=(8, 7), sharex=True, layout="constrained")
     _residuals(list(axes), result)
     figure.suptitle(f"Calibration residuals: {result.model}, {result.solution.solver}")
     written = [folder / "calibration_residuals.png"]
-    figure.savefig(written[0], dpi=110)
-    pyplot.close(figure)
+    pictures.save(figure, written[0])
     chassis = _chassis(result, angles_rad)
     if chassis is not None:
         figure, ax = pyplot.subplots(figsize=(7, 7), layout="constrained")
         _path(ax, chassis, result, data)
         written.append(folder / "odometry_path.png")
-        figure.savefig(written[1], dpi=110)
-        pyplot.close(figure)
+        pictures.save(figure, written[1])
     return written
 
 

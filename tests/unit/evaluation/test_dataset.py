@@ -8,7 +8,9 @@ from needs import DEG, absent
 from synthetic_imu import FIELD, fly, slow
 
 from h2nav import cli
-from h2nav.apps.dataset_filters import (
+from h2nav.attitude import native
+from h2nav.attitude.samples import VehicleState, VelocityFix
+from h2nav.evaluation.dataset.filters import (
     Conditions,
     Track,
     run_default,
@@ -16,8 +18,6 @@ from h2nav.apps.dataset_filters import (
     run_two_stage,
     to_true_north,
 )
-from h2nav.attitude import native
-from h2nav.attitude.samples import VehicleState, VelocityFix
 from h2nav.io.trials import Told, Trial, read_trial
 from h2nav.maths import frames, quaternion
 

@@ -120,6 +120,28 @@ def calibrate_matrix(odo: Any, motion: Any, solver: str = "qr") -> Calibration:
     )
 
 
+def configuration(
+    result: Calibration, angles_rad: tuple[float, ...], fed_radius_m: float
+) -> dict[str, Any] | None:
+    """The daemon's section `odometry`; None when the data do not determine it.
+
+    Args:
+        result: of the calibration.
+        angles_rad: of the wheels, for an omni layout.
+        fed_radius_m: the radius that the autopilot turns wheel angles into distances with.
+    """
+    if not result.determined:
+        return None
+    parameters = {name: _shown(v) for name, v in zip(result.names, result.values, strict=True)}
+    if result.model == "diff":
+        return {"layout": "differential", **parameters, "autopilot_radius_m": fed_radius_m}
+    if result.model == "omni":
+        degrees = {f"angle_{i}_deg": _shown(math.degrees(a)) for i, a in enumerate(angles_rad, 1)}
+        fed = {"autopilot_radius_m": fed_radius_m}
+        return {"layout": "omni", **degrees, **parameters, **fed}
+    return parameters
+
+
 def _differential(phi: Array, twist: Array, solver: str, reading: str) -> Calibration:
     turn = solve(phi, twist[:, 2], solver)
     j = turn.x
@@ -224,3 +246,8 @@ def _checked(readings: Any, motion: Any, wheels: int) -> tuple[Array, Array]:
     if len(readings) == 0:
         raise BadInput("calibration: no increments; expected at least one row")
     return readings, motion
+
+
+def _shown(value: float) -> float:
+    """Six significant digits: far below the accuracy of any calibration."""
+    return float(f"{float(value):.6g}")

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from h2nav.errors import BadInput
-from h2nav.maths import se2
-from h2nav.maths.least_squares import SOLVERS
-from h2nav.motion.odometry_calibration import (
+from h2nav.evaluation.odometry.calibration import (
     calibrate_differential,
     calibrate_matrix,
     calibrate_omni,
 )
+from h2nav.maths import se2
+from h2nav.maths.least_squares import SOLVERS
 from h2nav.motion.wheels import OmniDrive
 
 TRACK, LEFT, RIGHT = 0.305, 0.0502, 0.0498

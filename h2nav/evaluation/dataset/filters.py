@@ -6,38 +6,33 @@ is fused, and not where the insides are to be shown. The estimates are the same 
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.apps.filters import SHIPPED_RATES_HZ
 from h2nav.attitude import alignment, batch, native
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
+from h2nav.attitude.fixed_flight import FlightFilter
+from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
-    Quat,
     Trust,
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.two_stage.filter import TwoStageFilter
-from h2nav.attitude.two_stage.gains import two_stage_gains
-from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
-from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.shaped import ShapedFilter
+from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
+from h2nav.attitude.two_stage import TwoStageFilter
 from h2nav.errors import TaskFailed
+from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
 from h2nav.io import gain_files
 from h2nav.io.trials import Told, Trial
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG
-from h2nav.synthesis.riccati import solve_riccati
-
-Array = npt.NDArray[np.float64]
 
 GPS_SIGMA_M_S = 0.1
 # Forward-right-down of forward-left-up, as a factor on rows of vectors.
@@ -94,11 +89,6 @@ def samples(trial: Trial) -> Iterator[ImuSample]:
         yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
 
 
-def shipped_rate(rate_hz: float) -> int:
-    """The rate of the shipped gains that is nearest."""
-    return min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / rate_hz)))
-
-
 def run_default(trial: Trial, conditions: Conditions) -> Track:
     """The default filter with the shipped gains of the class and the nearest rate."""
     return run_shaped(trial, conditions, _class_gains(trial, conditions))
@@ -107,20 +97,20 @@ def run_default(trial: Trial, conditions: Conditions) -> Track:
 def run_default_fixed(trial: Trial, conditions: Conditions) -> Track:
     """The same in integers."""
     gains = _at_cruise(_class_gains(trial, conditions), conditions)
-    return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
+    return _run(trial, conditions, FlightFilter(gains, gains.name))
 
 
-def run_shaped(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
+def run_shaped(trial: Trial, conditions: Conditions, gains: ShapedGains) -> Track:
     """The default filter with given gains."""
-    return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
+    return _run(trial, conditions, ShapedFilter(_at_cruise(gains, conditions)))
 
 
-def _class_gains(trial: Trial, conditions: Conditions) -> VelocityAidedGains:
-    name = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
-    return velocity_aided_gains(gain_files.load(name), name)
+def _class_gains(trial: Trial, conditions: Conditions) -> ShapedGains:
+    name = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
+    return shaped_gains(gain_files.load(name), name)
 
 
-def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAidedGains:
+def _at_cruise(gains: ShapedGains, conditions: Conditions) -> ShapedGains:
     if conditions.cruise_speed_m_s is None:
         return gains
     return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
@@ -128,7 +118,7 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
 
 def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
     """The two-stage filter with the shipped gains of a common sensor."""
-    name = f"{TWO_STAGE_SENSOR}_{shipped_rate(trial.rate_hz)}hz"
+    name = f"{TWO_STAGE_SENSOR}_{gain_files.shipped_rate(trial.rate_hz)}hz"
     return _run(trial, conditions, TwoStageFilter(two_stage_gains(gain_files.load(name), name)))
 
 
@@ -137,10 +127,7 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
     is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
-    is_compiled = (
-        isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
-        and native.backend() == "native"
-    )
+    is_compiled = isinstance(chosen, ShapedFilter | FlightFilter) and native.backend() == "native"
     if is_plain and is_compiled:
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)
@@ -177,7 +164,7 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
     if not known.any():
         raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
     latest = _latest(known)
-    return Track(enu(q_nb[latest].tolist()), us_per_sample, "native", bias[latest])
+    return Track(enu_from_ned(q_nb[latest]), us_per_sample, "native", bias[latest])
 
 
 def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
@@ -193,7 +180,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
             _tell(chosen, following.what)
             following = next(coming, None)
         estimates.append(chosen.update(sample))
-        if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
+        if isinstance(chosen, ShapedFilter | FlightFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     known = np.array([estimate is not None for estimate in estimates])
@@ -202,7 +189,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
     rows = (estimates[row] for row in _latest(known).tolist())
     filled = [estimate for estimate in rows if estimate is not None]
     return Track(
-        q_es=enu([estimate.q_nb for estimate in filled]),
+        q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
         backend="python",
         bias=np.array([estimate.bias_b for estimate in filled]),
@@ -216,6 +203,8 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
 
     It only works near level: z points up or down as the first force says, x forward.
     """
+    from h2nav.evaluation.paper.filter import PaperFilter, paper_gain  # needs scipy
+
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: the paper's filter needs a magnetometer")
     is_frd = trial.f_s[0, 2] < 0.0
@@ -225,8 +214,7 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
     fields = _unit(held(trial.m_s) * axes)
     dip = math.asin(float(np.clip(-np.dot(forces[0], fields[0]), -1.0, 1.0)))
     vectors = np.array([[0.0, 0.0, 1.0], [math.cos(dip), 0.0, math.sin(dip)]])
-    gain = solve_riccati(linearised_plant(vectors, Weights())).L
-    chosen = PaperFilter(gain, vectors, 1)
+    chosen = PaperFilter(paper_gain(vectors), vectors, 1)
     chosen.angles[0] = quaternion.to_euler(alignment.triad(tuple(forces[0]), tuple(fields[0])))
     steps = np.diff(trial.t_us, prepend=trial.t_us[0]) * 1e-6
     measured = np.hstack([-forces, fields])
@@ -236,9 +224,9 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
         chosen.step(rates[k : k + 1], measured[k : k + 1], dt_s)
         rows.append(chosen.angles[0].tolist())
     us_per_sample = (time.process_time() - started) * 1e6 / len(rows)
-    angles = np.where(np.isfinite(rows), rows, 0.0).tolist()
+    q_nb = from_euler(np.where(np.isfinite(rows), rows, 0.0))
     to_enu = frames.attitude_enu_from_ned if is_frd else frames.attitude_enu_flu_from_ned_frd
-    q_es = np.array([to_enu(quaternion.from_euler(*row)) for row in angles])
+    q_es = np.array([to_enu(tuple(q)) for q in q_nb.tolist()])
     return Track(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
 
 
@@ -272,14 +260,7 @@ def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
 def to_true_north(q_es: Array, declination_rad: float) -> Array:
     """Attitudes against magnetic east-north-up, turned to true north."""
     half = -0.5 * declination_rad  # east is clockwise from above
-    c, s = math.cos(half), math.sin(half)
-    w, x, y, z = q_es.T
-    return np.stack((c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w), axis=1)
-
-
-def enu(q_ns: Iterable[Quat]) -> Array:
-    """(N, 4) q_es of attitudes against north-east-down."""
-    return np.array([frames.attitude_enu_from_ned(q) for q in q_ns])
+    return product(np.array([[math.cos(half), 0.0, 0.0, math.sin(half)]]), q_es)
 
 
 def _unit(vectors: Array) -> Array:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.attitude.euler_ekf import EulerEkf
-from h2nav.attitude.paper import Weights, directions, linearised_plant
-from h2nav.attitude.plant import discretise
+from h2nav.evaluation.paper.euler_ekf import EulerEkf
+from h2nav.evaluation.paper.filter import Weights, directions, linearised_plant
 from h2nav.maths import quaternion
+from h2nav.synthesis.plant import discretise
 from h2nav.synthesis.riccati import error_covariance
 
 DEG = math.pi / 180.0

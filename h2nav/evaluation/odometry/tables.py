@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from h2nav.apps.odometry_tracks import Array, Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
+from h2nav.evaluation.odometry.tracks import Array, Increments, TimedPose, Track, of_track
+from h2nav.io.plain_yaml import shown
 from h2nav.motion.samples import WheelSample
-from h2nav.validation import shown
 
 REFERENCE = ("dx_m", "dy_m", "dtheta_rad")
 READINGS = {
@@ -24,6 +24,9 @@ COUNTERS = {
 POSE = ("x_m", "y_m", "heading_rad")
 MAX_ERRORS = 20
 LARGEST = 1e12  # of any column: 30,000 years in s, the orbit of Jupiter in m
+
+
+Rows = list[tuple[int, list[str]]]  # line number and cells
 
 
 def read_increments(path: Path, model: str | None) -> Increments:
@@ -44,33 +47,17 @@ def read_increments(path: Path, model: str | None) -> Increments:
         return _read_track(path, model, header, rows)
     if model is None:
         model = _model_of(path, header)
-    wanted = READINGS[model] + REFERENCE
-    missing = [name for name in wanted if name not in header]
-    if missing:
-        raise BadInput(
-            f"{path}:1: column(s) {', '.join(missing)} missing for the model {model}; expected "
-            f"the header {','.join(wanted)}"
-        )
-    values = _numbers(path, rows, [header.index(name) for name in wanted], header)
+    values = _columns(path, model, READINGS[model] + REFERENCE, header, rows)
     split = len(READINGS[model])
     return Increments(model, values[:, :split], values[:, split:], f"{len(values)} rows of {path}")
 
 
-def _read_track(
-    path: Path, model: str | None, header: list[str], rows: list[tuple[int, list[str]]]
-) -> Increments:
+def _read_track(path: Path, model: str | None, header: list[str], rows: Rows) -> Increments:
     if model is None:
         model = "omni" if COUNTERS["omni"][0] in header else "diff"
     if model not in COUNTERS:
         raise BadInput(f"{path}:1: the model {model} needs increments, not counters over time_s")
-    wanted = ("time_s", *COUNTERS[model], *POSE)
-    missing = [name for name in wanted if name not in header]
-    if missing:
-        raise BadInput(
-            f"{path}:1: column(s) {', '.join(missing)} missing for the model {model}; expected "
-            f"the header {','.join(wanted)}"
-        )
-    values = _numbers(path, rows, [header.index(name) for name in wanted], header)
+    values = _columns(path, model, ("time_s", *COUNTERS[model], *POSE), header, rows)
     falls = np.flatnonzero(np.diff(values[:, 0]) <= 0.0)
     if falls.size:
         line = rows[int(falls[0]) + 1][0]
@@ -94,7 +81,7 @@ def _model_of(path: Path, header: list[str]) -> str:
     )
 
 
-def _cells(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _cells(path: Path) -> tuple[list[str], Rows]:
     """The header and the rows that are not empty, with their line numbers."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -111,9 +98,16 @@ def _cells(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     return header, lines[1:]
 
 
-def _numbers(
-    path: Path, rows: list[tuple[int, list[str]]], columns: list[int], header: list[str]
+def _columns(
+    path: Path, model: str, wanted: tuple[str, ...], header: list[str], rows: Rows
 ) -> Array:
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise BadInput(
+            f"{path}:1: column(s) {', '.join(missing)} missing for the model {model}; expected "
+            f"the header {','.join(wanted)}"
+        )
+    columns = [header.index(name) for name in wanted]
     values: list[list[float]] = []
     errors: list[str] = []
     for line, row in rows:

@@ -1,9 +1,8 @@
 """Other people's filters, run on the same samples; each only where its package is installed.
 
 All get the sample times where they take any (vqf takes one rate) and hold the last field, as they
-are made for; their headings are turned to true north where the trial knows it. Their traps:
-imufusion's world is north-west-up whatever is asked for, and ahrs' Kalman filter wants the
-accelerometer's opposite.
+are made for; their headings are turned to true north where the trial knows it. A trap: ahrs' Kalman
+filter wants the accelerometer's opposite.
 """
 
 import importlib
@@ -13,34 +12,45 @@ from collections.abc import Callable
 
 import numpy as np
 
-from h2nav.apps import dataset_filters as ours
-from h2nav.apps.dataset_filters import Array, Conditions, Track, held
 from h2nav.attitude import alignment
 from h2nav.errors import TaskFailed
+from h2nav.evaluation import imufusion
+from h2nav.evaluation.dataset import filters as ours
+from h2nav.evaluation.dataset.filters import Conditions, Track, held
+from h2nav.evaluation.rows import Array, enu_from_ned, ned_from_nwu
 from h2nav.io.trials import Trial
-from h2nav.maths import frames
-from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 Runner = Callable[[Trial, Conditions], Track]
+# Filter -> extra and module that it needs beyond the base.
+NEEDS = {
+    "paper": ("synthesis", "scipy.linalg"),
+    "vqf": ("peers", "vqf"),
+    "imufusion": ("peers", "imufusion"),
+    "ahrs.madgwick": ("peers", "ahrs"),
+    "ahrs.ekf": ("peers", "ahrs"),
+}
 
 
 def installed() -> dict[str, Runner]:
-    """Name -> filter, ours first, then the peers that are installed."""
-    found: dict[str, Runner] = {
+    """Name -> filter, ours first, then the peers; without those whose package is missing."""
+    peers = {
+        "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf
+    }  # fmt: skip
+    runners: dict[str, Runner] = {
         "default": ours.run_default,
         "default_fixed": ours.run_default_fixed,
         "two_stage": ours.run_two_stage,
         "paper": ours.run_paper,
+        **{name: _guarded(name, runner) for name, runner in peers.items()},
     }
-    peers: dict[str, dict[str, Runner]] = {
-        "vqf": {"vqf": _vqf},
-        "imufusion": {"imufusion": _imufusion},
-        "ahrs": {"ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf},
-    }
-    for package, runners in peers.items():
-        if importlib.util.find_spec(package) is not None:
-            found |= {name: _guarded(name, runner) for name, runner in runners.items()}
-    return found
+    return {name: runner for name, runner in runners.items() if _is_installed(name)}
+
+
+def _is_installed(name: str) -> bool:
+    if name not in NEEDS:
+        return True
+    package = NEEDS[name][1].partition(".")[0]
+    return importlib.util.find_spec(package) is not None
 
 
 def _guarded(name: str, runner: Runner) -> Runner:
@@ -69,24 +79,12 @@ def _vqf(trial: Trial, _: Conditions) -> Track:
 
 
 def _imufusion(trial: Trial, _: Conditions) -> Track:
-    imufusion = importlib.import_module("imufusion")
-    chosen = imufusion.Ahrs()
-    # Left to itself it starts level, and takes 20 s to turn sensor axes that point down.
-    chosen.set_quaternion(_start_nwu(trial))
-    steps_s = _steps_s(trial)
-    q_nwu = np.empty((len(trial.w_s), 4))
-    rates, forces = trial.w_s / DEG, trial.f_s / GRAVITY_M_S2
     fields = None if trial.m_s is None else held(trial.m_s)
     started = time.process_time()
-    for k in range(len(q_nwu)):
-        chosen.set_sample_period(steps_s[k])
-        if fields is None:
-            chosen.update_no_magnetometer(rates[k], forces[k])
-        else:
-            chosen.update(rates[k], forces[k], fields[k])
-        q_nwu[k] = chosen.get_quaternion()
-    us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
-    return Track(_enu_from_nwu(q_nwu), us_per_sample, "native, called per sample")
+    # Left to itself it starts level, and takes 20 s to turn sensor axes that point down.
+    q_ns = imufusion.attitudes(trial.w_s, trial.f_s, fields, _steps_s(trial), _start_nwu(trial))
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
+    return Track(enu_from_ned(q_ns), us_per_sample, "native, called per sample")
 
 
 def _madgwick(trial: Trial, _: Conditions) -> Track:
@@ -94,22 +92,17 @@ def _madgwick(trial: Trial, _: Conditions) -> Track:
     q_nwu = np.empty((len(trial.w_s), 4))
     q_nwu[0] = _start_nwu(trial)
     steps_s = _steps_s(trial)
+    fields = None if trial.m_s is None else held(trial.m_s)
+    chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.033 if fields is None else 0.041)
     started = time.process_time()
-    if trial.m_s is None:
-        chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.033)
-        for k in range(1, len(q_nwu)):
-            q_nwu[k] = chosen.updateIMU(
-                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], dt=steps_s[k]
-            )
-    else:
-        fields = held(trial.m_s)
-        chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.041)
-        for k in range(1, len(q_nwu)):
-            q_nwu[k] = chosen.updateMARG(
-                q_nwu[k - 1], gyr=trial.w_s[k], acc=trial.f_s[k], mag=fields[k], dt=steps_s[k]
-            )
+    for k in range(1, len(q_nwu)):
+        sample = {"gyr": trial.w_s[k], "acc": trial.f_s[k], "dt": steps_s[k]}
+        if fields is None:
+            q_nwu[k] = chosen.updateIMU(q_nwu[k - 1], **sample)
+        else:
+            q_nwu[k] = chosen.updateMARG(q_nwu[k - 1], mag=fields[k], **sample)
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
-    return Track(_enu_from_nwu(q_nwu), us_per_sample, "python")
+    return Track(enu_from_ned(ned_from_nwu(q_nwu)), us_per_sample, "python")
 
 
 def _ekf(trial: Trial, _: Conditions) -> Track:
@@ -130,8 +123,7 @@ def _ekf(trial: Trial, _: Conditions) -> Track:
     for k in range(1, len(q_ns)):
         q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k], steps_s[k])
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
-    q_es = ours.enu((w, x, y, z) for w, x, y, z in q_ns.tolist())
-    return Track(q_es, us_per_sample, "python")
+    return Track(enu_from_ned(q_ns), us_per_sample, "python")
 
 
 def _steps_s(trial: Trial) -> list[float]:
@@ -145,13 +137,5 @@ def _start_nwu(trial: Trial) -> Array:
     """The first samples' attitude against north-west-up."""
     field = None if trial.m_s is None else tuple(held(trial.m_s)[0])
     first = int(np.argmax(np.abs(trial.f_s).sum(axis=1) > 0.0))
-    w, x, y, z = alignment.triad(tuple(trial.f_s[first]), field)
-    # Half a turn about north, as between NED and NWU.
-    return np.array([-x, w, -z, y])
-
-
-def _enu_from_nwu(q_nwu: Array) -> Array:
-    """The world turned by a quarter about the vertical, by way of NED."""
-    w, x, y, z = q_nwu.T
-    q_ns = np.stack((-x, w, -z, y), axis=1)
-    return np.array([frames.attitude_enu_from_ned(tuple(q)) for q in q_ns.tolist()])
+    start: Array = ned_from_nwu(np.array([alignment.triad(tuple(trial.f_s[first]), field)]))[0]
+    return start

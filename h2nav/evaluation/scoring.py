@@ -2,7 +2,6 @@
 
 The split is that of the comparison papers: with e = q_est conj(q_true), both to east-north-up (or
 any frame with a vertical z axis), the inclination is the least rotation left when heading is free.
-Offline code: uses numpy; no filter imports it.
 """
 
 from typing import NamedTuple
@@ -10,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from h2nav.evaluation.rows import Array, product, wrapped
+
 _DEG = 180.0 / np.pi
 
 
@@ -41,15 +41,14 @@ def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fix
 
     Source: docs/filter.md Eq. (29).
     """
-    e = _product(q_est, q_true * np.array([1.0, -1.0, -1.0, -1.0]))
+    e = product(q_est, q_true * np.array([1.0, -1.0, -1.0, -1.0]))
     if not heading_fixed:
         headings = 2.0 * np.arctan2(e[mask, 3], e[mask, 0])
         offset = 0.5 * float(np.angle(np.mean(np.exp(1j * headings))))
         turn = np.array([[np.cos(offset), 0.0, 0.0, -np.sin(offset)]])
-        e = _product(np.repeat(turn, len(e), axis=0), e)
+        e = product(turn, e)
     w, x, y, z = e.T
-    heading = 2.0 * np.arctan2(z, w)
-    heading = (heading + np.pi) % (2.0 * np.pi) - np.pi
+    heading = wrapped(2.0 * np.arctan2(z, w))
     tilt = np.hypot(x, y)
     # Arc tangents: an arc cosine near 1 loses half the digits of a small angle.
     return Errors(
@@ -61,19 +60,9 @@ def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fix
 
 def rms(found: Errors, mask: npt.NDArray[np.bool_]) -> Rms:
     """Root mean squares over the samples of the mask."""
-    return Rms(*(float(np.sqrt(np.mean(values[mask] ** 2))) for values in found))
+    return Rms(*(root_mean_square(values[mask]) for values in found))
 
 
-def _product(p: Array, q: Array) -> Array:
-    """Hamilton products of rows."""
-    w, x, y, z = p.T
-    a, b, c, d = q.T
-    return np.stack(
-        [
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        ],
-        axis=1,
-    )
+def root_mean_square(values: Array) -> float:
+    """Of all the values."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -12,18 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.attitude.scoring import errors
+from h2nav.evaluation.rows import Array, from_euler, wrapped
+from h2nav.evaluation.scoring import errors, root_mean_square
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
-from h2nav.maths.quaternion import from_euler
 from h2nav.service.records import EstimateRecord
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 # Further apart than this, an estimate and a reference do not belong together.
 FARTHEST_US = 20_000
-
-Floats = NDArray[np.float64]
 
 
 class ErrorTable(NamedTuple):
@@ -65,7 +63,7 @@ class Pairs(NamedTuple):
 
     reference: str
     rows: NDArray[np.int64]
-    angles: Floats
+    angles: Array
 
 
 class _Attitudes:
@@ -79,7 +77,7 @@ class _Attitudes:
         self.t_us.append(t_us)
         self.angles.extend((roll, pitch, yaw))
 
-    def arrays(self) -> tuple[NDArray[np.int64], Floats]:
+    def arrays(self) -> tuple[NDArray[np.int64], Array]:
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
@@ -93,8 +91,8 @@ class Reference:
     message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
-        self._by_arrival = _Attitudes()
-        self._by_boot_time = _Attitudes()
+        self._estimates = _Attitudes()  # by arrival
+        self._boot_us = array("q")  # of the same
         self._truth = _Attitudes()
         self._autopilot = _Attitudes()
 
@@ -112,8 +110,8 @@ class Reference:
         """Takes an estimate."""
         angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
         roll, pitch, yaw = map(math.radians, angles)
-        self._by_arrival.add(t_ns // 1000, roll, pitch, yaw)
-        self._by_boot_time.add(record.t_us, roll, pitch, yaw)
+        self._estimates.add(t_ns // 1000, roll, pitch, yaw)
+        self._boot_us.append(record.t_us)
 
     def table(self, skip_s: float = 0.0) -> ErrorTable:
         """The errors against SIMSTATE, else ATTITUDE.
@@ -121,9 +119,8 @@ class Reference:
         Args:
             skip_s: references of so many first seconds do not count.
         """
-        arrived_us, angles = self._by_arrival.arrays()
-        boot_us, _ = self._by_boot_time.arrays()
-        pairs = self.pairs(arrived_us, boot_us, skip_s)
+        arrived_us, angles = self._estimates.arrays()
+        pairs = self.pairs(arrived_us, np.array(self._boot_us), skip_s)
         if not len(pairs.rows):
             return ErrorTable("", 0)
         return _table(pairs.reference, angles[pairs.rows], pairs.angles)
@@ -163,17 +160,7 @@ def _nearest(at_us: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.in
     return np.where(is_near, order[nearest], -1)
 
 
-def _table(name: str, ours: Floats, truth: Floats) -> ErrorTable:
-    difference = (ours - truth + np.pi) % (2.0 * np.pi) - np.pi
-    found = errors(quaternions(ours), quaternions(truth), np.ones(len(ours), dtype=bool), True)
-    columns = (*np.degrees(difference).T, found.inclination, found.total)
-    return ErrorTable(name, len(ours), *map(_rms, columns))
-
-
-def quaternions(angles: Floats) -> Floats:
-    """(N, 4) q_nb of rows of roll, pitch, yaw."""
-    return np.array([from_euler(*row) for row in angles.tolist()]).reshape(-1, 4)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _table(name: str, ours: Array, truth: Array) -> ErrorTable:
+    found = errors(from_euler(ours), from_euler(truth), np.ones(len(ours), dtype=bool), True)
+    columns = (*np.degrees(wrapped(ours - truth)).T, found.inclination, found.total)
+    return ErrorTable(name, len(ours), *map(root_mean_square, columns))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from h2nav.attitude.paper import (
+from h2nav.evaluation.paper.filter import (
     PaperFilter,
     Weights,
     directions,
@@ -16,7 +16,9 @@ from h2nav.attitude.paper import (
     kinematics_matrix,
     linearised_plant,
     literal_slides_plant,
+    paper_gain,
     spectral_abscissa,
+    stable_share,
 )
 from h2nav.maths import quaternion
 from h2nav.synthesis.certificate import CertificateError, prove
@@ -24,7 +26,7 @@ from h2nav.synthesis.riccati import solve_riccati
 
 DEG = math.pi / 180.0
 VECTORS = np.array([[0.0, 0.0, 1.0], [math.cos(60 * DEG), 0.0, math.sin(60 * DEG)]])
-L0 = solve_riccati(linearised_plant(VECTORS, Weights())).L
+L0 = paper_gain(VECTORS)
 
 angle = st.floats(-3.0, 3.0)
 pitch = st.floats(-1.4, 1.4)
@@ -119,6 +121,11 @@ def test_weights_of_all_ones_matter_and_c_z_does_not() -> None:
 def test_stable_near_zero_only(angles_deg: tuple[float, float, float], is_stable: bool) -> None:
     at = np.array([angles_deg], dtype=np.float64) * DEG
     assert (spectral_abscissa(L0, VECTORS, at)[0] < 0.0) == is_stable
+
+
+def test_half_of_all_attitudes_are_unstable_with_the_papers_gain() -> None:
+    """49.8 % with 30 deg of tilt and any heading; all are stable near zero heading."""
+    assert stable_share(VECTORS, 30.0, samples=3000) == pytest.approx(0.505, abs=0.03)
 
 
 def test_spectrum_is_that_of_the_linearised_plant() -> None:

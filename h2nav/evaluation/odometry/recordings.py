@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.apps.odometry_tracks import Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
+from h2nav.evaluation.odometry.tracks import Increments, TimedPose, Track, of_track
 from h2nav.io.codec import decode
 from h2nav.io.deframer import Deframer
 from h2nav.io.recordings import open_recording

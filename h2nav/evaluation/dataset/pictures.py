@@ -1,31 +1,26 @@
-"""One figure per run of `h2nav evaluate dataset --plots`: errors, bias, gain set, gate."""
+"""One picture per run of `h2nav evaluate dataset --plots`: errors, bias, gain set, gate."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from h2nav.apps.dataset_filters import Track
-from h2nav.attitude.scoring import Errors
-from h2nav.errors import TaskFailed
+from h2nav.evaluation import pictures
+from h2nav.evaluation.dataset.filters import Track
+from h2nav.evaluation.scoring import Errors
 from h2nav.io.trials import Trial
 
 
 def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
-    """Writes the figure of one filter on one trial.
+    """Writes the picture of one filter on one trial.
 
     Raises:
-        TaskFailed: matplotlib is not installed.
+        BadInput: matplotlib is not installed.
     """
-    try:
-        from matplotlib import use
-
-        use("Agg")
-        from matplotlib import pyplot
-    except ImportError:
-        raise TaskFailed("--plots needs matplotlib; install h2nav[plots]") from None
     t_s = trial.t_us * 1e-6
-    figure, axes = pyplot.subplots(4, 1, sharex=True, figsize=(10, 10), constrained_layout=True)
+    figure, axes = pictures.pyplot().subplots(
+        4, 1, sharex=True, figsize=(10, 10), layout="constrained"
+    )
     for label, values in (("heading", found.heading), ("inclination", found.inclination)):
         axes[0].plot(t_s, np.where(trial.mask, values, np.nan), label=label, linewidth=0.8)
     axes[0].set_ylabel("error, deg")
@@ -42,8 +37,7 @@ def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
     axes[3].set_ylabel("field believed")
     axes[3].set_xlabel("s")
     axes[0].set_title(f"{trial.name}: {path.stem.removeprefix(trial.name + '.')}")
-    figure.savefig(path, dpi=100)
-    pyplot.close(figure)
+    pictures.save(figure, path)
 
 
 def _gate(axis: Any, t_s: Any, trial: Trial, track: Track) -> None:

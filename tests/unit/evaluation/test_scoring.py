@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from needs import DEG
 
-from h2nav.attitude.scoring import errors, rms
+from h2nav.evaluation.scoring import errors, rms
 from h2nav.maths import quaternion
 
 ALL = np.ones(3, dtype=bool)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from h2nav.attitude.plant import (
+from h2nav.maths import so3
+from h2nav.synthesis.plant import (
     Plant,
     VectorSensor,
     attitude_bias_plant,
@@ -13,7 +14,6 @@ from h2nav.attitude.plant import (
     discretise,
     information,
 )
-from h2nav.maths import so3
 
 SENSORS = (VectorSensor((0.0, 0.0, 9.8), 3e-3), VectorSensor((20.0, 5.0, 43.0), 0.06))
 

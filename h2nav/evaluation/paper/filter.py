@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.plant import Matrix, Plant
+from h2nav.synthesis.plant import Matrix, Plant
+from h2nav.synthesis.riccati import solve_riccati
 
 
 class Weights(NamedTuple):
@@ -113,6 +114,11 @@ def literal_slides_plant(vectors: Matrix) -> Plant:
     return Plant(plant.A, plant.B_w[:, :6], plant.C_y, np.eye(6), plant.C_z)
 
 
+def paper_gain(vectors: Matrix) -> Matrix:
+    """L0 of the slides: unit weights, linearised at zero; sign of `synthesis.plant`."""
+    return solve_riccati(linearised_plant(vectors, Weights())).L
+
+
 def spectral_abscissa(L: Matrix, vectors: Matrix, angles: Matrix) -> Matrix:
     """(N,) largest real part of the error dynamics at each resting attitude; < 0 is stable.
 
@@ -129,6 +135,14 @@ def spectral_abscissa(L: Matrix, vectors: Matrix, angles: Matrix) -> Matrix:
     A[:, :, :3] -= L @ directions_by_angles(angles, vectors)
     largest: Matrix = np.max(np.linalg.eigvals(A).real, axis=1)
     return largest
+
+
+def stable_share(vectors: Matrix, tilt_deg: float, samples: int = 20_000) -> float:
+    """Share of attitudes with |roll|, |pitch| <= `tilt_deg` and any heading where L0 is stable."""
+    random = np.random.default_rng(0)
+    most = np.radians([tilt_deg, tilt_deg, 180.0])
+    angles = random.uniform(-1.0, 1.0, (samples, 3)) * most
+    return float(np.mean(spectral_abscissa(paper_gain(vectors), vectors, angles) < 0.0))
 
 
 class PaperFilter:

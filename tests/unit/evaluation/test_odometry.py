@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav import cli
-from h2nav.apps.odometry_tracks import TimedPose, increments
+from h2nav.evaluation.odometry.tracks import TimedPose, increments
 from h2nav.io.codec import Encoder
 from h2nav.io.plain_yaml import parse_mapping
 from h2nav.io.strict_yaml import into_record

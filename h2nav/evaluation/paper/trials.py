@@ -12,13 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.euler_ekf import EulerEkf
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.gains.densities import SensorDensities
-from h2nav.attitude.paper import PaperFilter, Weights, linearised_plant
-from h2nav.attitude.plant import Matrix
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
+from h2nav.attitude.two_stage.filter import TwoStageFilter
 from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.evaluation import imufusion
+from h2nav.evaluation.paper.euler_ekf import EulerEkf
+from h2nav.evaluation.paper.filter import PaperFilter, paper_gain
+from h2nav.evaluation.rows import to_euler, wrapped
+from h2nav.io import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.imu_model import (
@@ -30,7 +35,7 @@ from h2nav.sim.imu_model import (
     readings,
 )
 from h2nav.sim.scenarios import scenario
-from h2nav.synthesis.riccati import solve_riccati
+from h2nav.synthesis.plant import Matrix
 
 RATE_HZ = 100
 DT_S = 1.0 / RATE_HZ
@@ -53,6 +58,11 @@ class Assumptions(NamedTuple):
     def field(self) -> EarthField:
         """The field of the simulation."""
         return EarthField(self.norm_ut, self.dip_deg * DEG, 0.0)
+
+    @property
+    def vectors(self) -> Matrix:
+        """(2, 3) the unit vectors of gravity and field in NED."""
+        return np.array([[0.0, 0.0, 1.0], np.array(field_vector(self.field)) / self.norm_ut])
 
     @property
     def sensor(self) -> ImuParameters:
@@ -89,41 +99,28 @@ class Trials(NamedTuple):
     Attributes:
         t_us: (N,) times.
         rate: (S, N, 3) gyro as sampled, rad/s.
-        averaged: (S, N, 3) gyro, each sample averaged with the one before.
+        own_rate: (S, N, 3) the gyro samples that our filters take.
         force: (S, N, 3) specific force, m/s^2.
         field: (S, N, 3) magnetic field, microtesla.
         truth: (N, 3) roll, pitch, yaw, rad.
         scored: index of the first sample that counts.
         assumptions: what the data were made with.
-        is_averaged: which gyro our filters take.
     """
 
     t_us: Matrix
     rate: Matrix
-    averaged: Matrix
+    own_rate: Matrix
     force: Matrix
     field: Matrix
     truth: Matrix
     scored: int
     assumptions: Assumptions
-    is_averaged: bool
 
     @property
     def measured(self) -> Matrix:
         """(S, N, 6) the slides' measurements R g and R h, each divided by its length."""
         down = -self.force / GRAVITY_M_S2
         return np.concatenate((down, self.field / self.assumptions.norm_ut), axis=2)
-
-    @property
-    def vectors(self) -> Matrix:
-        """(2, 3) the unit vectors of gravity and field in NED."""
-        field_n = np.array(field_vector(self.assumptions.field))
-        return np.array([[0.0, 0.0, 1.0], field_n / self.assumptions.norm_ut])
-
-    @property
-    def own_rate(self) -> Matrix:
-        """(S, N, 3) the gyro samples that our filters take."""
-        return self.averaged if self.is_averaged else self.rate
 
 
 # Runs one filter: name in the results -> (S, N, 3) roll, pitch, yaw in rad.
@@ -149,25 +146,24 @@ def make_trials(case: Case, assumptions: Assumptions, seeds: range) -> Trials:
         for seed in seeds
     ]
     rate = np.array([batch.w_b for batch in batches])
-    averaged = rate.copy()
-    averaged[:, 1:] = (rate[:, 1:] + rate[:, :-1]) / 2
+    own_rate = rate.copy()
+    if case.averaged:
+        own_rate[:, 1:] = (rate[:, 1:] + rate[:, :-1]) / 2
     return Trials(
         t_us=ideal.t_us.astype(np.float64),
         rate=rate,
-        averaged=averaged,
+        own_rate=own_rate,
         force=np.array([batch.f_b for batch in batches]),
         field=np.array([batch.m_b_ut for batch in batches]),
-        truth=_angles_of(ideal.q_nb),
+        truth=to_euler(ideal.q_nb),
         scored=run_in,
         assumptions=assumptions,
-        is_averaged=case.averaged,
     )
 
 
 def errors_deg(trials: Trials, estimates: Matrix) -> Matrix:
     """(S, M, 3) scored errors of roll, pitch, yaw; NaN where a filter had no estimate yet."""
-    error = estimates - trials.truth
-    error = (error + np.pi) % (2 * np.pi) - np.pi
+    error = wrapped(estimates - trials.truth)
     scored: Matrix = error[:, trials.scored :] / DEG
     return scored
 
@@ -182,16 +178,8 @@ def runners(case: Case) -> dict[str, Runner]:
     if case.averaged:
         found |= {"eh2_paper": _paper, "ekf_unit": _ekf_unit}
     found |= {"ekf_tuned": _ekf_tuned, "two_stage": _two_stage, "default": _default}
-    if _is_installed("vqf"):
-        found["vqf"] = _vqf
-    if _is_installed("imufusion"):
-        found["imufusion"] = _imufusion
-    return found
-
-
-def paper_gain(vectors: Matrix) -> Matrix:
-    """L0 of the slides: unit weights, linearised at zero; sign of `attitude.plant`."""
-    return solve_riccati(linearised_plant(vectors, Weights())).L
+    peers: dict[str, Runner] = {"vqf": _vqf, "imufusion": _imufusion}
+    return found | {name: run for name, run in peers.items() if importlib.util.find_spec(name)}
 
 
 def _paper(trials: Trials) -> dict[str, Matrix]:
@@ -199,7 +187,8 @@ def _paper(trials: Trials) -> dict[str, Matrix]:
     measured = trials.measured
     late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
     start = max(trials.scored - UNIT_RUN_IN, 0)
-    paper = PaperFilter(paper_gain(trials.vectors), trials.vectors, len(measured))
+    vectors = trials.assumptions.vectors
+    paper = PaperFilter(paper_gain(vectors), vectors, len(measured))
     paper.angles = np.tile(trials.truth[start], (len(measured), 1))
     for k in range(start, late.shape[1]):
         prompt[:, k] = paper.angles
@@ -214,7 +203,7 @@ def _ekf_unit(trials: Trials) -> dict[str, Matrix]:
     late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
     start = max(trials.scored - UNIT_RUN_IN, 0)
     ones = np.ones(6)
-    ekf = EulerEkf(trials.vectors, ones, ones, ones, len(measured))
+    ekf = EulerEkf(trials.assumptions.vectors, ones, ones, ones, len(measured))
     ekf.angles = np.tile(trials.truth[start], (len(measured), 1))
     for k in range(start, late.shape[1]):
         ekf.correct(measured[:, k])
@@ -231,7 +220,7 @@ def _ekf_tuned(trials: Trials) -> dict[str, Matrix]:
     force = noise.accelerometer / GRAVITY_M_S2 / math.sqrt(DT_S)
     field = noise.magnetometer / trials.assumptions.norm_ut / math.sqrt(DT_S)
     ekf = EulerEkf(
-        trials.vectors,
+        trials.assumptions.vectors,
         np.repeat([noise.gyro**2, noise.bias_walk**2], 3),
         np.repeat([force**2, field**2], 3),
         np.repeat([(1.0 * DEG) ** 2, (0.1 * DEG) ** 2], 3),
@@ -263,17 +252,11 @@ def densities(assumptions: Assumptions) -> SensorDensities:
 
 
 def _two_stage(trials: Trials) -> dict[str, Matrix]:
-    from h2nav.attitude.two_stage.filter import TwoStageFilter
-
     gains = design_two_stage(densities(trials.assumptions), RATE_HZ, "paper")
     return {"two_stage": _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))}
 
 
 def _default(trials: Trials) -> dict[str, Matrix]:
-    from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-    from h2nav.io import gain_files
-
     name = f"multirotor_{RATE_HZ}hz"
     gains = velocity_aided_gains(gain_files.load(name), name)
     return {"default": _one_by_one(trials, lambda: VelocityAidedFilter(gains))}
@@ -283,19 +266,13 @@ def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:
     """Runs a filter of h2nav sample by sample, one seed after the other."""
     estimates = np.full_like(trials.rate, np.nan)
     times = trials.t_us.astype(np.int64).tolist()
-    for run in range(len(trials.rate)):
+    for run, columns in enumerate(zip(trials.own_rate, trials.force, trials.field, strict=True)):
         estimator = make()
         estimator.use_vehicle(VehicleState(on_ground=False))
         estimator.use_field(trials.assumptions.field)
-        rows = zip(
-            times,
-            map(tuple, trials.own_rate[run].tolist()),
-            map(tuple, trials.force[run].tolist()),
-            map(tuple, trials.field[run].tolist()),
-            strict=True,
-        )
-        for k, (t_us, rate, force, field) in enumerate(rows):
-            estimate = estimator.update(ImuSample(t_us, rate, force, field))
+        rows = zip(times, *(map(tuple, column.tolist()) for column in columns), strict=True)
+        for k, row in enumerate(rows):
+            estimate = estimator.update(ImuSample(*row))
             if estimate is not None:
                 estimates[run, k] = quaternion.to_euler(estimate.q_nb)
     return estimates
@@ -304,44 +281,15 @@ def _one_by_one(trials: Trials, make: Callable[[], AttitudeFilter]) -> Matrix:
 def _vqf(trials: Trials) -> dict[str, Matrix]:
     vqf = importlib.import_module("vqf")
     estimates = np.empty_like(trials.rate)
-    for run in range(len(trials.rate)):
-        out = vqf.VQF(DT_S).updateBatch(
-            *(
-                np.ascontiguousarray(data[run])
-                for data in (trials.own_rate, trials.force, trials.field)
-            )
-        )
-        attitudes = (frames.attitude_ned_from_enu(tuple(q)) for q in out["quat9D"].tolist())
-        estimates[run] = _angles_of(np.array(list(attitudes)))
+    for run, data in enumerate(zip(trials.own_rate, trials.force, trials.field, strict=True)):
+        out = vqf.VQF(DT_S).updateBatch(*map(np.ascontiguousarray, data))
+        attitudes = [frames.attitude_ned_from_enu(tuple(q)) for q in out["quat9D"].tolist()]
+        estimates[run] = to_euler(np.array(attitudes))
     return {"vqf": estimates}
 
 
 def _imufusion(trials: Trials) -> dict[str, Matrix]:
-    imufusion = importlib.import_module("imufusion")
-    estimates = np.empty_like(trials.rate)
-    for run in range(len(trials.rate)):
-        ahrs = imufusion.Ahrs()
-        ahrs.set_sample_period(DT_S)
-        attitudes = np.empty((len(trials.t_us), 4))
-        rows = zip(
-            trials.own_rate[run] / DEG,
-            trials.force[run] / GRAVITY_M_S2,
-            trials.field[run],
-            strict=True,
-        )
-        for k, (rate, force, field) in enumerate(rows):
-            ahrs.update(rate, force, field)
-            attitudes[k] = ahrs.get_quaternion()
-        # Its world is north-west-up whatever is asked for: half a turn about north.
-        w, x, y, z = attitudes.T
-        estimates[run] = _angles_of(np.stack((-x, w, -z, y), axis=1))
-    return {"imufusion": estimates}
-
-
-def _angles_of(q_nb: Matrix) -> Matrix:
-    """(N, 3) roll, pitch, yaw of (N, 4) attitudes."""
-    return np.array([quaternion.to_euler(tuple(q)) for q in q_nb.tolist()])
-
-
-def _is_installed(package: str) -> bool:
-    return importlib.util.find_spec(package) is not None
+    steps_s = [DT_S] * len(trials.t_us)
+    runs = zip(trials.own_rate, trials.force, trials.field, strict=True)
+    attitudes = (imufusion.attitudes(*run, steps_s) for run in runs)
+    return {"imufusion": np.array([to_euler(q_nb) for q_nb in attitudes])}

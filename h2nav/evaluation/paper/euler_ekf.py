@@ -7,8 +7,13 @@ filter away from pitch +-90 deg. Many runs at once, one row per run.
 
 import numpy as np
 
-from h2nav.attitude.paper import directions, directions_by_angles, kinematics, kinematics_matrix
-from h2nav.attitude.plant import Matrix
+from h2nav.evaluation.paper.filter import (
+    directions,
+    directions_by_angles,
+    kinematics,
+    kinematics_matrix,
+)
+from h2nav.synthesis.plant import Matrix
 
 
 class EulerEkf:

@@ -5,21 +5,19 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.apps.paper_trials import (
+from h2nav.errors import BadInput
+from h2nav.evaluation import pictures
+from h2nav.evaluation.paper.filter import paper_gain, spectral_abscissa
+from h2nav.evaluation.paper.trials import (
     CASES,
     Assumptions,
     Case,
     Trials,
     errors_deg,
     make_trials,
-    paper_gain,
     runners,
 )
-from h2nav.attitude.paper import spectral_abscissa
-from h2nav.attitude.plant import Matrix
-from h2nav.errors import BadInput
 from h2nav.maths.units import DEG
-from h2nav.sim.imu_model import field_vector
 
 ANGLES = ("roll", "pitch", "yaw")
 AXES = ("x", "y", "z")
@@ -42,9 +40,9 @@ def draw_cases(assumptions: Assumptions, folder: Path) -> None:
     """Writes true angles, sensor data, errors per case, and the stable region, as PNG.
 
     Raises:
-        BadInput: matplotlib is not installed or the folder cannot be written.
+        BadInput: the folder cannot be written.
     """
-    plt = _pyplot()
+    plt = pictures.pyplot()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for case in CASES[:2]:
@@ -54,19 +52,6 @@ def draw_cases(assumptions: Assumptions, folder: Path) -> None:
         _draw_stable_region(plt, assumptions, folder / "stable_region.png")
     except OSError as error:
         raise BadInput(f"--plots {folder}: cannot be written: {error}") from None
-
-
-def stable_share(assumptions: Assumptions, tilt_deg: float, samples: int = 20_000) -> float:
-    """Share of attitudes with |roll|, |pitch| <= `tilt_deg` and any heading that are stable."""
-    random = np.random.default_rng(0)
-    angles = random.uniform(-1.0, 1.0, (samples, 3)) * np.array([tilt_deg, tilt_deg, 180.0]) * DEG
-    return float(np.mean(_abscissa(assumptions, angles) < 0.0))
-
-
-def _abscissa(assumptions: Assumptions, angles: Matrix) -> Matrix:
-    field_n = np.array(field_vector(assumptions.field)) / assumptions.norm_ut
-    vectors = np.array([[0.0, 0.0, 1.0], field_n])
-    return spectral_abscissa(paper_gain(vectors), vectors, angles)
 
 
 def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
@@ -86,7 +71,7 @@ def _draw_motion(plt: Any, case: Case, trials: Trials, path: Path) -> None:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
     rows[-1].set_xlabel("time (s)")
     figure.suptitle(f"{_title(case)}: truth and sensor data")
-    _save(plt, figure, path)
+    pictures.save(figure, path, DPI)
 
 
 def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
@@ -103,12 +88,14 @@ def _draw_errors(plt: Any, case: Case, trials: Trials, path: Path) -> None:
     figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     rows[-1].set_xlabel("time (s)")
     figure.suptitle(f"{_title(case)}: estimation error")
-    _save(plt, figure, path)
+    pictures.save(figure, path, DPI)
 
 
 def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
     """Three sections through (roll, pitch, heading); red where the error grows."""
     order = {"roll": 0, "pitch": 1, "heading": 2}
+    vectors = assumptions.vectors
+    L = paper_gain(vectors)
     figure, columns = plt.subplots(1, 3, figsize=(12, 4.4), layout="constrained")
     for axes, (across, up, fixed) in zip(columns, SECTIONS, strict=True):
         x = np.linspace(*_range(across), 121)
@@ -116,7 +103,7 @@ def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
         angles = np.zeros((x.size * y.size, 3))
         angles[:, order[across]] = np.tile(x, y.size) * DEG
         angles[:, order[up]] = np.repeat(y, x.size) * DEG
-        growth = _abscissa(assumptions, angles).reshape(y.size, x.size)
+        growth = spectral_abscissa(L, vectors, angles).reshape(y.size, x.size)
         shown = axes.pcolormesh(
             x, y, np.clip(growth, -0.6, 0.6), cmap="RdYlGn_r", vmin=-0.6, vmax=0.6, rasterized=True
         )
@@ -124,7 +111,7 @@ def _draw_stable_region(plt: Any, assumptions: Assumptions, path: Path) -> None:
         axes.set(xlabel=f"{across} (deg)", ylabel=f"{up} (deg)", title=f"{fixed} 0")
     figure.colorbar(shown, ax=list(columns), label="growth of the error (1/s)")
     figure.suptitle("The paper's constant gain: the error decays only where it is green")
-    _save(plt, figure, path)
+    pictures.save(figure, path, DPI)
 
 
 def _range(angle: str) -> tuple[float, float]:
@@ -133,21 +120,3 @@ def _range(angle: str) -> tuple[float, float]:
 
 def _title(case: Case) -> str:
     return {"case_1": "Case I", "case_2": "Case II"}[case.key]
-
-
-def _save(plt: Any, figure: Any, path: Path) -> None:
-    figure.savefig(path, dpi=DPI, pil_kwargs={"optimize": True})
-    plt.close(figure)
-
-
-def _pyplot() -> Any:
-    try:
-        import matplotlib as mpl
-    except ImportError:
-        raise BadInput(
-            "--plots: matplotlib is not installed; remedy: pip install 'h2nav[plots]'"
-        ) from None
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
