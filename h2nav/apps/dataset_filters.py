@@ -34,7 +34,6 @@ from h2nav.errors import TaskFailed
 from h2nav.io import gain_files
 from h2nav.io.trials import Told, Trial
 from h2nav.maths import frames, quaternion
-from h2nav.synthesis.riccati import solve_riccati
 
 Array = npt.NDArray[np.float64]
 
@@ -213,6 +212,8 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
 
     It only works near level: z points up or down as the first force says, x forward.
     """
+    from h2nav.synthesis.riccati import solve_riccati  # needs scipy, which the others do not
+
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: the paper's filter needs a magnetometer")
     is_frd = trial.f_s[0, 2] < 0.0

@@ -23,25 +23,36 @@ from h2nav.maths import frames
 GRAVITY_M_S2 = 9.80665
 _DEG = np.pi / 180.0
 Runner = Callable[[Trial, Conditions], Track]
+# Filter -> extra and module that it needs beyond the base.
+NEEDS = {
+    "paper": ("synthesis", "scipy.linalg"),
+    "vqf": ("peers", "vqf"),
+    "imufusion": ("peers", "imufusion"),
+    "ahrs.madgwick": ("peers", "ahrs"),
+    "ahrs.ekf": ("peers", "ahrs"),
+}
 
 
 def installed() -> dict[str, Runner]:
-    """Name -> filter, ours first, then the peers that are installed."""
-    found: dict[str, Runner] = {
+    """Name -> filter, ours first, then the peers; without those whose package is missing."""
+    peers = {
+        "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf
+    }  # fmt: skip
+    runners: dict[str, Runner] = {
         "default": ours.run_default,
         "default_fixed": ours.run_default_fixed,
         "two_stage": ours.run_two_stage,
         "paper": ours.run_paper,
+        **{name: _guarded(name, runner) for name, runner in peers.items()},
     }
-    peers: dict[str, dict[str, Runner]] = {
-        "vqf": {"vqf": _vqf},
-        "imufusion": {"imufusion": _imufusion},
-        "ahrs": {"ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf},
-    }
-    for package, runners in peers.items():
-        if importlib.util.find_spec(package) is not None:
-            found |= {name: _guarded(name, runner) for name, runner in runners.items()}
-    return found
+    return {name: runner for name, runner in runners.items() if _is_installed(name)}
+
+
+def _is_installed(name: str) -> bool:
+    if name not in NEEDS:
+        return True
+    package = NEEDS[name][1].partition(".")[0]
+    return importlib.util.find_spec(package) is not None
 
 
 def _guarded(name: str, runner: Runner) -> Runner:

@@ -7,23 +7,16 @@ import numpy as np
 
 from h2nav.apps.dataset_filters import Track
 from h2nav.attitude.scoring import Errors
-from h2nav.errors import TaskFailed
 from h2nav.io.trials import Trial
 
 
 def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
-    """Writes the figure of one filter on one trial.
+    """Writes the figure of one filter on one trial."""
+    import matplotlib
 
-    Raises:
-        TaskFailed: matplotlib is not installed.
-    """
-    try:
-        from matplotlib import use
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
 
-        use("Agg")
-        from matplotlib import pyplot
-    except ImportError:
-        raise TaskFailed("--plots needs matplotlib; install h2nav[plots]") from None
     t_s = trial.t_us * 1e-6
     figure, axes = pyplot.subplots(4, 1, sharex=True, figsize=(10, 10), constrained_layout=True)
     for label, values in (("heading", found.heading), ("inclination", found.inclination)):

@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
@@ -84,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="F",
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
-        "default, default_fixed (the same in 32-bit integers), two_stage, paper; where installed "
+        "default, default_fixed (the same in 32-bit integers), two_stage; where installed paper, "
         "vqf, imufusion, ahrs.madgwick, ahrs.ekf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
@@ -109,6 +110,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     tasks = _tasks(args)
     if args.plots is not None:
         args.plots.mkdir(parents=True, exist_ok=True)
@@ -182,20 +185,21 @@ def _say_left_out(scores: Sequence[Score]) -> None:
 
 def _tasks(args: argparse.Namespace) -> list[Task]:
     from h2nav.apps.dataset_filters import Conditions
-    from h2nav.apps.dataset_peers import installed
+    from h2nav.apps.dataset_peers import NEEDS, installed
     from h2nav.io.trials import trial_paths
 
     known = installed()
     names: Sequence[str] = args.filters or ["default"]
     if "all" in names:
         names = list(known)
+    for name in names:
+        if name in NEEDS:
+            extra, module = NEEDS[name]
+            extras.require(extra, f"--filter {name}", module)
     unknown = [name for name in names if name not in known]
     if unknown:
         raise BadInput(
-            *(
-                f"--filter {name}: not known or not installed; have {', '.join(known)}, all"
-                for name in unknown
-            )
+            *(f"--filter {name}: not known; have {', '.join(known)}, all" for name in unknown)
         )
     conditions = Conditions(
         args.vehicle_class,

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs the trials and prints their figures."""
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     courses = {a1: _convergence(a1) for a1 in EXPONENTS}
     document = {
         "conditions": CONDITIONS,

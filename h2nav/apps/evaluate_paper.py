@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
@@ -90,6 +91,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    extras.require("synthesis", "evaluate paper", "scipy.linalg")
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     from h2nav.apps.paper_trials import Assumptions
 
     if not 1 <= args.seeds <= MAX_SEEDS:

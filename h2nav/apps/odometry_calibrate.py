@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
@@ -52,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
     """Calibrates and prints the parameters with a configuration block for the daemon."""
     from h2nav.motion import odometry_calibration as calibration
 
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     angles = _angles_rad(args.wheel_angles_deg)
     fed_radius_m = _fed_radius(args.autopilot_radius_m)
     data = _read(args.data, args.model)

@@ -42,7 +42,7 @@ def draw_cases(assumptions: Assumptions, folder: Path) -> None:
     """Writes true angles, sensor data, errors per case, and the stable region, as PNG.
 
     Raises:
-        BadInput: matplotlib is not installed or the folder cannot be written.
+        BadInput: the folder cannot be written.
     """
     plt = _pyplot()
     try:
@@ -141,12 +141,8 @@ def _save(plt: Any, figure: Any, path: Path) -> None:
 
 
 def _pyplot() -> Any:
-    try:
-        import matplotlib as mpl
-    except ImportError:
-        raise BadInput(
-            "--plots: matplotlib is not installed; remedy: pip install 'h2nav[plots]'"
-        ) from None
+    import matplotlib as mpl
+
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
