@@ -168,13 +168,14 @@ def test_make_installs_what_is_missing_and_nothing_twice(tmp_path):
     write_program(tmp_path / "python", MAKES_A_VENV)
 
     def installed_for(target: str) -> list[str]:
-        """What pip is asked for, the last word of each call."""
+        """What pip is asked for in each call."""
         (tmp_path / "asked").write_text("")
         subprocess.run(
             [make, "-s", "PYTHON=./python", "EXTRAS=dev", target], cwd=tmp_path, check=True
         )
         lines = (tmp_path / "asked").read_text().splitlines()
-        return [line.split()[-1] for line in lines if line.startswith("pip install")]
+        calls = [line.split() for line in lines if line.startswith("pip install")]
+        return [words[words.index("--editable") + 1] for words in calls]
 
     assert installed_for("demo") == ["."]
     assert installed_for("demo") == []
