@@ -1,6 +1,8 @@
 """The extras of the installation: what a command says where the packages of one are missing."""
 
 import importlib
+import importlib.metadata
+import importlib.util
 import shlex
 import shutil
 import sys
@@ -24,22 +26,31 @@ def require(extra: str, asker: str, *modules: str) -> None:
         try:
             importlib.import_module(module)
         except ImportError as error:
+            failed = error.name or module
+            is_absent = importlib.util.find_spec(_package(failed)) is None
+            reason = f"{failed} is not installed" if is_absent else _one_line(failed, error)
+            if _package(failed) != _package(module):
+                reason = f"for {_package(module)}: {reason}"
+            what = f"'h2nav[{extra}]'" if is_absent else f"--force-reinstall {_project(failed)}"
             raise BadInput(
-                f"{asker}: needs the extra {extra} ({_reason(module, error)}); "
-                f"remedy: {_pip()} install 'h2nav[{extra}]'"
+                f"{asker}: needs the extra {extra} ({reason}); remedy: {_pip()} install {what}"
             ) from None
 
 
-def _reason(module: str, error: ImportError) -> str:
-    """One line that names the module that failed, and the one that was asked for."""
+def _package(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _project(module: str) -> str:
+    """The name under which pip knows the package of a module."""
+    package = _package(module)
+    return importlib.metadata.packages_distributions().get(package, [package])[0]
+
+
+def _one_line(module: str, error: ImportError) -> str:
+    """What the error says, with the module's name."""
     said = " ".join(str(error).split())
-    missing = error.name or module
-    if isinstance(error, ModuleNotFoundError):
-        said = f"{missing} is not installed"
-    elif missing not in said:
-        said = f"{missing}: {said}"
-    package = module.partition(".")[0]
-    return said if missing.partition(".")[0] == package else f"for {package}: {said}"
+    return said if module in said else f"{module}: {said}"
 
 
 def _pip() -> str:

@@ -206,3 +206,13 @@ def test_a_missing_extra_is_one_line_with_its_remedy(base, line, extra, package)
 )
 def test_half_an_extra_is_named_by_what_is_missing(tmp_path, line, hidden, said):
     assert said in the_hint(hiding(tmp_path, {hidden}), *line.split())
+
+
+def test_a_broken_package_is_installed_again(tmp_path):
+    """Asking for the extra would change nothing: pip believes that it is there."""
+    environment = hiding(tmp_path, set())
+    error = 'ImportError("libkiwi.so.1:\\ncannot open", name="kiwisolver._cext")'
+    (tmp_path / "kiwisolver.py").write_text(f"raise {error}\n")
+    hint = the_hint(environment, "evaluate", "observer", "--plots", "out")
+    assert "(for matplotlib: kiwisolver._cext: libkiwi.so.1: cannot open)" in hint
+    assert hint.endswith("pip install --force-reinstall kiwisolver")
