@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.apps.recorded_trials import read
 from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
-from h2nav.evaluation.dataset.peers import installed
+from h2nav.evaluation.dataset.peers import NEEDS, installed
 from h2nav.evaluation.dataset.scores import Score, Task, score_task, summary
 from h2nav.evaluation.parallel import results
 from h2nav.io.trials import trial_paths
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="F",
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
-        "default, default_fixed (the same in 32-bit integers), two_stage, paper; where installed "
+        "default, default_fixed (the same in 32-bit integers), two_stage; where installed paper, "
         "vqf, imufusion, ahrs.madgwick, ahrs.ekf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
@@ -73,6 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     tasks = _tasks(args)
     if args.plots is not None:
         args.plots.mkdir(parents=True, exist_ok=True)
@@ -109,13 +112,14 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
     names: Sequence[str] = args.filters or ["default"]
     if "all" in names:
         names = list(known)
+    for name in names:
+        if name in NEEDS:
+            extra, module = NEEDS[name]
+            extras.require(extra, f"--filter {name}", module)
     unknown = [name for name in names if name not in known]
     if unknown:
         raise BadInput(
-            *(
-                f"--filter {name}: not known or not installed; have {', '.join(known)}, all"
-                for name in unknown
-            )
+            *(f"--filter {name}: not known; have {', '.join(known)}, all" for name in unknown)
         )
     conditions = Conditions(
         args.vehicle_class,

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.evaluation.observer import figures
 
@@ -18,6 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs the trials and prints their figures."""
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     courses = figures.convergence()
     document = figures.document(courses)
     if args.json:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 from h2nav.evaluation.odometry import calibration, recordings, tables
@@ -52,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Calibrates and prints the parameters with a configuration block for the daemon."""
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     angles = _angles_rad(args.wheel_angles_deg)
     fed_radius_m = args.autopilot_radius_m
     if not 1e-4 <= fed_radius_m <= 1e3:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
@@ -37,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    # cvxpy would go on without a solver, and the gain file without the comparison.
+    solvers = map(str.lower, LMI_SOLVERS)
+    extras.require("synthesis", "synthesize", "scipy.linalg", "cvxpy", *solvers)
     from h2nav.io import gain_files
     from h2nav.synthesis.certificate import CertificateError
 

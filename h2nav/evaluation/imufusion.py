@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from h2nav.evaluation.rows import Array, ned_from_nwu
-from h2nav.sim.rigid_motion import GRAVITY_M_S2
+from h2nav.maths.units import GRAVITY_M_S2
 
 
 def attitudes(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from h2nav.attitude.gain_seal import check_seal
-from h2nav.attitude.gains import FORMAT, GainFile, parse_gain_file
+from h2nav.attitude.gains.envelope import FORMAT, GainFile, parse_gain_file
+from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
 from h2nav.io.plain_yaml import read_mapping
 

@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from h2nav.attitude import alignment, batch, native
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.fixed_flight import FlightFilter
-from h2nav.attitude.gains import two_stage_gains
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -24,9 +22,11 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.shaped import ShapedFilter
-from h2nav.attitude.shaped_gains import ShapedGains, shaped_gains
-from h2nav.attitude.two_stage import TwoStageFilter
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
 from h2nav.io import gain_files
@@ -97,20 +97,20 @@ def run_default(trial: Trial, conditions: Conditions) -> Track:
 def run_default_fixed(trial: Trial, conditions: Conditions) -> Track:
     """The same in integers."""
     gains = _at_cruise(_class_gains(trial, conditions), conditions)
-    return _run(trial, conditions, FlightFilter(gains, gains.name))
+    return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
 
 
-def run_shaped(trial: Trial, conditions: Conditions, gains: ShapedGains) -> Track:
+def run_shaped(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
     """The default filter with given gains."""
-    return _run(trial, conditions, ShapedFilter(_at_cruise(gains, conditions)))
+    return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
 
 
-def _class_gains(trial: Trial, conditions: Conditions) -> ShapedGains:
+def _class_gains(trial: Trial, conditions: Conditions) -> VelocityAidedGains:
     name = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
-    return shaped_gains(gain_files.load(name), name)
+    return velocity_aided_gains(gain_files.load(name), name)
 
 
-def _at_cruise(gains: ShapedGains, conditions: Conditions) -> ShapedGains:
+def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAidedGains:
     if conditions.cruise_speed_m_s is None:
         return gains
     return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
@@ -127,7 +127,10 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
     is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
-    is_compiled = isinstance(chosen, ShapedFilter | FlightFilter) and native.backend() == "native"
+    is_compiled = (
+        isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
+        and native.backend() == "native"
+    )
     if is_plain and is_compiled:
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)
@@ -180,7 +183,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
             _tell(chosen, following.what)
             following = next(coming, None)
         estimates.append(chosen.update(sample))
-        if isinstance(chosen, ShapedFilter | FlightFilter):
+        if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     known = np.array([estimate is not None for estimate in estimates])

@@ -12,11 +12,7 @@ from h2nav.io.trials import Trial
 
 
 def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
-    """Writes the picture of one filter on one trial.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Writes the picture of one filter on one trial."""
     t_s = trial.t_us * 1e-6
     figure, axes = pictures.pyplot().subplots(
         4, 1, sharex=True, figsize=(10, 10), layout="constrained"

@@ -8,8 +8,8 @@ import numpy as np
 
 from h2nav.errors import BadInput
 from h2nav.evaluation.odometry.tracks import Array, Increments, TimedPose, Track, of_track
-from h2nav.io.plain_yaml import shown
 from h2nav.motion.samples import WheelSample
+from h2nav.validation import shown
 
 REFERENCE = ("dx_m", "dy_m", "dtheta_rad")
 READINGS = {
