@@ -83,7 +83,7 @@ def tilt_gain(gyro_density: float, velocity_density: float) -> Candidate:
     return Candidate("closed_form", np.array([[squared], [k_velocity]]), float(norm))
 
 
-def synthesise(
+def synthesize(
     document: Mapping[str, object], rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
     """The certified gain sets of a disturbance model at a rate.

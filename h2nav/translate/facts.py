@@ -49,7 +49,8 @@ class Structure(NamedTuple):
 class State:
     """Scalars by name and array elements by array key, at one point of the program.
 
-    Elements missing from an array of integers hold any 32-bit value.
+    Elements missing from an array of integers hold any 32-bit value. The elements of an array are
+    never changed in place, only replaced as a whole: copies share them.
     """
 
     scalars: dict[str, Scalar] = field(default_factory=dict)
@@ -57,7 +58,11 @@ class State:
 
     def copy(self) -> "State":
         """An independent copy."""
-        return State(dict(self.scalars), {key: dict(cells) for key, cells in self.cells.items()})
+        return State(dict(self.scalars), dict(self.cells))
+
+    def put(self, key: int, index: int, value: Interval) -> None:
+        """Writes one element of an array."""
+        self.cells[key] = {**self.cells[key], index: value}
 
 
 def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
@@ -78,7 +83,9 @@ def join_states(a: State | None, b: State | None) -> State | None:
             joined.scalars[name] = scalar
     for key in a.cells.keys() & b.cells.keys():
         first, second = a.cells[key], b.cells[key]
-        joined.cells[key] = {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+        if first is not second:
+            first = {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+        joined.cells[key] = first
     return joined
 
 

@@ -74,7 +74,7 @@ class _Analysis:
         return Array(self._arrays, is_float, length, writable)
 
     def run_entry(self, function: Function, begins: bool) -> None:
-        state = State(cells={array.key: dict(cells) for array, cells in self._tables.values()})
+        state = State(cells={array.key: cells for array, cells in self._tables.values()})
         arguments: dict[str, Argument] = {}
         for number, argument in enumerate(function.node.args.args):
             kind = _annotation(self._kernel, function, argument)
@@ -275,12 +275,13 @@ class _Frame:
             raise self._refuse(target, "a float is stored in an array of integers")
         if not value.within(INT32):
             raise self._refuse(target, f"stores {value.lo}..{value.hi} in a 32-bit element")
-        cells = state.cells[array.key]
         if index.lo == index.hi:
-            cells[index.lo] = value
+            state.put(array.key, index.lo, value)
         else:
-            for i in range(index.lo, index.hi + 1):
-                cells[i] = cells.get(i, INT32).hull(value)
+            cells = state.cells[array.key]
+            reached = range(index.lo, index.hi + 1)
+            hulls = {i: cells.get(i, INT32).hull(value) for i in reached}
+            state.cells[array.key] = {**cells, **hulls}
 
     def _if(self, node: ast.If, state: State) -> State | None:
         taken = self._expressions.narrow(node.test, state, True)
