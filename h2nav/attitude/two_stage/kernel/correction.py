@@ -84,7 +84,8 @@ def weigh_field(s: Memory, g: Gains, force_weight: float) -> None:
     """
     s.mag_accepted_age_s = 0.0
     steps = s.mag_age_s / g.dt_s
-    steps = min(steps, 20.0)
+    if steps > 20.0:
+        steps = 20.0
     off_n = s.mag_ned[0] - g.mag_n
     off_e = s.mag_ned[1]
     off_d = s.mag_ned[2] - g.mag_d

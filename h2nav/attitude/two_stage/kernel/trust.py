@@ -24,7 +24,8 @@ def track_force(s: Memory, g: Gains, sample: Sample) -> int:
     # Jerks that fill less than half of the time must not open the gate for themselves.
     most = 2.0 * s.accel_jitter + 2.0 / g.accel_info
     power = fast_n * fast_n + fast_e * fast_e
-    power = min(power, most)
+    if power > most:
+        power = most
     s.accel_jitter += c * (power - s.accel_jitter)
     slow_n = s.gravity_lp_n
     slow_e = s.gravity_lp_e
@@ -37,11 +38,13 @@ def track_force(s: Memory, g: Gains, sample: Sample) -> int:
         s.gravity_mean_e += mean * slow_e
     power = slow_n * slow_n + slow_e * slow_e
     s.power_age_s += dt
-    s.power_age_s = min(s.power_age_s, g.level_time_s)
+    if s.power_age_s > g.level_time_s:
+        s.power_age_s = g.level_time_s
     c = dt / (s.power_age_s + dt)
     if s.converged < 1.0 or s.started_moving > 0.0:
         s.accel_power_uncapped += c * (power - s.accel_power_uncapped)
-    power = min(power, g.accel_power_cap)
+    if power > g.accel_power_cap:
+        power = g.accel_power_cap
     s.accel_power += c * (power - s.accel_power)
     level = 0
     for i in range(LEVELS):
