@@ -1,4 +1,4 @@
-"""The shaped gains against Riccati, against their own certificates, and the class models."""
+"""The velocity-aided gains against Riccati, against their own certificates, and the class models."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from h2nav.io import gain_files
 from h2nav.io.plain_yaml import read_mapping
 from h2nav.synthesis.kinds import check
 from h2nav.synthesis.riccati import solve_riccati
-from h2nav.synthesis.shaped import synthesise, tilt_gain, tilt_plant
+from h2nav.synthesis.velocity_aided import synthesise, tilt_gain, tilt_plant
 
 CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 RATES_HZ = (50, 100, 200, 400)
