@@ -3,6 +3,7 @@ PYTHON ?= python3
 EXTRAS ?= dev
 VENV := .venv
 BIN := $(VENV)/bin
+INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check --editable
 comma := ,
 # The installation follows its declaration and what its compiled part is made from.
 SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/attitude/*/memory.py h2nav/attitude/*/*/memory.py h2nav/attitude/*/kernel/*.py h2nav/attitude/*/*/kernel/*.py h2nav/attitude/integer/*.py h2nav/translate/*.py)
@@ -59,11 +60,12 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 
 $(FOR_DEMO): $(SOURCES) | $(BIN)/python
-	@echo "installing into $(VENV), a minute or two the first time"
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@echo "installing into $(VENV), half a minute the first time"
+	@# the demo imports little of what comes: half of the time would go into the bytecode of the rest
+	@$(INSTALL) . --no-compile
 	@touch $@
 
 $(FOR_TESTS): $(SOURCES) | $(BIN)/python
 	@echo "installing into $(VENV) with $(EXTRAS), a few minutes the first time"
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@$(INSTALL) '.[$(EXTRAS)]'
 	@touch $@ $(FOR_DEMO)

@@ -1,11 +1,20 @@
-"""Limits that stand in the annotations of settings: ``rate_hz: Annotated[float, Within(1, 1000)]``.
+"""What values others may give us: limits, and complaints about keys and values that break them.
 
-The strict loader (`h2nav.io.strict_yaml`) enforces them and names file, key and remedy. They live
-below every room so that each room can state the limits of its own settings.
+Limits stand in the annotations of settings, ``rate_hz: Annotated[float, Within(1, 1000)]``, where
+the strict loader (`h2nav.io.strict_yaml`) enforces them, or in tables of a section's numbers, which
+`numbers_within` takes. Every complaint names the place, the key and the remedy. All of this lives
+below every room, so that each room can state the limits of its own inputs.
 """
 
+import difflib
+import sys
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeGuard
+
+LONGEST_KEY = 60  # what is longer resembles none of ours, and comparing costs its length squared
+LONGEST_SHOWN = 60
+LARGEST_DOUBLE = sys.float_info.max
 
 
 class Limit(Protocol):
@@ -25,7 +34,7 @@ class Within:
     def complaint(self, value: object) -> str | None:
         """See `Limit`."""
         # Compared as it is: a whole number may be too large for a float.
-        if isinstance(value, int | float) and self.low <= value <= self.high:
+        if _is_number(value) and self.low <= value <= self.high:
             return None
         return f"a number from {self.low:g} to {self.high:g}"
 
@@ -41,3 +50,80 @@ class OneOf:
         if value in self.choices:
             return None
         return "one of " + ", ".join(str(choice) for choice in self.choices)
+
+
+def key_complaints(
+    section: Mapping[str, object],
+    known: Collection[str],
+    required: Collection[str],
+    place: str,
+    prefix: str = "",
+) -> list[str]:
+    """One line per key that is unknown or missing.
+
+    Args:
+        section: keys and values.
+        known: all keys there are.
+        required: those that must be there.
+        place: the file.
+        prefix: what leads to the section inside the file, such as ``gains.``.
+    """
+    complaints = []
+    for key in sorted(section.keys() - set(known)):
+        near = difflib.get_close_matches(key[:LONGEST_KEY], known, n=1)
+        remedy = f"did you mean {prefix}{near[0]}?" if near else f"known: {', '.join(known)}"
+        complaints.append(f"{place}: {prefix}{shown(key)}: unknown key; {remedy}")
+    complaints += [
+        f"{place}: {prefix}{key}: missing; this key is required"
+        for key in required
+        if key not in section
+    ]
+    return complaints
+
+
+def numbers_within(
+    section: Mapping[str, object],
+    limits: Mapping[str, Within],
+    complaints: list[str],
+    place: str,
+    prefix: str = "",
+) -> dict[str, float]:
+    """The numbers of a section that are within their limits; the others become complaints.
+
+    Args:
+        section: keys and values; a key that it lacks is left to `key_complaints`.
+        limits: key -> limit of its number.
+        complaints: gets one line per number that is none or out of its limits.
+        place: the file.
+        prefix: what leads to the section inside the file, such as ``gains.``.
+    """
+    numbers = {}
+    for key, limit in limits.items():
+        if key not in section:
+            continue
+        value = section[key]
+        expected = limit.complaint(value)
+        if expected is None and _is_number(value):
+            numbers[key] = float(value)
+        else:
+            found = shown(repr(value))
+            complaints.append(f"{place}: {prefix}{key}: expected {expected}, found {found}")
+    return numbers
+
+
+def finite_numbers(value: object) -> list[float]:
+    """A list of finite numbers; empty when `value` is anything else."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return []
+    numbers = [float(item) for item in value if _is_number(item) and abs(item) <= LARGEST_DOUBLE]
+    return numbers if len(numbers) == len(value) else []
+
+
+def shown(value: object) -> str:
+    """A value for an error message: on one line, printable, not longer than a line."""
+    text = value if isinstance(value, str) and value.isprintable() else repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -22,8 +22,9 @@ BAD_ROWS: st.SearchStrategy[Rows] = st.lists(
 
 def check_survival(filter_: AttitudeFilter, flight: Sequence[ImuSample], rows: Rows) -> None:
     """A flight, the bad rows, the flight again: whatever is then said is finite and of norm one."""
-    for sample in flight:
-        filter_.update(sample)
+    before = [filter_.update(sample) for sample in flight][-1]
+    assert before is not None
+    has_sigma = not math.isnan(before.sigma_tilt_rad)
     t_us = flight[-1].t_us
     for gap_us, w, f, m, clipped in rows:
         t_us += gap_us
@@ -32,6 +33,7 @@ def check_survival(filter_: AttitudeFilter, flight: Sequence[ImuSample], rows: R
         t_us += 10_000
         estimate = filter_.update(sample._replace(t_us=t_us))
         if estimate is not None:
-            numbers = (*estimate.q_nb, *estimate.w_b, *estimate.bias_b, estimate.sigma_tilt_rad)
+            numbers = (*estimate.q_nb, *estimate.w_b, *estimate.bias_b, *estimate.innovation_n)
             assert all(map(math.isfinite, numbers))
+            assert math.isfinite(estimate.sigma_tilt_rad) == has_sigma
             assert math.hypot(*estimate.q_nb) == pytest.approx(1.0, abs=1e-6)

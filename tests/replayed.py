@@ -6,7 +6,7 @@ from pathlib import Path
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
-from h2nav.apps.reference import ErrorTable, Reference
+from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.io.deframer import Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recordings import open_recording

@@ -13,10 +13,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from h2nav.apps.dataset_filters import Conditions, run_shaped, shipped_rate
 from h2nav.attitude.kernels import shaped_layout as layout
-from h2nav.attitude.scoring import errors, rms
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.evaluation.dataset.filters import Conditions, run_shaped
+from h2nav.evaluation.scoring import errors, rms
 from h2nav.io import gain_files
 from h2nav.io.trials import read_trial
 
@@ -77,7 +77,7 @@ ABLATIONS: dict[str, Change | None] = {
 
 def score(path: Path, conditions: Conditions, name: str) -> tuple[float, float, float]:
     trial = read_trial(path)
-    file = f"{conditions.vehicle_class}_{shipped_rate(trial.rate_hz)}hz"
+    file = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
     gains: VelocityAidedGains = velocity_aided_gains(gain_files.load(file), file)
     g = list(gains.g)
     change = ABLATIONS[name]

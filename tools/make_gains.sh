@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Synthesises every shipped gain file again: all models, all shipped rates.
+# Synthesizes every shipped gain file again: all models, all shipped rates.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 for model in gains/models/*.yaml; do

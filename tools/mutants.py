@@ -57,8 +57,8 @@ ROOMS = {
         (
             "tests/unit/motion",
             "tests/unit/service",
-            "tests/unit/apps/test_evaluate_observer.py",
-            "tests/unit/apps/test_odometry_calibrate.py",
+            "tests/unit/evaluation/test_observer.py",
+            "tests/unit/evaluation/test_odometry.py",
             "tests/scenarios/test_motion_twist.py",
             "tests/scenarios/test_motion_wheels.py",
             "tests/agreement/test_odometry_paths.py",
@@ -69,6 +69,7 @@ ROOMS = {
         "h2nav/attitude/kernels",
         (
             "tests/unit/attitude",
+            "tests/contract",
             "tests/scenarios/test_shaped_faults.py",
             "tests/scenarios/test_shaped_trials.py",
             "tests/scenarios/test_lost_attitude.py",

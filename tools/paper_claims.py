@@ -1,24 +1,26 @@
 """Prints the figures behind the claims of docs/paper.md: `python tools/paper_claims.py`."""
 
-import math
-
 import numpy as np
 
-from h2nav.apps.paper_plots import stable_share
-from h2nav.apps.paper_trials import Assumptions, densities
-from h2nav.attitude.paper import Weights, linearised_plant, literal_slides_plant, spectral_abscissa
-from h2nav.attitude.plant import attitude_bias_plant, discretise
-from h2nav.sim.imu_model import field_vector
+from h2nav.evaluation.paper.filter import (
+    Weights,
+    linearised_plant,
+    literal_slides_plant,
+    paper_gain,
+    spectral_abscissa,
+    stable_share,
+)
+from h2nav.evaluation.paper.trials import Assumptions, densities
+from h2nav.maths.units import DEG
 from h2nav.synthesis.certificate import CertificateError, accept, prove
 from h2nav.synthesis.lmi import solve_lmi, solve_raw_lmi
 from h2nav.synthesis.method import SynthesisError, relative_distance
 from h2nav.synthesis.model import vector_sensors
+from h2nav.synthesis.plant import attitude_bias_plant, discretise
 from h2nav.synthesis.riccati import solve_riccati
 
-DEG = math.pi / 180.0
 ASSUMPTIONS = Assumptions()
-FIELD_N = np.array(field_vector(ASSUMPTIONS.field)) / ASSUMPTIONS.norm_ut
-VECTORS = np.array([[0.0, 0.0, 1.0], FIELD_N])
+VECTORS = ASSUMPTIONS.vectors
 
 
 def noise_vector() -> None:
@@ -80,14 +82,14 @@ def raw_lmi() -> None:
 
 def stability() -> None:
     print("4. The Euler gain L0, linearised at zero, at resting attitudes")
-    L = solve_riccati(linearised_plant(VECTORS, Weights())).L
+    L = paper_gain(VECTORS)
     for number, name in enumerate(("roll", "pitch", "yaw")):
         angles = np.zeros((1801, 3))
         angles[:, number] = np.linspace(0.0, 180.0, 1801) * DEG
         unstable = spectral_abscissa(L, VECTORS, angles) >= 0.0
         print(f"   {name}: unstable from {angles[unstable, number].min() / DEG:.1f} deg on")
     for tilt_deg in (15.0, 30.0, 45.0):
-        share = 1.0 - stable_share(ASSUMPTIONS, tilt_deg)
+        share = 1.0 - stable_share(VECTORS, tilt_deg)
         print(f"   |roll|, |pitch| up to {tilt_deg:.0f} deg, any heading: {share:.1%} unstable")
 
 

@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
@@ -17,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    extras.require("synthesis", "certify", "scipy.linalg")
     results = {name: _checked(name) for name in args.files}
     if args.json:
         print_json({"ok": all(r["ok"] for r in results.values()), "files": results})

@@ -14,9 +14,9 @@ from h2nav.apps.configuration import Configuration, LinkSettings, LogSettings
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
-from h2nav.apps.reference import ErrorTable, Reference
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.io.deframer import Frame
 from h2nav.service.records import EstimateRecord, HealthRecord
 from h2nav.service.settings import AutopilotSettings

@@ -1,6 +1,5 @@
 """Makes the filter that a configuration and a vehicle ask for; knows where its gains come from."""
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Literal
 
@@ -16,7 +15,6 @@ from h2nav.service.autopilot import Identity
 
 FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 ROVERS = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
-SHIPPED_RATES_HZ = (50, 100, 200, 400)
 VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 
 
@@ -28,16 +26,13 @@ def vehicle_class(vehicle_type: int) -> str:
 
 
 def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str]:
-    """Vehicle class -> gain file (path or shipped name) for a configuration.
-
-    The shipped rate nearest to the IMU's is taken; the filters step with the samples' true times.
-    """
+    """Vehicle class -> gain file (path or shipped name) for a configuration."""
     classes: tuple[str, ...] = VEHICLE_CLASSES
     if settings.vehicle_class != "auto":
         classes = (settings.vehicle_class,)
     if settings.gains != "auto":
         return dict.fromkeys(classes, settings.gains)
-    rate_hz = min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / imu_rate_hz)))
+    rate_hz = gain_files.shipped_rate(imu_rate_hz)
     if algorithm(settings) != "velocity_aided":
         return dict.fromkeys(classes, f"{settings.sensor}_{rate_hz}hz")
     return {name: f"{name}_{rate_hz}hz" for name in classes}

@@ -17,6 +17,7 @@ from h2nav.io import plain_yaml
 from h2nav.io.log_folder import MIB, LogLimits
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
+from h2nav.validation import shown
 
 CONFIGURATION_NAME = "configuration.yaml"
 GAINS_FOLDER = "gains/"
@@ -113,6 +114,6 @@ def _recorded_date(recording: Recording) -> float:
     if not 0.0 <= unix_s <= LATEST_UNIX_S:
         raise BadInput(
             f"{recording.path}: metadata {RUN_METADATA}: unix_s: expected UNIX seconds, found "
-            f"{plain_yaml.shown(text)}; replay with --config"
+            f"{shown(text)}; replay with --config"
         )
     return unix_s

@@ -4,18 +4,18 @@ import argparse
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
+from h2nav.evaluation.odometry import calibration, recordings, tables
+from h2nav.evaluation.odometry.calibration import Calibration
+from h2nav.evaluation.odometry.tracks import Drive, Increments, drive
+from h2nav.maths.least_squares import SOLVERS
+from h2nav.motion.settings import OdometrySettings
 
-if TYPE_CHECKING:
-    from h2nav.apps.odometry_tracks import Drive, Increments
-    from h2nav.motion.odometry_calibration import Calibration
-
-MODELS = ("diff", "omni", "matrix")
 FED_REMARK = "  # the wheel radius that the autopilot makes WHEEL_DISTANCE with"
-SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(time_s,way_left_m,way_right_m | way_1_m..way_3_m, with x_m,y_m,heading_rad), or a tlog "
         "or MCAP with WHEEL_DISTANCE and a pose",
     )
-    parser.add_argument("--model", choices=MODELS, help="default: what the data's columns say")
+    parser.add_argument(
+        "--model", choices=tables.READINGS, help="default: what the data's columns say"
+    )
     parser.add_argument("--solver", choices=SOLVERS, default="qr", help="default: qr")
     parser.add_argument(
         "--wheel-angles-deg",
@@ -39,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--autopilot-radius-m",
         type=float,
+        default=1.0,
         metavar="R",
         help="wheel radius that the autopilot makes WHEEL_DISTANCE with (ArduPilot: WENC_RADIUS); "
         "default 1: from increments, the daemon must be fed wheel angles; from counters, the "
@@ -50,43 +53,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Calibrates and prints the parameters with a configuration block for the daemon."""
-    from h2nav.motion import odometry_calibration as calibration
-
+    if args.plots is not None:
+        extras.require("plots", "--plots", "matplotlib.pyplot")
     angles = _angles_rad(args.wheel_angles_deg)
-    fed_radius_m = _fed_radius(args.autopilot_radius_m)
-    data = _read(args.data, args.model)
+    fed_radius_m = args.autopilot_radius_m
+    if not 1e-4 <= fed_radius_m <= 1e3:
+        raise BadInput(
+            f"--autopilot-radius-m {fed_radius_m}: expected a number from 0.0001 to 1000"
+        )
+    read = _read(args.data, args.model)
     # Counters in metres are wheel angles times the autopilot's radius; increments are angles.
-    readings = data.readings if data.track is None else data.readings / fed_radius_m
+    data = read if read.track is None else read._replace(readings=read.readings / fed_radius_m)
     if data.model == "diff":
-        result = calibration.calibrate_differential(readings, data.motion, args.solver)
+        result = calibration.calibrate_differential(data.readings, data.motion, args.solver)
     elif data.model == "omni":
-        result = calibration.calibrate_omni(readings, data.motion, angles, args.solver)
+        result = calibration.calibrate_omni(data.readings, data.motion, angles, args.solver)
     else:
-        result = calibration.calibrate_matrix(readings, data.motion, args.solver)
-    block = configuration(result, angles, fed_radius_m)
-    driven = _driven(data, block)
+        result = calibration.calibrate_matrix(data.readings, data.motion, args.solver)
+    block = calibration.configuration(result, angles, fed_radius_m)
+    driven = None
+    if data.track is not None and block is not None:
+        # The whole drive again, by the daemon's own odometry with the new section.
+        driven = drive(data.track, OdometrySettings(**block))
     if args.json:
         print_json(_document(result, block, driven), indent=1)
     else:
         _print_text(result, data, block, driven)
     if args.plots is not None:
-        from h2nav.apps import odometry_plots
+        from h2nav.evaluation.odometry import pictures
 
-        for path in odometry_plots.write(
-            args.plots, result, data._replace(readings=readings), angles
-        ):
+        for path in pictures.write(args.plots, result, data, angles):
             print(f"wrote {path}", file=sys.stderr)
     return 0
 
 
-def _read(path: Path, model: str | None) -> "Increments":
-    from h2nav.apps import odometry_recordings, odometry_tables
-
+def _read(path: Path, model: str | None) -> Increments:
     if path.suffix.lower() in (".csv", ".txt"):
-        return odometry_tables.read_increments(path, model)
+        return tables.read_increments(path, model)
     if model == "matrix":
         raise BadInput(f"{path}: a recording holds wheel distances; the model matrix needs a CSV")
-    return odometry_recordings.read_increments(path, model)
+    return recordings.read_increments(path, model)
 
 
 def _angles_rad(text: str) -> tuple[float, float, float]:
@@ -99,51 +105,11 @@ def _angles_rad(text: str) -> tuple[float, float, float]:
     return (a, b, c)
 
 
-def _fed_radius(radius_m: float | None) -> float:
-    if radius_m is None:
-        return 1.0
-    if not 1e-4 <= radius_m <= 1e3:
-        raise BadInput(f"--autopilot-radius-m {radius_m}: expected a number from 0.0001 to 1000")
-    return radius_m
-
-
-def configuration(
-    result: "Calibration", angles_rad: tuple[float, ...], fed_radius_m: float
-) -> dict[str, Any] | None:
-    """The daemon's section `odometry`; None when the data do not determine it.
-
-    Args:
-        result: of the calibration.
-        angles_rad: of the wheels, for an omni layout.
-        fed_radius_m: the radius that the autopilot turns wheel angles into distances with.
-    """
-    if not result.determined:
-        return None
-    parameters = {name: _shown(v) for name, v in zip(result.names, result.values, strict=True)}
-    if result.model == "diff":
-        return {"layout": "differential", **parameters, "autopilot_radius_m": fed_radius_m}
-    if result.model == "omni":
-        degrees = {f"angle_{i}_deg": _shown(math.degrees(a)) for i, a in enumerate(angles_rad, 1)}
-        fed = {"autopilot_radius_m": fed_radius_m}
-        return {"layout": "omni", **degrees, **parameters, **fed}
-    return parameters
-
-
-def _driven(data: "Increments", block: dict[str, Any] | None) -> "Drive | None":
-    """The whole drive again, by the daemon's own odometry with the new section."""
-    from h2nav.apps.odometry_tracks import drive
-    from h2nav.motion.settings import OdometrySettings
-
-    if data.track is None or block is None:
-        return None
-    return drive(data.track, OdometrySettings(**block))
-
-
 def _document(
-    result: "Calibration", block: dict[str, Any] | None, driven: "Drive | None"
+    result: Calibration, block: dict[str, Any] | None, driven: Drive | None
 ) -> dict[str, Any]:
     rms_m, rms_rad = result.residual_rms
-    values = [_finite(value) for value in result.values.tolist()]
+    values = result.values.tolist()
     if result.model == "matrix":
         parameters: dict[str, Any] = {"matrix": [values[0:3], values[3:6], values[6:9]]}
     else:
@@ -151,10 +117,10 @@ def _document(
     return {
         **parameters,
         "parameters": list(result.names),
-        "covariance": [[_finite(c) for c in row] for row in result.covariance.tolist()],
+        "covariance": result.covariance.tolist(),
         "rank": result.solution.rank,
         "unknowns": int(result.solution.x.size),
-        "condition": _finite(result.solution.condition),
+        "condition": result.solution.condition,
         "residual_rms": math.sqrt((2.0 * rms_m**2 + rms_rad**2) / 3.0),
         "residual_rms_m": rms_m,
         "residual_rms_rad": rms_rad,
@@ -164,16 +130,16 @@ def _document(
         "solver": result.solution.solver,
         "reference_read_as": result.reading,
         "increments": len(result.residuals),
-        "drive": driven and {key: _finite(value) for key, value in driven._asdict().items()},
+        "drive": driven and driven._asdict(),
         "configuration": block,
     }
 
 
 def _print_text(
-    result: "Calibration",
-    data: "Increments",
+    result: Calibration,
+    data: Increments,
     block: dict[str, Any] | None,
-    driven: "Drive | None",
+    driven: Drive | None,
 ) -> None:
     rms_m, rms_rad = result.residual_rms
     solution = result.solution
@@ -201,13 +167,3 @@ def _print_text(
     for key, value in block.items():
         remark = FED_REMARK if key == "autopilot_radius_m" and value == 1.0 else ""
         print(f"  {key}: {value}{remark}")
-
-
-def _shown(value: float) -> float:
-    """Six significant digits: far below the accuracy of any calibration."""
-    return float(f"{float(value):.6g}")
-
-
-def _finite(value: float) -> float | None:
-    """JSON knows no NaN and no infinity."""
-    return float(value) if math.isfinite(value) else None

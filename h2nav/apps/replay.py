@@ -17,8 +17,8 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_contents import RecordedInputs, attach_inputs, inputs_of
 from h2nav.apps.pipeline import Outlets, Pipeline
-from h2nav.apps.reference import Reference
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.evaluation.reference import Reference
 from h2nav.io.deframer import Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 
@@ -37,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    # cvxpy would go on without a solver, and the gain file without the comparison.
+    solvers = map(str.lower, LMI_SOLVERS)
+    extras.require("synthesis", "synthesize", "scipy.linalg", "cvxpy", *solvers)
     from h2nav.io import gain_files
     from h2nav.synthesis.certificate import CertificateError
 
@@ -44,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(f"--rate {args.rate:g}: expected a rate from 1 to 4000 Hz")
     started = time.perf_counter()
     try:
-        file, solver_wall_time_s = _synthesise(args.model, args.rate)
+        file, solver_wall_time_s = _synthesize(args.model, args.rate)
     except CertificateError as error:
         raise TaskFailed(f"{args.model}: no trustworthy gain: {error}") from None
     gain_files.write(args.output, file)
@@ -71,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _synthesise(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
+def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
     """The certified gain file of a model of either kind, and the solvers' times."""
     from h2nav.attitude.gains.envelope import FORMER_KINDS
     from h2nav.io.plain_yaml import read_mapping

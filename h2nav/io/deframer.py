@@ -96,8 +96,7 @@ class DeframerCounters(NamedTuple):
         bad_length: MAVLink 1 start markers with a length that their message cannot have.
         unknown_flags: MAVLink 2 start markers with incompatibility flags other than "signed".
         truncated: start markers whose frame was incomplete when the stream ended (`flush`).
-        refused_v1: good MAVLink 1 frames, not given out because MAVLink 1 is switched off.
-        skipped_bytes: bytes outside of the given frames: noise, text, damaged and refused frames.
+        skipped_bytes: bytes outside of the given frames: noise, text, damaged frames.
     """
 
     bytes_in: int = 0
@@ -110,7 +109,6 @@ class DeframerCounters(NamedTuple):
     bad_length: int = 0
     unknown_flags: int = 0
     truncated: int = 0
-    refused_v1: int = 0
     skipped_bytes: int = 0
 
 
@@ -142,14 +140,9 @@ class Deframer:
     One deframer per link, all links alike: datagrams are fed as they come (a transparent
     serial-to-UDP bridge may cut a frame in two), and what a lost datagram leaves behind is
     overtaken by the next good frame.
-
-    Args:
-        accept_v1: give out MAVLink 1 frames; otherwise they are counted and dropped. (Where signing
-            is on, `SignatureChecker` refuses them by name instead.)
     """
 
-    def __init__(self, *, accept_v1: bool = True) -> None:
-        self._accept_v1 = accept_v1
+    def __init__(self) -> None:
         self._pending = b""  # begins at the first start marker that is not decided yet
         self._pending_counted = 0  # leading bytes of it that an earlier frame has accounted for
         self._counts = dict.fromkeys(DeframerCounters._fields, 0)
@@ -203,9 +196,8 @@ class Deframer:
                 msg_id, _, _, _, payload, version, signed, raw = found
                 at += len(raw)
                 decided = max(decided, at)
-                unusual = version == 1 or signed or len(payload) > _KNOWN[msg_id][1]
-                if unusual and not self._admits(found):
-                    continue
+                if version == 1 or signed or len(payload) > _KNOWN[msg_id][1]:
+                    self._count_unusual(found)
                 frames.append(found)
                 if signed or raw[-1] >= _MARKER_2:
                     # The frame may have lost bytes here and borrowed them from the next one: the
@@ -228,18 +220,12 @@ class Deframer:
         self._pending_counted = max(decided - keep_from, 0)
         return frames
 
-    def _admits(self, frame: Frame) -> bool:
-        """Counts a good frame that is not plain MAVLink 2; False if it must not be given out."""
+    def _count_unusual(self, frame: Frame) -> None:
+        """Counts a frame that is not plain MAVLink 2."""
         counts = self._counts
-        if frame.version == 1:
-            if not self._accept_v1:
-                counts["refused_v1"] += 1
-                counts["skipped_bytes"] += len(frame.raw)
-                return False
-            counts["frames_v1"] += 1
+        counts["frames_v1"] += frame.version == 1
         counts["frames_signed"] += frame.signed
         counts["frames_longer"] += len(frame.payload) > _KNOWN[frame.msg_id][1]
-        return True
 
     def _count_skipped(
         self,

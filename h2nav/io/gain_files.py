@@ -1,5 +1,7 @@
 """Gain files on disk: writing, finding shipped ones by name, and the daemon's trust in them."""
 
+import json
+import math
 import os
 from collections.abc import Mapping
 from importlib import resources
@@ -13,6 +15,8 @@ from h2nav.errors import BadInput
 from h2nav.io.plain_yaml import read_mapping
 
 SUFFIX = ".yaml"
+SHIPPED_RATES_HZ = (50, 100, 200, 400)
+LONGEST_ROW = 600  # characters; a loop of a plant of three states with its proof takes some 500
 
 
 def load(path_or_name: str | Path) -> GainFile:
@@ -68,8 +72,18 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
+def shipped_rate(rate_hz: float) -> int:
+    """The rate of the shipped gains that is nearest; filters step with the samples' true times."""
+    return min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / rate_hz)))
+
+
 def text_of(file: GainFile) -> str:
-    """The YAML text of a gain file; numbers survive to the last bit."""
+    """The YAML text of a gain file; numbers survive to the last bit.
+
+    Model and gains are read by people and stand in blocks. What only programs read, methods and
+    certificate, stands in rows, one line per entry. The seal is made over the values, so the
+    layout plays no part in it.
+    """
     document = {
         "format": FORMAT,
         "kind": file.kind,
@@ -77,12 +91,12 @@ def text_of(file: GainFile) -> str:
         "rate_hz": file.rate_hz,
         "model": _plain(file.model),
         "gains": _plain(file.gains),
-        "methods": _plain(file.methods),
-        "certificate": _plain(file.certificate),
+        "methods": _in_rows(_plain(file.methods)),
+        "certificate": _in_rows(_plain(file.certificate)),
         "fixed_point": _plain(file.fixed_point),
         "made_by": file.made_by,
     }
-    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, width=100)
+    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, width=math.inf)
 
 
 def write(path: Path, file: GainFile) -> None:
@@ -100,8 +114,16 @@ def write(path: Path, file: GainFile) -> None:
         raise BadInput(f"{path}: cannot be written: {error}") from None
 
 
+class _Row(dict[str, object]):
+    """A mapping that is written in one line."""
+
+
 class _Dumper(yaml.SafeDumper):
-    """Mappings in blocks, lists of numbers in lines."""
+    """Mappings in blocks and rows, lists of numbers in lines."""
+
+
+def _row(dumper: yaml.SafeDumper, items: _Row) -> yaml.Node:
+    return dumper.represent_mapping("tag:yaml.org,2002:map", items, flow_style=True)
 
 
 def _list(dumper: yaml.SafeDumper, items: list[object]) -> yaml.Node:
@@ -109,7 +131,17 @@ def _list(dumper: yaml.SafeDumper, items: list[object]) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=flat)
 
 
+_Dumper.add_representer(_Row, _row)
 _Dumper.add_representer(list, _list)
+
+
+def _in_rows(value: object) -> object:
+    """The largest mappings that fit into a row as rows, what is larger in blocks of these."""
+    if not isinstance(value, dict):
+        return value
+    if len(json.dumps(value)) <= LONGEST_ROW:
+        return _Row(value)
+    return {key: _in_rows(item) for key, item in value.items()}
 
 
 def _plain(value: object) -> object:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from h2nav.errors import BadInput
-from h2nav.io.plain_yaml import shown
+from h2nav.validation import shown
 
 LARGEST_BYTES = 512 << 20  # half an hour of samples at 2 kHz has 400 MB
 NUMBERS = "fiub"  # numpy's letters for real numbers and truth values

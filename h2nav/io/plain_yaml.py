@@ -12,11 +12,11 @@ from typing import Any, NoReturn
 import yaml
 
 from h2nav.errors import BadInput
+from h2nav.validation import shown
 
 LARGEST_BYTES = 1 << 20  # a gain file has 40 kB
 DEEPEST = 32
 LONGEST_NUMBER = 64
-LONGEST_SHOWN = 60
 
 _TAG = "tag:yaml.org,2002:"
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -77,12 +77,6 @@ def parse_mapping(text: str, place: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise BadInput(f"{place}: expected keys and values, found {type(content).__name__}")
     return content
-
-
-def shown(value: object) -> str:
-    """A value for an error message: on one line, printable, not longer than a line."""
-    text = value if isinstance(value, str) and value.isprintable() else repr(value)
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
 def _refuse_what_expands(text: str, place: str) -> None:

@@ -6,16 +6,12 @@ the remedy, and all of them are reported together.
 """
 
 import dataclasses
-import difflib
-import sys
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from h2nav.errors import BadInput
-from h2nav.io.plain_yaml import shown
+from h2nav.validation import LARGEST_DOUBLE, key_complaints, shown
 
 T = TypeVar("T")
-LONGEST_KEY = 60  # what is longer resembles none of ours, and comparing costs its length squared
-LARGEST_DOUBLE = sys.float_info.max
 WORDS = {
     int: "a whole number",
     float: "a number",
@@ -52,20 +48,15 @@ def _build(
         complaints.append(f"{place}: {prefix.rstrip('.')}: expected a section of keys and values")
         return None
     hints = get_type_hints(record_type, include_extras=True)
-    for key in sorted(mapping.keys() - hints.keys()):
-        near = difflib.get_close_matches(key[:LONGEST_KEY], hints, n=1)
-        remedy = f"did you mean {prefix}{near[0]}?" if near else f"known: {', '.join(hints)}"
-        complaints.append(f"{place}: {prefix}{shown(key)}: unknown key; {remedy}")
-    values = {}
-    required = {
+    required = [
         field.name
         for field in dataclasses.fields(record_type)
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-    }
+    ]
+    complaints += key_complaints(mapping, hints, required, place, prefix)
+    values = {}
     for key, hint in hints.items():
         if key not in mapping:
-            if key in required:
-                complaints.append(f"{place}: {prefix}{key}: missing; this key is required")
             continue
         if dataclasses.is_dataclass(hint):
             assert isinstance(hint, type)

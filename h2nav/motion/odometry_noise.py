@@ -1,8 +1,8 @@
-"""Noise of wheel odometry: slip per metre, its covariance, and a sampler for tests of both."""
+"""Noise of wheel odometry: slip per metre, and the covariance that it leads to."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from h2nav.maths import se2
 from h2nav.maths.se2 import Matrix3, Planar
@@ -62,43 +62,6 @@ def propagate(before: Matrix3, pose: Planar, after: Planar, motion: Planar, Q: M
         (p[0] + q[0], p[1] + q[1], p[2] + q[2]) for p, q in zip(old, new, strict=True)
     )
     return ((a, b, c2), (b, d, e), (c2, e, f))
-
-
-def sample_ends(
-    chassis: Chassis, steps: Sequence[Sequence[float]], slip: Slip, seeds: range
-) -> Any:
-    """Where noisy runs of the same wheel ways end; the deterministic step stays untouched.
-
-    The wheels roll `steps`; what the chassis really does differs by random slip.
-
-    Args:
-        chassis: the layout.
-        steps: the wheels' ways, step by step.
-        slip: the noise.
-        seeds: one run for each; a seed names its run, whichever others are asked for.
-
-    Returns:
-        (len(seeds), 3) array of x, y, heading (not wrapped).
-
-    Source: docs/motion.md Eq. (24).
-    """
-    import numpy as np
-
-    ways = np.asarray(steps, dtype=np.float64)
-    draws = np.stack(
-        [np.random.default_rng(s).normal(size=(len(ways), ways.shape[1] + 1)) for s in seeds]
-    )
-    rolled = ways + slip.wheel_m_rtm * np.sqrt(np.abs(ways)) * draws[:, :, :-1]
-    motion = rolled @ np.asarray(chassis.jacobian()).T
-    meant = ways @ np.asarray(chassis.jacobian()).T
-    motion[:, :, 1] += slip.side_m_rtm * np.sqrt(np.hypot(*meant.T[:2])) * draws[:, :, -1]
-    ends = np.zeros((len(seeds), 3))
-    for x, y, turn in (motion[:, step].T for step in range(len(ways))):
-        # The arc is its chord, in the heading half-way: exact, as np.sinc(t) = sin(pi t) / (pi t).
-        chord = np.sinc(turn / math.tau)
-        c, s = np.cos(ends[:, 2] + 0.5 * turn), np.sin(ends[:, 2] + 0.5 * turn)
-        ends += np.stack([chord * (c * x - s * y), chord * (s * x + c * y), turn], axis=1)
-    return ends
 
 
 def _product(A: Matrix3, B: Matrix3) -> Matrix3:

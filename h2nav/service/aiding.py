@@ -14,7 +14,7 @@ from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
 from h2nav.service.limits import SECOND_NS, RateLimit, Steady
-from h2nav.service.records import RAD_TO_DEG, AidingRecord
+from h2nav.service.records import AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, EstimatedVelocity, GpsFix, Origin, Place
 from h2nav.wire.vehicle import Airspeed, LandedState, SystemTime
@@ -165,8 +165,8 @@ class Aiding:
         record = AidingRecord(
             "field",
             field_norm_ut=field.norm_ut,
-            field_dip_deg=field.dip_rad * RAD_TO_DEG,
-            declination_deg=field.declination_rad * RAD_TO_DEG,
+            field_dip_deg=math.degrees(field.dip_rad),
+            declination_deg=math.degrees(field.declination_rad),
         )
         return [Record("/aiding", record)]
 

@@ -8,7 +8,6 @@ from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import OdometryRecord, PoseSample, TwistEstimate
 from h2nav.motion.wheel_odometry import WheelEstimate
 from h2nav.service.motion_source import Refusal
-from h2nav.service.records import RAD_TO_DEG
 
 
 class TwistRecord(NamedTuple):
@@ -155,7 +154,7 @@ def wheels_record(estimate: WheelEstimate) -> WheelsRecord:
         estimate.t_us,
         x,
         y,
-        heading * RAD_TO_DEG,
+        math.degrees(heading),
         *estimate.twist,
         xx,
         xy,
@@ -233,4 +232,4 @@ def odometry_line(record: OdometryRecord, quality: int) -> OdometryLine:
 
 def _euler_deg(q: quaternion.Quat) -> tuple[float, float, float]:
     roll, pitch, yaw = quaternion.to_euler(q)
-    return roll * RAD_TO_DEG, pitch * RAD_TO_DEG, yaw * RAD_TO_DEG
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)

@@ -42,7 +42,6 @@ class Notices:
         self._limit = RateLimit(NOTICES_PER_S, NOTICES_AT_ONCE)
         self._waiting: deque[tuple[Severity, str]] = deque(maxlen=WAITING)
         self._sent_ns: int | None = None
-        self.suppressed = 0
 
     def may_tell(self, t_ns: int, cause: str) -> bool:
         """Whether this cause has been silent for long enough."""
@@ -60,7 +59,6 @@ class Notices:
         """
         cause = cause or text
         if not self.may_tell(t_ns, cause) or not self._limit.allows(t_ns):
-            self.suppressed += 1
             return []
         self._told_ns[cause] = t_ns
         self._told_ns.move_to_end(cause)

@@ -6,8 +6,6 @@ from typing import NamedTuple
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.maths import quaternion
 
-RAD_TO_DEG = 180.0 / math.pi
-
 
 class ImuRecord(NamedTuple):
     """One inertial sample as the filter used it, body frame (forward, right, down).
@@ -83,13 +81,13 @@ def estimate_record(estimate: AttitudeEstimate, late_ns: int = 0) -> EstimateRec
     return EstimateRecord(
         estimate.t_us,
         *estimate.q_nb,
-        roll * RAD_TO_DEG,
-        pitch * RAD_TO_DEG,
-        yaw * RAD_TO_DEG,
+        math.degrees(roll),
+        math.degrees(pitch),
+        math.degrees(yaw),
         *estimate.w_b,
         *estimate.bias_b,
         *estimate.innovation_n,
-        estimate.sigma_tilt_rad * RAD_TO_DEG,
+        math.degrees(estimate.sigma_tilt_rad),
         int(estimate.trust),
         late_ns * 1e-6,
     )

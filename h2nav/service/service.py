@@ -321,9 +321,8 @@ class Service:
         assert identity is not None
         self._pulse.bound(t_ns)
         self._estimation.begin(identity)
-        self._lateness.restart()
-        self.time_sync.restart()
-        self.motion.restart()
+        self._start_over()
+        self._units = UnitsCheck()
         self._streams = StreamRequests(
             self._wishes(identity.autopilot),
             identity.autopilot,
@@ -364,15 +363,19 @@ class Service:
         return effects
 
     def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
-        self.time_sync.restart()
-        self._lateness.restart()
-        self.motion.restart()
-        self._outputs.forget()
+        self._start_over()
         if self._streams is not None:
             self._streams.restart()
         rebooted = event is Verdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.tell(t_ns, Severity.WARNING, text)
+
+    def _start_over(self) -> None:
+        """Forgets what held on the clock of another autopilot or on this one's former clock."""
+        self._lateness.restart()
+        self.time_sync.restart()
+        self.motion.restart()
+        self._outputs.forget()
 
     def _on_vehicle_message(self, t_ns: int, message: Message) -> list[Effect]:
         """What the bound autopilot says of itself and its vehicle."""

@@ -5,7 +5,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.wire.imu import STANDARD_GRAVITY
+from h2nav.maths.units import GRAVITY_M_S2
 
 REST_RATE_RAD_S = 0.05
 REST_SAMPLES = 50
@@ -74,10 +74,10 @@ class UnitsCheck:
     def _judge(self) -> UnitsReport:
         complaints = []
         force = self._force_sum / self._samples
-        force_is_fine = abs(force / STANDARD_GRAVITY - 1.0) <= FORCE_TOLERANCE
+        force_is_fine = abs(force / GRAVITY_M_S2 - 1.0) <= FORCE_TOLERANCE
         if not force_is_fine:
             complaints.append(
-                f"|acc| at rest {force:.3g} m/s2, not 9.8{_likely(force / STANDARD_GRAVITY)}"
+                f"|acc| at rest {force:.3g} m/s2, not 9.8{_likely(force / GRAVITY_M_S2)}"
             )
         if self._fields:
             field_ut = self._field_sum_ut / self._fields
@@ -93,8 +93,8 @@ def _likely(ratio: float) -> str:
     slips = (
         (1e-3, ": sent in units of 1/1000"),
         (1e3, ": sent as thousandths of the unit"),
-        (1.0 / STANDARD_GRAVITY, ": sent in g as if in m/s2"),
-        (STANDARD_GRAVITY, ": sent in m/s2 as if in g"),
+        (1.0 / GRAVITY_M_S2, ": sent in g as if in m/s2"),
+        (GRAVITY_M_S2, ": sent in m/s2 as if in g"),
         (1e-2, ": sent in gauss as if in uT"),
         (1e6, ": sent 10^6 too large"),
     )

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from h2nav.attitude.samples import EarthField, ImuSample, Quat, Vec3
 from h2nav.maths import quaternion
-from h2nav.sim.rigid_motion import GRAVITY_M_S2, Motion, mean_rate, specific_force
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.sim.rigid_motion import Motion, mean_rate, specific_force
 
 Floats = NDArray[np.float64]
 
-DEG = math.pi / 180.0
 NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
 # Random numbers of one sample: white noise of gyro, accelerometer, magnetometer; the bias's walk.
 _COLUMNS = 12

@@ -6,7 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample, Vec3
-from h2nav.sim.rigid_motion import GRAVITY_M_S2
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.sim.streams import Stream, clipped_int16
 from h2nav.sim.vehicle import Vehicle
 

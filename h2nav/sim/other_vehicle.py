@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.sim.rigid_motion import GRAVITY_M_S2
+from h2nav.maths.units import GRAVITY_M_S2
 
 OTHER_SYSTEM_ID = 2
 _PITCH = math.radians(30.0)

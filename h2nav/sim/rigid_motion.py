@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import Quat, Vec3
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.sim.jets import Jet
 
-GRAVITY_M_S2 = 9.80665
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
+from h2nav.maths.units import DEG
 from h2nav.sim import drives, jets
 from h2nav.sim.drives import Drive, WheelsAt
 from h2nav.sim.jets import Jet
 from h2nav.sim.rigid_motion import ORIGIN, EulerAngles, Motion, Path, from_angles, of_multirotor
 
-DEG = math.pi / 180.0
 TURN = 2.0 * math.pi
 DRAG_PER_S = 0.2
 QUADROTOR, ROVER = 2, 10

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths import quaternion
-from h2nav.sim.imu_model import DEG
+from h2nav.maths.units import DEG
 from h2nav.sim.rigid_motion import specific_force
 from h2nav.sim.vehicle import Vehicle
 

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
+from h2nav.maths.units import DEG
 from h2nav.sim.faults import FaultSchedule
-from h2nav.sim.imu_model import DEG, ImuModel, ImuParameters
+from h2nav.sim.imu_model import ImuModel, ImuParameters
 from h2nav.sim.rigid_motion import Motion
 from h2nav.sim.scenarios import Scenario
 from h2nav.sim.sensor_faults import SensorFaults

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from h2nav.attitude.plant import Matrix, Plant
 from h2nav.synthesis.method import Candidate
+from h2nav.synthesis.plant import Matrix, Plant
 from h2nav.synthesis.riccati import closed_loop_covariance, optimal_gain
 from h2nav.synthesis.scaling import DeltaPlant, delta_form, delta_gain
 

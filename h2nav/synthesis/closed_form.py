@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from h2nav.attitude.plant import Matrix, VectorSensor, attitude_bias_plant, attitude_plant
 from h2nav.synthesis.method import Candidate
+from h2nav.synthesis.plant import Matrix, VectorSensor, attitude_bias_plant, attitude_plant
 
 
 def attitude_bias_gain(

@@ -12,7 +12,6 @@ import numpy as np
 
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.gains.seal import seal
-from h2nav.attitude.plant import Matrix, Plant
 from h2nav.synthesis.certificate import (
     OPTIMAL,
     REPEATABLE,
@@ -22,6 +21,7 @@ from h2nav.synthesis.certificate import (
     verify,
 )
 from h2nav.synthesis.method import relative_distance
+from h2nav.synthesis.plant import Matrix, Plant
 
 # A gain may differ from its design by rounding only.
 DESIGNED = 1e-9

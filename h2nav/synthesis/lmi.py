@@ -13,8 +13,8 @@ import cvxpy
 import numpy as np
 from scipy import linalg
 
-from h2nav.attitude.plant import Matrix, Plant
 from h2nav.synthesis.method import Candidate, SynthesisError
+from h2nav.synthesis.plant import Matrix, Plant
 from h2nav.synthesis.riccati import error_covariance
 from h2nav.synthesis.scaling import DeltaPlant, delta_form, scale, unscale_gain
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from h2nav.attitude.plant import Matrix
+from h2nav.synthesis.plant import Matrix
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 from h2nav.attitude.gains.densities import SensorDensities
-from h2nav.attitude.plant import VectorSensor
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
+from h2nav.synthesis.plant import VectorSensor
 from h2nav.validation import Within
 
 DEG = math.pi / 180.0

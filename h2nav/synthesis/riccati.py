@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import linalg
 
-from h2nav.attitude.plant import Matrix, Plant
 from h2nav.synthesis.method import Candidate, SynthesisError
+from h2nav.synthesis.plant import Matrix, Plant
 from h2nav.synthesis.scaling import delta_form
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from h2nav.attitude.plant import Matrix, Plant
+from h2nav.synthesis.plant import Matrix, Plant
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,14 +16,6 @@ from h2nav import __version__
 from h2nav.attitude.constant_gain.gains import fixed_point_section
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.gains.envelope import GainFile
-from h2nav.attitude.plant import (
-    Matrix,
-    Plant,
-    VectorSensor,
-    attitude_bias_plant,
-    attitude_plant,
-    discretise,
-)
 from h2nav.attitude.two_stage.gains import (
     GainLevel,
     design_two_stage,
@@ -41,6 +33,14 @@ from h2nav.synthesis.model import (
     given_values,
     model_from_values,
     vector_sensors,
+)
+from h2nav.synthesis.plant import (
+    Matrix,
+    Plant,
+    VectorSensor,
+    attitude_bias_plant,
+    attitude_plant,
+    discretise,
 )
 from h2nav.synthesis.riccati import solve_riccati
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.attitude.gains.envelope import GainFile, key_errors
-from h2nav.attitude.plant import Matrix, Plant, discretise
 from h2nav.attitude.record import values
 from h2nav.attitude.velocity_aided.gains import (
     CRUISE_SPEED,
@@ -28,6 +27,7 @@ from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, accept, spectrum
 from h2nav.synthesis.gain_certificate import Loop, certified
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
+from h2nav.synthesis.plant import Matrix, Plant, discretise
 from h2nav.synthesis.riccati import solve_riccati
 
 # omega0^2 of the slowest set, 1/s^2: omega0 = 0.044 rad/s, slower than any vehicle class needs.

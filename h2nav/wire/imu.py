@@ -12,16 +12,16 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample, Vec3
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.wire.refused import Refused, need_finite, need_time, need_within
 
-STANDARD_GRAVITY = 9.80665
-MILLI_G = STANDARD_GRAVITY * 1e-3
+MILLI_G = GRAVITY_M_S2 * 1e-3
 INT16_END = 32_767
 UT_PER_MGAUSS = 0.1
 UT_PER_GAUSS = 100.0
 # Beyond any gyro (4,000 deg/s) and any accelerometer (200 g) that flies.
 LARGEST_RATE_RAD_S = 100.0
-LARGEST_FORCE_M_S2 = 200.0 * STANDARD_GRAVITY
+LARGEST_FORCE_M_S2 = 200.0 * GRAVITY_M_S2
 # A field beyond this cannot come from the earth or from a magnet near the sensor's range.
 ABSURD_FIELD_UT = 1e6
 HIGHRES_FIELD_FAULT = 1e6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from h2nav.motion.dead_reckoning import advance
-from h2nav.motion.odometry_noise import ZERO3, Slip, propagate, sample_ends
+from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.wheels import DifferentialDrive, OmniDrive
 
 DRIVE = DifferentialDrive(0.5)
@@ -30,6 +30,29 @@ ENDS = {"half circle": (0.0, 2.0), "figure eight": (0.0, 0.0), "square": (0.0, 0
 
 def wheels_of(chassis, motions):
     return [chassis.wheels(motion) for motion in motions]
+
+
+def sample_ends(chassis, steps, slip, seeds):
+    """Where noisy runs of the same wheel ways end: (len(seeds), 3) x, y, heading, not wrapped.
+
+    The wheels roll `steps`; what the chassis really does differs by random slip. A seed names its
+    run, whichever others are asked for. Source: docs/motion.md Eq. (24).
+    """
+    ways = np.asarray(steps)
+    draws = np.stack(
+        [np.random.default_rng(s).normal(size=(len(ways), ways.shape[1] + 1)) for s in seeds]
+    )
+    rolled = ways + slip.wheel_m_rtm * np.sqrt(np.abs(ways)) * draws[:, :, :-1]
+    motion = rolled @ np.asarray(chassis.jacobian()).T
+    meant = ways @ np.asarray(chassis.jacobian()).T
+    motion[:, :, 1] += slip.side_m_rtm * np.sqrt(np.hypot(*meant.T[:2])) * draws[:, :, -1]
+    ends = np.zeros((len(seeds), 3))
+    for x, y, turn in (motion[:, step].T for step in range(len(ways))):
+        # The arc is its chord, in the heading half-way: exact, as np.sinc(t) = sin(pi t) / (pi t).
+        chord = np.sinc(turn / math.tau)
+        c, s = np.cos(ends[:, 2] + 0.5 * turn), np.sin(ends[:, 2] + 0.5 * turn)
+        ends += np.stack([chord * (c * x - s * y), chord * (s * x + c * y), turn], axis=1)
+    return ends
 
 
 def reckon(chassis, steps, slip):
@@ -66,3 +89,12 @@ def test_a_seed_names_its_run_whichever_others_are_drawn():
     steps = wheels_of(DRIVE, PATHS["square"])
     many = sample_ends(DRIVE, steps, SLIP, range(10))
     np.testing.assert_array_equal(sample_ends(DRIVE, steps, SLIP, range(7, 8))[0], many[7])
+
+
+def test_sampler_without_slip_is_the_deterministic_path():
+    steps = [DRIVE.wheels((0.1, 0.0, 0.05))] * 20
+    pose = (0.0, 0.0, 0.0)
+    for ways in steps:
+        pose = advance(pose, DRIVE.motion(ways))
+    ends = sample_ends(DRIVE, steps, Slip(0.0, 0.0), range(2))
+    np.testing.assert_allclose(ends, [pose, pose], atol=1e-12)

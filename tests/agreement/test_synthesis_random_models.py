@@ -6,13 +6,6 @@ import numpy as np
 import pytest
 
 from h2nav.attitude.gains.densities import SensorDensities
-from h2nav.attitude.plant import (
-    Plant,
-    VectorSensor,
-    attitude_bias_plant,
-    attitude_plant,
-    discretise,
-)
 from h2nav.attitude.samples import EarthField
 from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.synthesis.certificate import CertificateError, accept, prove, verify
@@ -20,6 +13,13 @@ from h2nav.synthesis.closed_form import attitude_bias_gain
 from h2nav.synthesis.lmi import solve_lmi
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.model import vector_sensors
+from h2nav.synthesis.plant import (
+    Plant,
+    VectorSensor,
+    attitude_bias_plant,
+    attitude_plant,
+    discretise,
+)
 from h2nav.synthesis.riccati import solve_riccati
 from h2nav.synthesis.two_stage import deployed_gain
 

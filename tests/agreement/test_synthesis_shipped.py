@@ -1,4 +1,4 @@
-"""The shipped gains, synthesised again from their own models by every method."""
+"""The shipped gains, synthesized again from their own models by every method."""
 
 import dataclasses
 

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.apps.evaluate_paper import SLIDES, WITHIN
-from h2nav.apps.paper_trials import CASES, Assumptions, errors_deg, make_trials, runners
 from h2nav.cli import main
+from h2nav.evaluation.paper.tables import SLIDES, WITHIN
+from h2nav.evaluation.paper.trials import CASES, Assumptions, errors_deg, make_trials, runners
 
 SEEDS = range(3)
 ASSUMPTIONS = Assumptions(run_in_s=10.0)

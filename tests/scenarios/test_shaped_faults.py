@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from needs import DEG, shared_data
 
-from h2nav.apps.dataset_filters import enu, samples
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState
-from h2nav.attitude.scoring import Errors, errors
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.evaluation.dataset.filters import samples
+from h2nav.evaluation.rows import enu_from_ned
+from h2nav.evaluation.scoring import Errors, errors
 from h2nav.io import gain_files
 from h2nav.io.trials import Trial, read_trial
 
@@ -39,7 +40,7 @@ def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], Ve
             trust.append(estimate.trust)
     assert trial.q_es is not None
     mask = trial.mask[places]
-    return errors(enu(rows), trial.q_es[places], mask, True), mask, trust, filter_
+    return errors(enu_from_ned(rows), trial.q_es[places], mask, True), mask, trust, filter_
 
 
 def rms(values: np.ndarray) -> float:

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from needs import REPOSITORY
+from needs import REPOSITORY, need_program
 from packaging.requirements import Requirement
 from packaging.version import Version
 
@@ -150,6 +150,40 @@ def test_the_documented_commands_make_what_the_unit_names():
     program, *_, configuration = re.findall(r"^ExecStart=(.*)$", UNIT, re.MULTILINE)[0].split()
     assert program in commands
     assert configuration in commands
+
+
+MAKES_A_VENV = """\
+[ "$1" = -m ] || exit 0
+mkdir -p .venv/bin
+for name in python pip h2nav pytest; do
+  printf '#!/bin/sh\necho %s "$@" >> asked\n' $name > .venv/bin/$name
+  chmod +x .venv/bin/$name
+done"""
+
+
+def test_make_installs_what_is_missing_and_nothing_twice(tmp_path):
+    make = need_program("make")
+    for name in ("Makefile", "pyproject.toml", "setup.py"):
+        (tmp_path / name).write_bytes((REPOSITORY / name).read_bytes())
+    write_program(tmp_path / "python", MAKES_A_VENV)
+
+    def installed_for(target: str) -> list[str]:
+        """What pip is asked for in each call."""
+        (tmp_path / "asked").write_text("")
+        subprocess.run(
+            [make, "-s", "PYTHON=./python", "EXTRAS=dev", target], cwd=tmp_path, check=True
+        )
+        lines = (tmp_path / "asked").read_text().splitlines()
+        calls = [line.split() for line in lines if line.startswith("pip install")]
+        return [words[words.index("--editable") + 1] for words in calls]
+
+    assert installed_for("demo") == ["."]
+    assert installed_for("demo") == []
+    assert installed_for("test") == [".[dev]"]
+    assert installed_for("demo") == []
+    os.utime(tmp_path / "pyproject.toml")
+    assert installed_for("test") == [".[dev]"]
+    assert installed_for("demo") == []
 
 
 def write_program(path: Path, line: str) -> None:

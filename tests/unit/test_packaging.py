@@ -1,16 +1,22 @@
 """What an installation holds: built from the source archive, and run away from the checkout."""
 
+import ast
+import email
+import importlib.metadata
 import json
 import os
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
 from needs import REPOSITORY, shared_data
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from h2nav import __version__
 
@@ -86,7 +92,8 @@ def test_the_archive_is_enough_to_build_and_test(archive):
     with tarfile.open(archive) as stream:
         held = {name.partition("/")[2] for name in stream.getnames()}
     assert held >= repository_files(
-        "h2nav/**/*.py", "gains/**/*.yaml", "configs/*.yaml", "native/*.c", "tests/**/*.py",
+        "h2nav/**/*.py", "h2nav/py.typed", "gains/**/*.yaml", "configs/*.yaml", "native/*.c",
+        "tests/**/*.py", "tests/data/*", "tools/**/*.py", ".ci/run", "packaging/requirements.lock",
         "docs/**/*.md", "packaging/**/*.service", "Makefile", "setup.py", "LICENSE",
     )  # fmt: skip
 
@@ -96,8 +103,44 @@ def test_the_wheel_holds_every_module_and_the_data(wheel):
         held = set(stream.namelist())
     data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*.yaml")}
     modules = repository_files("h2nav/**/*.py")
-    assert held >= modules | data
+    assert held >= modules | data | {"h2nav/py.typed"}
     assert {name for name in held if name.endswith((".py", ".yaml"))} == modules | data
+
+
+def test_the_wheel_offers_its_extras(wheel):
+    with zipfile.ZipFile(wheel) as stream:
+        text = stream.read(f"h2nav-{__version__}.dist-info/METADATA").decode()
+    metadata = email.message_from_string(text)
+    assert {"synthesis", "plots", "all"} <= set(metadata.get_all("Provides-Extra"))
+    wanted = [Requirement(line) for line in metadata.get_all("Requires-Dist")]
+    base = {requirement.name for requirement in wanted if requirement.marker is None}
+    assert base.isdisjoint({"scipy", "cvxpy", "matplotlib"})
+    assert base >= {"numpy", "pymavlink", "mcap", "pyyaml"}
+
+
+def test_every_declared_package_is_imported_and_the_other_way_round():
+    """Of the base, of synthesis and of plots; the peers are imported by name, at their filter."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"]]
+    imported = {
+        name
+        for path in (REPOSITORY / "h2nav").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        for name in imported_modules(node)
+    }
+    foreign = {name.partition(".")[0] for name in imported} - sys.stdlib_module_names - {"h2nav"}
+    # Several packages share the module google; ours is the one with google.protobuf.
+    owners = importlib.metadata.packages_distributions() | {"google": ["protobuf"]}
+    assert {canonicalize_name(owner) for name in foreign for owner in owners[name]} == {
+        canonicalize_name(Requirement(line).name) for line in lines
+    }
+
+
+def imported_modules(node):
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [node.module] if isinstance(node, ast.ImportFrom) else []
 
 
 def test_the_compiled_kernels_are_in_the_wheel(wheel):

@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from h2nav.cli import main
 from h2nav.errors import BadInput
 
 CONFIGS = sorted((REPOSITORY / "configs").glob("*.yaml"))
+QUOTED_DEFAULT = re.compile(r"`([a-z_]+)\.([a-z_]+)` \(([0-9.]+)\)")
 
 
 def errors(text, tmp_path):
@@ -27,6 +29,19 @@ def test_an_empty_file_means_the_defaults(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text("")
     assert configuration.read(path) == configuration.Configuration()
+
+
+def test_defaults_that_documents_quote_are_the_defaults():
+    defaults = configuration.Configuration().as_mapping()
+    quoted = {
+        (section, key): float(number)
+        for path in (REPOSITORY / "docs").glob("*.md")
+        for section, key, number in QUOTED_DEFAULT.findall(path.read_text())
+        if section in defaults
+    }
+    sizes = {"max_file_mb", "max_file_minutes", "max_files", "min_free_mb"}
+    assert {("log", key) for key in sizes} <= quoted.keys()
+    assert quoted == {(section, key): defaults[section][key] for section, key in quoted}
 
 
 def test_the_mapping_gives_the_configuration_back():

@@ -10,11 +10,11 @@ from replayed import Replayed
 
 from h2nav import cli
 from h2nav.apps import configuration
-from h2nav.apps.dataset_filters import Conditions, run_default
-from h2nav.apps.recorded_trials import read_recorded_trial
+from h2nav.apps.recorded_trials import read
 from h2nav.attitude.samples import EarthField, VelocityFix
-from h2nav.attitude.scoring import errors, rms
 from h2nav.errors import BadInput
+from h2nav.evaluation.dataset.filters import Conditions, run_default
+from h2nav.evaluation.scoring import errors, rms
 from h2nav.io.deframer import Deframer
 from h2nav.io.recordings import open_recording
 from h2nav.io.trials import Trial
@@ -24,7 +24,7 @@ TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 
 @pytest.fixture(scope="module")
 def takeoff() -> Trial:
-    return read_recorded_trial(TAKEOFF)
+    return read(TAKEOFF)
 
 
 def rewritten(path: Path, *, without: int = -1, times: int = 1) -> Path:
@@ -94,7 +94,7 @@ def test_peers_are_turned_to_true_north(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_attitude_stands_in_for_the_truth_and_says_so(tmp_path: Path) -> None:
     path = rewritten(tmp_path / "flight.tlog", without=mavlink.MAVLINK_MSG_ID_SIMSTATE)
-    trial = read_recorded_trial(path)
+    trial = read(path)
     assert any("against ATTITUDE" in note and "no truth" in note for note in trial.notes)
     assert trial.q_es is not None
     track = run_default(trial, Conditions("multirotor", True))
@@ -102,7 +102,7 @@ def test_attitude_stands_in_for_the_truth_and_says_so(tmp_path: Path) -> None:
 
 
 def test_a_reboot_splits_the_recording(tmp_path: Path, takeoff: Trial) -> None:
-    trial = read_recorded_trial(rewritten(tmp_path / "twice.tlog", times=2))
+    trial = read(rewritten(tmp_path / "twice.tlog", times=2))
     assert any("began anew 1 times" in note for note in trial.notes)
     # The second time the autopilot is known from the start, so no sample comes too early.
     assert len(takeoff.t_us) < len(trial.t_us) < 1.05 * len(takeoff.t_us)
@@ -115,7 +115,7 @@ def test_the_same_from_our_own_log(
     log = tmp_path / "log.mcap"
     assert cli.main(["replay", str(TAKEOFF), "-o", str(log)]) == 0
     capsys.readouterr()
-    again = read_recorded_trial(log)
+    again = read(log)
     assert np.array_equal(again.t_us, takeoff.t_us)
     assert np.array_equal(again.w_s, takeoff.w_s)
     assert again.told == takeoff.told
@@ -130,10 +130,10 @@ def test_a_file_that_is_no_recording(tmp_path: Path, name: str, expected: str) -
     path = tmp_path / name
     path.write_text("nothing of the kind\n")
     with pytest.raises(BadInput, match=expected):
-        read_recorded_trial(path)
+        read(path)
 
 
 def test_a_recording_without_samples(tmp_path: Path) -> None:
     path = rewritten(tmp_path / "flight.tlog", without=mavlink.MAVLINK_MSG_ID_HEARTBEAT)
     with pytest.raises(BadInput, match="no IMU samples of a known autopilot"):
-        read_recorded_trial(path)
+        read(path)

@@ -10,13 +10,13 @@ from h2nav.attitude import batch, native
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.kernel_files import COMPILED, CONSTANT_GAIN
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
-from h2nav.translate.batch import BATCH_KERNELS
 
 N = 6000
 Recording = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -204,11 +204,6 @@ def test_two_halves_are_the_whole(recording: Recording, make: Callable[[], Attit
     assert np.array_equal(first.q_nb, whole.q_nb[:500], equal_nan=True)
 
 
-def test_every_translated_module_is_part_of_the_digest() -> None:
-    translated = [name for kernel in BATCH_KERNELS for name in kernel.modules]
-    assert tuple(dict.fromkeys(translated)) == native.COMPILED_MODULES
-
-
 def test_backend_follows_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(native.SWITCH, "forbid")
     assert native.backend() == "python"
@@ -244,8 +239,16 @@ def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:
     need_native()
     compiled = native.native_kernels()
     assert compiled is not None
-    memory, gains = np.zeros(16, np.int32), np.zeros(22, np.int32)
-    with pytest.raises(ValueError, match="rows of the given number of columns"):
-        compiled.run_fixed_lean(memory, gains, np.zeros(12, np.int32), 11, np.zeros(8, np.int32))
-    with pytest.raises(ValueError, match="one row of 8 numbers"):
-        compiled.run_fixed_lean(memory, gains, np.zeros(22, np.int32), 11, np.zeros(8, np.int32))
+    number = COMPILED.index(CONSTANT_GAIN)
+    memory, gains, sample, out = (np.zeros(size, np.int32) for size in (16, 22, 11, 8))
+    for buffers, message in (
+        ((memory[1:], gains, sample, out), "not those of this kernel"),
+        ((memory, gains[1:], sample, out), "not those of this kernel"),
+        ((memory, gains, sample[1:], out), "not whole samples"),
+        ((memory, gains, np.zeros(22, np.int32), out), "one row of 8 numbers"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            compiled.run(number, *buffers)
+    with pytest.raises(ValueError, match="no kernel of this number"):
+        compiled.run(len(COMPILED), memory, gains, sample, out)
+    compiled.run(number, memory, gains, sample, out)

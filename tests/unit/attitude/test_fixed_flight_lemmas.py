@@ -1,4 +1,4 @@
-"""Lemmas of the flight filter in integers: `known` bounds are believed, here each is checked."""
+"""Lemmas of the integer filter: `known` bounds are believed, here each is checked."""
 
 import math
 import random
@@ -6,149 +6,159 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from h2nav.attitude.kernels import (
-    fixed_flight,
-    fixed_flight_doubt,
-    fixed_flight_field,
-    fixed_flight_place,
-    fixed_flight_start,
-    fixed_flight_theta,
-    fixed_flight_velocity,
-    fixed_motion,
-    fixed_triad,
-)
-from h2nav.attitude.kernels import fixed_flight_layout as layout
+from h2nav.attitude.integer import motion, triad
+from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.record import assign, rows, values
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
-from h2nav.attitude.velocity_aided.integer.kernel import functions as fixed_functions
+from h2nav.attitude.velocity_aided.integer.kernel import (
+    functions,
+    heading,
+    place,
+    start,
+    step,
+    theta,
+    tilt,
+    velocity,
+)
+from h2nav.attitude.velocity_aided.integer.memory import (
+    FORCE_MOST,
+    GAINED_MASK,
+    VELOCITY_MOST,
+    Gains,
+    Memory,
+    Sample,
+)
 from h2nav.io import gain_files
 
-MODULES = (
-    fixed_triad,
-    fixed_motion,
-    fixed_functions,
-    fixed_flight_theta,
-    fixed_flight_doubt,
-    fixed_flight_velocity,
-    fixed_flight_field,
-    fixed_flight_place,
-    fixed_flight,
-)
+MODULES = (triad, motion, functions, theta, tilt, velocity, heading, place, step)
 BLOCK = 400
-Words = list[int]
-Maker = Callable[[random.Random, Words, int], Words]
+Maker = Callable[[random.Random, Memory, int], Sample]
 
 
-def corners(rng: random.Random, _state: Words, _number: int) -> Words:
-    """Every word at an end of its range."""
-    return [rng.choice(ends) for ends in layout.SAMPLE_RANGES]
+def ranges(record_type: type) -> list[tuple[int, int]]:
+    """Lowest and highest value of every number of a record."""
+    return [found.range or (0, 0) for found in rows(record_type) for _ in range(found.length)]
 
 
-def anything(rng: random.Random, _state: Words, _number: int) -> Words:
-    """Every word anywhere in its range."""
-    return [rng.randint(low, high) for low, high in layout.SAMPLE_RANGES]
+SAMPLE_RANGES, GAINS_RANGES = ranges(Sample), ranges(Gains)
 
 
-def small(rng: random.Random, _state: Words, _number: int) -> Words:
+def sample_of(numbers: list[int]) -> Sample:
+    sample = Sample()
+    assign(sample, Sample, numbers)
+    return sample
+
+
+def corners(rng: random.Random, _memory: Memory, _number: int) -> Sample:
+    """Every number at an end of its range."""
+    return sample_of([rng.choice(ends) for ends in SAMPLE_RANGES])
+
+
+def anything(rng: random.Random, _memory: Memory, _number: int) -> Sample:
+    """Every number anywhere in its range."""
+    return sample_of([rng.randint(low, high) for low, high in SAMPLE_RANGES])
+
+
+def small(rng: random.Random, _memory: Memory, _number: int) -> Sample:
     """Magnitudes of every size, so that no logarithm is always large."""
-    words = []
-    for low, high in layout.SAMPLE_RANGES:
+    numbers = []
+    for low, high in SAMPLE_RANGES:
         size = rng.randint(0, max(high, -low).bit_length())
-        words.append(max(low, min(high, rng.randint(-(1 << size), 1 << size))))
-    return words
+        numbers.append(max(low, min(high, rng.randint(-(1 << size), 1 << size))))
+    return sample_of(numbers)
 
 
-def spin(rng: random.Random, state: Words, number: int) -> Words:
+def spin(rng: random.Random, memory: Memory, number: int) -> Sample:
     """Fastest turns, largest correction, force and field that agree with nothing."""
-    words = _still(rng, state)
+    u = _still(rng, memory)
     for i in range(3):
-        words[fixed_motion.W_X + i] = rng.choice(layout.SAMPLE_RANGES[i])
-        words[layout.A_X + i] = rng.choice((-layout.FORCE_MOST, layout.FORCE_MOST - 1, 0))
-        words[layout.F_FIELD + i] = rng.choice((-32768, 32767, 0))
-    words[fixed_motion.DT_US] = fixed_motion.MOST_DT_US
-    words[layout.HAS_FIELD] = number & 1
-    return words
+        u.gyro[i] = rng.choice(SAMPLE_RANGES[i])
+        u.accel[i] = rng.choice((-FORCE_MOST, FORCE_MOST - 1, 0))
+        u.mag[i] = rng.choice((-32768, 32767, 0))
+    u.dt_us = MOST_DT_US
+    u.has_mag = number & 1
+    return u
 
 
-def quiet(rng: random.Random, state: Words, number: int) -> Words:
+def quiet(rng: random.Random, memory: Memory, number: int) -> Sample:
     """At rest for long, with every length of a step: variances become as small as they can."""
-    words = _still(rng, state)
-    words[layout.HAS_FIELD] = number & 1
-    words[layout.REST] = 2
-    words[fixed_motion.DT_US] = (0, 1, 10000, 12500)[number // 100 % 4]
-    return words
+    u = _still(rng, memory)
+    u.has_mag = number & 1
+    u.rest_prior = 2
+    u.dt_us = (0, 1, 10000, 12500)[number // 100 % 4]
+    return u
 
 
-def aided(rng: random.Random, state: Words, number: int) -> Words:
+def aided(rng: random.Random, memory: Memory, number: int) -> Sample:
     """Fixes: exact, far, with the least and the largest variance and period."""
-    words = _still(rng, state)
-    words[layout.IS_AIDED] = 1
-    words[layout.HAS_FIX] = int(number % rng.choice((1, 5, 20)) == 0)
-    far = rng.choice((0, 100, 1 << 20, 1 << 26, layout.S_MOST))
-    for i in range(2):
-        words[layout.FIX_V + i] = rng.randint(-far, far)
-        words[layout.FIX_C + i] = rng.choice((state[layout.C_N + i], rng.randint(0, layout.C_MASK)))
-    words[layout.FIX_VARIANCE] = rng.choice((1, 20000, 1 << 24))
-    words[layout.FIX_PERIOD_US] = rng.choice((1, 200000, 1 << 22))
-    words[layout.CLIPPED] = int(number % 100 > 90)
-    return words
+    u = _still(rng, memory)
+    u.aided = 1
+    u.has_fix = int(number % rng.choice((1, 5, 20)) == 0)
+    far = rng.choice((0, 100, 1 << 20, 1 << 26, VELOCITY_MOST))
+    u.fix_velocity_n = rng.randint(-far, far)
+    u.fix_gained_n = rng.choice((memory.gained_n, rng.randint(0, GAINED_MASK)))
+    u.fix_velocity_e = rng.randint(-far, far)
+    u.fix_gained_e = rng.choice((memory.gained_e, rng.randint(0, GAINED_MASK)))
+    u.fix_variance = rng.choice((1, 20000, 1 << 24))
+    u.fix_period_us = rng.choice((1, 200000, 1 << 22))
+    u.clipped = int(number % 100 > 90)
+    return u
 
 
-def thrust(rng: random.Random, state: Words, number: int) -> Words:
+def thrust(rng: random.Random, memory: Memory, number: int) -> Sample:
     """One force and one rate for long: velocity and sensitivities reach their limits."""
-    words = _still(rng, state)
-    words[layout.A_X + number // 100 % 3] = rng.choice((-1, 1)) * (layout.FORCE_MOST - 1)
-    words[fixed_motion.W_X + number // 200 % 3] = 38482906
-    words[fixed_motion.DT_US] = fixed_motion.MOST_DT_US
-    words[layout.IS_AIDED] = number // 200 & 1
-    return words
+    u = _still(rng, memory)
+    u.accel[number // 100 % 3] = rng.choice((-1, 1)) * (FORCE_MOST - 1)
+    u.gyro[number // 200 % 3] = 38482906
+    u.dt_us = MOST_DT_US
+    u.aided = number // 200 & 1
+    return u
 
 
-def weak(rng: random.Random, state: Words, number: int) -> Words:
+def weak(rng: random.Random, memory: Memory, number: int) -> Sample:
     """Next to no force and next to no field."""
-    words = _still(rng, state)
+    u = _still(rng, memory)
     for i in range(3):
-        words[layout.A_X + i] = rng.randint(-3, 3)
-        words[layout.F_FIELD + i] = rng.randint(-3, 3)
-    words[layout.HAS_FIELD] = number & 1
-    return words
+        u.accel[i] = rng.randint(-3, 3)
+        u.mag[i] = rng.randint(-3, 3)
+    u.has_mag = number & 1
+    return u
 
 
-def circling(rng: random.Random, state: Words, number: int) -> Words:
+def circling(rng: random.Random, memory: Memory, number: int) -> Sample:
     """A coherent turn with a strong field, which teaches the latency all it can hold."""
-    words = _still(rng, state)
+    u = _still(rng, memory)
     angle = 0.2 * number
-    words[fixed_motion.W_Z] = round(0.2 / 12500 * 2.0**40)
-    words[fixed_motion.DT_US] = fixed_motion.MOST_DT_US
-    words[layout.F_FIELD] = round(30000 * math.cos(angle))
-    words[layout.F_FIELD + 1] = round(-30000 * math.sin(angle))
-    words[layout.HAS_FIELD] = 1
-    return words
+    u.gyro[2] = round(0.2 / 12500 * 2.0**40)
+    u.dt_us = MOST_DT_US
+    u.mag[0] = round(30000 * math.cos(angle))
+    u.mag[1] = round(-30000 * math.sin(angle))
+    u.has_mag = 1
+    return u
 
 
-def relaunched(rng: random.Random, state: Words, number: int) -> Words:
+def relaunched(rng: random.Random, memory: Memory, number: int) -> Sample:
     """Clipped turns that restart the frame, then the largest innovation for a whole one."""
-    words = _still(rng, state)
+    u = _still(rng, memory)
     part = number % 24
-    words[layout.CLIPPED] = int(part < 4)
-    words[fixed_motion.W_Z] = 38482906 if part < 4 else 0
-    words[layout.IS_AIDED] = number // 24 & 1 if part < 4 else 0
-    words[layout.NOSE] = -32767 if part < 5 else 32767
+    u.clipped = int(part < 4)
+    u.gyro[2] = 38482906 if part < 4 else 0
+    u.aided = number // 24 & 1 if part < 4 else 0
+    u.forward_speed = -32767 if part < 5 else 32767
     if part == 4:
         for i in range(2):
-            words[layout.A_X + i] = rng.choice((-layout.FORCE_MOST, layout.FORCE_MOST - 1))
-    words[fixed_motion.DT_US] = fixed_motion.MOST_DT_US
-    return words
+            u.accel[i] = rng.choice((-FORCE_MOST, FORCE_MOST - 1))
+    u.dt_us = MOST_DT_US
+    return u
 
 
-def _still(rng: random.Random, _state: Words) -> Words:
-    words = [0] * layout.SAMPLE_SIZE
-    words[layout.A_Z] = -(1 << 20)
+def _still(rng: random.Random, _memory: Memory) -> Sample:
+    u = Sample(dt_us=10000, fix_variance=1, fix_period_us=1)
+    u.accel[2] = -(1 << 20)
     for i, field in enumerate((6400, 0, 11085)):
-        words[layout.F_FIELD + i] = field + rng.randint(-3, 3)
-    words[fixed_motion.DT_US] = 10000
-    words[layout.FIX_VARIANCE] = words[layout.FIX_PERIOD_US] = 1
-    return words
+        u.mag[i] = field + rng.randint(-3, 3)
+    return u
 
 
 MAKERS: tuple[Maker, ...] = (
@@ -164,35 +174,35 @@ def blocks(rng: random.Random, count: int) -> Iterator[Maker]:
         yield rng.choice(MAKERS)
 
 
-def corner_params(rng: random.Random) -> Words:
-    """Parameters at the ends of what is declared."""
-    return [rng.choice(ends) for ends in layout.PARAMS_RANGES]
+def corner_gains(rng: random.Random) -> Gains:
+    """Gains at the ends of what is declared."""
+    gains = Gains()
+    assign(gains, Gains, [rng.choice(ends) for ends in GAINS_RANGES])
+    return gains
 
 
-def shipped_params(name: str) -> Words:
-    return list(integer_gains(velocity_aided_gains(gain_files.load(name), name), name).params)
+def shipped_gains(name: str) -> Gains:
+    return integer_gains(velocity_aided_gains(gain_files.load(name), name), name).gains
 
 
-def watched_run(rng: random.Random, params: Words, count: int) -> None:
+def watched_run(rng: random.Random, gains: Gains, count: int) -> None:
     """Runs blocks of samples, with restarts and new places between them."""
-    state = [rng.choice((-(1 << 31), (1 << 31) - 1)) for _ in range(layout.STATE_SIZE)]
-    fixed_flight_start.reset(state)
-    fixed_flight_start.prepare(state, params)
+    memory = Memory()
+    start.reset(memory, gains)
     for maker in blocks(rng, count):
         for number in range(BLOCK):
-            take(state, params, maker(rng, state, number))
+            take(memory, gains, maker(rng, memory, number))
         if rng.random() < 0.3:
-            place = [rng.choice((-32768, 0, 6400, 32767)) for _ in range(3)]
-            fixed_flight_place.set_place(state, params, place)
+            north, east, down = (rng.choice((-32768, 0, 6400, 32767)) for _ in range(3))
+            place.set_place(memory, gains, north, east, down)
         for number in range(20):  # first attitudes from anything
-            fixed_flight_start.restart(state)
-            take(state, params, rng.choice((spin, corners, weak))(rng, state, number))
+            start.restart(memory)
+            take(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))
 
 
-def take(state: Words, params: Words, sample: Words) -> None:
-    fixed_flight.update(state, params, sample)
-    for word, (low, high) in enumerate(layout.STATE_RANGES):
-        assert low <= state[word] <= high, word
+def take(memory: Memory, gains: Gains, sample: Sample) -> None:
+    step.update(memory, gains, sample)
+    assign(memory, Memory, values(memory, Memory))  # refuses what is out of its range
 
 
 @pytest.fixture
@@ -209,12 +219,12 @@ def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_checked")
 @pytest.mark.parametrize("name", ["handheld_100hz", "multirotor_400hz", "fixed-wing_50hz"])
 def test_the_lemmas_hold_at_the_extremes(name: str) -> None:
-    watched_run(random.Random(name), shipped_params(name), 40)
+    watched_run(random.Random(name), shipped_gains(name), 40)
 
 
 @pytest.mark.usefixtures("_checked")
 @pytest.mark.parametrize("seed", range(4))
-def test_the_lemmas_hold_for_parameters_at_the_ends_of_their_ranges(seed: int) -> None:
+def test_the_lemmas_hold_for_gains_at_the_ends_of_their_ranges(seed: int) -> None:
     rng = random.Random(seed)
     for _ in range(4):
-        watched_run(rng, corner_params(rng), 12)
+        watched_run(rng, corner_gains(rng), 12)

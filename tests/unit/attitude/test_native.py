@@ -7,6 +7,7 @@ import pytest
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.kernel_files import COMPILED, KernelFiles
 from h2nav.attitude.native import CompiledStep, compiled_step
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -23,11 +24,11 @@ def multirotor() -> VelocityAidedGains:
 
 
 MAKERS: dict[str, Maker] = {
-    "shaped": lambda compiled: VelocityAidedFilter(multirotor(), compiled),
-    "fixed_lean": lambda compiled: ConstantGainFilter(
+    "velocity_aided": lambda compiled: VelocityAidedFilter(multirotor(), compiled),
+    "constant_gain": lambda compiled: ConstantGainFilter(
         constant_gain_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz"), compiled
     ),
-    "fixed_flight": lambda compiled: IntegerVelocityAidedFilter(
+    "velocity_aided_integer": lambda compiled: IntegerVelocityAidedFilter(
         multirotor(), "multirotor_100hz", compiled
     ),
 }
@@ -53,14 +54,14 @@ def flown(chosen: AttitudeFilter, start: int, stop: int) -> list[object]:
     return found
 
 
-@pytest.mark.parametrize("name", sorted(MAKERS))
-def test_a_compiled_step_gives_the_same_estimates(name: str) -> None:
-    compiled = compiled_step(name)
+@pytest.mark.parametrize("kernel", COMPILED, ids=lambda kernel: kernel.name)
+def test_a_compiled_step_gives_the_same_estimates(kernel: KernelFiles) -> None:
+    name, compiled = kernel.name, compiled_step(kernel)
     if compiled is None:
         pytest.skip("the compiled kernels are not built")
     plain, fast = MAKERS[name](None), MAKERS[name](compiled)
     assert flown(plain, 1, 1200) == flown(fast, 1, 1200)
     assert plain.state() == fast.state()
-    again = MAKERS[name](compiled_step(name))
+    again = MAKERS[name](compiled_step(kernel))
     again.restore(plain.state())
     assert flown(again, 1200, 1300) == flown(plain, 1200, 1300)

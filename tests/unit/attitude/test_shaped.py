@@ -2,21 +2,15 @@ import math
 from collections.abc import Iterable
 
 import pytest
-from bad_samples import BAD_ROWS, Rows, check_survival
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from needs import DEG
-from synthetic_imu import FIELD, Disturbance, Flight, fly, rms_deg, slow, still, wild
+from synthetic_imu import Disturbance, Flight, fly, rms_deg, slow, still, wild
 
-from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import (
     AttitudeEstimate,
-    EarthField,
     ImuSample,
     Trust,
     Vec3,
     VehicleState,
-    VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
@@ -161,20 +155,6 @@ def test_predicted_tilt_deviation_is_of_the_size_of_the_error() -> None:
 # --- field --------------------------------------------------------------------------------------
 
 
-def test_a_changed_declination_turns_the_heading_at_once() -> None:
-    samples = fly(slow, 5.0, 10).samples
-    yaws = []
-    for declination_deg in (0.0, 10.0):
-        filter_ = new_filter()
-        filter_.use_field(EarthField(FIELD.norm_ut, FIELD.dip_rad, 0.0))
-        run(filter_, samples[:-1])
-        filter_.use_field(EarthField(FIELD.norm_ut, FIELD.dip_rad, declination_deg * DEG))
-        estimate = filter_.update(samples[-1])
-        assert estimate is not None
-        yaws.append(quaternion.to_euler(estimate.q_nb)[2] / DEG)
-    assert yaws[1] - yaws[0] == pytest.approx(10.0, abs=0.1)
-
-
 def test_a_strong_disturbance_is_not_believed_and_a_lasting_new_field_is() -> None:
     def iron(t: float) -> Vec3:
         return (0.0, 0.0, 0.0) if t < 20.0 else (0.0, 0.0, 30.0)
@@ -209,100 +189,10 @@ def test_the_latency_of_the_magnetometer_is_learnt() -> None:
     assert filter_.field_latency_s == pytest.approx(0.04, abs=0.004)
 
 
-def test_without_magnetometer_the_tilt_is_as_good_and_the_heading_not_referenced() -> None:
-    flight = fly(gentle, 60.0, 14, disturbance=Disturbance(force=breeze))
-    filter_ = new_filter()
-    estimates = run(filter_, [sample._replace(m_b_ut=None) for sample in flight.samples])
-    roll, pitch, _ = quaternion.to_euler(estimates[-1][1].q_nb)
-    true_roll, true_pitch, _ = quaternion.to_euler(flight.q_nb[-1])
-    assert abs(roll - true_roll) < 0.6 * DEG
-    assert abs(pitch - true_pitch) < 0.6 * DEG
-    assert not estimates[-1][1].trust & Trust.YAW_REFERENCED
-
-
-def test_a_field_that_comes_later_gives_the_heading() -> None:
-    start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
-    flight = fly(still, 20.0, 15, start=start, bias_b=(0.0, 0.0, 0.0))
-    samples = [s._replace(m_b_ut=s.m_b_ut if s.t_us > 5e6 else None) for s in flight.samples]
-    estimates = run(new_filter(GROUND), samples)
-    assert quaternion.angle(estimates[-1][1].q_nb, start) < 1.0 * DEG
-    assert estimates[-1][1].trust & Trust.YAW_REFERENCED
-
-
 # --- bad samples --------------------------------------------------------------------------------
 
 
-def test_a_clipped_or_zero_force_is_integrated_but_corrects_nothing() -> None:
-    flight = fly(gentle, 20.0, 16)
-    for spoilt in ({"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}):
-        filter_ = new_filter()
-        run(filter_, flight.samples)
-        before = filter_.update(flight.samples[-1]._replace(t_us=20_000_000))
-        after = filter_.update(flight.samples[-1]._replace(t_us=20_010_000, **spoilt))
-        assert before is not None
-        assert after is not None
-        assert after.bias_b == before.bias_b
-        assert after.trust & Trust.SATURATED
-        assert not after.trust & (Trust.FORCE_USED | Trust.FIELD_USED)
-        turned = quaternion.angle(after.q_nb, before.q_nb)
-        assert turned == pytest.approx(0.01 * math.hypot(*after.w_b), rel=1e-6)
-
-
-def test_a_long_gap_finds_the_attitude_anew_and_keeps_the_bias() -> None:
-    flight = fly(slow, 40.0, 17, bias_b=GENTLE_BIAS)
-    before, after = flight.samples[:3000], flight.samples[3300:]
-    filter_ = new_filter()
-    bias = run(filter_, before)[-1][1].bias_b
-    assert filter_.update(after[0]) is None
-    estimates = run(filter_, after[1:])
-    assert estimates[0][1].trust & Trust.RESTARTED
-    assert estimates[0][1].bias_b == bias
-    assert quaternion.angle(estimates[-1][1].q_nb, flight.q_nb[-1]) < 1.0 * DEG
-
-
-@settings(derandomize=True, deadline=None, max_examples=60)
-@given(BAD_ROWS)
-def test_no_input_makes_an_estimate_that_is_not_finite(rows: Rows) -> None:
-    check_survival(new_filter(GROUND), fly(gentle, 1.0, 18).samples, rows)
-
-
 # --- memory -------------------------------------------------------------------------------------
-
-
-def drive(filter_: VelocityAidedFilter, flight: Flight, first: int, last: int, aided: bool) -> list:
-    found = []
-    for i in range(first, last):
-        sample = flight.samples[i]
-        if aided and i % 20 == 3:
-            v_n = (0.1 * math.sin(i), 0.0, math.nan)
-            filter_.use_velocity(VelocityFix(sample.t_us - 150_000, v_n, 0.2))
-        found.append(filter_.update(sample))
-    return found
-
-
-@settings(derandomize=True, deadline=None, max_examples=25)
-@given(split=st.integers(0, 600), aided=st.booleans(), field=st.booleans())
-def test_split_and_restore_gives_the_same_bits(split: int, aided: bool, field: bool) -> None:
-    flight = fly(gentle, 6.0, 19, field_every=3, disturbance=Disturbance(force=breeze))
-    whole = new_filter(GROUND)
-    if field:
-        whole.use_field(FIELD)
-    first = VelocityAidedFilter(MULTIROTOR)
-    first.use_vehicle(GROUND)
-    if field:
-        first.use_field(FIELD)
-    expected = drive(whole, flight, 0, 600, aided)
-    found = drive(first, flight, 0, split, aided)
-    second = VelocityAidedFilter(MULTIROTOR)
-    second.restore(first.state())
-    found += drive(second, flight, split, 600, aided)
-    assert found == expected
-    assert second.state() == whole.state()
-
-
-def test_another_filters_state_is_refused() -> None:
-    with pytest.raises(ValueError, match="two_stage"):
-        new_filter().restore(FilterState("two_stage", (1.0,) * 200))
 
 
 def test_a_slow_turn_in_the_hand_is_not_taken_for_rest() -> None:

@@ -4,8 +4,8 @@ import pytest
 from synthetic_imu import DENSITIES, FIELD
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.attitude.two_stage import memory as layout
 from h2nav.attitude.two_stage.gains import design_two_stage
+from h2nav.attitude.two_stage.memory import LEVELS
 from h2nav.attitude.two_stage.trust import TrustLimits, kernel_gains, usable, usable_field
 
 GOOD = ImuSample(0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
@@ -33,16 +33,14 @@ def test_levels_begin_later_and_later_and_end_at_the_slowest() -> None:
     limits = TrustLimits(slowest_level=3)
     gains = design_two_stage(DENSITIES, 100.0, "test")
     g = kernel_gains(gains, FIELD, limits, mean_rate=True)
-    starts = [g[layout.G_LEVELS + layout.LEVEL_SIZE * i] for i in range(layout.LEVELS)]
+    starts = g.level_power
     assert starts[0] == 0.0
     assert starts[1] > limits.still_force_m_s2**2
     assert starts[1:4] == sorted(starts[1:4])
-    assert starts[4:] == [math.inf] * (layout.LEVELS - 4)
+    assert starts[4:] == [math.inf] * (LEVELS - 4)
 
 
 def test_a_file_with_few_levels_is_enough() -> None:
     gains = design_two_stage(DENSITIES, 100.0, "test")
     g = kernel_gains(gains._replace(levels=gains.levels[:1]), FIELD, TrustLimits(), mean_rate=True)
-    assert all(
-        math.isinf(g[layout.G_LEVELS + layout.LEVEL_SIZE * i]) for i in range(1, layout.LEVELS)
-    )
+    assert all(map(math.isinf, g.level_power[1:]))

@@ -40,15 +40,6 @@ def test_mavlink_1_frame(make: FrameMaker) -> None:
     assert deframer.counters.frames_v1 == 1
 
 
-def test_mavlink_1_can_be_switched_off(make: FrameMaker) -> None:
-    deframer = Deframer(accept_v1=False)
-    old, new = make.raw_imu(1, version=1), make.raw_imu(2)
-    assert [frame.raw for frame in deframer.feed(old + new)] == [new]
-    assert deframer.counters == DeframerCounters(
-        bytes_in=len(old + new), frames=1, refused_v1=1, skipped_bytes=len(old)
-    )
-
-
 def test_signed_frame_keeps_its_signature(make: FrameMaker) -> None:
     raw = make.raw_imu(1, signed=True)
     (frame,) = Deframer().feed(raw)

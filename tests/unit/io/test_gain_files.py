@@ -4,8 +4,9 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+import yaml
 
-from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.gains.envelope import FORMAT, GainFile
 from h2nav.attitude.gains.seal import seal
 from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.errors import BadInput
@@ -58,14 +59,29 @@ def test_missing_path_is_refused(tmp_path: Path) -> None:
     assert "no such gain file" in refusal(tmp_path / "absent.yaml")
 
 
-def test_writing_and_reading_changes_nothing(tmp_path: Path) -> None:
-    file = gain_files.load(NAME)
+@pytest.mark.parametrize("name", [NAME, "multirotor_100hz"])
+def test_writing_and_reading_changes_nothing(tmp_path: Path, name: str) -> None:
+    file = gain_files.load(name)
     path = tmp_path / "copy.yaml"
     gain_files.write(path, file)
     again = gain_files.load(path)
-    assert again == file
+    assert repr(again) == repr(file)  # the order of keys and the sign of zeros as well
     assert seal(again) == file.certificate["sha256"]
+    assert path.read_text(encoding="utf-8") == gain_files.find(name).read_text(encoding="utf-8")
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.yaml"]
+
+
+def test_the_layout_of_a_file_plays_no_part_in_its_seal(tmp_path: Path) -> None:
+    file = gain_files.load(NAME)
+    path = tmp_path / "blocks.yaml"
+    document = {"format": FORMAT, **dataclasses.asdict(file)}
+    path.write_text(yaml.safe_dump(document, default_flow_style=False), encoding="utf-8")
+    assert gain_files.load(path) == file
+
+
+def test_shipped_files_are_short() -> None:
+    for path in gain_files.shipped().values():
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 180
 
 
 def test_unwritable_place_is_refused_and_leaves_nothing(tmp_path: Path) -> None:

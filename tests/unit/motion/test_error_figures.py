@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from h2nav.evaluation.observer.trials import Trial, run
 from h2nav.motion.error_figures import FLOOR, Innovations
 from h2nav.motion.finite_time import FiniteTimeGains
-from h2nav.motion.observer_trials import Trial, run
 
 
 def settled(gains, imu_hz, every, delay):

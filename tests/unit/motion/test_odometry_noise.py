@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from h2nav.motion.dead_reckoning import advance
-from h2nav.motion.odometry_noise import ZERO3, Slip, propagate, sample_ends
+from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.wheels import DifferentialDrive
 
 DRIVE = DifferentialDrive(0.5)
@@ -43,12 +43,3 @@ def test_propagation_is_the_derivative_of_the_step(motion):
     Q = np.array([[0.01, 0.0, 0.003], [0.0, 0.002, 0.0], [0.003, 0.0, 0.005]])
     as_tuples = tuple(map(tuple, P)), pose, after, motion, tuple(map(tuple, Q))
     np.testing.assert_allclose(propagate(*as_tuples), F @ P @ F.T + G @ Q @ G.T, atol=1e-9)
-
-
-def test_sampler_without_slip_is_the_deterministic_path():
-    steps = [DRIVE.wheels((0.1, 0.0, 0.05))] * 20
-    pose = (0.0, 0.0, 0.0)
-    for ways in steps:
-        pose = advance(pose, DRIVE.motion(ways))
-    ends = sample_ends(DRIVE, steps, Slip(0.0, 0.0), range(2))
-    np.testing.assert_allclose(ends, [pose, pose], atol=1e-12)

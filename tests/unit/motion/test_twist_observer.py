@@ -6,16 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from h2nav.evaluation.observer.trials import BIAS_V, BIAS_W, twist
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.motion import rigid_step
 from h2nav.motion.finite_time import FiniteTimeGains
 from h2nav.motion.observer_state import ObserverEvent
-from h2nav.motion.observer_trials import BIAS_V, BIAS_W, twist
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import InertialSample, PoseFrame, PoseSample, TwistSample
 from h2nav.motion.settings import TwistObserverSettings
-from h2nav.motion.twist_observer import GRAVITY_M_S2, NEW_EPOCH_SAMPLES, TwistObserver
+from h2nav.motion.twist_observer import NEW_EPOCH_SAMPLES, TwistObserver
 from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 
 STEP_US = 5_000

@@ -8,6 +8,7 @@ from needs import DEG
 
 from h2nav.attitude.samples import EarthField
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.sim.imu_model import (
     MPU_9250,
     Disturbance,
@@ -16,7 +17,7 @@ from h2nav.sim.imu_model import (
     field_vector,
     readings,
 )
-from h2nav.sim.rigid_motion import GRAVITY_M_S2, Motion
+from h2nav.sim.rigid_motion import Motion
 from h2nav.sim.scenarios import scenario
 
 FIELD = EarthField(50.0, 60 * DEG, 10 * DEG)

@@ -7,8 +7,9 @@ from needs import DEG
 
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.sim import jets
-from h2nav.sim.rigid_motion import GRAVITY_M_S2, mean_rate, specific_force
+from h2nav.sim.rigid_motion import mean_rate, specific_force
 from h2nav.sim.scenarios import SCENARIOS, scenario
 
 NAMES = tuple(SCENARIOS)

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.attitude.plant import Plant, VectorSensor, attitude_bias_plant, discretise
 from h2nav.synthesis.certificate import CertificateError, accept, lmi_margin, prove, verify
 from h2nav.synthesis.closed_form import attitude_bias_gain
 from h2nav.synthesis.method import Candidate
+from h2nav.synthesis.plant import Plant, VectorSensor, attitude_bias_plant, discretise
 from h2nav.synthesis.riccati import solve_riccati
 
 DEG = math.pi / 180.0

@@ -59,7 +59,7 @@ def test_the_radius_is_that_of_the_slowest_loop():
 
 
 def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
-    """5 deg/s of bias at the start: synthesised and certified, and no integer filter."""
+    """5 deg/s of bias at the start: synthesized and certified, and no integer filter."""
     model = dict(gain_files.load("multirotor_100hz").model)
     disturbance = {**model["disturbance"], "bias_start_deg_s": 5.0}
     file = velocity_aided.synthesise({**model, "disturbance": disturbance}, 100.0, "model", ()).file

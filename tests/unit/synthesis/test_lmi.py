@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from h2nav.attitude.plant import VectorSensor, attitude_bias_plant, attitude_plant, discretise
 from h2nav.synthesis.certificate import accept
 from h2nav.synthesis.lmi import solve_lmi
 from h2nav.synthesis.method import SynthesisError, relative_distance
+from h2nav.synthesis.plant import VectorSensor, attitude_bias_plant, attitude_plant, discretise
 from h2nav.synthesis.riccati import error_covariance, solve_riccati
 from h2nav.synthesis.scaling import delta_form, scale, unscale_gain
 

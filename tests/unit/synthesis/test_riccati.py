@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from h2nav.attitude.plant import VectorSensor, attitude_bias_plant, attitude_plant, discretise
 from h2nav.synthesis.method import SynthesisError
+from h2nav.synthesis.plant import VectorSensor, attitude_bias_plant, attitude_plant, discretise
 from h2nav.synthesis.riccati import (
     closed_loop_covariance,
     error_covariance,

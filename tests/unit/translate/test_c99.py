@@ -21,7 +21,7 @@ from h2nav.attitude.kernels import (
     shaped_theta,
     shaped_velocity,
 )
-from h2nav.attitude.two_stage import memory as two_stage_layout
+from h2nav.attitude.two_stage.filter import memory as two_stage_layout
 from h2nav.attitude.two_stage.kernel import correction as two_stage_correction
 from h2nav.attitude.two_stage.kernel import motion as two_stage_motion
 from h2nav.attitude.two_stage.kernel import step as two_stage

@@ -1,0 +1,1 @@
+"""How good the estimates are: filters, observer and odometry against truth; commands show it."""

@@ -1,0 +1,1 @@
+"""Our attitude filters and other people's on recorded trials with truth."""

@@ -1,0 +1,287 @@
+"""Our filters, run on a trial for `h2nav evaluate dataset`.
+
+Whole stretches go through the compiled kernels where they are built and can: not while a velocity
+is fused, and not where the insides are to be shown. The estimates are the same bits either way.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from h2nav.attitude import alignment, batch, native
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.errors import TaskFailed
+from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
+from h2nav.io import gain_files
+from h2nav.io.trials import Told, Trial
+from h2nav.maths import frames, quaternion
+from h2nav.maths.units import DEG
+
+GPS_SIGMA_M_S = 0.1
+# Forward-right-down of forward-left-up, as a factor on rows of vectors.
+_FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))
+TWO_STAGE_SENSOR = "mpu9250"
+
+
+class Conditions(NamedTuple):
+    """What is told to the filters beside the samples.
+
+    Attributes:
+        vehicle_class: chooses the gains of the default filter.
+        use_gps: GPS velocities are given to the default filter.
+        declination_deg: of the truth's north, which the courses of gps rows are turned by.
+        cruise_speed_m_s: replaces the class's pseudo-velocity along the nose; None keeps it.
+        shows_insides: gain set and gate are wanted too.
+    """
+
+    vehicle_class: str
+    use_gps: bool = False
+    declination_deg: float = 0.0
+    cruise_speed_m_s: float | None = None
+    shows_insides: bool = False
+
+
+class Track(NamedTuple):
+    """What a filter made of a trial.
+
+    Attributes:
+        q_es: (N, 4) attitude, sensor to east-north-up.
+        us_per_sample: processor time of the filter's calls alone.
+        backend: what they ran on: native or python.
+        bias: (N, 3) gyro bias, rad/s; None where the filter shows none.
+        gain_set: (N,) number of the gain set in use; None for other filters.
+        field_used: (N,) whether the sample's field was believed; None for other filters.
+    """
+
+    q_es: Array
+    us_per_sample: float
+    backend: str
+    bias: Array | None = None
+    gain_set: Array | None = None
+    field_used: npt.NDArray[np.bool_] | None = None
+
+
+def samples(trial: Trial) -> Iterator[ImuSample]:
+    """The trial's samples; the body axes are the sensor's."""
+    rates, forces = trial.w_s.tolist(), trial.f_s.tolist()
+    fields: list[Any] = [None] * len(rates)
+    if trial.m_s is not None:
+        fields = [None if math.isnan(sum(row)) else tuple(row) for row in trial.m_s.tolist()]
+    clipped = [False] * len(rates) if trial.clipped is None else trial.clipped.tolist()
+    for t_us, w, f, m, bad in zip(trial.t_us.tolist(), rates, forces, fields, clipped, strict=True):
+        yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
+
+
+def run_default(trial: Trial, conditions: Conditions) -> Track:
+    """The default filter with the shipped gains of the class and the nearest rate."""
+    return run_shaped(trial, conditions, _class_gains(trial, conditions))
+
+
+def run_default_fixed(trial: Trial, conditions: Conditions) -> Track:
+    """The same in integers."""
+    gains = _at_cruise(_class_gains(trial, conditions), conditions)
+    return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
+
+
+def run_shaped(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
+    """The default filter with given gains."""
+    return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
+
+
+def _class_gains(trial: Trial, conditions: Conditions) -> VelocityAidedGains:
+    name = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
+    return velocity_aided_gains(gain_files.load(name), name)
+
+
+def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAidedGains:
+    if conditions.cruise_speed_m_s is None:
+        return gains
+    return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
+
+
+def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
+    """The two-stage filter with the shipped gains of a common sensor."""
+    name = f"{TWO_STAGE_SENSOR}_{gain_files.shipped_rate(trial.rate_hz)}hz"
+    return _run(trial, conditions, TwoStageFilter(two_stage_gains(gain_files.load(name), name)))
+
+
+def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
+    """Runs one of our filters, the fastest way that shows what is wanted."""
+    told = _told(trial, conditions)
+    is_plain = trial.clipped is None and not conditions.shows_insides
+    is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
+    is_compiled = (
+        isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
+        and native.backend() == "native"
+    )
+    if is_plain and is_compiled:
+        return _run_batch(trial, told, chosen)
+    return _run_samples(trial, told, chosen)
+
+
+def _tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix) -> None:
+    if isinstance(what, VelocityFix):
+        chosen.use_velocity(what)
+    elif isinstance(what, EarthField):
+        chosen.use_field(what)
+    else:
+        chosen.use_vehicle(what)
+
+
+def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
+    """The stretches between things told, each through the compiled kernel."""
+    count = len(trial.t_us)
+    q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
+    starts = sorted({0, *(each.row for each in told if each.row < count)})
+    started = time.process_time()
+    for start, stop in zip(starts, [*starts[1:], count], strict=True):
+        for each in told:
+            if each.row == start:
+                _tell(chosen, each.what)
+        rows = slice(start, stop)
+        field = None if trial.m_s is None else trial.m_s[rows]
+        # The first step of a stretch leads from time zero: it goes on with the trial's times.
+        steps_s = np.diff(trial.t_us[rows], prepend=0) * 1e-6
+        q_nb[rows], bias[rows] = batch.filter_array(
+            trial.w_s[rows], trial.f_s[rows], field, steps_s, chosen
+        )
+    us_per_sample = (time.process_time() - started) * 1e6 / count
+    known = np.isfinite(q_nb[:, 0])
+    if not known.any():
+        raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
+    latest = _latest(known)
+    return Track(enu_from_ned(q_nb[latest]), us_per_sample, "native", bias[latest])
+
+
+def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
+    """Sample by sample, as the daemon does."""
+    taken = list(samples(trial))
+    estimates: list[AttitudeEstimate | None] = []
+    sets: list[int] = []
+    coming = iter(told)
+    following = next(coming, None)
+    started = time.process_time()
+    for row, sample in enumerate(taken):
+        while following is not None and following.row <= row:
+            _tell(chosen, following.what)
+            following = next(coming, None)
+        estimates.append(chosen.update(sample))
+        if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
+            sets.append(chosen.gain_set)
+    us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
+    known = np.array([estimate is not None for estimate in estimates])
+    if not known.any():
+        raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
+    rows = (estimates[row] for row in _latest(known).tolist())
+    filled = [estimate for estimate in rows if estimate is not None]
+    return Track(
+        q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
+        us_per_sample=us_per_sample,
+        backend="python",
+        bias=np.array([estimate.bias_b for estimate in filled]),
+        gain_set=np.array(sets) if sets else None,
+        field_used=np.array([bool(estimate.trust & Trust.FIELD_USED) for estimate in filled]),
+    )
+
+
+def run_paper(trial: Trial, _: Conditions) -> Track:
+    """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1.
+
+    It only works near level: z points up or down as the first force says, x forward.
+    """
+    from h2nav.evaluation.paper.filter import PaperFilter, paper_gain  # needs scipy
+
+    if trial.m_s is None:
+        raise TaskFailed(f"{trial.name}: the paper's filter needs a magnetometer")
+    is_frd = trial.f_s[0, 2] < 0.0
+    axes = np.ones(3) if is_frd else _FRD
+    rates = trial.w_s * axes
+    forces = _unit(trial.f_s * axes)
+    fields = _unit(held(trial.m_s) * axes)
+    dip = math.asin(float(np.clip(-np.dot(forces[0], fields[0]), -1.0, 1.0)))
+    vectors = np.array([[0.0, 0.0, 1.0], [math.cos(dip), 0.0, math.sin(dip)]])
+    chosen = PaperFilter(paper_gain(vectors), vectors, 1)
+    chosen.angles[0] = quaternion.to_euler(alignment.triad(tuple(forces[0]), tuple(fields[0])))
+    steps = np.diff(trial.t_us, prepend=trial.t_us[0]) * 1e-6
+    measured = np.hstack([-forces, fields])
+    rows = []
+    started = time.process_time()
+    for k, dt_s in enumerate(steps.tolist()):
+        chosen.step(rates[k : k + 1], measured[k : k + 1], dt_s)
+        rows.append(chosen.angles[0].tolist())
+    us_per_sample = (time.process_time() - started) * 1e6 / len(rows)
+    q_nb = from_euler(np.where(np.isfinite(rows), rows, 0.0))
+    to_enu = frames.attitude_enu_from_ned if is_frd else frames.attitude_enu_flu_from_ned_frd
+    q_es = np.array([to_enu(tuple(q)) for q in q_nb.tolist()])
+    return Track(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
+
+
+def _told(trial: Trial, conditions: Conditions) -> list[Told]:
+    """What the filter is told, in order; velocities only where they are to be used.
+
+    Raises:
+        TaskFailed: they are, and the trial has none.
+    """
+    if not conditions.use_gps:
+        return [each for each in trial.told if not isinstance(each.what, VelocityFix)]
+    told = list(trial.told) if trial.gps is None else _fixes(trial, conditions)
+    if not any(isinstance(each.what, VelocityFix) for each in told):
+        raise TaskFailed(f"{trial.name}: no gps rows, but --gps was given")
+    return told
+
+
+def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
+    """The trial's gps rows as velocities, courses turned to the truth's north."""
+    assert trial.gps is not None
+    told = []
+    for t_s, speed, course_deg, _ in trial.gps.tolist():
+        course = (course_deg - conditions.declination_deg) * DEG
+        v_n = (speed * math.cos(course), speed * math.sin(course), math.nan)
+        t_us = round(t_s * 1e6)
+        row = int(np.searchsorted(trial.t_us, t_us))
+        told.append(Told(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
+    return told
+
+
+def to_true_north(q_es: Array, declination_rad: float) -> Array:
+    """Attitudes against magnetic east-north-up, turned to true north."""
+    half = -0.5 * declination_rad  # east is clockwise from above
+    return product(np.array([[math.cos(half), 0.0, 0.0, math.sin(half)]]), q_es)
+
+
+def _unit(vectors: Array) -> Array:
+    result: Array = vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-9)[:, None]
+    return result
+
+
+def held(field: Array) -> Array:
+    """The field with every row that brings nothing new replaced by the one before."""
+    fine = np.isfinite(field.sum(axis=1))
+    if not fine.any():
+        return np.zeros_like(field)
+    result: Array = field[_latest(fine)]
+    return result
+
+
+def _latest(known: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """For each row the last known one up to it; before all of them, the first."""
+    last = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1))
+    last[last < 0] = int(np.argmax(known))
+    return last

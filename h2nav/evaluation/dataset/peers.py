@@ -1,0 +1,141 @@
+"""Other people's filters, run on the same samples; each only where its package is installed.
+
+All get the sample times where they take any (vqf takes one rate) and hold the last field, as they
+are made for; their headings are turned to true north where the trial knows it. A trap: ahrs' Kalman
+filter wants the accelerometer's opposite.
+"""
+
+import importlib
+import importlib.util
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from h2nav.attitude import alignment
+from h2nav.errors import TaskFailed
+from h2nav.evaluation import imufusion
+from h2nav.evaluation.dataset import filters as ours
+from h2nav.evaluation.dataset.filters import Conditions, Track, held
+from h2nav.evaluation.rows import Array, enu_from_ned, ned_from_nwu
+from h2nav.io.trials import Trial
+
+Runner = Callable[[Trial, Conditions], Track]
+# Filter -> extra and module that it needs beyond the base.
+NEEDS = {
+    "paper": ("synthesis", "scipy.linalg"),
+    "vqf": ("peers", "vqf"),
+    "imufusion": ("peers", "imufusion"),
+    "ahrs.madgwick": ("peers", "ahrs"),
+    "ahrs.ekf": ("peers", "ahrs"),
+}
+
+
+def installed() -> dict[str, Runner]:
+    """Name -> filter, ours first, then the peers; without those whose package is missing."""
+    peers = {
+        "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf
+    }  # fmt: skip
+    runners: dict[str, Runner] = {
+        "default": ours.run_default,
+        "default_fixed": ours.run_default_fixed,
+        "two_stage": ours.run_two_stage,
+        "paper": ours.run_paper,
+        **{name: _guarded(name, runner) for name, runner in peers.items()},
+    }
+    return {name: runner for name, runner in runners.items() if _is_installed(name)}
+
+
+def _is_installed(name: str) -> bool:
+    if name not in NEEDS:
+        return True
+    package = NEEDS[name][1].partition(".")[0]
+    return importlib.util.find_spec(package) is not None
+
+
+def _guarded(name: str, runner: Runner) -> Runner:
+    """A peer that fails on one trial must not take the others with it."""
+
+    def run(trial: Trial, conditions: Conditions) -> Track:
+        try:
+            track = runner(trial, conditions)
+        except (ValueError, TypeError, ArithmeticError) as error:
+            raise TaskFailed(f"{name} failed: {error}") from error
+        return track._replace(q_es=ours.to_true_north(track.q_es, trial.declination_rad))
+
+    return run
+
+
+def _vqf(trial: Trial, _: Conditions) -> Track:
+    vqf = importlib.import_module("vqf")
+    arrays = [np.ascontiguousarray(trial.w_s), np.ascontiguousarray(trial.f_s)]
+    if trial.m_s is not None:
+        arrays.append(np.ascontiguousarray(held(trial.m_s)))
+    started = time.process_time()
+    out = vqf.VQF(1.0 / trial.rate_hz).updateBatch(*arrays)
+    us_per_sample = (time.process_time() - started) * 1e6 / len(trial.w_s)
+    q_es = out["quat9D" if trial.m_s is not None else "quat6D"]
+    return Track(q_es, us_per_sample, "native", np.asarray(out["bias"]))
+
+
+def _imufusion(trial: Trial, _: Conditions) -> Track:
+    fields = None if trial.m_s is None else held(trial.m_s)
+    started = time.process_time()
+    # Left to itself it starts level, and takes 20 s to turn sensor axes that point down.
+    q_ns = imufusion.attitudes(trial.w_s, trial.f_s, fields, _steps_s(trial), _start_nwu(trial))
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
+    return Track(enu_from_ned(q_ns), us_per_sample, "native, called per sample")
+
+
+def _madgwick(trial: Trial, _: Conditions) -> Track:
+    filters = importlib.import_module("ahrs.filters")
+    q_nwu = np.empty((len(trial.w_s), 4))
+    q_nwu[0] = _start_nwu(trial)
+    steps_s = _steps_s(trial)
+    fields = None if trial.m_s is None else held(trial.m_s)
+    chosen = filters.Madgwick(frequency=trial.rate_hz, gain=0.033 if fields is None else 0.041)
+    started = time.process_time()
+    for k in range(1, len(q_nwu)):
+        sample = {"gyr": trial.w_s[k], "acc": trial.f_s[k], "dt": steps_s[k]}
+        if fields is None:
+            q_nwu[k] = chosen.updateIMU(q_nwu[k - 1], **sample)
+        else:
+            q_nwu[k] = chosen.updateMARG(q_nwu[k - 1], mag=fields[k], **sample)
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
+    return Track(enu_from_ned(ned_from_nwu(q_nwu)), us_per_sample, "python")
+
+
+def _ekf(trial: Trial, _: Conditions) -> Track:
+    filters = importlib.import_module("ahrs.filters")
+    if trial.m_s is None:
+        raise TaskFailed(f"{trial.name}: ahrs.ekf is run with a magnetometer only")
+    fields = held(trial.m_s)
+    # It corrects towards the reference with the dip it is given; the first sample's serves.
+    down = -trial.f_s[0] / np.linalg.norm(trial.f_s[0])
+    dip_deg = float(np.degrees(np.arcsin(np.dot(down, fields[0]) / np.linalg.norm(fields[0]))))
+    chosen = filters.EKF(frequency=trial.rate_hz, frame="NED", magnetic_ref=dip_deg)
+    # Its own `h` asks for this when it is fed sample by sample.
+    chosen.mag = fields
+    q_ns = np.empty((len(fields), 4))
+    steps_s = _steps_s(trial)
+    q_ns[0] = alignment.triad(tuple(trial.f_s[0]), tuple(fields[0]))
+    started = time.process_time()
+    for k in range(1, len(q_ns)):
+        q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k], steps_s[k])
+    us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
+    return Track(enu_from_ned(q_ns), us_per_sample, "python")
+
+
+def _steps_s(trial: Trial) -> list[float]:
+    """The time before each sample, s; before the first one a usual step."""
+    first_us = trial.t_us[0] - 1e6 / trial.rate_hz
+    steps: list[float] = (np.diff(trial.t_us, prepend=first_us) * 1e-6).tolist()
+    return steps
+
+
+def _start_nwu(trial: Trial) -> Array:
+    """The first samples' attitude against north-west-up."""
+    field = None if trial.m_s is None else tuple(held(trial.m_s)[0])
+    first = int(np.argmax(np.abs(trial.f_s).sum(axis=1) > 0.0))
+    start: Array = ned_from_nwu(np.array([alignment.triad(tuple(trial.f_s[first]), field)]))[0]
+    return start

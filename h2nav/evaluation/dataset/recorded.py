@@ -1,0 +1,156 @@
+"""Trials of what the service gives to its filter, kept by a filter that only listens.
+
+Message, times, checks, velocities, vehicle state and earth field are those of the daemon. The
+truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another estimate; both against
+true north.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
+from h2nav.errors import BadInput
+from h2nav.evaluation.reference import Pairs, Reference
+from h2nav.evaluation.rows import enu_from_ned, from_euler
+from h2nav.io.trials import Told, Trial, usual_rate_hz
+from h2nav.service.autopilot import Identity
+
+LEAST_SAMPLES = 2
+
+
+class Stretch:
+    """Samples between two restarts of the filter, and what it was told among them."""
+
+    def __init__(self) -> None:
+        self.samples: list[ImuSample] = []
+        self.arrived_us: list[int] = []
+        self.told: list[Told] = []
+
+
+class Listener:
+    """Stands where a filter stands in the service, and keeps everything that it is given.
+
+    Attributes:
+        name: as filters have one.
+        now_us: time of arrival of the message under way.
+        stretches: so far; the last one is being filled.
+        identity: of the autopilot, once it is known.
+    """
+
+    def __init__(self) -> None:
+        self.name = "listener"
+        self.now_us = 0
+        self.stretches = [Stretch()]
+        self.identity: Identity | None = None
+        self._vehicle: VehicleState | None = None
+        self._field: EarthField | None = None
+
+    def filter_for(self, identity: Identity) -> "Listener":
+        """Makes the filter of a vehicle."""
+        self.identity = identity
+        self.restart()
+        return self
+
+    def update(self, sample: ImuSample) -> None:
+        """Keeps a sample."""
+        self.stretches[-1].samples.append(sample)
+        self.stretches[-1].arrived_us.append(self.now_us)
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Keeps the vehicle's state."""
+        self._vehicle = vehicle
+        self._keep(vehicle)
+
+    def use_field(self, field: EarthField) -> None:
+        """Keeps the earth field."""
+        self._field = field
+        self._keep(field)
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Keeps a velocity."""
+        self._keep(fix)
+
+    def restart(self) -> None:
+        """Begins a stretch, in which the last state and field still hold."""
+        if self.stretches[-1].samples:
+            self.stretches.append(Stretch())
+            for what in (self._vehicle, self._field):
+                if what is not None:
+                    self._keep(what)
+
+    def state(self) -> FilterState:
+        """It computes nothing, so nothing has to be continued."""
+        return FilterState(self.name, ())
+
+    def restore(self, state: FilterState) -> None:
+        """See `state`."""
+
+    def _keep(self, what: VehicleState | EarthField | VelocityFix) -> None:
+        stretch = self.stretches[-1]
+        stretch.told.append(Told(len(stretch.samples), what))
+
+
+def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
+    """The longest stretch that was listened to, as a trial.
+
+    Args:
+        path: the recording, for names and messages.
+        listener: what the service gave to its filter.
+        reference: what the recording says of the attitude.
+
+    Raises:
+        BadInput: the service gave no samples.
+    """
+    stretch = max(listener.stretches, key=lambda found: len(found.samples))
+    samples = stretch.samples
+    if len(samples) < LEAST_SAMPLES:
+        raise BadInput(f"{path}: no IMU samples of a known autopilot in it")
+    boot_us = np.array([sample.t_us for sample in samples])
+    start_us = int(boot_us[0])
+    pairs = reference.pairs(np.array(stretch.arrived_us), boot_us)
+    unknown = (np.nan, np.nan, np.nan)
+    fields = np.array([sample.m_b_ut or unknown for sample in samples])
+    clipped = np.array([sample.clipped for sample in samples])
+    q_es = np.full((len(samples), 4), np.nan)
+    q_es[pairs.rows] = enu_from_ned(from_euler(pairs.angles))
+    known = [told.what for told in stretch.told if isinstance(told.what, EarthField)]
+    return Trial(
+        name=path.stem,
+        rate_hz=usual_rate_hz(boot_us),
+        t_us=boot_us - start_us,
+        w_s=np.array([sample.w_b for sample in samples]),
+        f_s=np.array([sample.f_b for sample in samples]),
+        m_s=None if np.isnan(fields).all() else fields,
+        q_es=q_es if len(pairs.rows) else None,
+        mask=np.isfinite(q_es[:, 0]),
+        heading_fixed=True,
+        gps=None,
+        clipped=clipped if clipped.any() else None,
+        told=tuple(_on_clock_of_trial(told, start_us) for told in stretch.told),
+        declination_rad=known[-1].declination_rad if known else 0.0,
+        notes=tuple(_notes(listener, stretch, pairs)),
+    )
+
+
+def _on_clock_of_trial(told: Told, start_us: int) -> Told:
+    if isinstance(told.what, VelocityFix):
+        return told._replace(what=told.what._replace(t_us=told.what.t_us - start_us))
+    return told
+
+
+def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
+    """What limits the meaning of the trial's errors."""
+    notes = [f"against {pairs.reference}"] if pairs.reference else []
+    if pairs.reference == "ATTITUDE":
+        notes = ["against ATTITUDE, the autopilot's own estimate: no truth"]
+    if not any(isinstance(told.what, EarthField) for told in stretch.told):
+        notes.append("no position, so no declination: our headings are against magnetic north")
+    used = [len(found.samples) for found in listener.stretches if found.samples]
+    if len(used) > 1:
+        notes.append(
+            f"the autopilot's clock began anew {len(used) - 1} times; the longest stretch, "
+            f"{len(stretch.samples)} of {sum(used)} samples, is scored"
+        )
+    return notes

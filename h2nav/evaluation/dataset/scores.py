@@ -1,0 +1,97 @@
+"""One filter on one trial, scored; and what all trials say of a filter."""
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from h2nav.errors import BadInput, TaskFailed
+from h2nav.evaluation.dataset.filters import Conditions
+from h2nav.evaluation.dataset.peers import installed
+from h2nav.evaluation.scoring import Rms, errors, rms
+from h2nav.io.trials import Trial
+
+_TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
+
+
+class Task(NamedTuple):
+    """One filter on one trial; complete, so that another process can do it.
+
+    Attributes:
+        path: the trial's file.
+        read: reads it.
+        trial: name of the trial.
+        filter_name: one of `peers.installed`.
+        conditions: what the filter is told.
+        plots: folder for a picture of the run; None = no picture.
+    """
+
+    path: Path
+    read: Callable[[Path], Trial]
+    trial: str
+    filter_name: str
+    conditions: Conditions
+    plots: Path | None = None
+
+
+class Score(NamedTuple):
+    """What came of a task.
+
+    Attributes:
+        trial: name of the trial.
+        filter_name: name of the filter.
+        rms_deg: total, heading, inclination. None when the task was not possible.
+        us_per_sample: processor time of the filter's calls alone.
+        backend: what they ran on.
+        remark: why there is no result.
+        notes: of the trial.
+    """
+
+    trial: str
+    filter_name: str
+    rms_deg: Rms | None = None
+    us_per_sample: float = 0.0
+    backend: str = ""
+    remark: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def score_task(task: Task) -> Score:
+    """Runs and scores one task; what a worker process does."""
+    nothing = Score(task.trial, task.filter_name)
+    try:
+        trial = task.read(task.path)
+        if trial.q_es is None or not trial.mask.any():
+            return nothing._replace(remark=f"{task.path}: no truth: {_TRUTH}")
+        track = installed()[task.filter_name](trial, task.conditions)
+    except (BadInput, TaskFailed) as error:
+        return nothing._replace(remark=str(error))
+    found = errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed)
+    if task.plots is not None:
+        from h2nav.evaluation.dataset.pictures import draw
+
+        draw(trial, track, found, task.plots / f"{task.trial}.{task.filter_name}.png")
+    rms_deg = rms(found, trial.mask)
+    if not all(map(math.isfinite, rms_deg)):
+        return nothing._replace(remark="it gave attitudes that are not finite")
+    return nothing._replace(
+        rms_deg=rms_deg,
+        us_per_sample=track.us_per_sample,
+        backend=track.backend,
+        notes=trial.notes,
+    )
+
+
+def summary(scores: Sequence[Score], name: str) -> dict[str, Any]:
+    """One filter's results: per trial, their mean, the time per sample and what it ran on."""
+    done = [s for s in scores if s.filter_name == name and s.rms_deg is not None]
+    trials = {s.trial: s.rms_deg._asdict() for s in done if s.rms_deg is not None}
+    if not done:
+        return {"trials": {}, "mean": {}, "us_per_sample": 0.0, "backend": ""}
+    return {
+        "trials": trials,
+        "mean": {key: statistics.fmean(row[key] for row in trials.values()) for key in Rms._fields},
+        "us_per_sample": statistics.fmean(s.us_per_sample for s in done),
+        "backend": ", ".join(sorted({s.backend for s in done})),
+    }

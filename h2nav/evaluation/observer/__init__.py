@@ -1,0 +1,1 @@
+"""The twist observer in simulated trials: convergence, noise, a real camera."""

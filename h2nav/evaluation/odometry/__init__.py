@@ -1,0 +1,1 @@
+"""Calibration of wheel odometry from tables and recordings, and the drive repeated with it."""

@@ -1,0 +1,34 @@
+"""The same function on many tasks, on all processors, with a bar where somebody watches."""
+
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import TypeVar
+
+from tqdm import tqdm
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+def results(function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
+    """The results in the order of the tasks.
+
+    Args:
+        function: of a module, so that other processes find it.
+        tasks: its arguments.
+    """
+    workers = min(len(tasks), os.cpu_count() or 1)
+    with tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty()) as bar:
+        if workers == 1:
+            for task in tasks:
+                yield function(task)
+                bar.update()
+            return
+        # A forked child would inherit the locks of the parent's BLAS threads.
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            for result in pool.map(function, tasks):
+                yield result
+                bar.update()

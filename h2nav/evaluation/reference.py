@@ -1,0 +1,166 @@
+"""The error of the estimates against what the recording itself says of the attitude.
+
+SIMSTATE is the simulator's truth and carries no time; it belongs to the samples that arrive with
+it. ATTITUDE is the autopilot's own estimate, with its time since boot.
+"""
+
+import math
+from array import array
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.evaluation.rows import Array, from_euler, wrapped
+from h2nav.evaluation.scoring import errors, root_mean_square
+from h2nav.io import codec
+from h2nav.io.deframer import Frame
+from h2nav.service.records import EstimateRecord
+
+SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
+# Further apart than this, an estimate and a reference do not belong together.
+FARTHEST_US = 20_000
+
+
+class ErrorTable(NamedTuple):
+    """RMS errors in degrees over all estimates that have a reference.
+
+    Attributes:
+        reference: SIMSTATE, ATTITUDE, or empty when the recording has neither.
+        compared: how many pairs.
+        roll: Euler angle errors (z-y-x).
+        tilt: angle between the estimated and the true vertical.
+        total: angle of the whole error rotation.
+    """
+
+    reference: str
+    compared: int
+    roll: float = float("nan")
+    pitch: float = float("nan")
+    yaw: float = float("nan")
+    tilt: float = float("nan")
+    total: float = float("nan")
+
+    def as_mapping(self) -> dict[str, float | None]:
+        """The errors by name; None where there is nothing to compare."""
+        return {
+            name: round(value, 5) if self.compared else None
+            for name, value in self._asdict().items()
+            if name not in ("reference", "compared")
+        }
+
+
+class Pairs(NamedTuple):
+    """References with the samples that they belong to.
+
+    Attributes:
+        reference: SIMSTATE, ATTITUDE, or empty when the recording has neither.
+        rows: (M,) numbers of the samples.
+        angles: (M, 3) what the reference says there: roll, pitch, yaw, rad.
+    """
+
+    reference: str
+    rows: NDArray[np.int64]
+    angles: Array
+
+
+class _Attitudes:
+    """Times (us) and roll, pitch, yaw (rad), growing cheaply."""
+
+    def __init__(self) -> None:
+        self.t_us = array("q")
+        self.angles = array("d")
+
+    def add(self, t_us: int, roll: float, pitch: float, yaw: float) -> None:
+        self.t_us.append(t_us)
+        self.angles.extend((roll, pitch, yaw))
+
+    def arrays(self) -> tuple[NDArray[np.int64], Array]:
+        return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
+
+
+class Reference:
+    """Collects estimates and references while a recording runs; compares them at its end.
+
+    Attributes:
+        message_ids: the messages that say something of the attitude.
+    """
+
+    message_ids = frozenset({SIMSTATE, ATTITUDE})
+
+    def __init__(self) -> None:
+        self._estimates = _Attitudes()  # by arrival
+        self._boot_us = array("q")  # of the same
+        self._truth = _Attitudes()
+        self._autopilot = _Attitudes()
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """Takes what a frame of `message_ids` says of the attitude."""
+        if frame.msg_id == SIMSTATE:
+            fields: Any = codec.decode(frame)
+            self._truth.add(t_ns // 1000, fields.roll, fields.pitch, fields.yaw)
+        elif frame.compid == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            fields = codec.decode(frame)
+            t_us = fields.time_boot_ms * 1000
+            self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        """Takes an estimate."""
+        angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
+        roll, pitch, yaw = map(math.radians, angles)
+        self._estimates.add(t_ns // 1000, roll, pitch, yaw)
+        self._boot_us.append(record.t_us)
+
+    def table(self, skip_s: float = 0.0) -> ErrorTable:
+        """The errors against SIMSTATE, else ATTITUDE.
+
+        Args:
+            skip_s: references of so many first seconds do not count.
+        """
+        arrived_us, angles = self._estimates.arrays()
+        pairs = self.pairs(arrived_us, np.array(self._boot_us), skip_s)
+        if not len(pairs.rows):
+            return ErrorTable("", 0)
+        return _table(pairs.reference, angles[pairs.rows], pairs.angles)
+
+    def pairs(
+        self, arrived_us: NDArray[np.int64], boot_us: NDArray[np.int64], skip_s: float = 0.0
+    ) -> Pairs:
+        """The references that belong to samples.
+
+        Args:
+            arrived_us: (N,) when the samples arrived.
+            boot_us: (N,) the samples' own times.
+            skip_s: references of so many first seconds do not count.
+        """
+        for name, reference, t_us in (
+            ("SIMSTATE", self._truth, arrived_us),
+            ("ATTITUDE", self._autopilot, boot_us),
+        ):
+            if reference.t_us and len(t_us):
+                at_us, angles = reference.arrays()
+                counts = at_us >= at_us[0] + skip_s * 1e6
+                rows = _nearest(at_us[counts], t_us)
+                return Pairs(name, rows[rows >= 0], angles[counts][rows >= 0])
+        return Pairs("", np.empty(0, dtype=np.int64), np.empty((0, 3)))
+
+
+def _nearest(at_us: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The row of `t_us` (any order) nearest to each time; -1 where none is near enough."""
+    order = np.argsort(t_us, kind="stable")
+    ordered = t_us[order]
+    after = np.clip(np.searchsorted(ordered, at_us), 1, max(len(ordered) - 1, 1))
+    after = np.minimum(after, len(ordered) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer_before = np.abs(ordered[before] - at_us) <= np.abs(ordered[after] - at_us)
+    nearest = np.where(nearer_before, before, after)
+    is_near = np.abs(ordered[nearest] - at_us) <= FARTHEST_US
+    return np.where(is_near, order[nearest], -1)
+
+
+def _table(name: str, ours: Array, truth: Array) -> ErrorTable:
+    found = errors(from_euler(ours), from_euler(truth), np.ones(len(ours), dtype=bool), True)
+    columns = (*np.degrees(wrapped(ours - truth)).T, found.inclination, found.total)
+    return ErrorTable(name, len(ours), *map(root_mean_square, columns))

@@ -1,0 +1,51 @@
+"""Attitudes as rows of arrays: what `maths.quaternion` and `maths.frames` do, for many at once."""
+
+import numpy as np
+import numpy.typing as npt
+
+from h2nav.maths import frames, quaternion
+
+Array = npt.NDArray[np.float64]
+
+
+def product(p: Array, q: Array) -> Array:
+    """(N, 4) Hamilton products of rows; one row stands for as many as the other has."""
+    w, x, y, z = p.T
+    a, b, c, d = q.T
+    return np.stack(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ],
+        axis=1,
+    )
+
+
+def from_euler(angles: Array) -> Array:
+    """(N, 4) q_nb of (N, 3) roll, pitch, yaw, rad."""
+    return np.array([quaternion.from_euler(*row) for row in angles.tolist()]).reshape(-1, 4)
+
+
+def to_euler(q_nb: Array) -> Array:
+    """(N, 3) roll, pitch, yaw, rad, of (N, 4) attitudes."""
+    return np.array([quaternion.to_euler(tuple(q)) for q in q_nb.tolist()]).reshape(-1, 3)
+
+
+def enu_from_ned(q_ns: npt.ArrayLike) -> Array:
+    """(N, 4) q_es of (N, 4) attitudes against north-east-down."""
+    rows = np.asarray(q_ns).tolist()
+    return np.array([frames.attitude_enu_from_ned(tuple(q)) for q in rows]).reshape(-1, 4)
+
+
+def ned_from_nwu(q: Array) -> Array:
+    """(N, 4) attitudes with the world turned by half a turn about north; its own inverse."""
+    w, x, y, z = q.T
+    return np.stack((-x, w, -z, y), axis=1)
+
+
+def wrapped(angles: Array) -> Array:
+    """The angles, rad, in [-pi, pi)."""
+    result: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    return result

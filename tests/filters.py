@@ -1,0 +1,48 @@
+"""Every attitude filter under its name, made from shipped gain files, in plain Python."""
+
+from collections.abc import Callable
+
+from synthetic_imu import FIELD
+
+from h2nav.attitude.constant_gain.filter import ConstantGainFilter
+from h2nav.attitude.constant_gain.gains import constant_gain_model
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.samples import EarthField, VehicleState
+from h2nav.attitude.two_stage.filter import TwoStageFilter
+from h2nav.attitude.two_stage.gains import two_stage_gains
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.io import gain_files
+
+FLYING = VehicleState(on_ground=False)
+GROUND = VehicleState(on_ground=True)
+MULTIROTOR = "multirotor_100hz"
+SENSOR = "mpu9250_100hz"
+
+_VEHICLE = velocity_aided_gains(gain_files.load(MULTIROTOR), MULTIROTOR)
+_SENSOR = gain_files.load(SENSOR)
+
+FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
+    "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE),
+    "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(_VEHICLE, MULTIROTOR),
+    "constant_gain": lambda: ConstantGainFilter(constant_gain_model(_SENSOR, SENSOR)),
+    "two_stage": lambda: TwoStageFilter(two_stage_gains(_SENSOR, SENSOR)),
+}
+
+
+def new_filter(
+    name: str, vehicle: VehicleState = FLYING, field: EarthField | None = FIELD
+) -> AttitudeFilter:
+    """A filter that has been told of its vehicle, and of the field of `synthetic_imu` or another.
+
+    Args:
+        name: a key of `FILTERS`.
+        vehicle: its state.
+        field: None = it is told no field.
+    """
+    filter_ = FILTERS[name]()
+    filter_.use_vehicle(vehicle)
+    if field is not None:
+        filter_.use_field(field)
+    return filter_

@@ -1,0 +1,183 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from needs import DEG, absent
+from synthetic_imu import FIELD, fly, slow
+
+from h2nav import cli
+from h2nav.attitude import native
+from h2nav.attitude.samples import VehicleState, VelocityFix
+from h2nav.evaluation.dataset.filters import (
+    Conditions,
+    Track,
+    run_default,
+    run_default_fixed,
+    run_two_stage,
+    to_true_north,
+)
+from h2nav.io.trials import Told, Trial, read_trial
+from h2nav.maths import frames, quaternion
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two short trials with truth and one without."""
+    for seed in (1, 2, 3):
+        flight = fly(slow, 20.0, seed)
+        q_es = np.array([frames.attitude_enu_from_ned(q) for q in flight.q_nb])
+        mask = np.arange(len(q_es)) > 1000
+        truth = {"q": q_es, "mask": mask} if seed < 3 else {}
+        np.savez(
+            tmp_path / f"trial_{seed}.npz",
+            fs=np.array(100.0),
+            gyr=np.array([s.w_b for s in flight.samples]),
+            acc=np.array([s.f_b for s in flight.samples]),
+            mag=np.array([s.m_b_ut for s in flight.samples]),
+            **truth,
+        )
+    return tmp_path
+
+
+def test_json_has_the_promised_keys(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["evaluate", "dataset", str(folder), "--json"]) == 0
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert set(result["trials"]) == {"trial_1", "trial_2"}
+    assert set(result["trials"]["trial_1"]) == {"total", "heading", "inclination"}
+    totals = [row["total"] for row in result["trials"].values()]
+    assert result["mean"]["total"] == pytest.approx(sum(totals) / 2)
+    assert result["mean"]["total"] < 3.0
+    assert result["us_per_sample"] > 0.0
+    assert result["backend"] == native.backend()
+    assert "trial_3: default: left out: " in err
+    assert "trial_3.npz: no truth: key q" in err
+
+
+def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evaluate", "dataset", str(folder), "--filter", "default", "--filter", "two_stage"]
+    assert cli.main([*words, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert set(result["filters"]) == {"default", "two_stage"}
+    assert result["filters"]["default"]["mean"] == result["mean"]
+    assert cli.main(words) == 0
+    table = capsys.readouterr().out
+    assert "two_stage" in table
+    assert "trial_2" in table
+
+
+def test_the_integers_stand_next_to_the_floats(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ("default", "default_fixed")
+    words = ["evaluate", "dataset", str(folder), *(w for name in names for w in ("--filter", name))]
+    assert cli.main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["filters"]
+    assert found["default_fixed"]["backend"] == found["default"]["backend"] == native.backend()
+    for trial, row in found["default"]["trials"].items():
+        for key, value in row.items():
+            assert found["default_fixed"]["trials"][trial][key] == pytest.approx(value, abs=0.3)
+
+
+def test_plots(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    plots = tmp_path / "figures"
+    assert cli.main(["evaluate", "dataset", str(folder), "--plots", str(plots)]) == 0
+    assert sorted(path.name for path in plots.iterdir()) == [
+        "trial_1.default.png",
+        "trial_2.default.png",
+    ]
+
+
+def test_an_unknown_filter_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["evaluate", "dataset", str(folder), "--filter", "magic"]) == 2
+    assert "--filter magic" in capsys.readouterr().err
+
+
+def test_gps_without_rows_is_left_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["evaluate", "dataset", str(folder), "--gps"]) == 1
+    assert "no gps rows" in capsys.readouterr().err
+
+
+@pytest.fixture
+def trial(folder: Path) -> Trial:
+    """A trial that an autopilot tells about; some samples bring no field."""
+    found = read_trial(folder / "trial_1.npz")
+    assert found.m_s is not None
+    found.m_s[1::2] = np.nan
+    field = FIELD._replace(declination_rad=0.2)
+    told = (Told(0, VehicleState(True)), Told(137, field), Told(900, VehicleState(False)))
+    return found._replace(told=(*told, Told(len(found.t_us), VehicleState(True))))
+
+
+@pytest.mark.parametrize("run", [run_default, run_default_fixed])
+def test_compiled_kernels_give_the_same_bits(
+    trial: Trial, run: Callable[[Trial, Conditions], Track], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if native.backend() != "native":
+        absent("the compiled kernels are not built from these sources")
+    compiled = run(trial, Conditions("multirotor"))
+    monkeypatch.setenv(native.SWITCH, "forbid")
+    python = run(trial, Conditions("multirotor"))
+    assert (compiled.backend, python.backend) == ("native", "python")
+    assert np.array_equal(compiled.q_es, python.q_es)
+    assert compiled.bias is not None
+    assert python.bias is not None
+    assert np.array_equal(compiled.bias, python.bias)
+
+
+def test_what_the_kernels_cannot_show_runs_in_python(trial: Trial) -> None:
+    plotted = run_default(trial, Conditions("handheld", shows_insides=True))
+    assert plotted.backend == "python"
+    assert plotted.gain_set is not None
+    still = (0.0, 0.0, float("nan"))
+    fixes = [Told(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
+    flying = trial._replace(told=tuple(fixes))
+    assert run_default(flying, Conditions("handheld", True)).backend == "python"
+    assert run_default(flying, Conditions("handheld")).backend == native.backend()
+
+
+def test_a_clipped_sample_reaches_the_filter(trial: Trial) -> None:
+    clipped = np.zeros(len(trial.t_us), dtype=bool)
+    clipped[500:700] = True
+    w_s = trial.w_s.copy()
+    w_s[500:700] = 0.0
+    plain = run_two_stage(trial._replace(w_s=w_s), Conditions("handheld"))
+    marked = run_two_stage(trial._replace(w_s=w_s, clipped=clipped), Conditions("handheld"))
+    assert not np.array_equal(plain.q_es, marked.q_es)
+
+
+def test_the_declination_turns_clockwise() -> None:
+    # Nose to magnetic north where the declination is 10 deg east: the true heading is 10 deg.
+    magnetic = np.array([frames.attitude_enu_from_ned(quaternion.from_euler(0.1, 0.2, 0.0))])
+    true = frames.attitude_enu_from_ned(quaternion.from_euler(0.1, 0.2, 10.0 * DEG))
+    turned = to_true_north(magnetic, 10.0 * DEG)[0]
+    assert turned * np.sign(turned[0]) == pytest.approx(true, abs=1e-12)
+
+
+def test_plain_words_for_what_is_no_data_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"PK\x03\x04 and then nothing")
+    assert cli.main(["evaluate", "dataset", str(tmp_path)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        f"h2nav: {broken}: not a readable archive; expected numpy's .npz of plain arrays of numbers"
+    ]
+    notes = tmp_path / "notes.txt"
+    notes.write_text("no recording")
+    assert cli.main(["evaluate", "dataset", str(notes)]) == 1
+    assert "expected an .npz file or a recording" in capsys.readouterr().err
+
+
+def test_trials_of_one_name_are_told_apart(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "trial_1.tlog").write_bytes(b"no recording")
+    assert cli.main(["evaluate", "dataset", str(folder), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert set(json.loads(out)["trials"]) == {"trial_1.npz", "trial_2"}
+    assert "trial_1.tlog: default: left out" in err

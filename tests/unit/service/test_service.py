@@ -1,0 +1,61 @@
+"""One autopilot after another: what was learnt of the first does not hold for the second."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.io.earth_field import earth_field_at
+from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.service.effects import Notice
+from h2nav.service.service import Service, Surroundings
+from h2nav.wire.imu import ImuReading
+from h2nav.wire.readers import Envelope, Message
+from h2nav.wire.vehicle import Heartbeat
+
+HEARTBEAT_ID = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+RAW_IMU_ID = mavlink.MAVLINK_MSG_ID_RAW_IMU
+US_PER_SECOND = 1_000_000
+
+
+class Bench:
+    """A service, a clock, and the notices so far."""
+
+    def __init__(self) -> None:
+        chosen = Configuration()
+        filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+        surroundings = Surroundings(filters.filter_for, earth_field_at, 1_795_000_000.0)
+        self.service = Service(chosen.service, surroundings)
+        self.notices: list[str] = []
+        self.t_us = 1_000 * US_PER_SECOND
+
+    def rests(self, sender: tuple[int, int], seconds: int, force_m_s2: float) -> None:
+        """An autopilot at rest on the ground says so at 100 Hz, with a heartbeat a second."""
+        for count in range(100 * seconds):
+            self.t_us += 10_000
+            if count % 100 == 0:
+                beat = Heartbeat(
+                    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False
+                )
+                self._hears(sender, HEARTBEAT_ID, beat)
+            reading = ImuReading(
+                self.t_us, (0.0, 0.0, 0.0), (0.0, 0.0, -force_m_s2), (20.0, 0.0, 45.0), False
+            )
+            self._hears(sender, RAW_IMU_ID, reading)
+
+    def _hears(self, sender: tuple[int, int], message_id: int, message: Message) -> None:
+        t_ns = 1000 * self.t_us
+        envelope = Envelope(t_ns, t_ns, sender, message_id)
+        if self.service.heeds(envelope):
+            effects = self.service.on_message(envelope, message)
+            self.notices += [effect.text for effect in effects if isinstance(effect, Notice)]
+
+
+def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
+    bench = Bench()
+    bench.rests((1, 1), 5, GRAVITY_M_S2)
+    assert not [text for text in bench.notices if text.startswith("|acc|")]
+    bench.t_us += 20 * US_PER_SECOND
+    bench.rests((2, 1), 8, 1.0)
+    assert [text for text in bench.notices if text.startswith("|acc|")] == [
+        "|acc| at rest 1 m/s2, not 9.8: sent in g as if in m/s2"
+    ]
