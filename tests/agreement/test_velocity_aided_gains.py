@@ -1,4 +1,4 @@
-"""The velocity-aided gains against Riccati, against their own certificates, and the class models."""
+"""The velocity-aided gains against Riccati and their own certificates, and the class models."""
 
 from pathlib import Path
 
