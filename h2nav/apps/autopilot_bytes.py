@@ -28,7 +28,7 @@ class AutopilotBytes:
 
     Args:
         autopilot: new.
-        start_ns: host time at which its power goes on.
+        start_ns: host time at which its power is switched on.
         links: how many it is connected to; all of them get the same.
         signing: of all links; None = nothing is signed or verified.
     """

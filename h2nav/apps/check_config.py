@@ -20,9 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--example",
         choices=sorted(_examples()),
-        help="print this configuration to start from, instead",
+        help="print this example configuration instead",
     )
-    parser.add_argument("--json", action="store_true", help="ok, errors and warnings as JSON")
+    parser.add_argument("--json", action="store_true", help="print ok, errors and warnings as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

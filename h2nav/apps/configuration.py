@@ -222,7 +222,7 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
 
 
 def contradictions(configuration: Configuration) -> list[str]:
-    """What is well-formed and yet cannot work, each with key and remedy."""
+    """What is well-formed and yet cannot work, with key and remedy for each."""
     link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
     return [
         *link,
@@ -242,7 +242,7 @@ def _link_complaints(url: str) -> list[str]:
 
 
 def _identity_complaints(configuration: Configuration) -> list[str]:
-    """Whoever shares an id with the autopilot is taken for it."""
+    """A component that shares its id with the autopilot is taken for the autopilot."""
     ours, asked = configuration.output.component_id, configuration.autopilot.component_id
     if ours == AUTOPILOT_COMPONENT_ID:
         taken = "the autopilot's: its ground stations would take our messages for its own"
@@ -257,7 +257,7 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """One filter is made of integers alone, one knows instantaneous gyros."""
+    """One filter exists in integers only; only one in floats takes instantaneous gyro samples."""
     if settings.name == "constant_gain" and settings.arithmetic == "float":
         return ["filter.arithmetic: filter.name constant_gain runs in integers; set fixed"]
     averages = settings.name == "two_stage" and settings.arithmetic == "float"

@@ -96,7 +96,7 @@ class Daemon:
         self._manager.stopping()
 
     def turn(self, now_ns: int, wake: socket.socket) -> None:
-        """One round: look after the link, wait, read, work, do what the clock wants."""
+        """One round: maintain the link, wait, read, process, and do what is due by the clock."""
         self._link.maintain(now_ns)
         self._pipeline.link(now_ns, self._link.is_up, self._link.last_error)
         wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
@@ -118,7 +118,7 @@ class Daemon:
             self._watch_clock(now_ns)
 
     def _read(self) -> None:
-        """Works off what has arrived; what waits longer gets its turn in the next round."""
+        """Processes what has arrived; the rest is left for the next round."""
         for _ in range(READS_PER_ROUND):
             chunks = self._link.read()
             for data, stamp_ns in chunks:
@@ -131,7 +131,7 @@ class Daemon:
                 break
 
     def _notice_stall(self, now_ns: int) -> None:
-        """Tells when the last round ended much longer ago than a round takes."""
+        """Reports when the last round ended much longer ago than a round takes."""
         if self._round_ns is not None and now_ns - self._round_ns > STALL_NS:
             self._pipeline.stalled(now_ns, now_ns - self._round_ns)
         self._round_ns = now_ns

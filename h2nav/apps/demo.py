@@ -44,10 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=SCENARIOS,
         default="flight",
         metavar="NAME",
-        help=f"what is flown: {', '.join(SCENARIOS)} (default: flight)",
+        help=f"scenario to fly: {', '.join(SCENARIOS)} (default: flight)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the simulated sensors")
-    parser.add_argument("--json", action="store_true", help="the result as JSON")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the simulated sensors")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

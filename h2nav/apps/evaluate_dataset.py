@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "place",
         type=Path,
         metavar="DIR",
-        help="folder of trials, or one: .npz, or recordings of an autopilot (.tlog, our .mcap, raw "
-        ".bytes), whose truth is SIMSTATE, else ATTITUDE",
+        help="folder of trials, or one trial: .npz, or recordings of an autopilot (.tlog, our "
+        ".mcap, raw .bytes), whose truth is SIMSTATE, else ATTITUDE",
     )
     parser.add_argument(
         "--class",
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="DEG",
-        help="true course of the truth's north, for --gps on .npz trials whose north is magnetic; "
+        help="declination of the truth's north, for --gps on .npz trials whose north is magnetic; "
         "recordings bring their own",
     )
     parser.add_argument(
@@ -68,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="speed along the nose of a fixed wing without airspeed; 0 = unknown "
         "(default: the class's)",
     )
-    parser.add_argument("--plots", type=Path, metavar="DIR", help="folder for one figure a run")
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="folder for one figure per run")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

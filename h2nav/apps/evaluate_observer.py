@@ -13,7 +13,7 @@ from h2nav.evaluation.observer import figures
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command's arguments."""
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into DIR")
 
 

@@ -25,8 +25,10 @@ TITLES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="runs per case (20)")
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
-    parser.add_argument("--plots", type=Path, metavar="DIR", help="draw the slides' figures here")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument(
+        "--plots", type=Path, metavar="DIR", help="draw the slides' figures into DIR"
+    )
     parser.add_argument(
         "--run-in-s",
         type=float,

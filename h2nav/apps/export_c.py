@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " files of that kind; constant_gain (formerly lean): for the smallest microcontrollers, the"
         " only one for files of kind two_stage",
     )
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

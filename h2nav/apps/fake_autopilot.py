@@ -40,11 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         action="append",
         metavar="URL",
-        help=f"one of {FORMS}, {SERVER_FORMS}. Given twice, each link hears the other, too",
+        help=f"one of {FORMS}, {SERVER_FORMS}. If given twice, each hears the other",
     )
     parser.add_argument("--scenario", default="flight", metavar="NAME", help="default: flight")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all random numbers")
-    parser.add_argument("--seconds", type=float, metavar="S", help="end after so long")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of all random numbers"
+    )
+    parser.add_argument("--seconds", type=float, metavar="S", help="end after this time")
     parser.add_argument(
         "--autopilot",
         default="ardupilot",
@@ -56,13 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME[=ARG]@START[+DURATION]",
-        help="what goes wrong, times in seconds; may be repeated",
+        help="a fault to simulate, times in seconds; may be repeated",
     )
     parser.add_argument(
-        "--baud", type=float, metavar="BAUD", help="be as slow as a serial line of this speed"
+        "--baud", type=float, metavar="BAUD", help="as slow as a serial line of this speed"
     )
     parser.add_argument(
-        "--boot-text", action="store_true", help="plain text at power-on, as on a serial port"
+        "--boot-text", action="store_true", help="send plain text at power-on, as on a serial port"
     )
     parser.add_argument(
         "--gyro-bias-deg-s",
@@ -70,20 +72,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=MPU_9250.gyro_bias_deg_s,
         metavar=("X", "Y", "Z"),
-        help="bias of the gyro, body axes, beside the small one that the seed draws",
+        help="bias of the gyro in body axes, added to the small one drawn from the seed",
     )
     parser.add_argument(
         "--signing-key",
         type=Path,
         metavar="FILE",
-        help="sign all frames with this key, and hear and forward only frames signed with it",
+        help="sign all frames with this key; obey and forward only frames signed with it",
     )
     vision = parser.add_argument_group("poses of a visual odometry, forwarded by the autopilot")
     vision.add_argument("--vision", choices=VISION_MESSAGES, help="send them as this message")
     vision.add_argument("--vision-rate-hz", type=float, default=30.0, metavar="HZ")
     vision.add_argument("--vision-delay-ms", type=float, default=0.0, metavar="MS")
     vision.add_argument("--vision-drop-out", type=float, default=0.0, metavar="SHARE")
-    parser.add_argument("--json", action="store_true", help="the counts as JSON, at the end")
+    parser.add_argument("--json", action="store_true", help="print the counts as JSON at the end")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""How commands write JSON, so that any reader takes it: what is no finite number becomes null."""
+"""How commands write JSON that any reader accepts: numbers that are not finite become null."""
 
 import json
 import math

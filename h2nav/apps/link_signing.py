@@ -1,4 +1,4 @@
-"""Signing of one link as the daemon does it: who is let in, what is told and recorded of others."""
+"""Signing of one link in the daemon: who is admitted, what is reported and recorded of others."""
 
 import time
 from collections import Counter
@@ -78,7 +78,7 @@ class Sorted(NamedTuple):
     """Frames that came together.
 
     Attributes:
-        admitted: to be believed, in their order.
+        admitted: frames to be used, in their order.
         received: bytes of them for the recording, without their signatures.
         refused: the same of the others, as far as they are to be recorded.
         notices: what people should hear.
@@ -132,7 +132,7 @@ class LinkSigning:
         return self._refuse(t_ns, frame, self._checker.objection(frame) or Refusal.UNSIGNED)
 
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
-        """Lets frames in, or not.
+        """Admits frames, or refuses them.
 
         Args:
             t_ns: host monotonic time of their arrival.
@@ -183,7 +183,7 @@ class LinkSigning:
         return self._window_frames <= RECORDED_PER_WINDOW
 
     def _refuse(self, t_ns: int, frame: Frame, refusal: Refusal) -> list[Notice]:
-        """Counts a frame; tells of its cause if that was not told within the last minute."""
+        """Counts a frame; reports its cause unless that was reported within the last minute."""
         self._counts[refusal] += 1
         told_ns = self._told_ns.get(refusal)
         if told_ns is not None and t_ns - told_ns < TELL_AGAIN_NS:

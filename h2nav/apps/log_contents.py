@@ -105,7 +105,7 @@ def inputs_of(recording: Recording) -> RecordedInputs | None:
 
 
 def _recorded_date(recording: Recording) -> float:
-    """The date of the run in UNIX seconds; 0 when the log does not tell."""
+    """The date of the run in UNIX seconds; 0 when the log does not have it."""
     text = recording.metadata.get(RUN_METADATA, {}).get("unix_s", "0")
     try:
         unix_s = float(text)

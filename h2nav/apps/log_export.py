@@ -15,9 +15,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the CSV files"
     )
     parser.add_argument(
-        "--topic", action="append", default=[], metavar="TOPIC", help="only this one; repeatable"
+        "--topic",
+        action="append",
+        default=[],
+        metavar="TOPIC",
+        help="export only this topic; may be repeated",
     )
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
         "One file per topic, its units in the header; bytes of a link become one file per message."
     )

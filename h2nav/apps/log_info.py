@@ -18,10 +18,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs", type=Path, nargs="+", metavar="LOG", help="MCAP logs, closed or cut off"
     )
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
         "With --json, one LOG gives one document, several give a list of them in their order. A "
-        "file that is no log is named and left out; the exit status is then 2."
+        "file that is not a log is named and left out; the exit status is then 2."
     )
 
 

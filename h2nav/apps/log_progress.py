@@ -1,4 +1,4 @@
-"""The progress bar of the commands that read a log; none where nobody looks."""
+"""The progress bar of the commands that read a log; none where standard error is no terminal."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

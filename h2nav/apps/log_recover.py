@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="OUT", help="default: LOG with .recovered.mcap"
     )
-    parser.add_argument("--json", action="store_true", help="machine-readable result")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
         "Exit status: 0 nothing was lost, 3 something was lost, 1 nothing could be recovered, "
         "2 not a log or the output exists. LOG itself is never changed."

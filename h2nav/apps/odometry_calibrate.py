@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wheel-angles-deg",
         default="0,120,240",
         metavar="A,B,C",
-        help="omni: where the wheels stand, counter-clockwise from ahead (default 0,120,240)",
+        help="omni: angles of the wheels, counter-clockwise from ahead (default 0,120,240)",
     )
     parser.add_argument(
         "--autopilot-radius-m",
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "default 1: from increments, the daemon must be fed wheel angles; from counters, the "
         "radii are metres rolled per metre reported",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into DIR")
 
 

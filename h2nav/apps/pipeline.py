@@ -53,7 +53,7 @@ class Watcher(Protocol):
         """An estimate was made."""
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """The service has something to tell."""
+        """The service has something to report."""
 
 
 class Outlets(NamedTuple):
@@ -93,9 +93,9 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
 
 
 class Pipeline:
-    """Deframes, decodes, asks the service, and carries out what it wants.
+    """Deframes, decodes, calls the service, and carries out its effects.
 
-    Whatever raises on the way is counted and told by the service; the next frame gets its turn.
+    Whatever raises on the way is counted and reported by the service; the next frame follows.
 
     Args:
         service: the behaviour.
@@ -143,7 +143,7 @@ class Pipeline:
             self._process(t_ns, self.deframer.feed(data), now_ns)
             return
         found = self._signing.sort(t_ns, self.deframer.feed(data))
-        # Only what is believed: a replay has no key to tell the frames apart.
+        # Only admitted frames: a replay has no key to check them with.
         self._record_received(t_ns, found.received)
         if found.refused and self._recorder is not None:
             self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), found.refused)
@@ -203,7 +203,7 @@ class Pipeline:
         self._guarded(t_ns, "stall", lambda: self.service.on_stall(t_ns, length_ns))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
-        """Writes the counters of link and log to the log, and tells of trouble with files."""
+        """Writes the counters of link and log to the log, and reports trouble with files."""
         if self._signing is not None:
             self._carry_out(t_ns, self._signing.notices())
         if self._recorder is None:
@@ -217,12 +217,12 @@ class Pipeline:
         self.tell_of_recorder(t_ns)
 
     def tell_of_recorder(self, t_ns: int) -> None:
-        """Tells what has become of the log since the last time."""
+        """Reports what has become of the log since the last time."""
         for notice in self._recorder.notices() if self._recorder is not None else ():
             self.note(t_ns, notice.text, RECORDER_SEVERITIES[notice.level])
 
     def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
-        """Tells people something that the service does not know of."""
+        """Reports something that the service does not know of."""
         self._carry_out(t_ns, self.service.on_note(t_ns, severity, text))
 
     def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
@@ -233,7 +233,7 @@ class Pipeline:
             self._fault(t_ns, where, error)
 
     def _fault(self, t_ns: int, where: str, error: Exception) -> None:
-        """A fault of ours costs one event and no more."""
+        """A fault of ours costs one event only."""
         self._carry_out(t_ns, self.service.on_fault(t_ns, where, _in_one_line(error)))
 
     def _carry_out(self, t_ns: int, effects: Sequence[Effect]) -> None:

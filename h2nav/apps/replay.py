@@ -42,12 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="CONFIG.yaml",
-        help="configuration; default: the one inside our MCAP, else the defaults",
+        help="configuration (default: the one in our MCAP, else the defaults)",
     )
     parser.add_argument(
         "--filter",
         choices=("default", "velocity_aided", "two_stage", "constant_gain"),
-        help="another estimator",
+        help="filter to run instead of the configured one",
     )
     parser.add_argument(
         "--class",
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="vehicle class instead of the heartbeat's",
     )
     parser.add_argument("--no-gps", action="store_true", help="do not fuse the GPS velocity")
-    parser.add_argument("--json", action="store_true", help="the result as JSON")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 class Inputs(NamedTuple):

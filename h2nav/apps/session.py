@@ -1,4 +1,4 @@
-"""One run of the daemon: everything that a configuration asks for, wired and cleaned up."""
+"""One run of the daemon: wires everything that a configuration asks for, and cleans up."""
 
 import time
 from types import TracebackType

@@ -15,8 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, required=True, metavar="FILE", help="new file, mode 0600"
     )
     parser.epilog = (
-        "The passphrase is asked for, or is the first line of standard input: on a command line "
-        "all users of the computer could read it."
+        "The passphrase is prompted for, or read from the first line of standard input: on a "
+        "command line all users of the computer could read it."
     )
 
 

@@ -1,4 +1,4 @@
-"""Text for whoever listens: written at once where there is room for it, else lost.
+"""Text for whoever reads it: written at once where there is room for it, else dropped.
 
 A pipe that nobody reads, a terminal that is held with Ctrl-S or a journal that hangs would stop a
 program that writes to it. The daemon must not stop.
@@ -50,7 +50,7 @@ def _has_room(descriptor: int, text: str) -> bool:
 
 
 def discard(stream: TextIO) -> None:
-    """Leads a stream whose reader has gone to nowhere, so that its rest does not fail at exit."""
+    """Redirects a stream whose reader has gone, so that its rest does not fail at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

@@ -1,4 +1,4 @@
-"""The error of the estimates against what the recording itself says of the attitude.
+"""The error of the estimates against the attitude in the recording itself.
 
 SIMSTATE is the simulator's truth and carries no time; it belongs to the samples that arrive with
 it. ATTITUDE is the autopilot's own estimate, with its time since boot.

@@ -4,7 +4,7 @@ The rules of this file:
 
 1. A frame is given out when its id is in the dialect and its checksum fits, and only then. A frame
    of an unknown id cannot be checked, so it is never given out.
-2. After anything that fails, the search goes on at the byte behind the failed start marker. So no
+2. After anything that fails, the search resumes at the byte behind the failed start marker. So no
    damage costs an intact frame.
 3. A start marker whose frame is still incomplete does not hold back a good frame that lies inside
    the bytes it asks for: the frame that is complete first wins. Two exceptions, for which the

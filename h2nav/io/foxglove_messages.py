@@ -85,7 +85,7 @@ def flat_fields(schema_name: str, data: bytes) -> dict[str, Any] | None:
 
 
 def _descriptor_set(message_type: Any) -> bytes:
-    """The message's file descriptor with all those that it imports, as MCAP wants it."""
+    """The message's file descriptor with all those that it imports, as MCAP requires."""
     files: dict[str, FileDescriptor] = {}
 
     def collect(file: FileDescriptor) -> None:

@@ -1,4 +1,4 @@
-"""Gain files on disk: writing, finding shipped ones by name, and the daemon's trust in them."""
+"""Gain files on disk: writing them, finding shipped ones by name, checking them for the daemon."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Host names to socket addresses without ever blocking the caller."""
+"""Resolves host names to socket addresses without ever blocking the caller."""
 
 import socket
 import threading

@@ -1,4 +1,4 @@
-"""Signing keys that pass by in the clear do not get into a recording."""
+"""Keeps signing keys that pass in the clear out of recordings."""
 
 import re
 

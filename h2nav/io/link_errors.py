@@ -1,4 +1,4 @@
-"""Why a link does not open, in words with the remedy."""
+"""Why a link does not open, in words, with the remedy."""
 
 import errno
 

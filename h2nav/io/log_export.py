@@ -58,7 +58,7 @@ def export_csv(
         path: an MCAP log, closed, cut off or damaged.
         folder: made when missing; existing files are not overwritten.
         topics: only these; all when empty.
-        progress: told the bytes done and in all.
+        progress: called with the bytes done and in all.
 
     Raises:
         BadInput: no log, a file exists, or none of `topics` is in the log.

@@ -15,7 +15,7 @@ MIB = 1 << 20
 RUN_SHARE = 4  # a run may take this part of the room for logs
 RUN_FILES = 4  # and takes it in so many files, so that the oldest can go
 LEAST_RUN_BYTES = 16 * MIB
-LOG_MODE = 0o640  # logs tell where a vehicle was
+LOG_MODE = 0o640  # logs show where a vehicle was
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ class LogScan:
         return Entry(offset, opcode, HEAD.size + length, body, content)
 
     def _entry_behind(self, damaged: int) -> Entry | None:
-        """The first intact record behind a damaged one; its length is believed if that works."""
+        """The first intact record behind a damaged one; its length is used if that works."""
         self._stream.seek(damaged)
         head = self._stream.read(HEAD.size)
         if len(head) == HEAD.size:
@@ -146,7 +146,7 @@ def is_closed(path: Path) -> bool:
 class Directory:
     """Which schemas and channels a log has, as far as they have been seen.
 
-    A channel is told only once, inside the first chunk; when that chunk is damaged, the summary at
+    A channel is described only once, inside the first chunk; when that is damaged, the summary at
     the end of a closed file still knows it.
     """
 
@@ -166,7 +166,7 @@ class Directory:
             self.channels[channel.id] = channel
 
     def channel(self, channel_id: int) -> Channel | None:
-        """The channel, or None when the file does not tell it (any more)."""
+        """The channel, or None when the file does not describe it (any more)."""
         if channel_id not in self.channels and not self._summary_read:
             self._read_summary()
         return self.channels.get(channel_id)

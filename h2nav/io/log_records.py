@@ -1,7 +1,7 @@
 """The records of an MCAP file: their fields, and whether one is intact.
 
 A record counts as intact when its structure fills its length and its checksum, where it has one,
-fits. Nothing is believed before that: neither a length that a record announces nor the size that a
+fits. Nothing is trusted before that: neither a length that a record announces nor the size that a
 chunk unpacks to can cost more memory than `LARGEST_RECORD`.
 """
 

@@ -87,7 +87,7 @@ def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path
 
 
 def _restrict(stream: BinaryIO) -> None:
-    """A log that is made whole is no more open to others than a new one."""
+    """A repaired log gets the same access mode as a new one."""
     descriptor = stream.fileno()
     os.fchmod(descriptor, os.fstat(descriptor).st_mode & LOG_MODE)
 

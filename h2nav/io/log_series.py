@@ -35,7 +35,7 @@ Write = Callable[[LogFile], None]
 
 
 class Notice(NamedTuple):
-    """Something that the operator should hear about the recording, once."""
+    """Something about the recording that has to be reported, once."""
 
     level: LogLevel
     text: str

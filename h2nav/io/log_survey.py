@@ -128,7 +128,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
 
     Args:
         path: an MCAP file, closed, cut off or damaged.
-        progress: told the bytes done and in all.
+        progress: called with the bytes done and in all.
 
     Raises:
         BadInput: no such file, or not an MCAP file.

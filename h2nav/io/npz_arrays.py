@@ -1,4 +1,4 @@
-"""Arrays of numbers out of numpy's archives (`.npz`), at a bounded cost.
+"""Reads arrays of numbers from numpy's archives (`.npz`), at a bounded cost.
 
 Header and directory of an archive are checked against each other before anything is unpacked: a few
 kilobytes may announce, or unpack to, more than the memory holds.

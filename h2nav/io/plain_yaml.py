@@ -1,4 +1,4 @@
-"""YAML texts that others wrote, into mappings, lists and scalars, at a bounded cost.
+"""Reads YAML that others wrote into mappings, lists and scalars, at a bounded cost.
 
 Only plain data is taken: texts, numbers, booleans and nulls in lists and in mappings whose keys are
 distinct texts. Whatever else YAML can do is refused by line: aliases (nine lines of them expand to

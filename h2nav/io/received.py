@@ -1,4 +1,4 @@
-"""What a link hands over: bytes with the time at which they came."""
+"""What a link delivers: bytes with the time at which they came."""
 
 from typing import NamedTuple
 

@@ -136,7 +136,7 @@ class Recorder:
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
 
     def refused(self, link_name: str, unix_ns: int, data: bytes) -> None:
-        """Records bytes that arrived and were not believed; a replay does not see them."""
+        """Records bytes that arrived and were not admitted; a replay does not see them."""
         topic = REFUSED_TOPIC + link_name
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
 
@@ -208,7 +208,7 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._record_until_closed()
-        except Exception as error:  # a fault of ours: attitude goes on, and the operator hears it
+        except Exception as error:  # a fault of ours: attitude goes on, the operator is told
             self._series.give_up(error)
         finally:
             self._begun.set()

@@ -1,4 +1,4 @@
-"""Tells systemd that the daemon is ready and alive (sd_notify), without a library."""
+"""Notifies systemd that the daemon is ready and alive (sd_notify), without a library."""
 
 import os
 import socket
@@ -32,7 +32,7 @@ class ServiceManager:
         self._send(f"STATUS={text}")
 
     def alive(self, t_ns: int) -> None:
-        """Feeds the watchdog, three times as often as it wants."""
+        """Feeds the watchdog, three times as often as required."""
         if self._watchdog_ns and t_ns - self._last_ping_ns >= self._watchdog_ns // 3:
             self._last_ping_ns = t_ns
             self._send("WATCHDOG=1")

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: which frames are taken, and what ours carry; no I/O, time comes from outside.
+"""MAVLink 2 signing: which frames are admitted, and how ours are signed; no I/O and no clock.
 
 A signature is the last 13 bytes of a frame: link id, time stamp (48 bits, 10 us since 2015-01-01
 UTC), and the first 48 bits of SHA-256 over the key and all of the frame before them. A stream is
@@ -136,7 +136,7 @@ class Signer:
 class SignatureChecker:
     """Decides on each frame of a link whose traffic must be signed.
 
-    The table of streams holds `MOST_STREAMS`; only who has the key gets into it. When it is full,
+    The table of streams holds `MOST_STREAMS`; only a key holder gets into it. When it is full,
     streams more than a minute behind our stamp are forgotten (what they have sent would be refused
     as `OLD_STAMP`), and where there are none, new streams are refused; known ones go on.
 

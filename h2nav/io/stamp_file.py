@@ -67,7 +67,7 @@ class StampFile:
 
 
 class StampNotice(NamedTuple):
-    """Something that people should know of the file, once.
+    """Something about the file that has to be reported, once.
 
     Attributes:
         is_error: the stamp is not safe on disk.

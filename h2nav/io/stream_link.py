@@ -20,7 +20,7 @@ class Transport(Protocol):
         """Begins to open; never blocks."""
 
     def is_ready(self) -> bool:
-        """Goes on with the opening; True once it is complete."""
+        """Continues the opening; True once it is complete."""
 
     def fileno(self) -> int:
         """The descriptor of the opened stream."""
@@ -79,7 +79,7 @@ class StreamLink:
         return self._transport.fileno() if self.is_up else None
 
     def maintain(self, t_ns: int) -> None:
-        """Opens what is down, as the back-off allows, and sends what waits; never raises.
+        """Opens the link if it is down and the back-off allows, and sends what waits; never raises.
 
         Args:
             t_ns: monotonic time, ns; to be called at least every 100 ms.

@@ -73,7 +73,7 @@ def _build(
 
 
 def _found(value: Any) -> str:
-    """Texts in quotes, so that a number can be told from a text that looks like one."""
+    """Texts in quotes, so that a number differs visibly from a text that looks like one."""
     return shown(repr(value))
 
 

@@ -31,7 +31,7 @@ class TcpTransport:
             self._lookup = HostLookup(self._url.host, self._url.port)
 
     def is_ready(self) -> bool:
-        """Goes on from lookup to connection; raises OSError when one of them has failed."""
+        """Proceeds from lookup to connection; raises OSError when one of them has failed."""
         if self._socket is None:
             addresses = self._lookup.addresses() if self._lookup else None
             if not addresses:

@@ -1,8 +1,8 @@
-"""Telemetry logs (`.tlog`): big-endian UNIX microseconds and a raw MAVLink frame, again and again.
+"""Telemetry logs (`.tlog`): entries of big-endian UNIX microseconds and a raw MAVLink frame.
 
 An entry carries no checksum of its own time, and its length follows from the frame's header. So an
 entry counts as sound when another one, or the end of the file, follows it where it should. After
-damage the bytes up to the next sound entry are handed on with the last good time: the deframer
+damage the bytes up to the next sound entry are passed on with the last good time: the deframer
 finds the intact frames among them.
 """
 
@@ -136,7 +136,7 @@ def _raw_time(buffer: bytes, at: int) -> int:
 
 
 def _entry_size(buffer: bytes, at: int) -> int:
-    """Bytes of the entry that begins at `at`; 0 when none can begin there or be told."""
+    """Bytes of the entry that begins at `at`; 0 when none can begin there or be recognised."""
     frame = at + TIME_SIZE
     if frame + 3 > len(buffer) or not _EARLIEST_US <= _raw_time(buffer, at) <= _LATEST_US:
         return 0

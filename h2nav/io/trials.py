@@ -27,7 +27,7 @@ _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
 
 
 class Told(NamedTuple):
-    """What an autopilot lets a filter know beside the samples.
+    """What an autopilot gives a filter besides the samples.
 
     Attributes:
         row: number of the sample that it was known before.

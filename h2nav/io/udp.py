@@ -214,7 +214,7 @@ class UdpLink:
     def _arrival_ns(
         self, ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int
     ) -> int | None:
-        """The kernel's time of arrival on the monotonic clock, where it told a sensible one.
+        """The kernel's time of arrival on the monotonic clock, where it gave a sensible one.
 
         It comes from the UNIX clock, which may have been set since. What has arrived since the
         kernel had nothing more for us did not arrive before that.

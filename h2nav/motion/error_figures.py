@@ -10,7 +10,7 @@ from h2nav.motion.finite_time import FiniteTimeGains
 MEMORY_POSES = 30.0
 # 95 % of chi-square with three degrees of freedom, per degree.
 CHANCE = 2.6
-# A pose source is never believed to be better than this (rad or m, one sigma per axis).
+# No pose source is assumed to be better than this (rad or m, one sigma per axis).
 FLOOR = 1e-4
 
 

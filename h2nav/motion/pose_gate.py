@@ -52,7 +52,7 @@ class JumpStreak(NamedTuple):
     last: PoseError = PoseError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def and_then(self, error: PoseError, gate_rad: float, gate_m: float) -> "JumpStreak":
-        """The streak with one more; a pose that disagrees with the one before starts anew."""
+        """The streak with one more; a pose that disagrees with the last begins a new one."""
         agrees = (
             math.dist(error.e_r, self.last.e_r) <= gate_rad
             and math.dist(error.e_p, self.last.e_p) <= gate_m

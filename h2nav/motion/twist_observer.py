@@ -2,7 +2,7 @@
 
 Between poses it integrates the IMU exactly. A pose corrects the state *at its own time*, by the
 exact flow of the finite-time error system over the time since the pose before; what the IMU said
-since then is integrated anew. So delay, slow rate and drop-outs of the camera cost no stability.
+since then is integrated again. So delay, slow rate and drop-outs of the camera cost no stability.
 
     IMU sample -> estimate now            pose -> correction then, estimate now renewed
 """
@@ -33,7 +33,7 @@ from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 HALF_TURN_MARGIN_RAD = 0.02
 MAX_SAMPLES = 2048
 MAX_WAITING = 8
-# So many samples in a row that are not later mean that the autopilot's clock has begun anew.
+# So many samples in a row that are not later mean that the autopilot's clock has restarted.
 NEW_EPOCH_SAMPLES = 10
 # One-sigma error of the acceleration (1 deg of tilt), for the figures between poses.
 ACCELERATION_SIGMA = 0.17
@@ -352,7 +352,7 @@ class TwistObserver:
         return RigidState(predicted.t_us, q_new, p_o, v_b)
 
     def _settle(self, state: RigidState, q_measured: Quat) -> None:
-        """Makes `state` the anchor and integrates anew what the IMU said after it."""
+        """Makes `state` the anchor and integrates the IMU's samples after it again."""
         poses = 1 if self._fix is None else 2
         turn = quaternion.multiply(q_measured, quaternion.conjugate(state.q_ob))
         self._fix = Fix(state.t_us, state.p_o, turn, poses)

@@ -16,7 +16,7 @@ from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
 
-# So many readings in a row that are not later mean that the autopilot's clock has begun anew.
+# So many readings in a row that are not later mean that the autopilot's clock has restarted.
 NEW_EPOCH_SAMPLES = 10
 # A counter may jump by this much more than the speed limit allows (coarse time stamps), m.
 JUMP_MARGIN_M = 0.05

@@ -62,7 +62,7 @@ class FieldOfTheEarth:
     Args:
         settings: where the declination comes from.
         field_at: (latitude deg, longitude deg, altitude m, UNIX seconds) -> field.
-        unix_s: date to use until the autopilot tells one.
+        unix_s: date to use until the autopilot sends one.
     """
 
     def __init__(self, settings: NorthSettings, field_at: EarthFieldAt, unix_s: float) -> None:
@@ -104,7 +104,7 @@ class Aiding:
         settings: what may be used.
         field: where the earth field comes from.
         autopilot: whose armed and landed state counts.
-        estimation: who is told.
+        estimation: what takes the records.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Aiding:
         self._told: VehicleState | None = None
 
     def tell_vehicle(self, t_ns: int) -> list[Effect]:
-        """Tells the filter of the vehicle's state where that changed."""
+        """Passes the vehicle's state on to the filter where it changed."""
         fresh = t_ns - self._airspeed_ns <= STALE_AIRSPEED_NS
         state = VehicleState(self._autopilot.on_ground, self._airspeed_m_s if fresh else None)
         if state == self._told:
@@ -136,12 +136,12 @@ class Aiding:
         return [Record("/aiding", record)]
 
     def on_landed_state(self, t_ns: int, state: LandedState) -> list[Effect]:
-        """The autopilot says whether it stands."""
+        """The autopilot reports whether the vehicle is on the ground."""
         self._autopilot.hears_landed_state(t_ns, state.on_ground)
         return self.tell_vehicle(t_ns)
 
     def on_airspeed(self, t_ns: int, measured: Airspeed) -> list[Effect]:
-        """Only a fixed wing flies along its nose."""
+        """Airspeed is used for fixed wings only, which fly along their nose."""
         identity = self._autopilot.identity
         flies_forward = identity is not None and identity.vehicle_type in FIXED_WING_TYPES
         usable = measured.airspeed_m_s is not None and self._settings.airspeed and flies_forward

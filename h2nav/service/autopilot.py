@@ -62,7 +62,7 @@ class Identity(NamedTuple):
 
 
 class Heard(Enum):
-    """What a heartbeat came to."""
+    """What resulted from a heartbeat."""
 
     NOTHING = 0
     BOUND = 1  # another autopilot, or another vehicle, is the one to listen to from now on

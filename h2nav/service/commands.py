@@ -1,4 +1,4 @@
-"""Answers commands: what we can do, we do; what is meant for us alone is always acknowledged."""
+"""Answers commands: carries out what we can; always acknowledges what is meant for us alone."""
 
 import math
 from collections.abc import Callable

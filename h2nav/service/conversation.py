@@ -1,4 +1,4 @@
-"""What we answer: commands, parameters, the time; so much a second and no more."""
+"""What we answer: commands, parameters, the time; a limited number per second."""
 
 from collections import Counter
 

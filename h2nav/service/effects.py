@@ -1,4 +1,4 @@
-"""What the service wants done: it does nothing itself, the daemon and the replay carry it out."""
+"""What the service wants done; the daemon and the replay carry it out."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -58,7 +58,7 @@ class Used(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Tell people: journal, log, and (already sent separately) STATUSTEXT."""
+    """Report to people: journal, log, and (already sent separately) STATUSTEXT."""
 
     severity: Severity
     text: str

@@ -38,7 +38,7 @@ RECENT_NS = 1_000_000_000
 
 
 class Outcome(NamedTuple):
-    """What an IMU reading came to.
+    """What resulted from an IMU reading.
 
     Attributes:
         sample: the sample that was used; None when the reading was refused.
@@ -125,7 +125,7 @@ class Estimation:
         return tuple(found)
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
-        """What is wrong with the readings that came lately; None where none came."""
+        """What is wrong with the latest readings; None where none came."""
         if not self._refusal or t_ns - self._refused_ns > RECENT_NS:
             return None
         return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
@@ -173,13 +173,13 @@ class Estimation:
             self._filter.use_vehicle(vehicle)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks the estimate as such for good."""
+        """Passes a velocity on; a dependent one marks the estimate as dependent from then on."""
         if self._filter is not None and self._newest_us is not None:
             self._fused_dependent |= not fix.independent
             self._filter.use_velocity(fix)
 
     def restart(self) -> None:
-        """Time begins anew: the attitude is found again, the learnt bias stays."""
+        """The autopilot's time starts again: the filter aligns again and keeps the learnt bias."""
         if self._filter is not None:
             self._filter.restart()
         self._newest_us = None

@@ -79,7 +79,7 @@ class Verdict(NamedTuple):
 
     Attributes:
         state: of the service.
-        cause: of the state; a change of it is told. Empty when active.
+        cause: of the state; a change of it is reported. Empty when active.
         reason: for people; its figures may change while the cause stays.
     """
 

@@ -13,7 +13,7 @@ LATE_NS = 150_000_000
 """An estimate that is later than usual by more than this is not sent."""
 
 LASTING_NS = 300_000_000
-"""Lateness that lasts so long is told."""
+"""Lateness that lasts so long is reported."""
 
 FORGIVEN_NS = 20_000_000_000
 # A round trip of more than this says too little about the difference of the clocks.
@@ -35,7 +35,7 @@ class Lateness:
         self.restart()
 
     def restart(self) -> None:
-        """The autopilot's clock begins anew."""
+        """The autopilot's clock starts again."""
         self.late_ns = 0
         self._clock_ns = 0  # host minus autopilot, as last compared
         self._creep = CREEP_UNKNOWN
@@ -84,7 +84,7 @@ class Lateness:
             self._late_since_ns = now_ns
 
     def _is_forgiven(self, now_ns: int) -> bool:
-        """Where nobody compares the clocks, a delay that stays for long is the usual one."""
+        """Where nobody compares the clocks, a delay that lasts long is taken as the usual one."""
         since_ns = self._late_since_ns
         is_compared = self._creep == CREEP_COMPARED
         return not is_compared and since_ns is not None and now_ns - since_ns > FORGIVEN_NS
@@ -95,7 +95,7 @@ class Lateness:
         return self.late_ns > LATE_NS
 
     def is_lasting(self, t_ns: int) -> bool:
-        """It has been so for a while, or by much."""
+        """The lateness has lasted for a while, or is large."""
         since_ns = self._late_since_ns
         if since_ns is None:
             return False

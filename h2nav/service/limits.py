@@ -32,7 +32,7 @@ class RateLimit:
 
 
 class Steady(Generic[T]):
-    """A value that others can change only by insisting on the new one, and on nothing else.
+    """A value that others can change only by sending the new one, and nothing else, for long.
 
     Args:
         value: at first.
@@ -66,7 +66,7 @@ class Steady(Generic[T]):
 
 
 class Slow(Generic[T]):
-    """A value that follows at once what is said, but changes only so often.
+    """A value that follows at once what is sent, but changes only so often.
 
     Args:
         value: at first.
@@ -79,7 +79,7 @@ class Slow(Generic[T]):
         self._changed_ns: int | None = None
 
     def hears(self, t_ns: int, value: T) -> None:
-        """Takes what was said; what comes too soon after a change is not heard."""
+        """Takes what was sent; what comes too soon after a change is ignored."""
         if value == self.value:
             return
         if self._changed_ns is None or t_ns - self._changed_ns >= self._hold_ns:

@@ -51,11 +51,11 @@ class MotionEstimation(Protocol):
         """The attitude filter used a sample."""
 
     def restart(self) -> None:
-        """The autopilot's time begins anew, or it is another vehicle."""
+        """The autopilot's time starts again, or it is another vehicle."""
 
 
 class NoMotion:
-    """Nobody wants motion estimated."""
+    """Motion is not estimated."""
 
     message_ids: frozenset[int] = frozenset()
     wishes: tuple[Wish, ...] = ()

@@ -1,7 +1,7 @@
 """Times of poses and wheels on the clock of the IMU samples, from messages and arrivals alone.
 
 TIMESYNC is not used: its requests leave by timers, and a replay would not reproduce them. The
-message that came quickest within some seconds tells a clock's offset to the host as well.
+message that came quickest within some seconds gives a clock's offset to the host as well.
 """
 
 from enum import Enum
@@ -54,14 +54,14 @@ class ClockKind(Enum):
 
 
 class SourceClock:
-    """Finds out which clock a source uses, and maps its times.
+    """Determines which clock a source uses, and maps its times.
 
     Args:
         imu: the IMU's clock against the host's.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
-        kind: decided by the first message; anew after `STRAYS` in a row that contradict it.
+        kind: decided by the first message, and again after `STRAYS` in a row that contradict it.
     """
 
     def __init__(self, imu: LeastDelay, unix_offset_ns: int) -> None:
@@ -121,7 +121,7 @@ class SourceClock:
 
 
 def _near(usec: int, now_us: int) -> int:
-    """A time stamp of 32 bits goes on counting where the unwrapped clock has passed its end."""
+    """A time stamp of 32 bits, continued where the unwrapped clock has passed its end."""
     if usec < UINT32 <= now_us:
         return now_us + (usec - now_us + UINT32 // 2) % UINT32 - UINT32 // 2
     return usec

@@ -1,4 +1,4 @@
-"""How estimates of motion go out as ODOMETRY and into the log, and what people are told of them."""
+"""How estimates of motion go out as ODOMETRY and into the log, and what is reported of them."""
 
 import math
 
@@ -10,17 +10,17 @@ from h2nav.service.outputs import Motion, Outputs
 
 # An estimate that rests on a measurement older than this is not sent.
 STALE_S = 2.0
-# People are told of a lack of estimates when it lasts.
+# A lack of estimates is reported when it lasts.
 LASTING_NS = 500_000_000
-# So many refused messages in a row are told of, once.
+# So many refused messages in a row are reported, once.
 REFUSED_IN_A_ROW = 10
 
 
 class RefusalStreak:
-    """Tells once when only refused messages come.
+    """Reports once when only refused messages come.
 
     Args:
-        what: is refused, such as ``poses``.
+        what: what is refused, such as ``poses``.
         tell: tells people.
     """
 
@@ -88,7 +88,7 @@ class OdometryOut:
         return effects
 
     def nothing(self, t_ns: int) -> list[Effect]:
-        """There is no fresh estimate at present; what there was must not go out any more."""
+        """There is no fresh estimate at present; the last one must not be sent any more."""
         self._outputs.forget_odometry()
         if not self._is_fresh or t_ns - self._put_ns <= LASTING_NS:
             return []

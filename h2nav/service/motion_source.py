@@ -1,4 +1,4 @@
-"""Whose poses and wheel distances are taken."""
+"""Whose poses and wheel distances are used."""
 
 from enum import StrEnum
 

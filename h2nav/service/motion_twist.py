@@ -96,7 +96,7 @@ class TwistMotion:
         return self._on_pose(t_ns, measured)
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """See `MotionEstimation`: a pose that is none."""
+        """See `MotionEstimation`: a pose that was refused."""
         t_ns, _, sender, message_id = envelope
         if not self._source.is_of_vehicle(sender):
             return []

@@ -1,4 +1,4 @@
-"""What people are told, and how often: a notice once per cause and minute, STATUSTEXT with manners.
+"""What is reported to people, and how often: a notice per cause and minute, a few STATUSTEXTs.
 
 A STATUSTEXT has 50 characters; at most one a second leaves, and the oldest are dropped when too
 many wait.
@@ -23,14 +23,14 @@ NOTICES_AT_ONCE = 15
 
 
 class Tell(Protocol):
-    """Tells people, as `Notices.tell` does."""
+    """Reports to people, as `Notices.tell` does."""
 
     def __call__(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
         """See there."""
 
 
 class Notices:
-    """Lets each cause speak once a minute.
+    """Reports each cause at most once a minute.
 
     Args:
         as_status_text: send notices to the ground station as well.
@@ -49,7 +49,7 @@ class Notices:
         return told_ns is None or t_ns - told_ns >= REPEAT_NS
 
     def tell(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
-        """The notice, unless its cause has spoken lately.
+        """The notice, unless its cause has been reported within the last minute.
 
         Args:
             t_ns: host time.

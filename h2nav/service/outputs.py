@@ -135,7 +135,7 @@ class Outputs:
         return None if output is None or self.are_held else output.latest()
 
     def forget(self) -> None:
-        """The latest estimates are stale: they must not be handed out any more."""
+        """The latest estimates are stale: they must not be sent any more."""
         for output in self._outputs.values():
             output.forget()
 

@@ -1,4 +1,4 @@
-"""When samples and heartbeats were last looked at: is everybody there, including ourselves?
+"""When samples and heartbeats were last looked at: who is present, and were we held up?
 
 Times are those of looking, not of arrival: what has waited in a backlog is there. A program that
 was stopped has heard nothing meanwhile, and that says nothing about others.
@@ -64,7 +64,7 @@ class Pulse:
         return t_ns - self.sample_ns < HANGING_NS
 
     def stall_ns(self, t_ns: int) -> int:
-        """How long we were held up, as long as it still tells in what is heard; else 0."""
+        """How long we were held up, while this still affects what is heard; else 0."""
         stall = self._stall
         if stall is None or self.sample_ns is None or t_ns - stall[0] > AFTER_STALL_NS:
             return 0

@@ -25,7 +25,7 @@ class Arrivals(NamedTuple):
     seconds: float
 
     def reach(self, rate_hz: float) -> bool:
-        """Whether they come at `rate_hz`, as far as so few messages can tell.
+        """Whether they come at `rate_hz`, as far as so few messages can show.
 
         One may still be on its way, and where a tenth is lost at random, few become fewer.
         """

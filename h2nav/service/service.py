@@ -1,7 +1,7 @@
 """The service: what the daemon does, as a function of events, without any I/O.
 
 Events come in: a message at a time, a timer at a time, the link going up or down. Each returns
-effects (send, record, tell) in order. Time enters only with the events. Estimates depend on
+effects (send, record, report) in order. Time enters only with the events. Estimates depend on
 messages and their arrival times alone, never on timers, so a recording of what was received
 reproduces them exactly.
 """
@@ -70,7 +70,7 @@ class Surroundings(NamedTuple):
     Attributes:
         filter_for: makes the filter of a vehicle.
         field_at: the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds).
-        unix_s: today's date, for the field model, until the autopilot tells the time.
+        unix_s: today's date, for the field model, until the autopilot sends the time.
         unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
     """
 
@@ -142,7 +142,7 @@ class Service:
 
     @property
     def message_ids(self) -> frozenset[int]:
-        """The messages that the service heeds; others need not be decoded."""
+        """The messages that the service uses; others need not be decoded."""
         heard = (READERS.keys() - MOTION_READERS.keys()) | self.motion.message_ids
         if self._settings.autopilot.simulation_truth:
             heard = heard | {mavlink.MAVLINK_MSG_ID_SIMSTATE}  # its rate is measured like any other
@@ -181,7 +181,7 @@ class Service:
         return dict(counts + self._refused)
 
     def is_progressing(self, t_ns: int) -> bool:
-        """False where the program seems to hang."""
+        """False when the program seems to hang."""
         return self._link_error is not None or self._pulse.is_progressing(t_ns)
 
     # --- events -------------------------------------------------------------------------------
@@ -236,7 +236,7 @@ class Service:
         return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
-        """A message that the service heeds arrived."""
+        """A message that the service uses arrived."""
         if isinstance(message, ImuReading):
             return self._on_imu(envelope, message)
         if isinstance(message, Heartbeat):
@@ -251,7 +251,7 @@ class Service:
         return self._on_vehicle_message(envelope.t_ns, message) if owned else []
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """A message that the service heeds was refused at the wire boundary."""
+        """A message that the service uses was refused at the wire boundary."""
         if envelope.message_id in self.motion.message_ids:
             return self.motion.on_refusal(envelope, reason)
         if self._autopilot.owns(envelope.sender):
@@ -266,7 +266,7 @@ class Service:
         return self._notices.tell(t_ns, severity, text, DIGITS.sub("#", text))
 
     def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
-        """A handler of ours raised: it is counted and told, and the daemon lives on.
+        """A handler of ours raised: this is counted and reported, and the daemon continues.
 
         Args:
             t_ns: host time.
@@ -279,7 +279,7 @@ class Service:
         return self._notices.tell(t_ns, Severity.ERROR, text, reason)
 
     def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
-        """We were held up ourselves: what was not heard meanwhile says nothing about others."""
+        """The program was held up: what was not heard meanwhile says nothing about others."""
         self._pulse.stalled(t_ns, length_ns)
         return self._judge(t_ns)
 
@@ -525,7 +525,7 @@ class Service:
         )
 
     def _judge(self, t_ns: int) -> list[Effect]:
-        """Looks at the state; a change of it, or of its cause, is logged and told."""
+        """Looks at the state; a change of it, or of its cause, is logged and reported."""
         has_changed = self._standing.judge(t_ns, self._signs(t_ns))
         told = self._standing.tell(t_ns, is_starting=self._pulse.is_starting(t_ns))
         if not has_changed:

@@ -1,4 +1,4 @@
-"""The state of the service as it stands, and the telling of its changes."""
+"""The present state of the service, and the reports of its changes."""
 
 from h2nav.service import health
 from h2nav.service.effects import Effect, Severity
@@ -9,9 +9,9 @@ GOOD = (State.ACTIVE, State.ALIGNING)
 
 
 class Standing:
-    """Judges the state and tells a change of it, or of its cause, once.
+    """Judges the state and reports a change of it, or of its cause, once.
 
-    A change that comes back within a minute waits to be told until it lasts.
+    A change that comes back within a minute is reported only when it lasts.
 
     Args:
         notices: tell people.
@@ -36,11 +36,11 @@ class Standing:
         return self.verdict[:2] != before[:2]
 
     def tell(self, t_ns: int, *, is_starting: bool) -> list[Effect]:
-        """Tells what has not been told yet.
+        """Reports what has not been reported yet.
 
         Args:
             t_ns: host time.
-            is_starting: a lack of samples is no news yet.
+            is_starting: a lack of samples is not worth a report yet.
         """
         verdict = self.verdict
         if verdict[:2] == self._told or (is_starting and verdict.state is State.NO_IMU):

@@ -1,4 +1,4 @@
-"""Asks the autopilot for the streams that are missing, and believes only rates that are measured.
+"""Requests missing streams from the autopilot, and trusts only rates that are measured.
 
 The autopilot may send all by itself (PX4) or nothing (ArduPilot), may refuse, may lose all streams
 at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and acknowledges
@@ -9,7 +9,7 @@ way where the command is not answered or not known.
 
 What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at
 its other messages, `acknowledged` at its answers, `measure` and `next_request` ten times a second,
-`restart` when its time begins anew; and it tells people the `notices`.
+`restart` when its time starts again; and it reports the `notices`.
 """
 
 import math
@@ -95,7 +95,7 @@ class StreamRequests:
     # --- what comes ---------------------------------------------------------------------------
 
     def heard(self, t_ns: int) -> None:
-        """A heartbeat of the autopilot came; the first one after a silence begins all anew."""
+        """A heartbeat of the autopilot came; the first one after a silence restarts all."""
         if self._is_silent(t_ns):
             self.restart()
         self._heard_ns = t_ns
@@ -173,14 +173,14 @@ class StreamRequests:
     # --- what is known ------------------------------------------------------------------------
 
     def measured_hz(self, message_id: int) -> float | None:
-        """The rate of any message over the last two seconds; None before one can tell."""
+        """The rate of any message over the last two seconds; None before it is known."""
         return self._meter.hz(message_id)
 
     def granted_hz(self, message_id: int) -> float | None:
         """The rate at which a message (or its alternative) may be expected to come.
 
         It is what the autopilot and we settled on. Where nothing is asked for, it is the best rate
-        that was ever held, and None before one can tell.
+        that was ever held, and None before it is known.
         """
         for stream in self._streams:
             if message_id in stream.candidates and self._asks:
@@ -198,7 +198,7 @@ class StreamRequests:
         )
 
     def notices(self) -> list[Notice]:
-        """What people should know since the last call."""
+        """What has to be reported since the last call."""
         notices, self._notices = self._notices, []
         return notices
 

@@ -1,7 +1,7 @@
 """The autopilot's clock against the host's, from TIMESYNC exchanges with the least delay.
 
 An exchange costs a round trip; half of it is the uncertainty of its offset, so only exchanges
-whose round trip is near the least one seen lately are believed.
+whose round trip is near the least one seen recently are used.
 """
 
 from collections import deque
@@ -47,7 +47,7 @@ class TimeSync:
         return t_ns
 
     def answer(self, t_ns: int, tc1: int, ts1: int) -> Exchange | None:
-        """Takes a TIMESYNC answer; the exchange when it was ours and is believed."""
+        """Takes a TIMESYNC answer; the exchange when it was ours and is used."""
         if ts1 not in self._pending:
             return None
         self._pending.remove(ts1)
@@ -75,12 +75,12 @@ class TimeSync:
 
     @property
     def is_locked(self) -> bool:
-        """Enough believed exchanges to answer others and to map times."""
+        """Enough exchanges have been used to answer others and to map times."""
         return len(self._believed) >= LOCK_EXCHANGES
 
     @property
     def is_calm(self) -> bool:
-        """Locked, and the next exchange will tell nothing new for a while."""
+        """Locked, and the next exchange will add nothing new for a while."""
         return self.is_locked and not self._is_drifting
 
     @property

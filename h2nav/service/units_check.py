@@ -1,4 +1,4 @@
-"""Do the units make sense? Asked once the vehicle rests: gravity and the earth field are known."""
+"""Checks the units once the vehicle is at rest: gravity and the earth field are known there."""
 
 import math
 from enum import Enum
@@ -47,7 +47,7 @@ class UnitsCheck:
 
     @property
     def is_over(self) -> bool:
-        """The units have been found to be fine."""
+        """The check has found the units right."""
         return self.report.force is Finding.FINE and not self.report.complaints
 
     def add(self, sample: ImuSample) -> bool:
@@ -89,7 +89,7 @@ class UnitsCheck:
 
 
 def _likely(ratio: float) -> str:
-    """Names the slip that explains a value which is `ratio` times the right one."""
+    """Names the mistake that explains a value which is `ratio` times the right one."""
     slips = (
         (1e-3, ": sent in units of 1/1000"),
         (1e3, ": sent as thousandths of the unit"),

@@ -60,7 +60,7 @@ class Phase(Enum):
 
 
 class Trouble(Enum):
-    """What people should be told of a stream."""
+    """What has to be reported of a stream."""
 
     LOWERED = "the autopilot refuses more"
     CUT = "asked for less, because it was never reached"
@@ -97,7 +97,7 @@ class WishedStream:
         self._has_held = False
 
     def restart(self) -> None:
-        """Begins anew; a rate that was settled on is still good if it comes by itself."""
+        """Starts again; a rate that was settled on is still good if it comes by itself."""
         self.phase = Phase.LISTENING
         self.since_ns = None
         self.due_ns = 0
@@ -298,12 +298,12 @@ class WishedStream:
         return turn_ns
 
     def _span_ns(self) -> int:
-        """How long one must look to judge the present rate."""
+        """How long it takes to judge the present rate."""
         wanted_ns = round(MESSAGES_TO_JUDGE / self.rate_hz * SECOND_NS)
         return min(max(wanted_ns, SHORTEST_SPAN_NS), LONGEST_SPAN_NS)
 
     def _recent(self, t_ns: int, meter: RateMeter) -> Arrivals | None:
-        """What came lately; None before one can tell."""
+        """What came recently; None before it is known."""
         span_ns = self._span_ns()
         recent = meter.since(self.message_id, t_ns - span_ns)
         return recent if recent.seconds * 1e9 >= 0.9 * span_ns else None

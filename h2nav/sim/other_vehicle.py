@@ -1,4 +1,4 @@
-"""A second autopilot on the same link: at rest, nose 30 deg up, and nobody's business."""
+"""A second autopilot on the same link: at rest, nose 30 deg up, and not to be used."""
 
 import copy
 import math

@@ -1,6 +1,6 @@
 """Named flights with exact truth: attitude, rate, acceleration, velocity and position at any time.
 
-Every scenario is defined for all t >= 0. Beyond `Scenario.duration_s` the periodic ones go on and
+Every scenario is defined for all t >= 0. Beyond `Scenario.duration_s` the periodic ones repeat and
 the others hold their last state; before 0 the vehicle stands as it does at 0.
 """
 

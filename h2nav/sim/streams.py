@@ -1,7 +1,7 @@
 """The messages that any autopilot of the simulator can send: one row each, maker and default rate.
 
 A maker turns the vehicle at its present instant into a message, or into None when there is nothing
-to say. A new message is a new row in a personality's table; nothing else needs to know of it.
+to say. A new message is a new row in a personality's table; nothing else changes.
 """
 
 import math
@@ -88,7 +88,7 @@ def gps_raw_int(vehicle: Vehicle) -> Any:
 
 
 def global_position_int(vehicle: Vehicle) -> Any:
-    """Where the autopilot believes to be."""
+    """The autopilot's own estimate of its position."""
     latitude, longitude, altitude_m = vehicle.geographic()
     above_home_m = altitude_m - vehicle.home.altitude_m
     heading_deg = vehicle.estimate.yaw / DEG % 360.0
@@ -104,7 +104,7 @@ def global_position_int(vehicle: Vehicle) -> Any:
 
 
 def local_position_ned(vehicle: Vehicle) -> Any:
-    """Where the autopilot believes to be, from home."""
+    """The autopilot's own estimate of its position relative to home."""
     motion = vehicle.motion
     return mavlink.MAVLink_local_position_ned_message(vehicle.boot_ms, *motion.p_n, *motion.v_n)
 

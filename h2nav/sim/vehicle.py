@@ -40,7 +40,7 @@ BOTH_IMUS = (0, 1)
 
 
 class Estimate(NamedTuple):
-    """What the autopilot itself believes."""
+    """The autopilot's own estimate."""
 
     roll: float
     pitch: float
@@ -81,7 +81,7 @@ class Vehicle:
         self._t_ns: int | None = None
         self._motion: Motion | None = None
         self._samples: dict[int, ImuSample] = {}
-        self.t_s = 0.0  # of the scenario; goes on through a reboot
+        self.t_s = 0.0  # of the scenario; continues through a reboot
         self.boot_us = 0
         self._stamp_us: int | None = None
 

@@ -1,6 +1,6 @@
 """Everything that we send: each writer makes one message whose fields hold what is put there.
 
-Times wrap where MAVLink wraps them; every other value that a field cannot hold stands at its end.
+Times wrap where MAVLink wraps them; every other value is clamped to what its field can hold.
 """
 
 import struct

@@ -1,4 +1,4 @@
-"""Where the vehicle is and how fast it moves, as receivers and estimators say it."""
+"""Where the vehicle is and how fast it moves, as receivers and estimators report it."""
 
 import math
 from typing import Any, NamedTuple

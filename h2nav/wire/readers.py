@@ -45,7 +45,7 @@ class Envelope(NamedTuple):
 
     Attributes:
         t_ns: host monotonic time of its arrival.
-        now_ns: host monotonic time at which it is looked at, never before `t_ns`.
+        now_ns: host monotonic time at which it is processed, never before `t_ns`.
         sender: system and component id.
         message_id: of the message.
     """

@@ -7,7 +7,7 @@ LATEST_USEC = 4_102_444_800_000_000
 
 
 class Refused(Exception):
-    """A message says nothing that can be used.
+    """A message contains nothing that can be used.
 
     Args:
         reason: its name in counters and logs, such as ``gps_position_out_of_range``.
@@ -32,7 +32,7 @@ def need_within(reason: str, limit: float, *values: float) -> None:
 
 
 def need_time(reason: str, usec: int) -> int:
-    """A time stamp in microseconds that can be one; refuses others."""
+    """A plausible time stamp in microseconds; refuses others."""
     if usec > LATEST_USEC:
         raise Refused(reason)
     return usec

@@ -1,4 +1,4 @@
-"""What an autopilot says of itself and its vehicle: heartbeat, state, clocks, airspeed, answers."""
+"""What an autopilot reports of itself and its vehicle: heartbeat, state, clocks, speed, answers."""
 
 import math
 from typing import Any, NamedTuple

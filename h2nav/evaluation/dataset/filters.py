@@ -41,7 +41,7 @@ TWO_STAGE_SENSOR = "mpu9250"
 
 
 class Conditions(NamedTuple):
-    """What is told to the filters beside the samples.
+    """What the filters are given besides the samples.
 
     Attributes:
         vehicle_class: chooses the gains of the default filter.
@@ -67,7 +67,7 @@ class Track(NamedTuple):
         backend: what they ran on: native or python.
         bias: (N, 3) gyro bias, rad/s; None where the filter shows none.
         gain_set: (N,) number of the gain set in use; None for other filters.
-        field_used: (N,) whether the sample's field was believed; None for other filters.
+        field_used: (N,) whether the sample's field passed the gate; None for other filters.
     """
 
     q_es: Array
@@ -146,7 +146,7 @@ def _tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix)
 
 
 def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
-    """The stretches between things told, each through the compiled kernel."""
+    """The stretches between these records, each through the compiled kernel."""
     count = len(trial.t_us)
     q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
     starts = sorted({0, *(each.row for each in told if each.row < count)})
@@ -234,7 +234,7 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
 
 
 def _told(trial: Trial, conditions: Conditions) -> list[Told]:
-    """What the filter is told, in order; velocities only where they are to be used.
+    """What the filter is given, in order; velocities only where they are to be used.
 
     Raises:
         TaskFailed: they are, and the trial has none.

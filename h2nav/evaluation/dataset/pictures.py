@@ -37,7 +37,7 @@ def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
 
 
 def _gate(axis: Any, t_s: Any, trial: Trial, track: Track) -> None:
-    """Share of the field's samples that were believed, over one second."""
+    """Share of the field's samples that passed the gate, over one second."""
     assert track.field_used is not None
     width = max(1, round(trial.rate_hz))
     share = np.convolve(track.field_used, np.ones(width) / width, mode="same")

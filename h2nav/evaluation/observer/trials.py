@@ -1,4 +1,4 @@
-"""Simulated trials of the twist observer: how fast, how quiet, how it bears a real camera.
+"""Simulated trials of the twist observer: convergence, noise, and a camera with its faults.
 
 The truth moves with a twist that is constant over each IMU interval, integrated exactly, so that
 no error of the simulation hides the observer's. The motion turns all the while, about all axes.
@@ -121,7 +121,7 @@ def run(trial: Trial) -> Course:
 
 
 def time_to(course: Course, threshold: float) -> float:
-    """When the bias error falls below a threshold for good; inf when it never does."""
+    """When the bias error falls below a threshold and stays there; inf when it never does."""
     above = np.flatnonzero(course.bias >= threshold)
     if above.size == 0:
         return 0.0

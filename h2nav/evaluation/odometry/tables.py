@@ -120,7 +120,7 @@ def _columns(
             cells = ", ".join(f"{name} = {shown(repr(row[header.index(name)]))}" for name in bad)
             errors.append(
                 f"{path}:{line}: {cells}: expected a finite number up to {LARGEST:g}; "
-                "mend or drop the row"
+                "correct or remove the row"
             )
         values.append(numbers)
     if errors:

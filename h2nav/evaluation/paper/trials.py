@@ -42,12 +42,12 @@ DT_S = 1.0 / RATE_HZ
 
 
 class Assumptions(NamedTuple):
-    """What the slides do not say.
+    """Assumptions where the slides do not say.
 
     Attributes:
         dip_deg: of the earth's field.
         norm_ut: of the earth's field.
-        run_in_s: the motion goes on for so long before the case begins; not scored.
+        run_in_s: the motion lasts so long before the case begins; not scored.
     """
 
     dip_deg: float = 42.0
@@ -238,7 +238,7 @@ def _ekf_tuned(trials: Trials) -> dict[str, Matrix]:
 
 
 def densities(assumptions: Assumptions) -> SensorDensities:
-    """The noise that tuned filters are told: the simulated sensor's own."""
+    """The noise that tuned filters are given: the simulated sensor's own."""
     sensor = assumptions.sensor
     return SensorDensities(
         gyro=sensor.gyro_noise_deg_s_rthz * DEG / math.sqrt(2.0),
