@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.memory import SETS, Gains
-from h2nav.evaluation.dataset.filters import Conditions, run_velocity_aided
+from h2nav.evaluation.dataset.filters import Conditions, run_shaped
 from h2nav.evaluation.scoring import errors, rms
 from h2nav.io import gain_files
 from h2nav.io.trials import read_trial
@@ -80,7 +80,7 @@ def score(path: Path, conditions: Conditions, name: str) -> tuple[float, float, 
     change = ABLATIONS[name]
     if change is not None:
         change(gains.kernel)
-    track = run_velocity_aided(trial, conditions, gains)
+    track = run_shaped(trial, conditions, gains)
     assert trial.q_es is not None
     return rms(errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed), trial.mask)
 
