@@ -1,6 +1,7 @@
 """What the analysis knows while it runs through a kernel, and what it has found at the end."""
 
 import ast
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -49,7 +50,8 @@ class Structure(NamedTuple):
 class State:
     """Scalars by name and array elements by array key, at one point of the program.
 
-    Elements missing from an array of integers hold any 32-bit value.
+    Elements missing from an array of integers hold any 32-bit value. States share the elements of
+    an array until one of them writes, so `cells` is changed by `write` or whole arrays alone.
     """
 
     scalars: dict[str, Scalar] = field(default_factory=dict)
@@ -57,7 +59,11 @@ class State:
 
     def copy(self) -> "State":
         """An independent copy."""
-        return State(dict(self.scalars), {key: dict(cells) for key, cells in self.cells.items()})
+        return State(dict(self.scalars), dict(self.cells))
+
+    def write(self, array: Array, elements: Mapping[int, Interval]) -> None:
+        """Writes some elements of an array."""
+        self.cells[array.key] = {**self.cells[array.key], **elements}
 
 
 def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
@@ -78,7 +84,11 @@ def join_states(a: State | None, b: State | None) -> State | None:
             joined.scalars[name] = scalar
     for key in a.cells.keys() & b.cells.keys():
         first, second = a.cells[key], b.cells[key]
-        joined.cells[key] = {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+        joined.cells[key] = (
+            first
+            if first is second
+            else {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+        )
     return joined
 
 

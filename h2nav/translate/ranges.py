@@ -275,12 +275,12 @@ class _Frame:
             raise self._refuse(target, "a float is stored in an array of integers")
         if not value.within(INT32):
             raise self._refuse(target, f"stores {value.lo}..{value.hi} in a 32-bit element")
-        cells = state.cells[array.key]
         if index.lo == index.hi:
-            cells[index.lo] = value
+            state.write(array, {index.lo: value})
         else:
-            for i in range(index.lo, index.hi + 1):
-                cells[i] = cells.get(i, INT32).hull(value)
+            cells = state.cells[array.key]
+            places = range(index.lo, index.hi + 1)
+            state.write(array, {i: cells.get(i, INT32).hull(value) for i in places})
 
     def _if(self, node: ast.If, state: State) -> State | None:
         taken = self._expressions.narrow(node.test, state, True)
