@@ -10,6 +10,7 @@ from h2nav.attitude.constant_gain import memory as constant_gain
 from h2nav.attitude.record import (
     Row,
     assign,
+    copy,
     in_c,
     integer,
     integers,
@@ -137,6 +138,16 @@ def test_in_c_is_the_same_record_in_one_piece_of_memory() -> None:
     floats = in_c(Reals)
     assign(floats, Reals, [0.5, 1.5, 2.5])
     assert list((ctypes.c_double * 3).from_buffer(floats)) == [0.5, 1.5, 2.5]
+
+
+def test_a_copy_goes_to_c_and_back() -> None:
+    first, second, third = Integers(), in_c(Integers), Integers()
+    assign(first, Integers, [1, 2, 3, 4, 5])
+    copy(first, second, Integers)
+    copy(second, third, Integers)
+    first.parts[0] = second.parts[0] = 9  # nothing is shared
+    assert values(third, Integers) == [1, 2, 3, 4, 5]
+    assert isinstance(third.parts, list)
 
 
 @pytest.mark.parametrize("record_type", RECORDS)
