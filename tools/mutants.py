@@ -72,8 +72,8 @@ ROOMS = {
         (
             "tests/unit/attitude",
             "tests/contract",
-            "tests/scenarios/test_shaped_faults.py",
-            "tests/scenarios/test_shaped_trials.py",
+            "tests/scenarios/test_velocity_aided_faults.py",
+            "tests/scenarios/test_velocity_aided_trials.py",
             "tests/scenarios/test_lost_attitude.py",
             "tests/agreement/test_fixed_float.py",
             "tests/agreement/test_two_stage_against_mekf.py",

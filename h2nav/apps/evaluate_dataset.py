@@ -13,7 +13,7 @@ from h2nav.apps.recorded_trials import read
 from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
-from h2nav.evaluation.dataset.peers import NEEDS, installed
+from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, installed
 from h2nav.evaluation.dataset.scores import Score, Task, score_task, summary
 from h2nav.evaluation.parallel import results
 from h2nav.io.trials import trial_paths
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="vehicle_class",
         choices=VEHICLE_CLASSES,
         default="handheld",
-        help="vehicle class of the default filter (default: handheld)",
+        help="vehicle class of the velocity-aided filter (default: handheld)",
     )
     parser.add_argument(
         "--filter",
@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="F",
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
-        "default, default_fixed (the same in 32-bit integers), two_stage; where installed paper, "
-        "vqf, imufusion, ahrs.madgwick, ahrs.ekf",
+        "default = velocity_aided, default_fixed = velocity_aided_integer (the same in 32-bit "
+        "integers), two_stage; where installed paper, vqf, imufusion, ahrs.madgwick, ahrs.ekf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
     parser.add_argument(
@@ -111,7 +111,7 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
     known = installed()
     names: Sequence[str] = args.filters or ["default"]
     if "all" in names:
-        names = list(known)
+        names = [name for name in known if name not in RECOMMENDED.values()]
     for name in names:
         if name in NEEDS:
             extra, module = NEEDS[name]

@@ -11,11 +11,12 @@ from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import assign, row, rows, values
 from h2nav.attitude.samples import VehicleState
 from h2nav.attitude.velocity_aided.filter import LONGEST_GAP_S, forward_speed_m_s, rest_prior
-from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, velocity_aided_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.attitude.velocity_aided.integer.filter import parts_of
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.attitude.velocity_aided.integer.kernel import start, step
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.translate.firmware import IntegerForm, Row
 from h2nav.translate.firmware_constant_gain import CONSTANT_GAIN
 from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED

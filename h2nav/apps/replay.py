@@ -160,6 +160,8 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     changes: dict[str, Any] = {}
     if args.filter is not None:
         changes["name"] = args.filter
+    if args.filter == "constant_gain":
+        changes["arithmetic"] = "fixed"
     if args.vehicle_class is not None:
         changes["vehicle_class"] = args.vehicle_class
     chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))

@@ -84,9 +84,9 @@ def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]
     mapping = read_mapping(path)
     kind = str(mapping.get("kind"))
     if FORMER_KINDS.get(kind, kind) == "velocity_aided":
-        return velocity_aided.synthesise(mapping, rate_hz, str(path), LMI_SOLVERS)
+        return velocity_aided.synthesize(mapping, rate_hz, str(path), LMI_SOLVERS)
     model = sensor_model(mapping, str(path))
-    return two_stage.synthesise(model, rate_hz, str(path), LMI_SOLVERS)
+    return two_stage.synthesize(model, rate_hz, str(path), LMI_SOLVERS)
 
 
 def sensor_model(mapping: dict[str, Any], place: str) -> "SensorModel":

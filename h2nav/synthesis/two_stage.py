@@ -71,7 +71,7 @@ class _Problem(NamedTuple):
     closed_form: Callable[[float], Candidate]
 
 
-def synthesise(
+def synthesize(
     model: SensorModel, rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
     """The certified gains of a model at a rate.

@@ -11,24 +11,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.attitude.gains.envelope import GainFile, key_errors
+from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import values
 from h2nav.attitude.velocity_aided.gains import (
     CRUISE_SPEED,
+    LIMITS,
     PARAMETERS,
     GainSets,
-    parameter_errors,
+    class_complaints,
     sets_of,
     velocity_aided_gains,
 )
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains, rounded_sets
 from h2nav.attitude.velocity_aided.integer.memory import PERIODS, SETS, Gains
 from h2nav.errors import BadInput
+from h2nav.maths.units import DEG
 from h2nav.synthesis.certificate import CertificateError, accept, spectrum
 from h2nav.synthesis.gain_certificate import Loop, certified
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.plant import Matrix, Plant, discretise
 from h2nav.synthesis.riccati import solve_riccati
+from h2nav.validation import key_complaints, numbers_within
 
 # omega0^2 of the slowest set, 1/s^2: omega0 = 0.044 rad/s, slower than any vehicle class needs.
 SLOWEST = 2.0**-9
@@ -39,7 +42,6 @@ assert len(FIX_PERIODS_S) == PERIODS
 FIXED_POINT_FORMAT = "flight-1"
 
 _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
-_DEG = np.pi / 180.0
 
 
 class Synthesis(NamedTuple):
@@ -83,7 +85,7 @@ def tilt_gain(gyro_density: float, velocity_density: float) -> Candidate:
     return Candidate("closed_form", np.array([[squared], [k_velocity]]), float(norm))
 
 
-def synthesise(
+def synthesize(
     document: Mapping[str, object], rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
     """The certified gain sets of a disturbance model at a rate.
@@ -99,7 +101,7 @@ def synthesise(
         CertificateError: no trustworthy gain; cannot happen for a model inside its limits.
     """
     disturbance = checked_model(document, place)
-    gyro = float(str(disturbance["gyro_noise_deg_s_rthz"])) * _DEG
+    gyro = _gyro_density(disturbance)
     methods: dict[str, object] = {}
     wall_time_s: dict[str, float] = {}
     for number in range(SETS):
@@ -186,8 +188,7 @@ def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
 
 def _loops_of(file: GainFile, place: str, sets: GainSets) -> list[Loop]:
     """The loops of some gain sets with the plants of a file's model."""
-    disturbance = checked_model(file.model, place)
-    gyro = float(str(disturbance["gyro_noise_deg_s_rthz"])) * _DEG
+    gyro = _gyro_density(checked_model(file.model, place))
     dt_s = 1.0 / file.rate_hz
     result = []
     for number in range(SETS):
@@ -266,7 +267,7 @@ def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, ob
     Raises:
         BadInput: one line per key that is missing, unknown or out of its limits.
     """
-    errors = key_errors(document, _MODEL_KEYS, place, "")
+    errors = key_complaints(document, _MODEL_KEYS, _MODEL_KEYS, place)
     errors += [
         f"{place}: {key}: expected a text that is not empty"
         for key in ("name", "source")
@@ -275,9 +276,14 @@ def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, ob
     disturbance = document.get("disturbance")
     if not isinstance(disturbance, Mapping):
         raise BadInput(*errors, f"{place}: disturbance: expected a section of keys and values")
-    errors += key_errors(disturbance, (*PARAMETERS, CRUISE_SPEED), place, "disturbance.")
-    errors += parameter_errors(disturbance, f"{place}: disturbance.")
-    errors += parameter_errors({"vehicle_class": document.get("vehicle_class")}, f"{place}: ")
+    errors += key_complaints(disturbance, LIMITS, LIMITS, place, "disturbance.")
+    numbers_within(disturbance, LIMITS, errors, place, "disturbance.")
+    errors += class_complaints(document, place, "")
     if errors:
         raise BadInput(*errors)
     return disturbance
+
+
+def _gyro_density(disturbance: Mapping[str, object]) -> float:
+    """Of a checked model, rad/s/sqrt(Hz)."""
+    return numbers_within(disturbance, LIMITS, [], "")["gyro_noise_deg_s_rthz"] * DEG

@@ -370,10 +370,10 @@ class Expressions:
             state.scalars[node.id] = Interval(lo, hi)
         elif isinstance(node, ast.Attribute):
             state = state.copy()
-            state.write(self.number_at(node), {0: Interval(lo, hi)})
+            state.put(self.number_at(node).key, 0, Interval(lo, hi))
         elif isinstance(node, ast.Subscript):
             array, index = self.element_of(node, state)
             if index.lo == index.hi and not array.is_float:
                 state = state.copy()
-                state.write(array, {index.lo: Interval(lo, hi)})
+                state.put(array.key, index.lo, Interval(lo, hi))
         return state

@@ -1,7 +1,6 @@
 """What the analysis knows while it runs through a kernel, and what it has found at the end."""
 
 import ast
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -50,8 +49,8 @@ class Structure(NamedTuple):
 class State:
     """Scalars by name and array elements by array key, at one point of the program.
 
-    Elements missing from an array of integers hold any 32-bit value. States share the elements of
-    an array until one of them writes, so `cells` is changed by `write` or whole arrays alone.
+    Elements missing from an array of integers hold any 32-bit value. The elements of an array are
+    never changed in place, only replaced as a whole: copies share them.
     """
 
     scalars: dict[str, Scalar] = field(default_factory=dict)
@@ -61,9 +60,9 @@ class State:
         """An independent copy."""
         return State(dict(self.scalars), dict(self.cells))
 
-    def write(self, array: Array, elements: Mapping[int, Interval]) -> None:
-        """Writes some elements of an array."""
-        self.cells[array.key] = {**self.cells[array.key], **elements}
+    def put(self, key: int, index: int, value: Interval) -> None:
+        """Writes one element of an array."""
+        self.cells[key] = {**self.cells[key], index: value}
 
 
 def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
@@ -84,11 +83,9 @@ def join_states(a: State | None, b: State | None) -> State | None:
             joined.scalars[name] = scalar
     for key in a.cells.keys() & b.cells.keys():
         first, second = a.cells[key], b.cells[key]
-        joined.cells[key] = (
-            first
-            if first is second
-            else {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
-        )
+        if first is not second:
+            first = {i: first[i].hull(second[i]) for i in first.keys() & second.keys()}
+        joined.cells[key] = first
     return joined
 
 

@@ -74,7 +74,7 @@ class _Analysis:
         return Array(self._arrays, is_float, length, writable)
 
     def run_entry(self, function: Function, begins: bool) -> None:
-        state = State(cells={array.key: dict(cells) for array, cells in self._tables.values()})
+        state = State(cells={array.key: cells for array, cells in self._tables.values()})
         arguments: dict[str, Argument] = {}
         for number, argument in enumerate(function.node.args.args):
             kind = _annotation(self._kernel, function, argument)
@@ -276,11 +276,12 @@ class _Frame:
         if not value.within(INT32):
             raise self._refuse(target, f"stores {value.lo}..{value.hi} in a 32-bit element")
         if index.lo == index.hi:
-            state.write(array, {index.lo: value})
+            state.put(array.key, index.lo, value)
         else:
             cells = state.cells[array.key]
-            places = range(index.lo, index.hi + 1)
-            state.write(array, {i: cells.get(i, INT32).hull(value) for i in places})
+            reached = range(index.lo, index.hi + 1)
+            hulls = {i: cells.get(i, INT32).hull(value) for i in reached}
+            state.cells[array.key] = {**cells, **hulls}
 
     def _if(self, node: ast.If, state: State) -> State | None:
         taken = self._expressions.narrow(node.test, state, True)

@@ -23,8 +23,9 @@ from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import assign, values
 from h2nav.attitude.samples import EarthField
 from h2nav.attitude.two_stage.gains import two_stage_gains
-from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, velocity_aided_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.errors import BadInput
+from h2nav.maths.units import GRAVITY_M_S2
 
 if TYPE_CHECKING:  # the daemon computes gains without numpy
     import numpy as np

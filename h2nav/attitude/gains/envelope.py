@@ -3,10 +3,11 @@
 A gain file is YAML; `parse_gain_file` takes it as plain mappings, so nothing here opens a file.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from h2nav.errors import BadInput
+from h2nav.validation import Within, key_complaints, numbers_within
 
 FORMAT = "h2nav-gains/1"
 KINDS = ("velocity_aided", "two_stage")
@@ -66,7 +67,7 @@ def parse_gain_file(document: object, place: str) -> GainFile:
             f"{place}: format: expected {FORMAT}, found {document.get('format')!r}; "
             "make the file again with h2nav synthesize"
         )
-    errors = key_errors(document, _ENVELOPE, place, "")
+    errors = key_complaints(document, _ENVELOPE, _ENVELOPE, place)
     if "kind" in document and document["kind"] not in (*KINDS, *FORMER_KINDS):
         errors.append(f"{place}: kind: expected one of {', '.join(KINDS)}")
     errors += [
@@ -79,44 +80,13 @@ def parse_gain_file(document: object, place: str) -> GainFile:
         for key in _SECTIONS
         if key in document and not isinstance(document[key], Mapping)
     ]
-    if "rate_hz" in document and not is_within(document["rate_hz"], 1.0, MAX_RATE_HZ):
-        errors.append(f"{place}: rate_hz: expected a number from 1 to {MAX_RATE_HZ:g}")
+    numbers = numbers_within(document, {"rate_hz": Within(1.0, MAX_RATE_HZ)}, errors, place)
     if errors:
         raise BadInput(*errors)
     return GainFile(
         kind=document["kind"],
         name=document["name"],
-        rate_hz=float(document["rate_hz"]),
+        rate_hz=numbers["rate_hz"],
         made_by=document["made_by"],
         **{section: document[section] for section in _SECTIONS},
     )
-
-
-def key_errors(
-    section: Mapping[str, object], expected: Sequence[str], place: str, prefix: str
-) -> list[str]:
-    """One line per key that is missing or unknown."""
-    missing = [
-        f"{place}: {prefix}{key}: missing; make the file again with h2nav synthesize"
-        for key in expected
-        if key not in section
-    ]
-    unknown = [
-        f"{place}: {prefix}{key}: unknown key; expected only {', '.join(expected)}"
-        for key in section
-        if key not in expected
-    ]
-    return missing + unknown
-
-
-def numbers_of(value: object) -> list[float]:
-    """A list of finite numbers; empty when `value` is anything else."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return []
-    fine = all(is_within(item, -1e300, 1e300) for item in value)
-    return [float(item) for item in value] if fine else []
-
-
-def is_within(value: object, low: float, high: float) -> bool:
-    """Whether `value` is a number from `low` to `high`."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

@@ -12,6 +12,10 @@ from collections.abc import Mapping
 
 from h2nav.attitude.gains.envelope import FORMAT, GainFile
 from h2nav.errors import BadInput
+from h2nav.validation import LARGEST_DOUBLE, Within
+
+POSITIVE = Within(math.ulp(0.0), LARGEST_DOUBLE)
+NEGATIVE = Within(-LARGEST_DOUBLE, -math.ulp(0.0))
 
 
 def seal(file: GainFile) -> str:
@@ -63,12 +67,8 @@ def _fault(file: GainFile) -> str | None:
         if not isinstance(loop, Mapping):
             return f"certificate.loops.{name}: expected a mapping"
         abscissa, margin = loop.get("spectral_abscissa_per_s"), loop.get("lmi_margin")
-        if not (_is_number(abscissa) and float(str(abscissa)) < 0.0):
+        if NEGATIVE.complaint(abscissa) is not None:
             return f"certificate.loops.{name}: not stable (spectral abscissa {abscissa})"
-        if not (_is_number(margin) and float(str(margin)) > 0.0):
+        if POSITIVE.complaint(margin) is not None:
             return f"certificate.loops.{name}: not proved (margin {margin})"
     return None
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, float | int) and math.isfinite(value)

@@ -34,6 +34,7 @@ from h2nav.attitude.two_stage.trust import (
     usable_field,
 )
 from h2nav.maths.quaternion import multiply
+from h2nav.maths.units import DEG
 
 GyroSampling = Literal["mean", "instant"]
 
@@ -277,7 +278,7 @@ class TwoStageFilter:
     def _forget_bias(self) -> None:
         s = self._memory
         s.gyro_bias[:] = _ZERO
-        s.p_xx = s.p_yy = s.p_zz = (self._limits.bias_start_deg_s * math.pi / 180.0) ** 2
+        s.p_xx = s.p_yy = s.p_zz = (self._limits.bias_start_deg_s * DEG) ** 2
         s.p_xy = s.p_xz = s.p_yz = 0.0
 
     def _set_reference(self, field: EarthField) -> None:

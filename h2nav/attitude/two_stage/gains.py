@@ -9,15 +9,16 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from h2nav.attitude.gains.densities import SensorDensities, information
-from h2nav.attitude.gains.envelope import GainFile, is_within, key_errors, numbers_of
+from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
+from h2nav.maths.units import DEG
+from h2nav.validation import Within, finite_numbers, key_complaints, numbers_within
 
 # Accelerometer weights that there is a gain for: the first for a vehicle whose force is gravity
 # alone, the others for one that accelerates; a factor 4 each (Eq. 3.14).
 FORCE_WEIGHTS = tuple(0.25**level for level in range(7))
 
-_DEG = math.pi / 180.0
 _LEVEL_KEYS = {
     "force_weight": "force_weight",
     "k_nn_rad2": "k_nn",
@@ -25,15 +26,15 @@ _LEVEL_KEYS = {
     "k_dd_rad2": "k_dd",
     "k_nd_rad2": "k_nd",
 }
-# key -> (lowest, highest) of the numbers in a two_stage `gains` section.
+# The numbers in a `gains` section.
 _DENSITY_LIMITS = {
-    "gyro_noise_rad_s_rthz": (1e-9, 1.0),
-    "gyro_bias_walk_rad_s_rts": (0.0, 1.0),
-    "accelerometer_noise_m_s2_rthz": (1e-7, 100.0),
-    "magnetometer_noise_ut_rthz": (1e-6, 1000.0),
-    "gravity_m_s2": (9.7, 9.9),
-    "field_norm_ut": (1.0, 200.0),
-    "field_dip_deg": (-89.9, 89.9),
+    "gyro_noise_rad_s_rthz": Within(1e-9, 1.0),
+    "gyro_bias_walk_rad_s_rts": Within(0.0, 1.0),
+    "accelerometer_noise_m_s2_rthz": Within(1e-7, 100.0),
+    "magnetometer_noise_ut_rthz": Within(1e-6, 1000.0),
+    "gravity_m_s2": Within(9.7, 9.9),
+    "field_norm_ut": Within(1.0, 200.0),
+    "field_dip_deg": Within(-89.9, 89.9),
 }
 
 
@@ -131,27 +132,25 @@ def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
     Raises:
         BadInput: one line per error, each naming the file and the key.
     """
-    if file.kind != "two_stage":
+    if file.filter_name != "two_stage":
         raise BadInput(f"{place}: kind: expected two_stage for this filter, found {file.kind}")
     section = file.gains
-    errors = key_errors(section, (*_DENSITY_LIMITS, *_LEVEL_KEYS), place, "gains.")
-    for key, (low, high) in _DENSITY_LIMITS.items():
-        if key in section and not is_within(section[key], low, high):
-            errors.append(f"{place}: gains.{key}: expected a number from {low:g} to {high:g}")
+    keys = (*_DENSITY_LIMITS, *_LEVEL_KEYS)
+    errors = key_complaints(section, keys, keys, place, "gains.")
+    numbers = numbers_within(section, _DENSITY_LIMITS, errors, place, "gains.")
     if not errors:
-        errors = _level_errors(section, place)
+        errors = _level_complaints(section, place)
     if errors:
         raise BadInput(*errors)
-    values = {key: float(str(section[key])) for key in _DENSITY_LIMITS}
     densities = SensorDensities(
-        values["gyro_noise_rad_s_rthz"],
-        values["gyro_bias_walk_rad_s_rts"],
-        values["accelerometer_noise_m_s2_rthz"],
-        values["magnetometer_noise_ut_rthz"],
-        values["gravity_m_s2"],
-        EarthField(values["field_norm_ut"], values["field_dip_deg"] * _DEG, 0.0),
+        numbers["gyro_noise_rad_s_rthz"],
+        numbers["gyro_bias_walk_rad_s_rts"],
+        numbers["accelerometer_noise_m_s2_rthz"],
+        numbers["magnetometer_noise_ut_rthz"],
+        numbers["gravity_m_s2"],
+        EarthField(numbers["field_norm_ut"], numbers["field_dip_deg"] * DEG, 0.0),
     )
-    columns = [numbers_of(section[key]) for key in _LEVEL_KEYS]
+    columns = [finite_numbers(section[key]) for key in _LEVEL_KEYS]
     levels = tuple(GainLevel(*row) for row in zip(*columns, strict=True))
     return TwoStageGains(file.name, file.rate_hz, densities, levels)
 
@@ -169,15 +168,15 @@ def two_stage_section(gains: TwoStageGains) -> dict[str, object]:
         "magnetometer_noise_ut_rthz": n.magnetometer,
         "gravity_m_s2": n.gravity_m_s2,
         "field_norm_ut": n.field.norm_ut,
-        "field_dip_deg": n.field.dip_rad / _DEG,
+        "field_dip_deg": n.field.dip_rad / DEG,
     }
     for key, attribute in _LEVEL_KEYS.items():
         section[key] = [getattr(level, attribute) for level in gains.levels]
     return section
 
 
-def _level_errors(section: Mapping[str, object], place: str) -> list[str]:
-    columns = {key: numbers_of(section[key]) for key in _LEVEL_KEYS}
+def _level_complaints(section: Mapping[str, object], place: str) -> list[str]:
+    columns = {key: finite_numbers(section[key]) for key in _LEVEL_KEYS}
     count = len(columns["force_weight"])
     errors = [
         f"{place}: gains.{key}: expected a list of {max(count, 1)} finite numbers, one per level"

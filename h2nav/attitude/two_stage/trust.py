@@ -10,8 +10,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.attitude.two_stage.gains import TwoStageGains
 from h2nav.attitude.two_stage.memory import LEVELS, Gains
-
-_DEG = math.pi / 180.0
+from h2nav.maths.units import DEG
 
 # No sensor reads beyond these; a sample that does is a fault of the wire or of units.
 ABSURD_RATE_RAD_S = 100.0
@@ -124,18 +123,18 @@ def kernel_gains(
     g.accel_gate = limits.force_gate_m_s2
     noise_ut = n.magnetometer * math.sqrt(gains.rate_hz)
     g.mag_gate = limits.field_gate_share * reference.norm_ut + 3.0 * noise_ut
-    cut_rad = limits.heading_cut_deg * _DEG
+    cut_rad = limits.heading_cut_deg * DEG
     g.mag_cut = max(cut_rad * abs(g.mag_n), 4.0 * noise_ut)
     g.norm_gate = limits.norm_share
-    g.dip_gate = math.sin(limits.dip_tolerance_deg * _DEG)
+    g.dip_gate = math.sin(limits.dip_tolerance_deg * DEG)
     g.lowpass_s = limits.residual_s
     g.level_time_s = limits.level_s
     g.converge_s = limits.converge_s
     g.hold_s = limits.hold_s
     g.mag_turned_time_s = limits.turned_s
     g.contradicted_time_s = limits.wrong_s
-    g.bias_step_limit = limits.bias_step_deg_s * _DEG
-    g.bias_limit = limits.bias_limit_deg_s * _DEG
+    g.bias_step_limit = limits.bias_step_deg_s * DEG
+    g.bias_limit = limits.bias_limit_deg_s * DEG
     # Two m/s^2 for a moment must not count as two m/s^2 for ever.
     g.accel_power_cap = 4.0
     g.heading_lost_s = limits.heading_lost_s
@@ -149,9 +148,9 @@ def kernel_gains(
         g.k_nd[number] = level.k_nd
     slowest = min(limits.slowest_level, len(gains.levels) - 1)
     g.last_power = _power(gains, limits, gains.levels[slowest].force_weight)
-    g.bias_doubt = (limits.bias_doubt_deg_s * _DEG) ** 2
+    g.bias_doubt = (limits.bias_doubt_deg_s * DEG) ** 2
     g.mean_time_s = limits.mean_s
-    g.frozen_walk = (limits.frozen_walk_deg_s_rts * _DEG) ** 2
+    g.frozen_walk = (limits.frozen_walk_deg_s_rts * DEG) ** 2
     g.steady_accel = limits.steady_force_m_s2**2
     g.still_time_s = limits.still_s
     return g

@@ -31,6 +31,7 @@ from h2nav.attitude.velocity_aided.kernel.step import step
 from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.quaternion import Quat, multiply
+from h2nav.maths.units import DEG
 
 # A field is waited for so long; the forces are averaged at least so long.
 FIELD_WAIT_S = 0.25
@@ -46,7 +47,7 @@ HEAD_SIZE = 3
 # After this time of running the start-up transient is over.
 CONVERGED_S = 10.0
 # Heading counts as referenced below this predicted deviation.
-REFERENCED_RAD = 15.0 * math.pi / 180.0
+REFERENCED_RAD = 15.0 * DEG
 
 _BITS = (
     (memory.FORCE_USED, Trust.FORCE_USED),

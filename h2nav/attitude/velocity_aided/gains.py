@@ -5,13 +5,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from h2nav.attitude.gains.envelope import GainFile, is_within, key_errors, numbers_of
+from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.velocity_aided.memory import PERIODS, SETS, Gains
 from h2nav.errors import BadInput
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.validation import Within, finite_numbers, key_complaints, numbers_within
 
-GRAVITY_M_S2 = 9.80665
 VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
-_DEG = math.pi / 180.0
 
 
 class Parameter(NamedTuple):
@@ -33,12 +33,12 @@ class Parameter(NamedTuple):
 
 # One row per physical parameter; meaning and effect of each: docs/filter.md, section 7.
 PARAMETERS: dict[str, Parameter] = {
-    "gyro_noise_deg_s_rthz": Parameter("gyro_noise", _DEG, 2, 1e-4, 10.0),
+    "gyro_noise_deg_s_rthz": Parameter("gyro_noise", DEG, 2, 1e-4, 10.0),
     "gyro_scale_noise_rthz": Parameter("scale_noise", 1.0, 2, 0.0, 0.1),
     "heading_scale_noise_rthz": Parameter("heading_scale_noise", 1.0, 2, 0.0, 0.1),
-    "bias_start_deg_s": Parameter("bias_variance", _DEG, 2, 1e-3, 20.0),
-    "bias_walk_deg_s_rts": Parameter("bias_walk", _DEG, 2, 0.0, 1.0),
-    "bias_limit_deg_s": Parameter("bias_limit", _DEG, 1, 0.1, 60.0),
+    "bias_start_deg_s": Parameter("bias_variance", DEG, 2, 1e-3, 20.0),
+    "bias_walk_deg_s_rts": Parameter("bias_walk", DEG, 2, 0.0, 1.0),
+    "bias_limit_deg_s": Parameter("bias_limit", DEG, 1, 0.1, 60.0),
     "bias_inflation": Parameter("bias_inflation", 1.0, 1, 1.0, 1e4),
     "velocity_floor_m_s_rthz": Parameter("velocity_floor", 1.0 / GRAVITY_M_S2, 2, 1e-3, 10.0),
     "velocity_ceiling_m_s_rthz": Parameter("velocity_ceiling", 1.0 / GRAVITY_M_S2, 2, 1e-3, 1e4),
@@ -53,24 +53,26 @@ PARAMETERS: dict[str, Parameter] = {
     "drift_time_s": Parameter("innovation_mean_time_s", 1.0, 1, 0.1, 600.0),
     "start_factor": Parameter("start_factor", 1.0, 1, 0.0, 20.0),
     "start_time_s": Parameter("startup_time_s", 1.0, 1, 0.0, 600.0),
-    "heading_start_deg": Parameter("heading_variance", _DEG, 2, 1.0, 60.0),
-    "field_noise_deg_rthz": Parameter("mag_noise", _DEG, 2, 1e-3, 100.0),
+    "heading_start_deg": Parameter("heading_variance", DEG, 2, 1.0, 60.0),
+    "field_noise_deg_rthz": Parameter("mag_noise", DEG, 2, 1e-3, 100.0),
     "field_correlation_s": Parameter("mag_correlation", 2.0, 1, 0.0, 600.0),
     "field_norm_gate": Parameter("mag_norm_gate", 1.0, 1, 0.001, 1.0),
-    "field_dip_gate_deg": Parameter("mag_dip_gate", _DEG, 1, 0.1, 45.0),
+    "field_dip_gate_deg": Parameter("mag_dip_gate", DEG, 1, 0.1, 45.0),
     "field_reference_time_s": Parameter("mag_ref_time_s", 1.0, 1, 1.0, 1e5),
     "field_renewal_time_s": Parameter("mag_new_time_s", 1.0, 1, 1.0, 1e5),
-    "field_renewal_turn_deg": Parameter("mag_new_turn", _DEG, 1, 0.0, 1e5),
+    "field_renewal_turn_deg": Parameter("mag_new_turn", DEG, 1, 0.0, 1e5),
     "field_latency_limit_s": Parameter("mag_lag_limit", 1.0, 1, 0.0, 1.0),
     "field_latency_weight_rad2_s": Parameter("mag_lag_prior", 1.0, 1, 1e-6, 1e6),
     "rest_lowpass_s": Parameter("rest_lowpass_s", 1.0, 1, 0.01, 60.0),
-    "rest_rate_deg_s": Parameter("rest_gyro", _DEG, 2, 0.0, 60.0),
+    "rest_rate_deg_s": Parameter("rest_gyro", DEG, 2, 0.0, 60.0),
     "rest_force_m_s2": Parameter("rest_accel", 1.0, 2, 0.0, 10.0),
     "rest_time_s": Parameter("rest_time_s", 1.0, 1, 0.0, 600.0),
-    "rest_noise_deg_s_rthz": Parameter("rest_noise", _DEG, 2, 1e-4, 10.0),
+    "rest_noise_deg_s_rthz": Parameter("rest_noise", DEG, 2, 1e-4, 10.0),
 }
 CRUISE_SPEED = "cruise_speed_m_s"
 TABLES = ("set_bounds_s4", "k_tilt_s2", "k_velocity_s", "fix_periods_s", "k_fix_tilt_s")
+LIMITS = {key: Within(row.low, row.high) for key, row in PARAMETERS.items()}
+LIMITS[CRUISE_SPEED] = Within(0.0, 1000.0)
 _KEYS = ("vehicle_class", *PARAMETERS, CRUISE_SPEED, *TABLES, "k_fix_velocity")
 
 
@@ -93,7 +95,7 @@ class VelocityAidedGains(NamedTuple):
 
 
 class GainSets(NamedTuple):
-    """The synthesised gains, weakest set first.
+    """The synthesized gains, weakest set first.
 
     Attributes:
         bounds: omega0^4 up to which a set is taken, 1/s^4, one fewer than sets.
@@ -113,7 +115,7 @@ class GainSets(NamedTuple):
 
 
 def velocity_aided_gains(file: GainFile, place: str) -> VelocityAidedGains:
-    """The record that the default filter takes, from a gain file of its kind.
+    """The record that the velocity-aided filter takes, from a gain file of its kind.
 
     Raises:
         BadInput: one line per error, each naming the file and the key.
@@ -121,19 +123,19 @@ def velocity_aided_gains(file: GainFile, place: str) -> VelocityAidedGains:
     if file.filter_name != "velocity_aided":
         raise BadInput(f"{place}: kind: expected velocity_aided for this filter, found {file.kind}")
     section = file.gains
-    errors = key_errors(section, _KEYS, place, "gains.")
-    errors += parameter_errors(section, f"{place}: gains.")
+    errors = key_complaints(section, _KEYS, _KEYS, place, "gains.")
+    errors += class_complaints(section, place, "gains.")
+    parameters = numbers_within(section, LIMITS, errors, place, "gains.")
     if not errors:
-        errors = _table_errors(section, f"{place}: gains.")
+        errors = _table_complaints(section, f"{place}: gains.")
     if errors:
         raise BadInput(*errors)
-    values = {key: float(str(section[key])) for key in PARAMETERS}
     return VelocityAidedGains(
         name=file.name,
         rate_hz=file.rate_hz,
         vehicle_class=str(section["vehicle_class"]),
-        cruise_speed_m_s=float(str(section[CRUISE_SPEED])),
-        kernel=kernel_gains(values, sets_of(section)),
+        cruise_speed_m_s=parameters[CRUISE_SPEED],
+        kernel=kernel_gains(parameters, sets_of(section)),
     )
 
 
@@ -162,29 +164,23 @@ def sets_of(section: Mapping[str, object]) -> GainSets:
         for key in ("k_fix_tilt_s", "k_fix_velocity")
     }
     return GainSets(
-        tuple(numbers_of(section["set_bounds_s4"])),
-        tuple(numbers_of(section["k_tilt_s2"])),
-        tuple(numbers_of(section["k_velocity_s"])),
-        tuple(numbers_of(section["fix_periods_s"])),
+        tuple(finite_numbers(section["set_bounds_s4"])),
+        tuple(finite_numbers(section["k_tilt_s2"])),
+        tuple(finite_numbers(section["k_velocity_s"])),
+        tuple(finite_numbers(section["fix_periods_s"])),
         tuple(map(tuple, rows["k_fix_tilt_s"])),
         tuple(map(tuple, rows["k_fix_velocity"])),
     )
 
 
-def parameter_errors(section: Mapping[str, object], prefix: str) -> list[str]:
-    """One line per parameter that is out of its limits; absent ones are not counted."""
-    errors = []
-    if section.get("vehicle_class", "handheld") not in VEHICLE_CLASSES:
-        errors.append(f"{prefix}vehicle_class: expected one of {', '.join(VEHICLE_CLASSES)}")
-    limits = {key: (row.low, row.high) for key, row in PARAMETERS.items()}
-    limits[CRUISE_SPEED] = (0.0, 1000.0)
-    for key, (low, high) in limits.items():
-        if key in section and not is_within(section[key], low, high):
-            errors.append(f"{prefix}{key}: expected a number from {low:g} to {high:g}")
-    return errors
+def class_complaints(section: Mapping[str, object], place: str, prefix: str) -> list[str]:
+    """One line when the vehicle class is not one of `VEHICLE_CLASSES`."""
+    if section.get("vehicle_class", "handheld") in VEHICLE_CLASSES:
+        return []
+    return [f"{place}: {prefix}vehicle_class: expected one of {', '.join(VEHICLE_CLASSES)}"]
 
 
-def _table_errors(section: Mapping[str, object], prefix: str) -> list[str]:
+def _table_complaints(section: Mapping[str, object], prefix: str) -> list[str]:
     sizes = {
         "set_bounds_s4": SETS - 1,
         "k_tilt_s2": SETS,
@@ -193,14 +189,14 @@ def _table_errors(section: Mapping[str, object], prefix: str) -> list[str]:
     }
     errors = []
     for key, size in sizes.items():
-        numbers = numbers_of(section[key])
+        numbers = finite_numbers(section[key])
         rising = all(0.0 < a < b for a, b in itertools.pairwise(numbers))
         if len(numbers) != size or not rising:
             errors.append(f"{prefix}{key}: expected {size} rising numbers > 0")
     for key in ("k_fix_tilt_s", "k_fix_velocity"):
         table = section[key]
         rows = list(table) if isinstance(table, Sequence) and not isinstance(table, str) else []
-        fine = [len(numbers_of(row)) == SETS and min(numbers_of(row)) > 0.0 for row in rows]
+        fine = [len(finite_numbers(row)) == SETS and min(finite_numbers(row)) > 0.0 for row in rows]
         if len(rows) != PERIODS or not all(fine):
             errors.append(f"{prefix}{key}: expected {PERIODS} rows of {SETS} numbers > 0")
     return errors

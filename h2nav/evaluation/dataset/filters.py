@@ -44,7 +44,7 @@ class Conditions(NamedTuple):
     """What the filters are given besides the samples.
 
     Attributes:
-        vehicle_class: chooses the gains of the default filter.
+        vehicle_class: chooses the gains of the velocity-aided filter.
         use_gps: GPS velocities are given to the default filter.
         declination_deg: of the truth's north, which the courses of gps rows are turned by.
         cruise_speed_m_s: replaces the class's pseudo-velocity along the nose; None keeps it.
@@ -89,19 +89,19 @@ def samples(trial: Trial) -> Iterator[ImuSample]:
         yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
 
 
-def run_default(trial: Trial, conditions: Conditions) -> Track:
-    """The default filter with the shipped gains of the class and the nearest rate."""
-    return run_shaped(trial, conditions, _class_gains(trial, conditions))
+def run_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
+    """The velocity-aided filter with the shipped gains of the class and the nearest rate."""
+    return run_with_gains(trial, conditions, _class_gains(trial, conditions))
 
 
-def run_default_fixed(trial: Trial, conditions: Conditions) -> Track:
+def run_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
     """The same in integers."""
     gains = _at_cruise(_class_gains(trial, conditions), conditions)
     return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
 
 
-def run_shaped(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
-    """The default filter with given gains."""
+def run_with_gains(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
+    """The velocity-aided filter with given gains."""
     return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
 
 

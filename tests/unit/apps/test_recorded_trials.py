@@ -13,7 +13,7 @@ from h2nav.apps import configuration
 from h2nav.apps.recorded_trials import read
 from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
-from h2nav.evaluation.dataset.filters import Conditions, run_default
+from h2nav.evaluation.dataset.filters import Conditions, run_velocity_aided
 from h2nav.evaluation.scoring import errors, rms
 from h2nav.io.deframer import Deframer
 from h2nav.io.recordings import open_recording
@@ -49,7 +49,7 @@ def rewritten(path: Path, *, without: int = -1, times: int = 1) -> Path:
 def test_it_is_what_the_service_gives_its_filter(takeoff: Trial, use_gps: bool) -> None:
     words = {"aiding": {"gps_velocity": use_gps}}
     replayed = Replayed(TAKEOFF, configuration.build(words, "test"))
-    track = run_default(takeoff, Conditions("multirotor", use_gps))
+    track = run_velocity_aided(takeoff, Conditions("multirotor", use_gps))
     assert takeoff.q_es is not None
     found = rms(errors(track.q_es, takeoff.q_es, takeoff.mask, True), takeoff.mask)
     expected = replayed.errors()
@@ -97,7 +97,7 @@ def test_attitude_stands_in_for_the_truth_and_says_so(tmp_path: Path) -> None:
     trial = read(path)
     assert any("against ATTITUDE" in note and "no truth" in note for note in trial.notes)
     assert trial.q_es is not None
-    track = run_default(trial, Conditions("multirotor", True))
+    track = run_velocity_aided(trial, Conditions("multirotor", True))
     assert rms(errors(track.q_es, trial.q_es, trial.mask, True), trial.mask).total < 1.5
 
 

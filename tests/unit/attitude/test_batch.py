@@ -22,25 +22,25 @@ N = 6000
 Recording = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def shaped_filter() -> AttitudeFilter:
+def velocity_aided_filter() -> AttitudeFilter:
     return VelocityAidedFilter(
         velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz")
     )
 
 
-def fixed_filter() -> AttitudeFilter:
+def constant_gain_filter() -> AttitudeFilter:
     return ConstantGainFilter(
         constant_gain_model(gain_files.load("mpu9250_100hz"), "mpu9250_100hz")
     )
 
 
-def flight_filter() -> AttitudeFilter:
+def integer_filter() -> AttitudeFilter:
     return IntegerVelocityAidedFilter(
         velocity_aided_gains(gain_files.load("handheld_100hz"), "handheld_100hz"), "test"
     )
 
 
-FILTERS = [shaped_filter, flight_filter, fixed_filter]
+FILTERS = [velocity_aided_filter, integer_filter, constant_gain_filter]
 
 
 def need_native() -> None:
@@ -119,7 +119,9 @@ def test_the_same_bits_at_any_rate(
     assert np.isfinite(result.q_nb[200:]).mean() > 0.99
 
 
-@pytest.mark.parametrize(("make", "rate_hz"), [(shaped_filter, 100.0), (flight_filter, 50.0)])
+@pytest.mark.parametrize(
+    ("make", "rate_hz"), [(velocity_aided_filter, 100.0), (integer_filter, 50.0)]
+)
 def test_ordinary_samples_do_go_through_the_compiled_kernel(
     recording: Recording,
     make: Callable[[], AttitudeFilter],
@@ -232,7 +234,7 @@ def test_arrays_that_do_not_fit_are_refused(
     shape: tuple[int, int], dt: float, message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        batch.filter_array(np.zeros(shape), np.zeros(shape), None, dt, fixed_filter())
+        batch.filter_array(np.zeros(shape), np.zeros(shape), None, dt, constant_gain_filter())
 
 
 def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:

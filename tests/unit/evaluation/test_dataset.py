@@ -13,9 +13,9 @@ from h2nav.attitude.samples import VehicleState, VelocityFix
 from h2nav.evaluation.dataset.filters import (
     Conditions,
     Track,
-    run_default,
-    run_default_fixed,
     run_two_stage,
+    run_velocity_aided,
+    run_velocity_aided_integer,
     to_true_north,
 )
 from h2nav.io.trials import Told, Trial, read_trial
@@ -112,7 +112,7 @@ def trial(folder: Path) -> Trial:
     return found._replace(told=(*told, Told(len(found.t_us), VehicleState(True))))
 
 
-@pytest.mark.parametrize("run", [run_default, run_default_fixed])
+@pytest.mark.parametrize("run", [run_velocity_aided, run_velocity_aided_integer])
 def test_compiled_kernels_give_the_same_bits(
     trial: Trial, run: Callable[[Trial, Conditions], Track], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -129,14 +129,14 @@ def test_compiled_kernels_give_the_same_bits(
 
 
 def test_what_the_kernels_cannot_show_runs_in_python(trial: Trial) -> None:
-    plotted = run_default(trial, Conditions("handheld", shows_insides=True))
+    plotted = run_velocity_aided(trial, Conditions("handheld", shows_insides=True))
     assert plotted.backend == "python"
     assert plotted.gain_set is not None
     still = (0.0, 0.0, float("nan"))
     fixes = [Told(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
     flying = trial._replace(told=tuple(fixes))
-    assert run_default(flying, Conditions("handheld", True)).backend == "python"
-    assert run_default(flying, Conditions("handheld")).backend == native.backend()
+    assert run_velocity_aided(flying, Conditions("handheld", True)).backend == "python"
+    assert run_velocity_aided(flying, Conditions("handheld")).backend == native.backend()
 
 
 def test_a_clipped_sample_reaches_the_filter(trial: Trial) -> None:

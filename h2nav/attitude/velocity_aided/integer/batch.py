@@ -18,10 +18,10 @@ from h2nav.attitude.batch_driver import (
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.batch import special_samples
-from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.gains import BIAS_WORD_RAD_S
 from h2nav.attitude.velocity_aided.integer.memory import FIELD_USED, Gains, Memory, Sample
+from h2nav.maths.units import GRAVITY_M_S2
 
 
 class IntegerVelocityAidedBatch:

@@ -30,7 +30,7 @@ from h2nav.attitude.velocity_aided.filter import (
     is_plausible,
     rest_prior,
 )
-from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, VelocityAidedGains
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.gains import (
     BIAS_WORD_RAD_S,
@@ -45,6 +45,7 @@ from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
 from h2nav.attitude.velocity_aided.integer.memory import GAINED_MASK, Gains, Memory, Sample
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
+from h2nav.maths.units import GRAVITY_M_S2
 
 SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
 # Numbers of `IntegerVelocityAidedFilter.state` before the kernel's: times of the last sample and of

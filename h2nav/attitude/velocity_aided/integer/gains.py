@@ -10,10 +10,11 @@ from typing import NamedTuple, NoReturn
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.velocity_aided.gains import GRAVITY_M_S2, GainSets, VelocityAidedGains
+from h2nav.attitude.velocity_aided.gains import GainSets, VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer.memory import FRAME, SETS, Gains, Sample
 from h2nav.attitude.velocity_aided.memory import Gains as FloatGains
 from h2nav.errors import BadInput
+from h2nav.maths.units import GRAVITY_M_S2
 
 BIAS_WORD_RAD_S = 2e6 / 2.0**53
 # units of theta
