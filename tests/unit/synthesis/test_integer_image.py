@@ -62,7 +62,7 @@ def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
     """5 deg/s of bias at the start: synthesized and certified, and no integer filter."""
     model = dict(gain_files.load("multirotor_100hz").model)
     disturbance = {**model["disturbance"], "bias_start_deg_s": 5.0}
-    file = velocity_aided.synthesise({**model, "disturbance": disturbance}, 100.0, "model", ()).file
+    file = velocity_aided.synthesize({**model, "disturbance": disturbance}, 100.0, "model", ()).file
     assert "bias_start_deg_s is outside" in str(file.fixed_point["refused"])
     assert kinds.check(file, "made").problems == ()
     with pytest.raises(BadInput, match="bias_start_deg_s is outside what the integer filter"):
