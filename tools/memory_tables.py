@@ -1,0 +1,62 @@
+"""Writes docs/memory.md: what every kernel remembers, is given, and is fed with.
+
+The tables come from the records that the kernels use, so that they cannot say anything else.
+`python tools/memory_tables.py` writes the page; a test holds it to the records.
+"""
+
+from pathlib import Path
+
+from h2nav.attitude.constant_gain import memory as constant_gain
+from h2nav.attitude.record import Row, rows, size_of
+from h2nav.attitude.two_stage import memory as two_stage
+from h2nav.attitude.velocity_aided import memory as velocity_aided
+from h2nav.attitude.velocity_aided.integer import memory as velocity_aided_integer
+
+PAGE = Path(__file__).parents[1] / "docs" / "memory.md"
+HEAD = """\
+# Memory of the filters
+
+Every field of every kernel: its attribute in Python, its member in C. The tables are written by
+`tools/memory_tables.py` from the records in `h2nav/attitude/*/memory.py`; change a record and run
+it. A format Q24 means that the integer stands for value 2^-24 in the unit beside it. The ranges of
+the integers are proved for every sequence of samples ([fixed-point.md](fixed-point.md)).
+"""
+KERNELS = (
+    ("velocity_aided, in floats", velocity_aided),
+    ("velocity_aided, in integers", velocity_aided_integer),
+    ("constant_gain, in integers", constant_gain),
+    ("two_stage, in floats", two_stage),
+)
+
+
+def page() -> str:
+    """The whole text."""
+    parts = [HEAD]
+    for title, module in KERNELS:
+        parts.append(f"\n## {title}\n")
+        for name in ("Memory", "Sample", "Gains"):
+            parts.append(_table(name, getattr(module, name)))
+    return "".join(parts)
+
+
+def _table(name: str, record_type: type) -> str:
+    is_integer = rows(record_type)[0].range is not None
+    header = "| field | numbers | meaning | unit |"
+    rule = "|---|---|---|---|"
+    if is_integer:
+        header, rule = f"{header} format | range |", f"{rule}---|---|"
+    lines = [_line(row, is_integer) for row in rows(record_type)]
+    about = f"\n### {name}: {size_of(record_type)} numbers\n\n<!-- table: no measurement -->"
+    return "\n".join((about, header, rule, *lines, ""))
+
+
+def _line(row: Row, is_integer: bool) -> str:
+    cells = [f"`{row.name}`", str(row.length), row.about, row.unit]
+    if is_integer:
+        low, high = row.range or (0, 0)
+        cells += [f"Q{row.q}" if row.q else "", f"{low} .. {high}"]
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
