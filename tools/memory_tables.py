@@ -4,13 +4,13 @@ The tables come from the records that the kernels use, so that they cannot say a
 `python tools/memory_tables.py` writes the page; a test holds it to the records.
 """
 
+import importlib
+import pkgutil
 from pathlib import Path
+from types import ModuleType
 
-from h2nav.attitude.constant_gain import memory as constant_gain
+from h2nav import attitude
 from h2nav.attitude.record import Row, rows, size_of
-from h2nav.attitude.two_stage import memory as two_stage
-from h2nav.attitude.velocity_aided import memory as velocity_aided
-from h2nav.attitude.velocity_aided.integer import memory as velocity_aided_integer
 
 PAGE = Path(__file__).parents[1] / "docs" / "memory.md"
 HEAD = """\
@@ -21,22 +21,24 @@ Every field of every kernel: its attribute in Python, its member in C. The table
 it. A format Q24 means that the integer stands for value 2^-24 in the unit beside it. The ranges of
 the integers are proved for every sequence of samples ([fixed-point.md](fixed-point.md)).
 """
-KERNELS = (
-    ("velocity_aided, in floats", velocity_aided),
-    ("velocity_aided, in integers", velocity_aided_integer),
-    ("constant_gain, in integers", constant_gain),
-    ("two_stage, in floats", two_stage),
-)
 
 
 def page() -> str:
     """The whole text."""
     parts = [HEAD]
-    for title, module in KERNELS:
-        parts.append(f"\n## {title}\n")
+    for module in kernels():
+        folder = module.__name__.split(".")[2:-1]
+        arithmetic = "integers" if rows(module.Memory)[0].range else "floats"
+        parts.append(f"\n## {folder[0]}, in {arithmetic}\n")
         for name in ("Memory", "Sample", "Gains"):
             parts.append(_table(name, getattr(module, name)))
     return "".join(parts)
+
+
+def kernels() -> list[ModuleType]:
+    """The `memory` modules of all filters."""
+    found = pkgutil.walk_packages(attitude.__path__, f"{attitude.__name__}.")
+    return [importlib.import_module(m.name) for m in found if m.name.endswith(".memory")]
 
 
 def _table(name: str, record_type: type) -> str:

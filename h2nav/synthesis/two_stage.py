@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav import __version__
-from h2nav.attitude.constant_gain.gains import fixed_point_section
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.two_stage.gains import (
@@ -25,6 +24,7 @@ from h2nav.attitude.two_stage.gains import (
 from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, LoopCertificate, accept
 from h2nav.synthesis.closed_form import attitude_bias_gain, attitude_gain
+from h2nav.synthesis.constant_gain import fixed_point_section
 from h2nav.synthesis.gain_certificate import Loop, certified
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.model import (

@@ -8,7 +8,7 @@ Source: docs/fixed-point.md Eq. (5), (6), (13).
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from h2nav.attitude.constant_gain.memory import (
     GAIN_LIMIT,
@@ -26,10 +26,6 @@ from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.errors import BadInput
 from h2nav.maths.units import GRAVITY_M_S2
-
-if TYPE_CHECKING:  # the daemon computes gains without numpy
-    import numpy as np
-    import numpy.typing as npt
 
 # xx, xz, yy, zx, zz of a matrix; y is coupled with neither x nor z
 Matrix = tuple[float, float, float, float, float]
@@ -137,21 +133,6 @@ def integer_gains_of(file: GainFile, place: str) -> IntegerGains:
     """
     model = constant_gain_model(file, place)
     return integer_gains(constant_gains(model.densities, model.rate_hz, model.force_weight), place)
-
-
-def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
-    """The `fixed_point` section: the integers, their rounding error, stability after rounding.
-
-    Raises:
-        BadInput: the file's gains are not usable, or outside the fixed-point format.
-    """
-    image = integer_gains_of(file, place)
-    return {
-        "format": "lean-1",
-        "params": values(image.gains, Gains),
-        "rounding_error": image.rounding_error,
-        "spectral_radius": spectral_radius(image.rounded),
-    }
 
 
 def constant_gains(
@@ -317,36 +298,6 @@ def _boost_shift(gains: ConstantGains) -> int:
     """Power of two, microseconds, of a third of the time for which a young attitude averages."""
     third_us = 1e6 / (3.0 * min(slowest_shares(gains)) * gains.rate_hz)
     return min(round(math.log2(third_us)), 28)
-
-
-def spectral_radius(gains: ConstantGains) -> float:
-    """Largest magnitude of an eigenvalue of the filter's error from sample to sample.
-
-    Below one: the filter with exactly these gains is stable. The error has six states, attitude
-    and bias; with a correction that acts one step later there are nine.
-
-    Source: docs/fixed-point.md Eq. (14).
-    """
-    import numpy as np
-
-    w, dip, dt = gains.gravity_weight, gains.dip_rad, 1.0 / gains.rate_hz
-    h = np.array([math.cos(dip), 0.0, math.sin(dip)])
-    down = np.array([0.0, 0.0, 1.0])
-    share = np.diag([1.0 - w, 1.0 - w, 1.0])
-    m = w * (np.eye(3) - np.outer(down, down)) + share @ (np.eye(3) - np.outer(h, h))
-    attitude, bias = _full(gains.attitude) @ m, _full(gains.bias) @ m
-    one, none = np.eye(3), np.zeros((3, 3))
-    # error, bias error, correction still to come
-    after_turn = np.block([[one, -dt * one, -one], [none, one, none], [none, none, none]])
-    use = np.block([[one, none, none], [bias, one, none], [attitude, none, none]])
-    return float(np.abs(np.linalg.eigvals(use @ after_turn)).max())
-
-
-def _full(matrix: Matrix) -> "npt.NDArray[np.float64]":
-    import numpy as np
-
-    xx, xz, yy, zx, zz = matrix
-    return np.array([[xx, 0.0, xz], [0.0, yy, 0.0], [zx, 0.0, zz]])
 
 
 def slowest_shares(gains: ConstantGains) -> tuple[float, float, float]:

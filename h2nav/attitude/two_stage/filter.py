@@ -74,7 +74,6 @@ class TwoStageFilter:
         gains: from a gain file or `design_two_stage`.
         gyro_sampling: what a gyro sample is: the mean over the step before it (real sensors
             integrate), or the rate at its instant.
-        limits: what to believe.
     """
 
     name = "two_stage"
@@ -83,11 +82,10 @@ class TwoStageFilter:
         self,
         gains: TwoStageGains,
         gyro_sampling: GyroSampling = "mean",
-        limits: TrustLimits | None = None,
     ) -> None:
         self._design = gains
         self._mean_rate = gyro_sampling == "mean"
-        self._limits = TrustLimits() if limits is None else limits
+        self._limits = TrustLimits()
         self._told: EarthField | None = None
         self._declination: Quat | None = None
         self._start: StartUp | None = None

@@ -9,15 +9,14 @@ import scipy.linalg
 from h2nav.attitude.constant_gain.gains import (
     ConstantGains,
     constant_gains,
-    fixed_point_section,
     integer_gains,
     slowest_shares,
-    spectral_radius,
 )
 from h2nav.attitude.gains.densities import SensorDensities, information
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
+from h2nav.synthesis.constant_gain import fixed_point_section, spectral_radius
 
 FIELD = EarthField(50.0, math.radians(63.0), 0.0)
 DENSITIES = SensorDensities(1e-3, 2e-5, 0.1, 2.0, 9.80665, FIELD)

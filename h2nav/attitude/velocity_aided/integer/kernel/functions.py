@@ -121,7 +121,7 @@ def logarithm(x: I32) -> I32:
 
 
 def power2(exponent: I32) -> I32:
-    """Two to the power of a Q8 exponent, rounded down, wrong by at most 0.3 %; at most 2^30.
+    """Two to the power of a Q8 exponent, rounded down, wrong by at most 0.33 %; at most 2^30.
 
     Source: docs/fixed-point.md Eq. (17).
     """
@@ -139,7 +139,7 @@ def power2(exponent: I32) -> I32:
 def polar(x: I32, y: I32, result: list[I32]) -> None:
     """Writes the length of (x, y) and its angle (rad, Q28) by turns of shrinking size.
 
-    The length is wrong by at most 4, the angle by 1.3e-4 rad where the length is above 1000.
+    The length is wrong by at most 6, the angle by 1.3e-4 rad where the length is above 1000.
 
     Args:
         x: less than 2^17 in size.
@@ -169,7 +169,7 @@ def polar(x: I32, y: I32, result: list[I32]) -> None:
 
 
 def length(x: I32, y: I32) -> I32:
-    """Length of (x, y), x >= 0, both less than 2^17 in size; wrong by at most 7.
+    """Length of (x, y), x >= 0, both less than 2^17 in size; wrong by at most 12.
 
     Half as many turns do: what is left of y counts by its square.
 
