@@ -13,14 +13,14 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from h2nav.attitude.kernels import shaped_layout as layout
-from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.memory import SETS, Gains
 from h2nav.evaluation.dataset.filters import Conditions, run_shaped
 from h2nav.evaluation.scoring import errors, rms
 from h2nav.io import gain_files
 from h2nav.io.trials import read_trial
 
-Change = Callable[[list[float]], None]
+Change = Callable[[Gains], None]
 DECLINATION_DEG = 12.69  # of the simulated flights
 
 
@@ -46,44 +46,41 @@ DATA_SETS = (
 )
 
 
-def put(index: int, value: float) -> Change:
-    def change(g: list[float]) -> None:
-        g[index] = value
+def put(name: str, value: float) -> Change:
+    def change(g: Gains) -> None:
+        setattr(g, name, value)
 
     return change
 
 
-def one_set(g: list[float]) -> None:
+def one_set(g: Gains) -> None:
     """Always the set in the middle of what is used: omega0 = 0.25 rad/s."""
     middle = 5
-    for number in range(layout.SETS):
-        for k in (1, 2):
-            source = g[layout.G_SETS + layout.SET_SIZE * middle + k]
-            g[layout.G_SETS + layout.SET_SIZE * number + k] = source
+    g.k_tilt[:] = [g.k_tilt[middle]] * SETS
+    g.k_velocity[:] = [g.k_velocity[middle]] * SETS
 
 
 ABLATIONS: dict[str, Change | None] = {
     "the filter": None,
-    "gain blind to rotation": put(layout.G_SCALE, 0.0),
-    "gain blind to motion": put(layout.G_CORRELATION, 0.0),
+    "gain blind to rotation": put("scale_noise", 0.0),
+    "gain blind to motion": put("velocity_correlation", 0.0),
     "one gain set": one_set,
-    "bias from rest and field alone": put(layout.G_INFLATE, 1e12),
-    "lasting innovations count as motion": put(layout.G_T_DRIFT, 1e9),
-    "no latency of the field": put(layout.G_LAG_MOST, 0.0),
-    "field noise blind to disturbance": put(layout.G_FIELD_CORRELATION, 0.0),
-    "no easing into the start": put(layout.G_T_EASE, 0.0),
+    "bias from rest and field alone": put("bias_inflation", 1e12),
+    "lasting innovations count as motion": put("innovation_mean_time_s", 1e9),
+    "no latency of the field": put("mag_lag_limit", 0.0),
+    "field noise blind to disturbance": put("mag_correlation", 0.0),
+    "no easing into the start": put("startup_time_s", 0.0),
 }
 
 
 def score(path: Path, conditions: Conditions, name: str) -> tuple[float, float, float]:
     trial = read_trial(path)
     file = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
-    gains: VelocityAidedGains = velocity_aided_gains(gain_files.load(file), file)
-    g = list(gains.g)
+    gains = velocity_aided_gains(gain_files.load(file), file)
     change = ABLATIONS[name]
     if change is not None:
-        change(g)
-    track = run_shaped(trial, conditions, gains._replace(g=tuple(g)))
+        change(gains.kernel)
+    track = run_shaped(trial, conditions, gains)
     assert trial.q_es is not None
     return rms(errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed), trial.mask)
 

@@ -43,17 +43,17 @@ def recording(n: int) -> Arrays:
     return gyr, acc, mag
 
 
-def default_filter() -> AttitudeFilter:
+def velocity_aided_filter() -> AttitudeFilter:
     file = gain_files.load("handheld_100hz")
     return VelocityAidedFilter(velocity_aided_gains(file, file.name))
 
 
-def default_integer_filter() -> AttitudeFilter:
+def velocity_aided_integer_filter() -> AttitudeFilter:
     file = gain_files.load("handheld_100hz")
     return IntegerVelocityAidedFilter(velocity_aided_gains(file, file.name), file.name)
 
 
-def constant_gain_integer_filter() -> AttitudeFilter:
+def constant_gain_filter() -> AttitudeFilter:
     file = gain_files.load("mpu9250_100hz")
     return ConstantGainFilter(constant_gain_model(file, file.name))
 
@@ -95,9 +95,9 @@ def imufusion(data: Arrays) -> float:
 
 def runners() -> dict[str, Runner]:
     found = {
-        "h2nav constant gain, integers": ours(constant_gain_integer_filter),
-        "h2nav default, integers": ours(default_integer_filter),
-        "h2nav default": ours(default_filter),
+        "h2nav constant gain, integers": ours(constant_gain_filter),
+        "h2nav velocity-aided, integers": ours(velocity_aided_integer_filter),
+        "h2nav velocity-aided": ours(velocity_aided_filter),
     }
     peers = {"vqf updateBatch": ("vqf", vqf), "imufusion, loop": ("imufusion", imufusion)}
     for name, (package, run) in peers.items():
@@ -135,7 +135,7 @@ def main() -> int:
     for name, ns in times.items():
         ratios = "".join(f"   {times[peer] / ns:5.2f} x {peer}" for peer in peers if peer != name)
         total = f"{ns * args.samples * 1e-9:7.2f} s"
-        print(f"{name:30}{ns:7.0f} ns/sample{total}{ratios if name not in peers else ''}")
+        print(f"{name:31}{ns:7.0f} ns/sample{total}{ratios if name not in peers else ''}")
     return 0
 
 

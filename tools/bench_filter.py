@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
 from h2nav.attitude.samples import ImuSample
 from h2nav.attitude.two_stage.filter import TwoStageFilter
@@ -29,19 +30,19 @@ def _two_stage() -> AttitudeFilter:
     return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
-def _default(compiled: CompiledStep | None = None) -> AttitudeFilter:
+def _velocity_aided(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "multirotor_100hz"
     return VelocityAidedFilter(velocity_aided_gains(gain_files.load(name), name), compiled)
 
 
-def _default_fixed(compiled: CompiledStep | None = None) -> AttitudeFilter:
+def _velocity_aided_integer(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "multirotor_100hz"
     return IntegerVelocityAidedFilter(
         velocity_aided_gains(gain_files.load(name), name), name, compiled
     )
 
 
-def _lean(compiled: CompiledStep | None = None) -> AttitudeFilter:
+def _constant_gain(compiled: CompiledStep | None = None) -> AttitudeFilter:
     name = "mpu9250_100hz"
     return ConstantGainFilter(constant_gain_model(gain_files.load(name), name), compiled)
 
@@ -49,14 +50,16 @@ def _lean(compiled: CompiledStep | None = None) -> AttitudeFilter:
 # Add a filter here: name -> maker of a fresh one with shipped gains for 100 Hz.
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
     "two_stage": _two_stage,
-    "default": _default,
-    "default, integers": _default_fixed,
-    "lean, integers": _lean,
+    "velocity_aided": _velocity_aided,
+    "velocity_aided, integers": _velocity_aided_integer,
+    "constant_gain": _constant_gain,
 }
 COMPILED: dict[str, Callable[[], AttitudeFilter]] = {
-    "default, compiled": lambda: _default(compiled_step("shaped")),
-    "default, integers, compiled": lambda: _default_fixed(compiled_step("fixed_flight")),
-    "lean, integers, compiled": lambda: _lean(compiled_step("fixed_lean")),
+    "velocity_aided, compiled": lambda: _velocity_aided(compiled_step(VELOCITY_AIDED)),
+    "velocity_aided, integers, compiled": lambda: _velocity_aided_integer(
+        compiled_step(VELOCITY_AIDED_INTEGER)
+    ),
+    "constant_gain, compiled": lambda: _constant_gain(compiled_step(CONSTANT_GAIN)),
 }
 if native_kernels() is not None:
     FILTERS |= COMPILED
@@ -102,7 +105,7 @@ def main() -> None:
     times = microseconds_per_sample(args.names or list(FILTERS), args.runs, args.samples)
     first = next(iter(times.values()))
     for name, us in times.items():
-        print(f"{name:28} {us:7.2f} us {us / first:7.2f}")
+        print(f"{name:34} {us:7.2f} us {us / first:7.2f}")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ instructions between two marks are counted one by one by a plugin: the counts ar
 same on every machine. On this computer valgrind counts in the same way. On an AVR under simavr the
 program counts its own cycles with two timers; without avr-gcc or simavr this part is left out.
 
-    python tools/bench_mcu.py [--json] [--gains NAME] [--steps N]
+    python tools/bench_mcu.py [--json] [--steps N]
 """
 
 import argparse
@@ -48,19 +48,27 @@ class Program(NamedTuple):
 _MEMORY = frozenset({"filter"})
 _TURNING = ("-DTURNING",)
 FILTERS = {
-    "flight": Program(
-        "h2nav, flight form, integers", "bench_flight.c", "flight", _MEMORY, (), _TURNING, 3
+    "velocity_aided": Program(
+        "h2nav, velocity-aided, integers",
+        "bench_velocity_aided.c",
+        "velocity_aided",
+        _MEMORY,
+        (),
+        _TURNING,
+        3,
     ),
-    "flight_fixes": Program(
+    "velocity_aided_fixes": Program(
         "  with velocity fixes at 5 Hz",
-        "bench_flight.c",
-        "flight",
+        "bench_velocity_aided.c",
+        "velocity_aided",
         _MEMORY,
         ("-DWITH_FIXES",),
         _TURNING,
         3,
     ),
-    "lean": Program("h2nav, constant gain, integers", "bench_lean.c", "lean", _MEMORY),
+    "constant_gain": Program(
+        "h2nav, constant gain, integers", "bench_constant_gain.c", "constant_gain", _MEMORY
+    ),
     "mahony": Program("Mahony, float", "bench_mahony.c", "", frozenset({"q", "bias"})),
     "madgwick": Program("Madgwick, float", "bench_madgwick.c", "", frozenset({"q"})),
     "mekf": Program("6-state MEKF, float", "bench_mekf.c", "", frozenset({"q", "bias", "p"})),
@@ -251,12 +259,12 @@ def text_of(
         unit = "cycles/step      " if core == AVR else "instructions/step"
         lines.append(f"\n{core:32}  {unit}        flash  state  stack  ratio")
         lines.append(f"{'':32}    min     max    mean     bytes  bytes  bytes")
-        lean = row["lean"].instructions_mean
+        least = row["constant_gain"].instructions_mean
         for name, cost in row.items():
             lines.append(
                 f"{FILTERS[name].title:32}{cost.instructions_min:7}{cost.instructions_max:8}"
                 f"{cost.instructions_mean:9.1f}{cost.flash_bytes:9}{cost.state_bytes:7}"
-                f"{cost.stack_bytes:7}{cost.instructions_mean / lean:7.1f}"
+                f"{cost.stack_bytes:7}{cost.instructions_mean / least:7.1f}"
             )
     if host is not None:
         lines.append("\nthis computer (callgrind)         instructions/step, mean")
@@ -267,15 +275,17 @@ def text_of(
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", action="store_true", help="machine-readable result")
-    parser.add_argument("--gains", default="mpu9250_100hz", help="gain file of the lean form")
     parser.add_argument(
-        "--flight-gains", default="handheld_100hz", help="gain file of the flight form"
+        "--velocity-aided-gains", default="handheld_100hz", help="gain file of that filter"
+    )
+    parser.add_argument(
+        "--constant-gain-gains", default="mpu9250_100hz", help="gain file of that filter"
     )
     parser.add_argument(
         "--steps",
         type=int,
         default=2000,
-        help="samples per filter; the flight form takes three times as many",
+        help="samples per filter; the velocity-aided filter takes three times as many",
     )
     args = parser.parse_args()
     for program in ("arm-none-eabi-gcc", "qemu-system-arm", "gcc"):
@@ -284,7 +294,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         stdout, sys.stdout = sys.stdout, sys.stderr
-        for form, gains in (("lean", args.gains), ("flight", args.flight_gains)):
+        for form, gains in (
+            ("velocity_aided", args.velocity_aided_gains),
+            ("constant_gain", args.constant_gain_gains),
+        ):
             h2nav(["export", "c", gains, "--form", form, "-o", str(folder / form)])
         sys.stdout = stdout
         plugin = folder / "count.so"

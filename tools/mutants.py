@@ -41,19 +41,21 @@ class Room(NamedTuple):
     """Where mutants are made, and who judges them.
 
     Attributes:
-        folder: of the package.
+        modules: patterns of their paths.
         suites: test files and folders.
     """
 
-    folder: str
+    modules: tuple[str, ...]
     suites: tuple[str, ...]
 
 
 ROOMS = {
-    "service": Room("h2nav/service", ("tests/unit/service", "tests/wire", "tests/scenarios")),
-    "io": Room("h2nav/io", ("tests/unit/io", "tests/wire", "tests/unit/apps")),
+    "service": Room(
+        ("h2nav/service/**/*.py",), ("tests/unit/service", "tests/wire", "tests/scenarios")
+    ),
+    "io": Room(("h2nav/io/**/*.py",), ("tests/unit/io", "tests/wire", "tests/unit/apps")),
     "motion": Room(
-        "h2nav/motion",
+        ("h2nav/motion/**/*.py",),
         (
             "tests/unit/motion",
             "tests/unit/service",
@@ -66,7 +68,7 @@ ROOMS = {
         ),
     ),
     "kernels": Room(
-        "h2nav/attitude/kernels",
+        ("h2nav/attitude/**/kernel/*.py", "h2nav/attitude/integer/*.py"),
         (
             "tests/unit/attitude",
             "tests/contract",
@@ -137,7 +139,7 @@ def draw(rooms: Sequence[Room], count: int, seed: int) -> list[Mutant]:
 
 
 def _lines(room: Room) -> Iterator[list[Mutant]]:
-    for path in sorted((REPOSITORY / room.folder).rglob("*.py")):
+    for path in sorted(path for pattern in room.modules for path in REPOSITORY.glob(pattern)):
         module = str(path.relative_to(REPOSITORY))
         for _, of_line in code_lines(mutants(module, path.read_bytes())):
             yield of_line

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.native import RESULT_COLUMNS, CompiledStep
-from h2nav.attitude.record import assign, in_c, is_in_c, rows, values
+from h2nav.attitude.record import copy, in_c, is_in_c, rows
 from h2nav.attitude.samples import ImuSample
 
 Floats = npt.NDArray[np.float64]
@@ -115,10 +115,10 @@ def _run_kernel(step: CompiledStep, batch: Batch, table: Table) -> npt.NDArray[A
         return out
     memory_type, gains_type = type(memory), type(gains)
     in_c_memory, in_c_gains = in_c(memory_type), in_c(gains_type)
-    assign(in_c_memory, memory_type, values(memory, memory_type))
-    assign(in_c_gains, gains_type, values(gains, gains_type))
+    copy(memory, in_c_memory, memory_type)
+    copy(gains, in_c_gains, gains_type)
     step.run(in_c_memory, in_c_gains, table, out)
-    assign(memory, memory_type, values(in_c_memory, memory_type))
+    copy(in_c_memory, memory, memory_type)
     return out
 
 

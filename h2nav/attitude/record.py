@@ -129,6 +129,16 @@ def assign(record: object, record_type: type, flat: Sequence[Number]) -> None:
             getattr(record, found.name)[:] = part
 
 
+def copy(source: object, target: object, record_type: type) -> None:
+    """Writes all numbers of a record into another of its type; one of them may be `in_c`."""
+    for found in rows(record_type):
+        value = getattr(source, found.name)
+        if found.size is None:
+            setattr(target, found.name, value)
+        else:
+            getattr(target, found.name)[:] = value[:]
+
+
 def _check(field_row: Row, part: Sequence[Number]) -> None:
     low, high = field_row.range or (-math.inf, math.inf)
     for value in part:

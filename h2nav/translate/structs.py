@@ -25,9 +25,10 @@ def struct_text(about: str, rows: Sequence[Row], name: str) -> str:
 
 def meaning(row: Row) -> str:
     """What a field is and in which format, for a comment or a table."""
-    scale = f"2^{row.q} = 1" if row.q else ""
-    parts = (row.about, " ".join(part for part in (scale, row.unit) if part))
-    return "; ".join(part for part in parts if part)
+    # a unit such as "64 uT" has its own number
+    unit = row.unit if row.unit[:1].isdigit() else f"1 {row.unit}".strip()
+    scale = f"2^{row.q} = {unit}" if row.q else row.unit
+    return "; ".join(part for part in (row.about, scale) if part)
 
 
 def constant_text(rows: Sequence[Row], values: Sequence[Number], declaration: str) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import needs
 from agreement.identity import Identity
+from agreement.identity_noise import write_ranges
 
 from h2nav.cli import main
 
@@ -36,12 +37,12 @@ def export(folder: Path, identity: Identity) -> Path:
     """The exported C files, and what the identity program includes beside them."""
     gains, form = identity.gains, identity.name
     assert main(["export", "c", gains, "--form", form, "-o", str(folder), "--json"]) == 0
-    identity.write_header(folder)
+    write_ranges(folder, identity.sample_type)
     return folder
 
 
 def _identity_flags(folder: Path, identity: Identity, steps: int) -> list[str]:
-    samples = f'-DSAMPLES="{identity.header}"'
+    samples = f'-DSAMPLES="identity_{identity.name}.h"'
     return [samples, f"-DSTEPS={steps}u", f"-I{folder}", f"-I{HERE}"]
 
 

@@ -1,43 +1,48 @@
-"""What the identity programs compute, by Python integers, for every form of the integer filter."""
+"""What the identity programs compute, by Python integers, for every integer filter."""
 
 from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from agreement import identity_flight, identity_lean
+from agreement.identity_constant_gain import ConstantGainSamples
+from agreement.identity_velocity_aided import VelocityAidedSamples
 
-from h2nav.apps.export_forms import FORMS, ExportedForm
-from h2nav.attitude.kernels import fixed_flight_layout, fixed_lean
+from h2nav.apps.export_forms import FORMS, ExportedForm, step_of_any_length
+from h2nav.attitude.constant_gain import memory as constant_gain
+from h2nav.attitude.constant_gain.kernel import step as constant_gain_step
+from h2nav.attitude.record import values
+from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
+from h2nav.attitude.velocity_aided.integer.kernel import start as velocity_aided_start
 from h2nav.io import gain_files
 
 
 class Samples(Protocol):
     """Samples that depend on their number and, for fixes, on the filter's memory."""
 
-    def next_sample(self, words: list[int], state: list[int], step: int) -> None: ...
+    def next_sample(self, sample: Any, memory: Any, step: int) -> None: ...
 
-    def next_call(self, state: list[int], params: list[int], step: int) -> None: ...
+    def next_call(self, memory: Any, gains: Any, step: int) -> None: ...
 
 
 class Identity(NamedTuple):
-    """A form of the filter and the samples that it is compared with.
+    """An integer filter and the samples that it is compared with.
 
     Attributes:
-        name: of the form.
+        name: of the filter; its samples in C stand in ``identity_NAME.h``.
         gains: shipped gain file.
         samples: maker of the samples in Python.
-        header: of the same samples in C.
-        layout: of the kernel.
-        write_header: writes what the header includes beside the filter.
+        memory_type: record that the filter remembers.
+        sample_type: record that it is fed with.
+        begin: makes a filter of a memory of zeros, with these gains.
+        step: takes one sample of any length; returns bits.
     """
 
     name: str
     gains: str
     samples: Callable[[], Samples]
-    header: str
-    layout: ModuleType
-    write_header: Callable[[Path], None]
+    memory_type: type
+    sample_type: type
+    begin: Callable[[Any, Any], None]
+    step: Callable[[Any, Any, Any], int]
 
     @property
     def form(self) -> ExportedForm:
@@ -47,22 +52,27 @@ class Identity(NamedTuple):
 
 
 IDENTITIES = {
-    "lean": Identity(
-        "lean",
-        "mpu9250_100hz",
-        identity_lean.LeanSamples,
-        "identity_lean.h",
-        fixed_lean,
-        lambda _folder: None,
-    ),
-    "flight": Identity(
-        "flight",
-        "handheld_100hz",
-        identity_flight.FlightSamples,
-        "identity_flight.h",
-        fixed_flight_layout,
-        identity_flight.write_words,
-    ),
+    identity.name: identity
+    for identity in (
+        Identity(
+            "constant_gain",
+            "mpu9250_100hz",
+            ConstantGainSamples,
+            constant_gain.Memory,
+            constant_gain.Sample,
+            lambda memory, _gains: constant_gain_step.reset(memory),
+            constant_gain_step.update,
+        ),
+        Identity(
+            "velocity_aided",
+            "handheld_100hz",
+            VelocityAidedSamples,
+            velocity_aided.Memory,
+            velocity_aided.Sample,
+            velocity_aided_start.reset,
+            step_of_any_length,
+        ),
+    )
 }
 
 
@@ -71,29 +81,30 @@ class Run(NamedTuple):
 
     Attributes:
         words: what the identity program prints.
-        state: memory at the end.
+        memory: at the end.
         bits: how often each bit of the result has been set.
     """
 
     words: list[str]
-    state: list[int]
+    memory: Any
     bits: dict[int, int]
 
 
 def run(identity: Identity, steps: int) -> Run:
     """The identity program in Python integers."""
-    form = identity.form
-    image = form.image(gain_files.load(identity.gains), identity.gains)
-    params, state = list(image.params), form.start(image.params)
-    samples, words = identity.samples(), [0] * identity.layout.SAMPLE_SIZE
-    next_sample, next_call, take = samples.next_sample, samples.next_call, form.step
+    gains = identity.form.image(gain_files.load(identity.gains), identity.gains).gains
+    memory, sample = identity.memory_type(), identity.sample_type()
+    identity.begin(memory, gains)
+    samples = identity.samples()
+    next_sample, next_call, take = samples.next_sample, samples.next_call, identity.step
     mix, seen = 0, dict.fromkeys(range(256), 0)
     for step in range(steps):
-        next_sample(words, state, step)
-        bits = take(state, params, words)
+        next_sample(sample, memory, step)
+        bits = take(memory, gains, sample)
         seen[bits] += 1
-        q_w, q_x, q_y, q_z = state[:4]
+        q_w, q_x, q_y, q_z = memory.q_nb
         mix = (mix * 16777619 + q_w + 3 * q_x + 5 * q_y + 7 * q_z + bits) & 0xFFFFFFFF
-        next_call(state, params, step)
+        next_call(memory, gains, step)
     counts = {1 << i: sum(n for b, n in seen.items() if b >> i & 1) for i in range(8)}
-    return Run([f"{word & 0xFFFFFFFF:08x}" for word in (mix, *state)], state, counts)
+    numbers = (mix, *map(int, values(memory, type(memory))))
+    return Run([f"{number & 0xFFFFFFFF:08x}" for number in numbers], memory, counts)

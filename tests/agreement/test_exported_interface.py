@@ -1,4 +1,4 @@
-"""The exported flight form from outside: a program's calls against the filter in Python."""
+"""The exported velocity-aided filter from outside: a program's calls against Python."""
 
 import ast
 import contextlib
@@ -14,23 +14,23 @@ from agreement import c_builds
 from agreement.identity import IDENTITIES
 
 from h2nav.apps import export_c
-from h2nav.apps.export_forms import FORMS
-from h2nav.attitude.kernels import fixed_flight, fixed_flight_place, fixed_flight_start
-from h2nav.attitude.kernels import fixed_flight_layout as layout
-from h2nav.attitude.kernels import fixed_motion as motion
+from h2nav.attitude.record import Number, assign, in_c, row, rows, values
 from h2nav.attitude.samples import EarthField, ImuSample
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.filter import (
     IntegerVelocityAidedFilter,
+    fill_sample,
     parts_of,
-    sample_integers,
 )
+from h2nav.attitude.velocity_aided.integer.kernel import place, start, step
+from h2nav.attitude.velocity_aided.integer.memory import Gains, Memory, Sample
 from h2nav.io import gain_files
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
 
-FLIGHT = IDENTITIES["flight"]
-GAINS = velocity_aided_gains(gain_files.load(FLIGHT.gains), FLIGHT.gains)
+IDENTITY = IDENTITIES["velocity_aided"]
+GAINS = velocity_aided_gains(gain_files.load(IDENTITY.gains), IDENTITY.gains)
 GRAVITY = 9.80665
 
 
@@ -39,51 +39,77 @@ def ints(values: Sequence[int], kind: type[ctypes.c_int16 | ctypes.c_int32]) -> 
 
 
 class Program:
-    """The exported C in this process, called as a program would."""
+    """The exported C in this process, called as a program would.
+
+    Attributes:
+        filter: ``h2nav_filter``.
+        sample: ``h2nav_sample``.
+    """
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
-        self.filter = (ctypes.c_int32 * layout.STATE_SIZE)()
-        self.sample = (ctypes.c_int32 * layout.SAMPLE_SIZE)()
-        library.h2nav_init(self.filter)
+        self.filter, self.sample = in_c(Memory), in_c(Sample)
+        library.h2nav_init(address(self.filter))
 
     def reset(self) -> None:
-        self._library.h2nav_reset(self.filter)
+        self._library.h2nav_reset(address(self.filter))
 
     def set_field(self, field: Sequence[int]) -> None:
-        self._library.h2nav_set_field(self.filter, ints(field, ctypes.c_int16))
+        self._library.h2nav_set_field(address(self.filter), ints(field, ctypes.c_int16))
 
     def fill(
         self, rate: Sequence[int], force: Sequence[int], field: Sequence[int] | None, dt_us: int
-    ) -> list[int]:
+    ) -> None:
         self._library.h2nav_fill(
-            self.sample,
+            address(self.sample),
             ints(rate, ctypes.c_int32),
             ints(force, ctypes.c_int32),
             None if field is None else ints(field, ctypes.c_int16),
             ctypes.c_uint32(dt_us),
         )
-        return list(self.sample)
 
     def add_fix(
         self, velocity: Sequence[int], gained: Sequence[int], variance: int, period_us: int
-    ) -> list[int]:
+    ) -> None:
         self._library.h2nav_add_fix(
-            self.sample,
+            address(self.sample),
             ints(velocity, ctypes.c_int32),
             ints(gained, ctypes.c_int32),
             ctypes.c_int32(variance),
             ctypes.c_uint32(period_us),
         )
-        return list(self.sample)
 
     def step(self) -> int:
-        return int(self._library.h2nav_step(self.filter, self.sample))
+        return int(self._library.h2nav_step(address(self.filter), address(self.sample)))
+
+    def memory(self) -> list[Number]:
+        """All numbers of the filter, in order."""
+        return values(self.filter, Memory)
+
+
+def address(record: object) -> object:
+    """Of a record that `in_c` has made."""
+    assert isinstance(record, ctypes.Structure)
+    return ctypes.byref(record)
+
+
+def started(gains: Gains) -> Memory:
+    """What the filter in Python remembers at its start."""
+    fresh = Memory()
+    start.reset(fresh, gains)
+    return fresh
+
+
+def ends(name: str) -> tuple[int, int]:
+    """Lowest and highest value of a field of the sample."""
+    found = row(Sample, name).range
+    assert found is not None
+    return found
 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    folder = c_builds.export(tmp_path_factory.mktemp("interface"), FLIGHT)
+    folder = c_builds.export(tmp_path_factory.mktemp("interface"), IDENTITY)
     target = folder / "h2nav.so"
     command = [needs.need_program("gcc"), *c_builds.STRICT, "-O2", "-shared", "-fPIC"]
     subprocess.run([*command, folder / "h2nav_filter.c", "-o", target], check=True)
@@ -92,65 +118,67 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
 def test_fill_writes_the_sample_that_the_daemon_makes(library: ctypes.CDLL) -> None:
     rng = random.Random(4)
-    program = Program(library)
+    program, expected = Program(library), Sample()
     for number in range(300):
         size = rng.choice((1.0, 10.0, 200.0))
         w, f, m = ([rng.gauss(0.0, size) for _ in range(3)] for _ in range(3))
         sample = ImuSample(0, (w[0], w[1], w[2]), (f[0], f[1], f[2]), (m[0], m[1], m[2]))
-        expected = sample_integers(sample if number % 2 else sample._replace(m_b_ut=None))
-        expected[motion.DT_US] = 10_000
-        expected[layout.REST] = 1  # a hand-held sensor decides itself
+        fill_sample(expected, sample if number % 2 else sample._replace(m_b_ut=None))
+        expected.dt_us = 10_000
+        expected.rest_prior = 1  # a hand-held sensor decides itself
         force = [round(part / GRAVITY * 2.0**20) for part in f]
-        field = expected[layout.F_FIELD : layout.F_FIELD + 3] if number % 2 else None
-        words = program.fill(expected[:3], force, field, 10_000)
+        program.fill(expected.gyro, force, expected.mag if number % 2 else None, 10_000)
         for i in range(3):  # the daemon rounds halves upwards
-            assert abs(words[layout.A_X + i] - expected[layout.A_X + i]) <= 1
-        expected[layout.A_X : layout.A_Z + 1] = words[layout.A_X : layout.A_Z + 1]
-        assert words == expected
+            assert abs(program.sample.accel[i] - expected.accel[i]) <= 1
+        expected.accel[:] = program.sample.accel
+        assert values(program.sample, Sample) == values(expected, Sample)
 
 
 def test_fill_limits_what_the_formats_do_not_hold(library: ctypes.CDLL) -> None:
     program = Program(library)
-    words = program.fill((0, 0, 0), (-(1 << 31), (1 << 31) - 1, 5), None, 0xFFFFFFFF)
-    low, high = layout.SAMPLE_RANGES[layout.A_X]
-    assert words[layout.A_X : layout.A_Z + 1] == [low, high, 5]
-    assert words[motion.DT_US] == 1_000_001  # longer than any gap that is bridged
-    assert words[layout.CLIPPED] == 0
-    assert program.fill((1, 1, 1), (0, 0, 0), None, 5)[layout.CLIPPED] == 1
-    high = layout.SAMPLE_RANGES[layout.FIX_PERIOD_US][1]
-    for (variance, period), expected in {
-        (0, 0): [1, 1],
-        (-7, 0xFFFFFFFF): [1, high],
-        ((1 << 31) - 1, 200_000): [layout.SAMPLE_RANGES[layout.FIX_VARIANCE][1], 200_000],
+    sample = program.sample
+    program.fill((0, 0, 0), (-(1 << 31), (1 << 31) - 1, 5), None, 0xFFFFFFFF)
+    assert list(sample.accel) == [*ends("accel"), 5]
+    assert sample.dt_us == 1_000_001  # longer than any gap that is bridged
+    assert sample.clipped == 0
+    program.fill((1, 1, 1), (0, 0, 0), None, 5)
+    assert sample.clipped == 1
+    for (variance, period_us), expected in {
+        (0, 0): (1, 1),
+        (-7, 0xFFFFFFFF): (1, ends("fix_period_us")[1]),
+        ((1 << 31) - 1, 200_000): (ends("fix_variance")[1], 200_000),
     }.items():
-        fix = program.add_fix((-(1 << 31), (1 << 31) - 1), (-1, 1 << 30), variance, period)
-        assert fix[layout.FIX_VARIANCE : layout.FIX_PERIOD_US + 1] == expected
-        assert fix[layout.FIX_V : layout.FIX_V + 2] == [-layout.S_MOST, layout.S_MOST]
-        assert fix[layout.FIX_C : layout.FIX_C + 2] == [layout.C_MASK, 0]
-        assert fix[layout.HAS_FIX] == fix[layout.IS_AIDED] == 1
-        for word, (least, most) in zip(fix, layout.SAMPLE_RANGES, strict=True):
-            assert least <= word <= most or word == fix[motion.DT_US]
+        program.add_fix((-(1 << 31), (1 << 31) - 1), (-1, 1 << 30), variance, period_us)
+        assert (sample.fix_variance, sample.fix_period_us) == expected
+        assert (sample.fix_velocity_n, sample.fix_velocity_e) == ends("fix_velocity_n")
+        assert (sample.fix_gained_n, sample.fix_gained_e) == (memory.GAINED_MASK, 0)
+        assert sample.has_fix == sample.aided == 1
+        for field in rows(Sample):
+            low, high = ends(field.name)
+            value = getattr(sample, field.name)
+            numbers = [value] if field.size is None else list(value)
+            assert low <= min(numbers) <= max(numbers) <= high
 
 
 @pytest.mark.parametrize("dt_us", [0, 12_500, 12_501, 99_999, 1_000_000, 1_000_001])
 def test_a_step_of_any_length_is_that_of_the_daemon(library: ctypes.CDLL, dt_us: int) -> None:
     """The same parts as `IntegerVelocityAidedFilter` makes; the sample is the same afterwards."""
-    program, python = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
+    gains = IntegerVelocityAidedFilter(GAINS, GAINS.name).kernel_gains
+    program, python = Program(library), started(gains)
     still, force, field = (0, 0, 549_756), (3000, -3000, -(1 << 20)), (6400, 0, 11085)
-    t_us = 0
-    state = FORMS[0].start(python.params)
     for number in range(200):
-        last = number == 199
-        words = program.fill(still, force, field, dt_us if last else 10_000)
+        program.fill(still, force, field, dt_us if number == 199 else 10_000)
+        given = values(program.sample, Sample)
         program.step()
-        assert list(program.sample) == words
-        t_us += words[motion.DT_US]
-        if last and dt_us > 1_000_000:
-            fixed_flight_start.restart(state)
-            words[motion.DT_US] = 0
-        for part in parts_of(words, words[motion.DT_US]):
-            fixed_flight.update(state, list(python.params), part)
-    assert list(program.filter) == state
+        assert values(program.sample, Sample) == given
+        sample = program.sample
+        parts_us = sample.dt_us
+        if parts_us > 1_000_000:
+            start.restart(python)
+            parts_us = 0
+        for part in parts_of(sample, parts_us):
+            step.update(python, gains, part)
+    assert program.memory() == values(python, Memory)
 
 
 def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> None:
@@ -159,52 +187,55 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
     for _ in range(200):
         norm, dip = rng.uniform(25.0, 65.0), rng.uniform(-1.4, 1.4)
         angle = rng.uniform(-math.pi, math.pi)
-        flat, down = norm * math.cos(dip), norm * math.sin(dip)
-        parts = (flat * math.cos(angle), flat * math.sin(angle), down)
+        horizontal, down = norm * math.cos(dip), norm * math.sin(dip)
+        parts = (horizontal * math.cos(angle), horizontal * math.sin(angle), down)
         if max(map(abs, parts)) > 64.0 * 32767 / 16384:
             continue
         field = [round(part / 64.0 * 2.0**14) for part in parts]
-        program, python = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
+        program, daemon = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
         program.set_field(field)
-        python.use_field(EarthField(norm, dip, angle))
-        expected, got = memory_of(python), list(program.filter)
-        error = (got[layout.DECLINATION] - expected[layout.DECLINATION]) * 2.0**-28
-        assert abs(math.remainder(error, 2.0 * math.pi)) < 0.01 / flat
-        for word in (layout.SIN_DECLINATION, layout.COS_DECLINATION):
-            assert abs(got[word] - expected[word]) < 8 + 20 / flat
-        for word in (layout.REF_FLAT, layout.REF_DOWN, layout.REF_NORM):
-            assert abs(got[word] - expected[word]) < 5 << 12  # of a norm of 2^26
-        assert got[layout.REF_GIVEN] == 1
-        state = FORMS[0].start(python.params)
-        fixed_flight_place.set_place(state, list(python.params), field)
-        assert got == state
+        daemon.use_field(EarthField(norm, dip, angle))
+        expected, got = daemon.kernel_memory, program.filter
+        error = (got.declination - expected.declination) * 2.0**-28
+        assert abs(math.remainder(error, 2.0 * math.pi)) < 0.01 / horizontal
+        for name in ("declination_sine", "declination_cosine"):
+            assert abs(getattr(got, name) - getattr(expected, name)) < 8 + 20 / horizontal
+        for name in ("mag_ref_horizontal", "mag_ref_down", "mag_ref_norm"):
+            assert abs(getattr(got, name) - getattr(expected, name)) < 5 << 12  # of 2^26
+        assert got.mag_ref_given == 1
+        python = started(daemon.kernel_gains)
+        north, east, below = field
+        place.set_place(python, daemon.kernel_gains, north, east, below)
+        assert program.memory() == values(python, Memory)
 
 
 def test_reset_forgets_the_attitude_alone(library: ctypes.CDLL) -> None:
     program = Program(library)
     program.fill((0, 0, 0), (0, 0, -(1 << 20)), (6400, 0, 11085), 10_000)
-    assert program.step() & layout.ALIGNED
-    before = list(program.filter)
+    assert program.step() & memory.ALIGNED
+    expected = Memory()
+    assign(expected, Memory, program.memory())
+    program.filter.mag_age_us = 5000
     program.reset()
-    changed = {i for i, word in enumerate(program.filter) if word != before[i]}
-    assert program.filter[layout.AGE_US] == -1
-    assert changed <= {layout.AGE_US, layout.FIELD_US}
+    expected.age_us, expected.mag_age_us = -1, 0
+    assert program.memory() == values(expected, Memory)
 
 
 def test_a_changed_kernel_changes_the_c() -> None:
     """One addition of a function made a subtraction: other C, or ranges that cannot be proved."""
-    form = FORMS[0].text
-    sources = export_c.kernel_sources(form)
-    code = translate(sources, form.entries, ["reset"]).code
+    form = IDENTITY.form.text
+    sources = export_c.kernel_sources(form.kernel)
+    entries = (form.kernel.entry, *form.more_entries)
+    code = translate(sources, entries, ["reset"]).code
     seen = 0
     for index, source in enumerate(sources):
         for mutant in mutants(source.text):
             changed = [*sources]
             changed[index] = Source(source.path, mutant)
             with contextlib.suppress(Refused):
-                assert translate(changed, form.entries, ["reset"]).code != code
+                assert translate(changed, entries, ["reset"]).code != code
             seen += 1
-    assert seen >= 2 * len(sources) - 2  # every module but the layout has some
+    assert seen >= 2 * len(sources) - 2  # every module but the memory has some
 
 
 def mutants(text: str) -> list[str]:
@@ -225,8 +256,3 @@ def mutants(text: str) -> list[str]:
         changed = line[:column] + line[column:].replace("+", "-", 1)
         found.append("".join([*lines[:row], changed, *lines[row + 1 :]]))
     return found
-
-
-def memory_of(python: IntegerVelocityAidedFilter) -> list[int]:
-    """The kernel's memory inside the filter's state."""
-    return list(python._state)

@@ -8,6 +8,8 @@ import pytest
 from agreement import c_builds
 from agreement.identity import IDENTITIES, Identity, Run, run
 
+from h2nav.attitude.record import size_of
+
 STEPS = 1_000_000
 AVR_STEPS = 20_000  # several rounds of everything; a simulated AVR is slow
 
@@ -29,7 +31,7 @@ def python(identity: Identity) -> Run:
 
 def test_the_samples_reach_everything(identity: Identity, python: Run) -> None:
     """Limits are met, every bit of the result is set and cleared."""
-    assert python.state[identity.layout.SATURATIONS] > 1000
+    assert python.memory.saturations > 1000
     for name, bit, _ in identity.form.text.bits:
         assert 1 < python.bits[bit] < STEPS - 1, name
 
@@ -101,7 +103,7 @@ def test_undefined_behaviour_sanitizer_has_nothing_to_report(
     }[compiler]
     flags = ("-O1", f"-fsanitize={','.join(checks)}", *after)
     words = c_builds.build_and_run(exported, identity, compiler, flags, 3 * STEPS)
-    assert len(words) == 1 + identity.layout.STATE_SIZE
+    assert len(words) == 1 + size_of(identity.memory_type)
 
 
 @pytest.mark.parametrize("level", ["-O0", "-O2", "-O3"])

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from agreement.constant_gain_reference import ConstantGainReference, rotation
 
-from h2nav.attitude.constant_gain.filter import sample_integers
+from h2nav.attitude.constant_gain.filter import fill_sample
 from h2nav.attitude.constant_gain.gains import (
     BIAS_UNIT,
     IntegerGains,
     constant_gains,
     integer_gains,
 )
+from h2nav.attitude.constant_gain.kernel.step import reset, update
+from h2nav.attitude.constant_gain.memory import Memory, Sample
 from h2nav.attitude.gains.densities import SensorDensities
-from h2nav.attitude.kernels import fixed_lean as kernel
 from h2nav.attitude.samples import EarthField
 from h2nav.maths.quaternion import conjugate, from_euler, rotate
 
@@ -26,6 +27,12 @@ def image_at(rate_hz: int) -> IntegerGains:
     return integer_gains(constant_gains(DENSITIES, rate_hz, 1.0), "test")
 
 
+def started() -> Memory:
+    fresh = Memory()
+    reset(fresh)
+    return fresh
+
+
 def angle_deg(p: np.ndarray, q: np.ndarray) -> float:
     q = q * np.sign(p @ q)
     return math.degrees(4.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(p - q)))))
@@ -35,10 +42,9 @@ def deviations(rate_hz: int, seconds: float, moving: float, seed: int) -> np.nda
     """Angle between both filters, deg, at every tenth sample of one flight."""
     rng = np.random.default_rng(seed)
     image, dt = image_at(rate_hz), 1.0 / rate_hz
-    assert image.params[kernel.BOOST] == 3
+    assert image.gains.boost == 3
     h = np.array([math.cos(FIELD.dip_rad), 0.0, math.sin(FIELD.dip_rad)])
-    state, q = [0] * kernel.STATE_SIZE, np.array([1.0, 0.0, 0.0, 0.0])
-    kernel.reset(state)
+    memory, sample, q = started(), Sample(), np.array([1.0, 0.0, 0.0, 0.0])
     reference, found = None, []
     for i in range(int(seconds * rate_hz)):
         t = i * dt
@@ -53,20 +59,20 @@ def deviations(rate_hz: int, seconds: float, moving: float, seed: int) -> np.nda
         gravity = r.T @ [0.0, 0.0, 1.0] + rng.normal(0.0, 0.01, 3)
         field = r.T @ h + rng.normal(0.0, 0.01, 3) if i % 2 else None
         dt_us = round(1e6 * dt) if i else 0
-        integers = sample_integers(
-            tuple(rate), tuple(gravity), None if field is None else tuple(field), dt_us
+        fill_sample(
+            sample, tuple(rate), tuple(gravity), None if field is None else tuple(field), dt_us
         )
-        kernel.update(state, list(image.params), integers)
-        if state[kernel.AGE_US] <= 0:
-            boost_s = 1e-6 * (1 << image.params[kernel.BOOST_SHIFT])
-            reference = ConstantGainReference(image.rounded, state[:4], boost_s)
+        update(memory, image.gains, sample)
+        if memory.age_us <= 0:
+            boost_s = 1e-6 * (1 << image.gains.boost_shift)
+            reference = ConstantGainReference(image.rounded, memory.q_nb, boost_s)
         elif reference is not None:
             reference.update(rate, gravity, field, dt)
             if i % 10 == 0:
-                words = np.array(state[:4], dtype=float)
-                found.append(angle_deg(words / np.linalg.norm(words), reference.q))
-    assert state[kernel.SATURATIONS] == 0
-    assert np.abs(np.array(state[4:7]) / BIAS_UNIT - reference.bias).max() < 2e-5  # type: ignore[union-attr]
+                q_nb = np.array(memory.q_nb, dtype=float)
+                found.append(angle_deg(q_nb / np.linalg.norm(q_nb), reference.q))
+    assert memory.saturations == 0
+    assert np.abs(np.array(memory.gyro_bias) / BIAS_UNIT - reference.bias).max() < 2e-5  # type: ignore[union-attr]
     return np.array(found)
 
 
@@ -83,19 +89,17 @@ def test_deviation_stays_within_the_sensors_resolution(
 
 def test_a_resting_vehicle_shows_no_limit_cycle() -> None:
     """Exact, unchanging inputs: the integers settle to within two units of the vectors."""
-    image = image_at(100)
-    state = [0] * kernel.STATE_SIZE
-    kernel.reset(state)
+    image, memory, sample = image_at(100), started(), Sample()
     q_bn = conjugate(from_euler(0.3, -0.2, 0.7))
     gravity = rotate(q_bn, (0.0, 0.0, 1.0))
     field = rotate(q_bn, (math.cos(FIELD.dip_rad), 0.0, math.sin(FIELD.dip_rad)))
-    sample = sample_integers((1e-3, -2e-3, 5e-4), gravity, field, 10000)
-    words = []
+    fill_sample(sample, (1e-3, -2e-3, 5e-4), gravity, field, 10000)
+    settled = []
     for i in range(50_000):
-        kernel.update(state, list(image.params), sample)
+        update(memory, image.gains, sample)
         if i >= 40_000:
-            words.append(state[:7])
-    table = np.array(words, dtype=float)
+            settled.append([*memory.q_nb, *memory.gyro_bias])
+    table = np.array(settled, dtype=float)
     q = table[:, :4] / np.linalg.norm(table[:, :4], axis=1)[:, None]
     assert math.degrees(2.0 * np.ptp(q, axis=0).max()) < 0.01
     assert np.ptp(table[:, 4:], axis=0).max() / BIAS_UNIT < 2e-6
@@ -104,10 +108,8 @@ def test_a_resting_vehicle_shows_no_limit_cycle() -> None:
 
 def test_small_bias_is_not_lost_in_a_dead_band() -> None:
     """A bias that tilts by less than one unit of the vectors is still learnt, by the remainder."""
-    image = image_at(400)
-    state = [0] * kernel.STATE_SIZE
-    kernel.reset(state)
-    sample = sample_integers((2e-5, 0.0, 0.0), (0.0, 0.0, 1.0), None, 2500)
+    image, memory, sample = image_at(400), started(), Sample()
+    fill_sample(sample, (2e-5, 0.0, 0.0), (0.0, 0.0, 1.0), None, 2500)
     for _ in range(200_000):
-        kernel.update(state, list(image.params), sample)
-    assert state[kernel.B_X] / BIAS_UNIT == pytest.approx(2e-5, abs=1e-5)
+        update(memory, image.gains, sample)
+    assert memory.gyro_bias[0] / BIAS_UNIT == pytest.approx(2e-5, abs=1e-5)

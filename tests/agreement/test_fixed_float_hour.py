@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 from agreement.constant_gain_compiled import BIAS, MEMORY_SIZE, CompiledReference, Q
 from agreement.constant_gain_reference import ConstantGainReference
-from agreement.test_fixed_float import FIELD, image_at
+from agreement.test_fixed_float import FIELD, image_at, started
 
-from h2nav.attitude.constant_gain.filter import sample_integers
+from h2nav.attitude.batch_driver import Table, empty_table
+from h2nav.attitude.constant_gain.filter import fill_sample
 from h2nav.attitude.constant_gain.gains import BIAS_UNIT
-from h2nav.attitude.kernels import fixed_lean as kernel
-from h2nav.attitude.native import native_kernels
+from h2nav.attitude.constant_gain.kernel.step import update
+from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.kernel_files import CONSTANT_GAIN
+from h2nav.attitude.native import RESULT_COLUMNS, compiled_step
+from h2nav.attitude.record import assign, in_c, values
 
 RATE_HZ = 400
 DT_US = 1_000_000 // RATE_HZ
 ROWS = 60 * RATE_HZ  # at a time
 IMAGE = image_at(RATE_HZ)
-BOOST_S = 1e-6 * (1 << IMAGE.params[kernel.BOOST_SHIFT])
+BOOST_S = 1e-6 * (1 << IMAGE.gains.boost_shift)
 
 
 def samples_of(reference: CompiledReference, first: int, rng: np.random.Generator) -> np.ndarray:
@@ -39,13 +43,14 @@ def samples_of(reference: CompiledReference, first: int, rng: np.random.Generato
     return table
 
 
-def integers_of(table: np.ndarray) -> np.ndarray:
+def integers_of(table: np.ndarray) -> Table:
     """The same samples as the kernel takes them."""
-    integers = np.empty((len(table), kernel.SAMPLE_SIZE), dtype=np.int32)
-    integers[:, :3] = np.floor(table[:, :3] * 1e-6 * 2.0**40 + 0.5)
-    integers[:, 3:9] = np.floor(table[:, 3:9] * 2.0**14 + 0.5)
-    integers[:, 9] = -table[:, 9]
-    integers[:, 10] = DT_US
+    integers = empty_table(Sample, len(table))
+    integers["gyro"] = np.floor(table[:, :3] * 1e-6 * 2.0**40 + 0.5)
+    integers["gravity"] = np.floor(table[:, 3:6] * 2.0**14 + 0.5)
+    integers["mag"] = np.floor(table[:, 6:9] * 2.0**14 + 0.5)
+    integers["has_mag"] = -table[:, 9]
+    integers["dt_us"] = DT_US
     return integers
 
 
@@ -66,38 +71,37 @@ def test_compiled_reference_is_the_reference(tmp_path: Path) -> None:
 
 
 def test_an_hour_at_400_hz_shows_no_drift(tmp_path: Path) -> None:
-    native = native_kernels()
-    if native is None:
+    step = compiled_step(CONSTANT_GAIN)
+    if step is None:
         needs.absent("the compiled kernels are not built")
-    assert IMAGE.params[kernel.BOOST] == 3  # what the reference does
+    assert IMAGE.gains.boost == 3  # what the reference does
     reference = CompiledReference(tmp_path, IMAGE.rounded, BOOST_S)
     rng = np.random.default_rng(1)
-    params = np.array(IMAGE.params, dtype=np.int32)
-    memory = np.zeros(kernel.STATE_SIZE, dtype=np.int32)
+    memory, gains = in_c(Memory), in_c(Gains)
+    assign(gains, Gains, values(IMAGE.gains, Gains))
     minutes = []
     for minute in range(60):
         table = samples_of(reference, minute * ROWS, rng)
         integers = integers_of(table)
         if minute == 0:  # the first sample aligns
-            row = table[0]
-            state = [0] * kernel.STATE_SIZE
-            kernel.reset(state)
-            first = sample_integers(tuple(row[:3]), tuple(row[3:6]), None, 0)
-            assert first[:9] == integers[0, :9].tolist()
-            kernel.update(state, list(IMAGE.params), first)
-            assert state[kernel.AGE_US] == 0
-            memory[:] = state
-            reference.start(memory[:4].astype(float))
+            first, start = Sample(), started()
+            fill_sample(first, tuple(table[0, :3]), tuple(table[0, 3:6]), None, 0)
+            assert first.gyro == integers["gyro"][0].tolist()
+            assert first.gravity == integers["gravity"][0].tolist()
+            update(start, IMAGE.gains, first)
+            assert start.age_us == 0
+            assign(memory, Memory, values(start, Memory))
+            reference.start(np.array(start.q_nb, dtype=float))
             table, integers = table[1:], integers[1:]
-        results = np.empty((len(table), 8), dtype=np.int32)
-        native.run_fixed_lean(memory, params, integers, kernel.SAMPLE_SIZE, results)
+        results = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)
+        step.run(memory, gains, integers, results)
         expected = reference.run(table)
         q = results[:, :4] / np.linalg.norm(results[:, :4].astype(float), axis=1)[:, None]
         q *= np.sign(np.sum(q * expected[:, Q], axis=1))[:, None]
         minutes.append(4.0 * np.arcsin(0.5 * np.linalg.norm(q - expected[:, Q], axis=1)))
         bias = results[:, 4:7] / BIAS_UNIT
         assert np.abs(bias - expected[:, BIAS]).max() < 2e-5
-    assert memory[kernel.SATURATIONS] == 0
+    assert memory.saturations == 0
     angles = np.degrees(np.concatenate(minutes))
     quarters = [math.sqrt(np.mean(part**2)) for part in np.array_split(angles, 4)]
     assert angles.max() < 6e-3

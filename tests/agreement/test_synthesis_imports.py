@@ -5,7 +5,9 @@ import sys
 
 LIGHT = """
 import sys
-from h2nav.attitude import filter, gain_seal, gains, samples
+from h2nav.attitude import filter, samples
+from h2nav.attitude.velocity_aided.integer import filter, gains
+from h2nav.attitude.gains import envelope, seal
 from h2nav.io import gain_files
 for name in gain_files.shipped():
     gain_files.load(name)

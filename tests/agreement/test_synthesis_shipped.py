@@ -35,7 +35,7 @@ def test_certificate_holds(name: str) -> None:
 def test_closed_form_and_riccati_agree_with_the_file(name: str) -> None:
     file = gain_files.load(name)
     model = model_from_values(file.model, name)
-    again = two_stage.synthesise(model, file.rate_hz, name, lmi_solvers=()).file
+    again = two_stage.synthesize(model, file.rate_hz, name, lmi_solvers=()).file
     ours, theirs = two_stage_gains(again, name), two_stage_gains(file, name)
     for fresh, stored in zip(ours.levels, theirs.levels, strict=True):
         assert fresh == pytest.approx(stored, rel=1e-9)

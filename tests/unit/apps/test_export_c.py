@@ -8,13 +8,12 @@ from types import ModuleType
 import pytest
 
 from h2nav import __version__
+from h2nav.attitude.constant_gain import memory as constant_gain
 from h2nav.attitude.gains.seal import seal
-from h2nav.attitude.kernels import fixed_flight_layout, fixed_lean
+from h2nav.attitude.record import rows
+from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.cli import main
 from h2nav.io import gain_files
-from h2nav.translate.firmware import IntegerForm, parameter_names
-from h2nav.translate.firmware_flight import FLIGHT
-from h2nav.translate.firmware_lean import LEAN
 
 FILES = {"h2nav_filter.c", "h2nav_filter.h", "example.c", "check_vectors.c", "h2nav_vectors.h"}
 
@@ -25,7 +24,7 @@ def test_json_names_every_file_with_its_size(
     assert main(["export", "c", "multirotor_200hz", "-o", str(tmp_path / "new"), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["ok"] is True
-    assert result["form"] == "flight"
+    assert result["form"] == "velocity_aided"
     assert set(result["files"]) == FILES
     for name, entry in result["files"].items():
         assert (tmp_path / "new" / name).stat().st_size == entry["bytes"]
@@ -34,18 +33,18 @@ def test_json_names_every_file_with_its_size(
 
 
 @pytest.mark.parametrize(
-    ("gains", "form", "parameters"),
+    ("gains", "form", "members"),
     [
-        ("mpu9250_100hz", "lean", [r"    \d+, /\* P_SHIFT \*/", r"    \d+, /\* BOOST_SHIFT \*/"]),
+        ("mpu9250_100hz", "constant_gain", [r"    \.bias_shift = .+,", r"    \.boost_shift = .+,"]),
         (
             "rover_100hz",
-            "flight",
-            [r"    \d+, /\* LP_SHIFT \*/", r"    /\* K_TILT, 12 numbers \*/"],
+            "velocity_aided",
+            [r"    \.rest_lowpass_shift = .+,", r"    \.k_tilt = {.*"],
         ),
     ],
 )
 def test_header_and_source_carry_version_form_and_gains(
-    tmp_path: Path, gains: str, form: str, parameters: list[str]
+    tmp_path: Path, gains: str, form: str, members: list[str]
 ) -> None:
     assert main(["export", "c", gains, "-o", str(tmp_path)]) == 0
     header = (tmp_path / "h2nav_filter.h").read_text()
@@ -54,45 +53,65 @@ def test_header_and_source_carry_version_form_and_gains(
     assert f'#define H2NAV_GAINS "{gains}"' in header
     assert max(map(len, header.splitlines())) <= 100
     source = (tmp_path / "h2nav_filter.c").read_text()
-    for line in parameters:
+    for line in members:
         assert re.search(f"^{line}$", source, re.MULTILINE)
     assert max(map(len, source.splitlines())) <= 120
 
 
-@pytest.mark.parametrize(("layout", "image"), [(fixed_lean, LEAN), (fixed_flight_layout, FLIGHT)])
-def test_every_parameter_has_its_name(layout: ModuleType, image: IntegerForm) -> None:
-    assert image.layout is layout
-    names = parameter_names(layout)
-    assert len(names) == layout.PARAMS_SIZE
-    for index, name in enumerate(names):
-        assert getattr(layout, name) == names.index(name)
-        assert index - names.index(name) < names.count(name)
+@pytest.mark.parametrize(
+    ("gains", "memory"), [("mpu9250_100hz", constant_gain), ("rover_100hz", velocity_aided)]
+)
+def test_every_field_is_a_member_with_its_meaning(
+    tmp_path: Path, gains: str, memory: ModuleType
+) -> None:
+    assert main(["export", "c", gains, "-o", str(tmp_path)]) == 0
+    text = "".join((tmp_path / f"h2nav_filter.{end}").read_text() for end in "hc")
+    structs = {"filter": memory.Memory, "sample": memory.Sample, "gains": memory.Gains}
+    for name, record_type in structs.items():
+        found = re.search(rf"typedef struct {{\n([^}}]*)}} h2nav_{name};", text)
+        assert found is not None
+        members = re.findall(r"^    int32_t (\w+)(?:\[(\d+)\])?;", found[1], re.MULTILINE)
+        expected = [(row.name, str(row.size or "")) for row in rows(record_type)]
+        assert members == expected
+        assert all(row.about in found[1] for row in rows(record_type))
 
 
 @pytest.mark.parametrize("gains", ["mpu9250_100hz", "handheld_100hz"])
-def test_the_lean_form_is_made_of_either_kind(tmp_path: Path, gains: str) -> None:
-    assert main(["export", "c", gains, "--form", "lean", "-o", str(tmp_path)]) == 0
-    assert '#define H2NAV_FORM "lean"' in (tmp_path / "h2nav_filter.h").read_text()
+def test_the_constant_gain_form_is_made_of_either_kind(tmp_path: Path, gains: str) -> None:
+    assert main(["export", "c", gains, "--form", "constant_gain", "-o", str(tmp_path)]) == 0
+    assert '#define H2NAV_FORM "constant_gain"' in (tmp_path / "h2nav_filter.h").read_text()
 
 
-def test_the_flight_form_needs_a_shaped_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("former", "now"), [("flight", "velocity_aided"), ("lean", "constant_gain")]
+)
+def test_former_names_of_the_forms_still_work(tmp_path: Path, former: str, now: str) -> None:
+    for form in (former, now):
+        folder = str(tmp_path / form)
+        assert main(["export", "c", "handheld_100hz", "--form", form, "-o", folder]) == 0
+    for name in FILES:
+        assert (tmp_path / former / name).read_bytes() == (tmp_path / now / name).read_bytes()
+
+
+@pytest.mark.parametrize("form", ["velocity_aided", "flight"])
+def test_the_velocity_aided_form_needs_a_file_of_its_kind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str
 ) -> None:
-    assert main(["export", "c", "mpu9250_100hz", "--form", "flight", "-o", str(tmp_path)]) == 2
+    assert main(["export", "c", "mpu9250_100hz", "--form", form, "-o", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert "--form flight" in said
-    assert "give lean" in said
+    assert f"--form {form}" in said
+    assert "give constant_gain" in said
 
 
 def test_what_a_silent_vehicle_is_follows_from_its_class(tmp_path: Path) -> None:
     expected = {"handheld_100hz": (1, 0), "multirotor_100hz": (0, 0), "fixed-wing_100hz": (0, None)}
-    for gains, (rest, nose) in expected.items():
+    for gains, (rest, speed) in expected.items():
         main(["export", "c", gains, "-o", str(tmp_path / gains)])
         header = (tmp_path / gains / "h2nav_filter.h").read_text()
-        assert f"H2NAV_REST_UNTOLD = {rest}," in header
-        found = re.search(r"H2NAV_NOSE_UNTOLD = (\d+)", header)
+        assert f"H2NAV_REST_UNKNOWN = {rest}," in header
+        found = re.search(r"H2NAV_SPEED_UNKNOWN = (\d+)", header)
         assert found is not None
-        assert int(found[1]) == nose if nose is not None else int(found[1]) > 1000
+        assert int(found[1]) == speed if speed is not None else int(found[1]) > 1000
 
 
 @pytest.mark.parametrize("gains", ["mpu9250_100hz", "rover_400hz"])

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from h2nav.attitude.kernels import fixed_flight_layout as layout
+from h2nav.attitude.record import values
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.memory import Gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
-from h2nav.synthesis import kinds, shaped
+from h2nav.synthesis import kinds, velocity_aided
 from h2nav.synthesis.certificate import CertificateError
 from h2nav.synthesis.gain_certificate import certified
 
@@ -43,11 +44,11 @@ def test_another_image_is_noticed(name, key, value):
     assert any(problem.startswith("certificate.sha256") for problem in problems)
 
 
-def test_the_flight_form_of_a_file_is_its_image():
+def test_the_filter_in_integers_takes_the_image_of_its_file():
     name = "fixed-wing_50hz"
     file = gain_files.load(name)
     made = IntegerVelocityAidedFilter(velocity_aided_gains(file, name), name)
-    assert list(made.params) == file.fixed_point["params"]
+    assert values(made.kernel_gains, Gains) == file.fixed_point["params"]
 
 
 def test_the_radius_is_that_of_the_slowest_loop():
@@ -61,7 +62,7 @@ def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
     """5 deg/s of bias at the start: synthesized and certified, and no integer filter."""
     model = dict(gain_files.load("multirotor_100hz").model)
     disturbance = {**model["disturbance"], "bias_start_deg_s": 5.0}
-    file = shaped.synthesise({**model, "disturbance": disturbance}, 100.0, "model", ()).file
+    file = velocity_aided.synthesize({**model, "disturbance": disturbance}, 100.0, "model", ()).file
     assert "bias_start_deg_s is outside" in str(file.fixed_point["refused"])
     assert kinds.check(file, "made").problems == ()
     with pytest.raises(BadInput, match="bias_start_deg_s is outside what the integer filter"):
@@ -73,16 +74,15 @@ def test_a_model_that_the_integers_do_not_hold_serves_the_floats():
 def test_rounded_gains_that_are_not_stable_get_no_certificate(monkeypatch):
     """The largest gain that the format holds, in place of one at fixes."""
     file = gain_files.load("multirotor_100hz")
-    real = shaped.flight_image
+    real = velocity_aided.integer_gains
 
     def broken(gains, place):
         image = real(gains, place)
-        params = list(image.params)
-        params[layout.K_FIX_VELOCITY] = 32767 << 5
-        return image._replace(params=tuple(params))
+        image.gains.k_fix_velocity[0] = 32767 << 5
+        return image
 
-    monkeypatch.setattr(shaped, "flight_image", broken)
-    section = shaped.fixed_point_section(file, "broken")
+    monkeypatch.setattr(velocity_aided, "integer_gains", broken)
+    section = velocity_aided.fixed_point_section(file, "broken")
     assert float(str(section["spectral_radius"])) > 1.0
     with pytest.raises(CertificateError, match="the rounded gains are not stable"):
-        certified(file, shaped.loops(file, "broken"), section)
+        certified(file, velocity_aided.loops(file, "broken"), section)

@@ -4,41 +4,50 @@ import ctypes
 import random
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import needs
 import pytest
 
-from h2nav.attitude.kernels import (
-    fixed_lean,
-    fixed_motion,
-    fixed_triad,
-    shaped,
-    shaped_doubt,
-    shaped_field,
-    shaped_layout,
-    shaped_motion,
-    shaped_rest,
-    shaped_theta,
-    shaped_velocity,
-)
-from h2nav.attitude.two_stage.filter import memory as two_stage_layout
-from h2nav.attitude.two_stage.kernel import correction as two_stage_correction
-from h2nav.attitude.two_stage.kernel import motion as two_stage_motion
-from h2nav.attitude.two_stage.kernel import step as two_stage
-from h2nav.attitude.two_stage.kernel import trust as two_stage_trust
+from h2nav.apps.export_c import kernel_sources
+from h2nav.attitude import record
+from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED
 from h2nav.translate.c99 import translate
-from h2nav.translate.source import Refused, Source
+from h2nav.translate.source import Refused, Source, read_kernel
+from h2nav.translate.structs import constant_text, struct_text
 
 INTEGER_HEAD = "from h2nav.maths.fixedpoint import I16, I32, clamp, known\n"
+RECORD = '''
+from dataclasses import dataclass
+
+from h2nav.attitude.record import integer, integers
+
+
+@dataclass(slots=True)
+class Memory:
+    """What the kernel remembers."""
+
+    level: I32 = integer(-100, 100, "m", "the level", q=3)
+    parts: list[I32] = integers(2, -9, 9, "", "its parts")
+
+
+@dataclass(slots=True)
+class Other:
+    """Another record."""
+
+    level: I32 = integer(-100, 100, "", "a level")
+
+
+'''
 
 
 def translated(text: str, entry: str = "step") -> str:
     return translate([Source("kernel.py", text)], [entry]).code
 
 
-def source_of(module: object) -> Source:
-    path = Path(str(module.__file__))  # type: ignore[attr-defined]
-    return Source(str(path), path.read_text())
+def with_record(functions: str, entry: str = "step") -> str:
+    """The C of functions on the records above."""
+    return translated(f"{INTEGER_HEAD}{RECORD}{functions}", entry)
 
 
 def compiled(folder: Path, code: str, wrapper: str) -> ctypes.CDLL:
@@ -57,12 +66,22 @@ def compiled(folder: Path, code: str, wrapper: str) -> ctypes.CDLL:
 
 EVERYTHING = '''
 """A kernel that uses the whole integer subset."""
+from dataclasses import dataclass
+
+from h2nav.attitude.record import integer, integers
 from h2nav.maths.fixedpoint import I16, I32, clamp, known
 
-A, B = range(2)
 ONE = 1 << 14  # Q14
 TABLE = (3, -5, 7)
-X_RANGES = ((-40000, 40000), (-2147483648, 2147483647))
+
+
+@dataclass(slots=True)
+class Memory:
+    """What it remembers."""
+
+    sum: I32 = integer(-40000, 40000, "", "a bounded number")
+    mask: I32 = integer(-2147483648, 2147483647, "", "any number")
+    last: list[I32] = integers(3, -ONE, ONE, "", "a vector")
 
 
 def half(value: I32) -> I32:
@@ -70,7 +89,7 @@ def half(value: I32) -> I32:
     return value >> 1
 
 
-def step(x: list[I32], a: I16, b: I32) -> I32:
+def step(s: Memory, a: I16, b: I32) -> I32:
     """Every operation once."""
     # first part
     wide = b * 3 + a  # needs 64 bits
@@ -78,42 +97,44 @@ def step(x: list[I32], a: I16, b: I32) -> I32:
     parts = [0] * 3
     for i in range(3):
         parts[i] = TABLE[i] * small
+        s.last[i] = small >> i
     if a > 100 and not b == 7:
-        x[A] = clamp(x[A] + a, -40000, 40000)
+        s.sum = clamp(s.sum + a, -40000, 40000)
     elif a < -100 or b >= 1 << 20:
-        x[A] = half(x[A])
+        s.sum = half(s.sum)
     else:
-        x[A] = -x[A]
-    x[B] = (b & 65535) ^ -1
+        s.sum = -s.sum
+    s.mask = (b & 65535) ^ -1
     total = parts[0] + parts[1] - parts[2]
     total += abs(a) if a != 5 else ~a
     gate = (a - 50) >> 31
-    total |= x[A] & gate
+    total |= s.sum & gate
     return known(total, -2147483648, 2147483647) + (1 << (a & 3))
 '''
 
 
 def test_c_computes_what_python_computes(tmp_path: Path) -> None:
-    code = translated(EVERYTHING)
+    rows = read_kernel([Source("kernel.py", EVERYTHING)]).records["Memory"].rows
+    code = struct_text("What it remembers.", rows, "Memory") + translated(EVERYTHING)
     library = compiled(
         tmp_path,
         code,
-        "int64_t run(int32_t *x, int32_t a, int32_t b);\n"
-        "int64_t run(int32_t *x, int32_t a, int32_t b) { return step(x, a, b); }",
+        "int64_t run(Memory *s, int32_t a, int32_t b);\n"
+        "int64_t run(Memory *s, int32_t a, int32_t b) { return step(s, a, b); }",
     )
     library.run.restype = ctypes.c_int64
-    scope: dict[str, object] = {}
+    scope: dict[str, Any] = {}
     exec(EVERYTHING, scope)
     rng = random.Random(3)
     edges = [-(1 << 31), -(1 << 20), -1, 0, 1, 7, 1 << 20, (1 << 31) - 1]
-    x = [0, 0]
-    words = (ctypes.c_int32 * 2)()
+    in_python, in_c = scope["Memory"](), record.in_c(scope["Memory"])
     for _ in range(20000):
         a = rng.choice([-32768, -101, -100, 5, 49, 50, 100, 101, 32767, rng.randint(-300, 300)])
         b = rng.choice([*edges, rng.randint(-(1 << 31), (1 << 31) - 1)])
-        expected = scope["step"](x, a, b)  # type: ignore[operator]
-        assert library.run(words, a, b) == expected
-        assert list(words) == x
+        expected = scope["step"](in_python, a, b)
+        assert library.run(ctypes.byref(in_c), a, b) == expected
+        numbers = record.values(in_python, scope["Memory"])
+        assert record.values(in_c, scope["Memory"]) == numbers
 
 
 def test_names_comments_and_formats_are_carried_over() -> None:
@@ -124,6 +145,8 @@ def test_names_comments_and_formats_are_carried_over() -> None:
     assert "/* Half, rounded down. */" in code
     assert "int64_t wide = (int64_t)b * INT32_C(3) + a;" in code
     assert "static const int32_t TABLE[3]" in code
+    assert "step(Memory *s, int32_t a, int32_t b)" in code
+    assert "s->last[i] = " in code
     assert "for (int32_t i = 0; i < INT32_C(3); i++) {" in code
 
 
@@ -173,19 +196,90 @@ def test_refuses_modules_with_anything_but_constants_and_functions(module_line: 
         translated(f"{module_line}\n\ndef step(x: int) -> int:\n    return x\n")
 
 
-def test_a_state_that_may_leave_its_declared_range_is_refused() -> None:
-    text = f"{INTEGER_HEAD}X_RANGES = ((-100, 100),)\n\ndef step(x: list[I32], a: I16) -> None:\n"
-    with pytest.raises(Refused, match=r"may leave x\[0\] at -32868..32867, declared -100..100"):
-        translated(f"{text}    x[0] = x[0] + a\n")
-    assert "clamp_32" in translated(f"{text}    x[0] = clamp(x[0] + a, -100, 100)\n")
+def test_a_field_that_may_leave_its_declared_range_is_refused() -> None:
+    head = "def step(s: Memory, a: I16) -> None:\n"
+    reason = r"may leave s\.level at -32868\.\.32867, declared -100\.\.100"
+    with pytest.raises(Refused, match=reason):
+        with_record(f"{head}    s.level = s.level + a\n")
+    assert "clamp_32" in with_record(f"{head}    s.level = clamp(s.level + a, -100, 100)\n")
+    with pytest.raises(Refused, match=r"may leave s\.parts\[1\] at 10\.\.10, declared -9\.\.9"):
+        with_record(f"{head}    s.parts[1] = 10\n")
 
 
-def test_an_initialiser_may_trust_nothing() -> None:
-    text = f"{INTEGER_HEAD}X_RANGES = ((-9, 9), (-9, 9))\n\ndef begin(x: list[I32]) -> None:\n"
-    sources = [Source("kernel.py", f"{text}    x[0] = 0\n")]
-    with pytest.raises(Refused, match=r"may leave x\[1\]"):
-        translate(sources, [], ["begin"])
-    assert translate(sources, ["begin"]).code
+def test_an_initialiser_finds_zeros() -> None:
+    """Its result is proved from there: what it does not write is zero, and zero must be allowed."""
+    text = f"{INTEGER_HEAD}{RECORD}def begin(s: Memory) -> None:\n    s.level = s.level + 100\n"
+    assert translate([Source("kernel.py", text)], [], ["begin"]).code
+    with pytest.raises(Refused, match=r"begin may leave s\.level at 0\.\.200"):
+        translate([Source("kernel.py", text)], ["begin"])
+    positive = text.replace("integers(2, -9, 9,", "integers(2, 1, 9,")
+    with pytest.raises(Refused, match=r"begin may leave s\.parts\[0\] at 0\.\.0, declared 1\.\.9"):
+        translate([Source("kernel.py", positive)], [], ["begin"])
+
+
+@pytest.mark.parametrize(
+    ("functions", "reason"),
+    [
+        ("def step(s: Memory) -> I32:\n    return s.depth\n", "Memory has no field depth"),
+        ("def step(s: Memory) -> None:\n    s.depth = 0\n", "Memory has no field depth"),
+        ("def step(s: Memory) -> I32:\n    return s.parts\n", "parts is a vector"),
+        ("def step(s: Memory) -> None:\n    s.parts = 0\n", "parts is a vector"),
+        ("def step(s: Memory) -> I32:\n    return s.level[0]\n", "only arrays may be subscripted"),
+        ("def step(s: Memory) -> I32:\n    return s.parts[2]\n", "index 2..2 leaves 0..1"),
+        ("def step(s: I32) -> I32:\n    return s.level\n", "s.level is not a field of a record"),
+        (
+            "def of(s: Other) -> I32:\n    return s.level\n\n\n"
+            "def step(s: Memory) -> I32:\n    return of(s)\n",
+            "of needs a Other here",
+        ),
+        (
+            "def of(s: Memory) -> I32:\n    return s.level\n\n\n"
+            "def step(s: Memory) -> I32:\n    return of(s.level)\n",
+            "of needs a Memory here",
+        ),
+    ],
+)
+def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
+    with pytest.raises(Refused, match=r"^kernel\.py:\d+: ") as refusal:
+        with_record(functions)
+    assert reason in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("statement", "reason"),
+    [
+        ("    level: I32 = 5", "a record holds only fields made by a row"),
+        ("    level: I32 = unknown(1)", "a record holds only fields made by a row"),
+        ("    def f(self) -> None:\n        pass", "a record holds only fields made by a row"),
+        ("    level: I32 = integer(0, MOST, '', 'a level')", "not a constant expression"),
+    ],
+)
+def test_refuses_records_of_anything_but_rows(statement: str, reason: str) -> None:
+    text = f"class Memory:\n{statement}\n\n\ndef step(x: int) -> int:\n    return x\n"
+    with pytest.raises(Refused, match=rf"^kernel\.py:\d+: .*{reason}"):
+        translated(text)
+
+
+def test_a_record_becomes_a_struct_with_named_members() -> None:
+    rows = read_kernel([Source("kernel.py", INTEGER_HEAD + RECORD)]).records["Memory"].rows
+    assert struct_text("What the kernel remembers.", rows, "my_memory") == (
+        "/* What the kernel remembers. */\n"
+        "typedef struct {\n"
+        "    int32_t level;    /* the level; 2^3 = 1 m */\n"
+        "    int32_t parts[2]; /* its parts */\n"
+        "} my_memory;\n"
+    )
+    assert constant_text(rows, [5, -1, 2], "static const my_memory GAINS") == (
+        "static const my_memory GAINS = {\n"
+        "    .level = INT32_C(5),\n"
+        "    .parts = {(-INT32_C(1)), INT32_C(2)},\n"
+        "};\n"
+    )
+
+
+def test_a_unit_with_a_factor_is_told_with_its_power_of_two() -> None:
+    rows = [record.Row("field", None, (-9, 9), "64 uT", "the field", 14)]
+    assert "    int32_t field; /* the field; 2^14 = 64 uT */" in struct_text("A.", rows, "a")
 
 
 def test_constants_in_use_only() -> None:
@@ -193,7 +287,7 @@ def test_constants_in_use_only() -> None:
     assert "UNUSED" not in translated(text)
 
 
-LEAN = [source_of(fixed_triad), source_of(fixed_motion), source_of(fixed_lean)]
+SMALLEST = kernel_sources(CONSTANT_GAIN)
 
 
 @pytest.mark.parametrize(
@@ -206,8 +300,8 @@ LEAN = [source_of(fixed_triad), source_of(fixed_motion), source_of(fixed_lean)]
     ],
 )
 def test_a_mutation_of_the_kernel_changes_the_c(original: str, mutant: str) -> None:
-    mutated = replaced(LEAN, original, mutant)
-    assert translate(mutated, ["update"]).code != translate(LEAN, ["update"]).code
+    mutated = replaced(SMALLEST, original, mutant)
+    assert translate(mutated, ["update"]).code != translate(SMALLEST, ["update"]).code
 
 
 def replaced(sources: list[Source], original: str, mutant: str) -> list[Source]:
@@ -216,35 +310,23 @@ def replaced(sources: list[Source], original: str, mutant: str) -> list[Source]:
     return [Source(path, text.replace(original, mutant, 1)) for path, text in sources]
 
 
-def test_a_wider_input_of_the_lean_kernel_is_noticed() -> None:
+def test_a_wider_input_of_the_constant_gain_kernel_is_noticed() -> None:
     """Ranges are proved: with longer steps a turn no longer fits, and the proof fails."""
-    wider = replaced(LEAN, "MOST_DT_US = 12500", "MOST_DT_US = 60000")
+    wider = replaced(SMALLEST, "MOST_DT_US = 12500", "MOST_DT_US = 60000")
     code = translate(wider, ["update"]).code
     assert "int64_t" in code  # no longer the 32-bit form
-    assert "int64_t" not in translate(LEAN, ["update"]).code
+    assert "int64_t" not in translate(SMALLEST, ["update"]).code
 
 
-SHAPED = [
-    shaped_layout,
-    shaped_motion,
-    shaped_theta,
-    shaped_doubt,
-    shaped_velocity,
-    shaped_field,
-    shaped_rest,
-    shaped,
-]
-TWO_STAGE = [two_stage_layout, two_stage_motion, two_stage_trust, two_stage_correction, two_stage]
-
-
-@pytest.mark.parametrize("modules", [SHAPED, TWO_STAGE], ids=["shaped", "two_stage"])
-def test_the_float_kernels_compile_without_a_warning(tmp_path: Path, modules: list[object]) -> None:
-    code = translate([source_of(module) for module in modules], ["step"]).code
+def test_the_float_kernel_compiles_without_a_warning(tmp_path: Path) -> None:
+    translation = translate(kernel_sources(VELOCITY_AIDED), [VELOCITY_AIDED.entry])
+    records = translation.kernel.records.values()
+    structs = "".join(struct_text(found.about, found.rows, found.name) for found in records)
+    arguments = "Memory *s, const Gains *g, const Sample *sample"
     compiled(
         tmp_path,
-        code,
-        "int32_t run(double *x, const double *g, const double *z);\n"
-        "int32_t run(double *x, const double *g, const double *z) { return step(x, g, z); }",
+        structs + translation.code,
+        f"int32_t run({arguments});\nint32_t run({arguments}) {{ return step(s, g, sample); }}",
     )
 
 

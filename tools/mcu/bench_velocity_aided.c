@@ -1,4 +1,4 @@
-/* The exported flight form, with velocity fixes five times a second when WITH_FIXES is defined. */
+/* The exported velocity-aided filter; with fixes five times a second when WITH_FIXES is defined. */
 #include "bench.h"
 #include "bench_turning.h"
 #include "h2nav_filter.h"
@@ -27,16 +27,16 @@ void bench_prepare(int32_t i)
     }
     h2nav_fill(&sample, rate, force, bits & 1 ? field_now : 0, 10000);
     if (bits & 2) {
-        sample.words[H2NAV_CLIPPED] = 1;
+        sample.clipped = 1;
     }
 #ifdef WITH_FIXES
     /* stands still; the first fix long after the start, all phases of a frame meet one */
     if (i > 300 && i % 21 == 0) {
         const int32_t velocity[2] = {bench_noise(20), bench_noise(20)};
-        const int32_t gained[2] = {filter.words[H2NAV_GAINED_N], filter.words[H2NAV_GAINED_E]};
+        const int32_t gained[2] = {filter.gained_n, filter.gained_e};
         h2nav_add_fix(&sample, velocity, gained, 20000, 210000);
     }
-    sample.words[H2NAV_IS_AIDED] = i > 300;
+    sample.aided = i > 300;
 #endif
 }
 
@@ -47,5 +47,5 @@ void bench_step(void)
 
 uint32_t bench_result(void)
 {
-    return (uint32_t)filter.words[0];
+    return (uint32_t)filter.q_nb[0];
 }

@@ -1,4 +1,4 @@
-/* The exported integer filter. */
+/* The exported constant-gain filter. */
 #include "bench.h"
 #include "bench_sample.h"
 #include "h2nav_filter.h"
@@ -13,12 +13,11 @@ void bench_init(void)
 
 void bench_prepare(int32_t i)
 {
-    int32_t *words = sample.words;
-    words[9] = -bench_sample(i, words, words + 3, words + 6);
+    sample.has_mag = -bench_sample(i, sample.gyro, sample.gravity, sample.mag);
     for (int32_t k = 0; k < 3; k++) {
-        words[k] *= 1074;
+        sample.gyro[k] *= 1074; /* 2^40 radians per microsecond */
     }
-    words[10] = 10000;
+    sample.dt_us = 10000;
 }
 
 void bench_step(void)
@@ -28,5 +27,5 @@ void bench_step(void)
 
 uint32_t bench_result(void)
 {
-    return (uint32_t)filter.words[0];
+    return (uint32_t)filter.q_nb[0];
 }

@@ -1,4 +1,4 @@
-"""The shaped gains against Riccati, against their own certificates, and the class models."""
+"""The velocity-aided gains against Riccati and their own certificates, and the class models."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from h2nav.io.plain_yaml import read_mapping
 from h2nav.synthesis.kinds import check
 from h2nav.synthesis.plant import discretise
 from h2nav.synthesis.riccati import solve_riccati
-from h2nav.synthesis.shaped import synthesise, tilt_gain, tilt_plant
+from h2nav.synthesis.velocity_aided import synthesize, tilt_gain, tilt_plant
 
 CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 RATES_HZ = (50, 100, 200, 400)
@@ -69,7 +69,7 @@ def test_errors_of_a_model_name_file_and_key() -> None:
     disturbance["velocity_flor"] = 1.0
     del disturbance["level_time_s"]
     with pytest.raises(BadInput) as caught:
-        synthesise(model | {"disturbance": disturbance, "vehicle_class": "boat"}, 100.0, "m", ())
+        synthesize(model | {"disturbance": disturbance, "vehicle_class": "boat"}, 100.0, "m", ())
     text = str(caught.value)
     for part in ("bias_walk_deg_s_rts", "velocity_flor", "level_time_s: missing", "vehicle_class"):
         assert part in text
