@@ -51,6 +51,16 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
+# Name of a filter -> the arithmetics that it has, the usual one first. Until now two_stage in fixed
+# arithmetic has meant constant_gain; configurations and logs say so.
+ARITHMETICS = {
+    "default": ("float", "fixed"),
+    "velocity_aided": ("float", "fixed"),
+    "two_stage": ("float", "fixed"),
+    "constant_gain": ("fixed",),
+}
+
+
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """Which estimator runs.
@@ -68,9 +78,7 @@ class FilterSettings:
             `instant` where it does not.
     """
 
-    name: Annotated[str, OneOf(("default", "velocity_aided", "two_stage", "constant_gain"))] = (
-        "default"
-    )
+    name: Annotated[str, OneOf(tuple(ARITHMETICS))] = "default"
     arithmetic: Annotated[str, OneOf(("float", "fixed"))] = "float"
     vehicle_class: Annotated[
         str, OneOf(("auto", "handheld", "multirotor", "fixed-wing", "rover"))
@@ -258,8 +266,9 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
     """One filter exists in integers only; only one in floats takes instantaneous gyro samples."""
-    if settings.name == "constant_gain" and settings.arithmetic == "float":
-        return ["filter.arithmetic: filter.name constant_gain runs in integers; set fixed"]
+    possible = ARITHMETICS[settings.name]
+    if settings.arithmetic not in possible:
+        return [f"filter.arithmetic: {settings.name} runs in {possible[0]} arithmetic; set that"]
     averages = settings.name == "two_stage" and settings.arithmetic == "float"
     if settings.gyro_sampling == "mean" or averages:
         return []
@@ -369,6 +378,19 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
 
 def warnings(configuration: Configuration) -> list[str]:
     """What works and may yet be unwise, each with its key."""
+    return _former_names(configuration.filter) + _link_warnings(configuration)
+
+
+def _former_names(settings: FilterSettings) -> list[str]:
+    if (settings.name, settings.arithmetic) != ("two_stage", "fixed"):
+        return []
+    return [
+        "filter.name: two_stage in fixed arithmetic is the filter that is now called "
+        "constant_gain, which is what runs; write filter.name: constant_gain"
+    ]
+
+
+def _link_warnings(configuration: Configuration) -> list[str]:
     link = parse_link_url(configuration.link.url)
     if not isinstance(link, SerialUrl):
         return []

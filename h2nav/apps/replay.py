@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--filter",
-        choices=("default", "velocity_aided", "two_stage", "constant_gain"),
+        choices=tuple(configuration.ARITHMETICS),
         help="filter to run instead of the configured one",
     )
     parser.add_argument(
@@ -160,8 +160,8 @@ def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
     changes: dict[str, Any] = {}
     if args.filter is not None:
         changes["name"] = args.filter
-    if args.filter == "constant_gain":
-        changes["arithmetic"] = "fixed"
+        if args.filter in ("two_stage", "constant_gain"):  # the name alone says which is meant
+            changes["arithmetic"] = configuration.ARITHMETICS[args.filter][0]
     if args.vehicle_class is not None:
         changes["vehicle_class"] = args.vehicle_class
     chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))

@@ -7,7 +7,7 @@ from h2nav import __version__
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import Daemon, StopSignals
-from h2nav.apps.filters import FilterFactory
+from h2nav.apps.filters import FilterFactory, algorithm
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
@@ -99,8 +99,7 @@ class Session:
 def _greeting(configuration: Configuration) -> str:
     """What runs, in one line."""
     chosen = configuration.filter
+    name = chosen.name if chosen.name == "default" else algorithm(chosen)
     arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"
     log = f"log in {configuration.log.folder}" if configuration.log.folder else "no log"
-    return (
-        f"h2nav {__version__} on {configuration.link.url}, filter {chosen.name}{arithmetic}, {log}"
-    )
+    return f"h2nav {__version__} on {configuration.link.url}, filter {name}{arithmetic}, {log}"

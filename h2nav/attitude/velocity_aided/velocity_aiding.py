@@ -84,6 +84,11 @@ class VelocityAiding:
         """True while good fixes come often enough."""
         return self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
 
+    @property
+    def waits(self) -> bool:
+        """True when a fix waits for the next sample."""
+        return self._waiting is not None
+
     def is_idle(self, t_us: int) -> bool:
         """True when no fix waits and none holds the filter."""
         return self._waiting is None and not self.is_aided(t_us)
