@@ -36,7 +36,7 @@ from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
 from h2nav.attitude.gains.seal import check_seal, seal
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.io.plain_yaml import parse_bytes
-from h2nav.synthesis.shaped import checked_model
+from h2nav.synthesis.velocity_aided import checked_model
 
 LONGEST_S = 1.0
 STATUSES = (0, 1, 2, 3)
@@ -214,7 +214,7 @@ def _gain_file_changed_inside(data: bytes, folder: Path) -> None:
 def _model(data: bytes, _: Path) -> None:
     with contextlib.suppress(BadInput, TaskFailed):
         mapping = parse_bytes(data, "file")
-        if mapping.get("kind") == "shaped":
+        if mapping.get("kind") in ("velocity_aided", "shaped"):
             checked_model(mapping, "file")
         else:
             sensor_model(mapping, "file")

@@ -140,7 +140,8 @@ def test_every_declared_package_is_imported_and_the_other_way_round():
 def imported_modules(node):
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
-    return [node.module] if isinstance(node, ast.ImportFrom) else []
+    is_absolute = isinstance(node, ast.ImportFrom) and node.level == 0
+    return [node.module] if is_absolute else []
 
 
 def test_the_compiled_kernels_are_in_the_wheel(wheel):
