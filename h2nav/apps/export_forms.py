@@ -103,15 +103,14 @@ def _integers(record: object, record_type: type) -> list[int]:
     return [int(number) for number in values(record, record_type)]
 
 
-def constant_gain_vectors(gains: constant_gain.Gains, rows_wanted: int = 400) -> Vectors:
+def constant_gain_vectors(gains: constant_gain.Gains) -> Vectors:
     """Ordinary motion first, then whatever the formats hold."""
     memory = constant_gain.Memory()
     constant_gain_step.reset(memory)
-    samples = constant_gain_samples(rows_wanted)
     return _vectors(
         memory,
         constant_gain.Sample,
-        samples,
+        constant_gain_samples(),
         lambda sample: constant_gain_step.update(memory, gains, sample),
     )
 

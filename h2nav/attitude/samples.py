@@ -48,7 +48,7 @@ class VehicleState(NamedTuple):
     """What the autopilot says of the vehicle, as far as a filter may use it.
 
     Attributes:
-        on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = not told
+        on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = unknown
             (a recording without an autopilot): the filter decides by its class.
         airspeed_m_s: true airspeed along the nose; None when unknown or stale.
     """

@@ -20,7 +20,7 @@ from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, in_c, row, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -108,7 +108,7 @@ class ConstantGainFilter:
         return -1.0 / self._model.densities.gravity_m_s2
 
     def _use_gains(self, field: EarthField) -> None:
-        assign(self._g, Gains, values(self._integer_gains(field).gains, Gains))
+        copy(self._integer_gains(field).gains, self._g, Gains)
         self._field = field
 
     def _integer_gains(self, field: EarthField) -> IntegerGains:

@@ -44,7 +44,7 @@ _UNIT: Square = (1.0, 0.0, 0.0, 1.0)
 FORCE_WEIGHT = 1.0 / 16.0
 # Bandwidth of the tilt for a file that knows no accelerometer noise, rad/s.
 TILT_BANDWIDTH = 0.2
-# The field until the filter is told the place's own.
+# The field until the filter is given that of the place.
 COMMON_FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 
 

@@ -40,7 +40,7 @@ GyroSampling = Literal["mean", "instant"]
 
 # A gap longer than this leaves nothing to propagate: align again.
 MAX_GAP_US = 1_000_000
-# A heading counts as tied to north for so long after the last believed field.
+# A heading counts as tied to north for so long after the last accepted field.
 REFERENCED_S = 5.0
 # Numbers of `TwoStageFilter.state` before those of the kernel.
 HEAD_SIZE = 11
@@ -86,7 +86,7 @@ class TwoStageFilter:
         self._design = gains
         self._mean_rate = gyro_sampling == "mean"
         self._limits = TrustLimits()
-        self._told: EarthField | None = None
+        self._given: EarthField | None = None
         self._declination: Quat | None = None
         self._start: StartUp | None = None
         self._t_us: int | None = None
@@ -138,9 +138,9 @@ class TwoStageFilter:
 
     def use_field(self, field: EarthField) -> None:
         """See `AttitudeFilter`; a new norm or dip also renews the gains."""
-        if field == self._told:
+        if field == self._given:
             return
-        self._told = field
+        self._given = field
         half = 0.5 * field.declination_rad
         self._declination = (math.cos(half), 0.0, 0.0, math.sin(half)) if half else None
         if (field.norm_ut, field.dip_rad) != self._reference:
@@ -158,9 +158,9 @@ class TwoStageFilter:
     def state(self) -> FilterState:
         """See `AttitudeFilter`."""
         start = (None,) * len(StartUp._fields) if self._start is None else self._start
-        told = (None,) * len(EarthField._fields) if self._told is None else self._told
+        given = (None,) * len(EarthField._fields) if self._given is None else self._given
         kernel = values(self._memory, Memory)
-        return FilterState(self.name, (self._t_us, *start, *told, *self._reference, *kernel))
+        return FilterState(self.name, (self._t_us, *start, *given, *self._reference, *kernel))
 
     def restore(self, state: FilterState) -> None:
         """See `AttitudeFilter`."""
@@ -175,7 +175,7 @@ class TwoStageFilter:
         self._start = None
         if parts[1] is not None:
             self._start = StartUp(numbers[1], int(numbers[2]), *numbers[3:6])
-        self._told, self._declination = None, None
+        self._given, self._declination = None, None
         if parts[6] is not None:
             self.use_field(EarthField(*numbers[6:9]))
         self._set_reference(EarthField(numbers[9], numbers[10], 0.0))
@@ -288,13 +288,13 @@ class TwoStageFilter:
         ) < math.radians(0.5)
         gains = self._design if near else gains_at(self._design, field)
         self._g = kernel_gains(gains, field, self._limits, mean_rate=self._mean_rate)
-        if self._told is None:
+        if self._given is None:
             self._g.align_s = self._limits.align_s
 
     def _take_reference(self, start: StartUp) -> None:
-        """What the start shows of the field: all of it if nobody told, else a norm far off."""
+        """What the start shows of the field: all of it if no field was given, else a norm far off."""
         norm_ut = math.sqrt(start.field_2 / start.fields)
-        if self._told is None:
+        if self._given is None:
             sine = start.dot / math.sqrt(start.force_2 * start.field_2)
             self._reference = (self._reference[0], math.asin(max(-1.0, min(1.0, sine))))
             self._set_norm(norm_ut)
@@ -302,7 +302,7 @@ class TwoStageFilter:
             self._learn_norm(norm_ut)
 
     def _learn_norm(self, norm_ut: float) -> None:
-        """Believes the magnetometer's scale when it is far from the reference's."""
+        """Accepts the magnetometer's scale when it is far from the reference's."""
         if abs(norm_ut / self._reference[0] - 1.0) > self._limits.norm_share:
             self._set_norm(norm_ut)
 

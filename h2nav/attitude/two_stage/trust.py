@@ -1,4 +1,4 @@
-"""Which measurements the two-stage filter believes: limits with physical meaning, and screening.
+"""Which measurements the two-stage filter accepts: limits with physical meaning, and screening.
 
 The decisions themselves are arithmetic and live in the kernel; this module names what they are
 compared with.
@@ -38,12 +38,12 @@ class TrustLimits(NamedTuple):
         residual_s, level_s: time constants of the force's low-pass and of its power.
         converge_s: start-up during which no innovation gate closes.
         hold_s: for so long a vehicle that has begun to accelerate flies by gyro alone; then its
-            force is believed again with the weight of its level.
+            force is accepted again with the weight of its level.
         turned_s: a field outside the gate, yet of the right norm and slope, sets the heading after
             so long.
         heading_cut_deg: a longer innovation of the field counts as one of this length, turns only
             the heading and teaches no bias.
-        heading_lost_s: without any believed field for so long, the heading starts anew.
+        heading_lost_s: without any accepted field for so long, the heading starts anew.
         wrong_s: for so long both sensors contradict the attitude before it is aligned again.
         doubt_s: after that, one contradicting sensor is enough for so long.
         bias_start_deg_s: one-sigma gyro bias at the start.
@@ -107,7 +107,7 @@ def kernel_gains(
     Args:
         gains: optimal for `reference`.
         reference: the field to expect; its declination plays no part.
-        limits: what to believe.
+        limits: what to accept.
         mean_rate: gyro samples are means over the step before them, not instants.
     """
     n = gains.densities

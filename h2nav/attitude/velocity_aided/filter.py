@@ -14,7 +14,7 @@ from typing import NamedTuple
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, in_c, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -79,7 +79,7 @@ class VelocityAidedFilter:
         self._step = step
         if compiled is not None:
             self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
-            assign(self._g, Gains, values(gains.kernel, Gains))
+            copy(gains.kernel, self._g, Gains)
             self._step = compiled
         self._t_us: int | None = None
         self._aligned = False
@@ -191,7 +191,7 @@ class VelocityAidedFilter:
             u.fix_period_s = fix.period_s
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
+        """Rest is accepted on the ground, in the air never; see `AttitudeFilter`."""
         self._sample.rest_prior = float(rest_prior(self._gains, vehicle))
         self._sample.forward_speed = forward_speed_m_s(self._gains, vehicle)
 

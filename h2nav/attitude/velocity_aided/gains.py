@@ -83,7 +83,7 @@ class VelocityAidedGains(NamedTuple):
         name: of the gain file.
         rate_hz: nominal sample rate.
         vehicle_class: one of `VEHICLE_CLASSES`.
-        cruise_speed_m_s: velocity along the nose when no airspeed is told; 0 but on a fixed wing.
+        cruise_speed_m_s: velocity along the nose when no airspeed is known; 0 but on a fixed wing.
         kernel: the kernel's gains and limits.
     """
 

@@ -1,4 +1,4 @@
-"""What the two-stage filter believes: levels, gates, contradictions.
+"""What the two-stage filter accepts: levels, gates, contradictions.
 
 Equations: docs/derivation.md section 3.
 """

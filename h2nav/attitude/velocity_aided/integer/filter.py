@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, in_c, row, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -136,7 +136,7 @@ class IntegerVelocityAidedFilter:
         if compiled is not None:
             self._memory, self._sample = in_c(Memory), in_c(Sample)
             exact, self._g = self._g, in_c(Gains)
-            assign(self._g, Gains, values(exact, Gains))
+            copy(exact, self._g, Gains)
             self._step = compiled
         reset(self._memory, self._g)
         self._t_us: int | None = None
@@ -311,7 +311,7 @@ class IntegerVelocityAidedFilter:
         u.fix_period_us = round(fix.period_s * 1e6)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Rest is believed on the ground, in the air never; see `AttitudeFilter`."""
+        """Rest is accepted on the ground, in the air never; see `AttitudeFilter`."""
         self._sample.rest_prior = rest_prior(self._gains, vehicle)
         speed = forward_speed_m_s(self._gains, vehicle) / GRAVITY_M_S2
         self._sample.forward_speed = _FORWARD_SPEED.fixed(speed)

@@ -43,7 +43,7 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
         s.mag_ref_dip = dip
     lost = s.mag_accepted_age_s
     if lost > HEADING_LOST:
-        if not_believed(s, g, norm, dip, age) > 0.0:
+        if is_rejected(s, g, norm, dip, age) > 0.0:
             return 0
         learn_field(s, g, norm, dip, flat, age, lag)
     innovation = s.declination - math.atan2(east, north)
@@ -91,7 +91,7 @@ def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
     return lag
 
 
-def not_believed(s: Memory, g: Gains, norm: float, dip: float, age: float) -> float:
+def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> float:
     """1 while the field contradicts its reference; a steady new field becomes the reference.
 
     Source: docs/filter.md Eq. (22), (26).
@@ -141,7 +141,7 @@ def learn_field(
     age: float,
     lag: float,
 ) -> None:
-    """Latency, level of disturbance and reference from a field that is believed.
+    """Latency, level of disturbance and reference from a field that is accepted.
 
     Source: docs/filter.md Eq. (21), (23), (24).
     """

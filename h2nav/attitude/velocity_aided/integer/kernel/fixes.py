@@ -52,7 +52,7 @@ def judge_fix(s: Memory, g: Gains) -> I32:
     s.fix_span_us = period_us
     s.fix_period_us = 0
     if s.fixes_rejected >= MOST_REJECTED:
-        believe_fixes(s)
+        accept_fixes(s)
         return VELOCITY_USED
     log_period = logarithm(period_us | 1) - LOG_SECOND
     square = square_of(s.innovation_n, s.innovation_e)
@@ -72,7 +72,7 @@ def judge_fix(s: Memory, g: Gains) -> I32:
 
 
 def choose_fix(s: Memory, g: Gains) -> None:
-    """Noise and gains for a fix that is believed.
+    """Noise and gains for a fix that is accepted.
 
     Source: docs/filter.md Eq. (15), (16).
     """
@@ -92,7 +92,7 @@ def choose_fix(s: Memory, g: Gains) -> None:
     )
 
 
-def believe_fixes(s: Memory) -> None:
+def accept_fixes(s: Memory) -> None:
     """Nothing is known of the velocity yet, or the fixes agree in contradicting it."""
     forget_velocity(s)
     s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MOST)

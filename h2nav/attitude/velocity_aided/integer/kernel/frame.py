@@ -95,7 +95,7 @@ def find_motion_gain(s: Memory, g: Gains, row: list[I32], innovation: I32) -> No
 
 
 def use_field(s: Memory, g: Gains, phase: I32) -> I32:
-    """Theta from the heading of the newest field, if that is believed; returns bits.
+    """Theta from the heading of the newest field, if that is accepted; returns bits.
 
     What it finds is applied with what the next frame's velocity finds.
     """

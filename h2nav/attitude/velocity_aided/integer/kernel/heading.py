@@ -95,7 +95,7 @@ def resolve_field(s: Memory, g: Gains) -> None:
 
 
 def judge_field(s: Memory, g: Gains) -> None:
-    """Decides whether the field of the frame is believed.
+    """Decides whether the field of the frame is accepted.
 
     Source: docs/filter.md Eq. (22), (26).
     """
@@ -216,7 +216,7 @@ def moved(reference: I32, part: I32, share: I32) -> I32:
 
 
 def learn_field(s: Memory, g: Gains) -> None:
-    """Level of disturbance and reference from a field that is believed.
+    """Level of disturbance and reference from a field that is accepted.
 
     Source: docs/filter.md Eq. (23), (24).
     """
@@ -312,7 +312,7 @@ def turn_heading(s: Memory, g: Gains, angle: I32) -> None:
 
 
 def prepare_heading(s: Memory, g: Gains) -> None:
-    """What a believed field says of the heading, how that depends on theta, and its noise.
+    """What a accepted field says of the heading, how that depends on theta, and its noise.
 
     Source: docs/filter.md Eq. (25).
     """

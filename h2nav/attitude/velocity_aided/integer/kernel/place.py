@@ -1,4 +1,4 @@
-"""The field of the place where the vehicle is, told to the velocity-aided filter in integers.
+"""The field of the place where the vehicle is, given to the velocity-aided filter in integers.
 
 Source: docs/filter.md Eq. (23) to (26).
 """

@@ -21,7 +21,7 @@ def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
     """Starts the tilt again, from a force where the tilt is worth nothing.
 
     That is after clipped samples that may have hidden a turn, and when the low-passed force has
-    denied the tilt. Source: docs/filter.md Eq. (30), (32).
+    contradicted the tilt. Source: docs/filter.md Eq. (30), (32).
     """
     if s.tilt_suspect == 2:
         level(s, s.accel_lp[0], s.accel_lp[1], s.accel_lp[2], r)

@@ -92,7 +92,7 @@ def begin_frames(s: Memory) -> None:
 
 
 def correct_velocity(s: Memory, sample: Sample, r: list[I32]) -> None:
-    """The constant gain for a velocity near zero, or near NOSE along the nose.
+    """The constant gain for a velocity near zero, or near the forward speed along the nose.
 
     Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (23).
     """
