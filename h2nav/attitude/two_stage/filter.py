@@ -292,7 +292,7 @@ class TwoStageFilter:
             self._g.align_s = self._limits.align_s
 
     def _take_reference(self, start: StartUp) -> None:
-        """What the start shows of the field: all of it if no field was given, else a norm far off."""
+        """What the start shows of the field: all if none was given, else a norm far off."""
         norm_ut = math.sqrt(start.field_2 / start.fields)
         if self._given is None:
             sine = start.dot / math.sqrt(start.force_2 * start.field_2)
