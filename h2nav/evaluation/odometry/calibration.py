@@ -219,7 +219,8 @@ def _better_reading(motion: Array, fit: Callable[[Array, str], Calibration]) -> 
 
 def _quality_notes(names: tuple[str, ...], values: Array, covariance: Array) -> tuple[str, ...]:
     notes = []
-    sigmas = np.sqrt(np.diag(covariance))
+    # Rounding leaves some variances that are 0 slightly below it.
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     for name, value, sigma in zip(names, values.tolist(), sigmas.tolist(), strict=True):
         if not math.isfinite(value):
             notes.append(f"{name} is not determined: the data hold no motion that shows it")
