@@ -65,6 +65,8 @@ class ConstantGainFilter:
         compiled: the compiled kernel; None for the one in Python.
     """
 
+    name = "constant_gain"
+
     def __init__(self, model: ConstantGainModel, compiled: CompiledStep | None = None) -> None:
         self._model = model
         self._step: Callable[[Memory, Gains, Sample], int] = update
@@ -76,11 +78,6 @@ class ConstantGainFilter:
         self._t_us: int | None = None
         self._field = model.densities.field
         self._use_gains(model.densities.field)
-
-    @property
-    def name(self) -> str:
-        """`constant_gain`."""
-        return "constant_gain"
 
     @property
     def t_us(self) -> int | None:

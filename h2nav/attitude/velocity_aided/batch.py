@@ -8,9 +8,9 @@ import numpy.typing as npt
 from h2nav.attitude.batch_driver import BatchResult, Mask, Samples, Table, empty_table, sizes
 from h2nav.attitude.velocity_aided.filter import (
     LONGEST_GAP_S,
-    MOST_FIELD,
-    MOST_FORCE,
-    MOST_RATE,
+    MOST_FIELD_UT,
+    MOST_FORCE_M_S2,
+    MOST_RATE_RAD_S,
     VelocityAidedFilter,
 )
 from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
@@ -68,10 +68,10 @@ class VelocityAidedBatch:
 def special_samples(samples: Samples) -> Mask:
     """Samples that the filter, in floats or integers, does not pass to its kernel as they are."""
     gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
-    plausible = sizes(samples.gyr) < MOST_RATE * (1.0 - 1e-9)
+    plausible = sizes(samples.gyr) < MOST_RATE_RAD_S * (1.0 - 1e-9)
     forces = sizes(samples.acc)
-    plausible &= forces < MOST_FORCE * (1.0 - 1e-9)
-    large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD * (1.0 - 1e-9))
+    plausible &= forces < MOST_FORCE_M_S2 * (1.0 - 1e-9)
+    large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD_UT * (1.0 - 1e-9))
     special: Mask = ~plausible | large | (gaps * 1e-6 > LONGEST_GAP_S)
     special[1:] |= ~plausible[:-1]  # time runs on from the last sample that was taken
     special |= forces == 0.0

@@ -39,9 +39,9 @@ ALIGN_S = 0.02
 # Beyond this gap the attitude is found anew; the bias is kept.
 LONGEST_GAP_S = 1.0
 # Larger inputs are no sensor's.
-MOST_RATE = 200.0
-MOST_FORCE = 4000.0
-MOST_FIELD = 1e6
+MOST_RATE_RAD_S = 200.0
+MOST_FORCE_M_S2 = 4000.0
+MOST_FIELD_UT = 1e6
 # Numbers of `VelocityAidedFilter.state` before those of the kernel.
 HEAD_SIZE = 3
 # After this time of running the start-up transient is over.
@@ -59,6 +59,8 @@ _BITS = (
 )
 # By number: making an IntFlag costs more than the rest of an estimate.
 _ALL_TRUST = tuple(Trust(number) for number in range(512))
+_CONVERGED, _YAW_REFERENCED = int(Trust.CONVERGED), int(Trust.YAW_REFERENCED)
+_VELOCITY_USED = int(Trust.VELOCITY_USED)
 _TRUST = tuple(
     int(Trust.ALIGNED) + sum(int(flag) for bit, flag in _BITS if bits & bit) for bits in range(64)
 )
@@ -72,11 +74,12 @@ class VelocityAidedFilter:
         compiled: the compiled kernel; None for the one in Python.
     """
 
+    name = "velocity_aided"
+
     def __init__(self, gains: VelocityAidedGains, compiled: CompiledStep | None = None) -> None:
         self._gains = gains
-        self._step: Callable[[Memory, Gains, Sample], int]
         self._memory, self._g, self._sample = Memory(), gains.kernel, Sample()
-        self._step = step
+        self._step: Callable[[Memory, Gains, Sample], int] = step
         if compiled is not None:
             self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
             copy(gains.kernel, self._g, Gains)
@@ -93,11 +96,6 @@ class VelocityAidedFilter:
         s.mag_accepted_age_s = -1.0
         s.p_xx = s.p_yy = s.p_zz = self._g.bias_variance
         self.use_vehicle(VehicleState())
-
-    @property
-    def name(self) -> str:
-        """`velocity_aided`."""
-        return "velocity_aided"
 
     @property
     def t_us(self) -> int | None:
@@ -163,7 +161,7 @@ class VelocityAidedFilter:
         u.has_mag = 0.0
         if m is not None:
             mag[:] = m
-            u.has_mag = 1.0 if abs(m[0]) + abs(m[1]) + abs(m[2]) < MOST_FIELD else 0.0
+            u.has_mag = 1.0 if abs(m[0]) + abs(m[1]) + abs(m[2]) < MOST_FIELD_UT else 0.0
         u.clipped = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
         self._fill_velocity(sample.t_us)
         bits = self._step(s, self._g, u)
@@ -273,11 +271,11 @@ class VelocityAidedFilter:
         to_n, to_e, to_d = innovation[:]
         trust = _TRUST[bits]
         if s.age_s > CONVERGED_S:
-            trust |= 2
+            trust |= _CONVERGED
         if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD:
-            trust |= 16
+            trust |= _YAW_REFERENCED
         if s.aided > 0.0:
-            trust |= 64
+            trust |= _VELOCITY_USED
         return AttitudeEstimate(
             t_us,
             (q_w, q_x, q_y, q_z),
@@ -342,8 +340,8 @@ def is_plausible(sample: ImuSample) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
     w, f = sample.w_b, sample.f_b
     return (
-        abs(w[0]) + abs(w[1]) + abs(w[2]) < MOST_RATE
-        and abs(f[0]) + abs(f[1]) + abs(f[2]) < MOST_FORCE
+        abs(w[0]) + abs(w[1]) + abs(w[2]) < MOST_RATE_RAD_S
+        and abs(f[0]) + abs(f[1]) + abs(f[2]) < MOST_FORCE_M_S2
     )
 
 

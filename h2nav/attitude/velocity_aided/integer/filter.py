@@ -24,7 +24,7 @@ from h2nav.attitude.samples import (
 from h2nav.attitude.velocity_aided.filter import (
     CONVERGED_S,
     LONGEST_GAP_S,
-    MOST_FIELD,
+    MOST_FIELD_UT,
     REFERENCED_RAD,
     forward_speed_m_s,
     is_plausible,
@@ -125,14 +125,16 @@ class IntegerVelocityAidedFilter:
         BadInput: a gain is outside what the integers hold.
     """
 
+    # Of its own: its states are not those of the filter in floats.
+    name = "velocity_aided_integer"
+
     def __init__(
         self, gains: VelocityAidedGains, place: str, compiled: CompiledStep | None = None
     ) -> None:
         self._gains = gains
-        self._step: Callable[[Memory, Gains, Sample], int]
         self._memory, self._sample = Memory(), Sample()
         self._g = integer_gains(gains, place).gains
-        self._step = update
+        self._step: Callable[[Memory, Gains, Sample], int] = update
         if compiled is not None:
             self._memory, self._sample = in_c(Memory), in_c(Sample)
             exact, self._g = self._g, in_c(Gains)
@@ -146,11 +148,6 @@ class IntegerVelocityAidedFilter:
         self._field_scale: int | None = None
         self._accepted_us: int | None = None
         self.use_vehicle(VehicleState())
-
-    @property
-    def name(self) -> str:
-        """`velocity_aided_integer`: its states are not those of the filter in floats."""
-        return "velocity_aided_integer"
 
     @property
     def t_us(self) -> int | None:
@@ -239,7 +236,7 @@ class IntegerVelocityAidedFilter:
         """
         if self._field_scale is None and field is not None:
             size = math.hypot(*field)
-            if 0.0 < size < MOST_FIELD:
+            if 0.0 < size < MOST_FIELD_UT:
                 self._field_scale = math.frexp(size / FIELD_UNIT_UT)[1]
 
     def follow(self, t_us: int, accepted_us: int | None) -> None:
