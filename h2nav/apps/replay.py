@@ -220,11 +220,11 @@ class _Watcher:
 
 
 def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
-    """Bit for bit, but for how late it was made; a log writes NaN as null."""
+    """Bit for bit in all that the log has, but for how late it was made; NaN is null there."""
     return all(
         recorded[name] == value or (recorded[name] is None and math.isnan(value))
         for name, value in record._asdict().items()
-        if name != "late_ms"
+        if name != "late_ms" and name in recorded
     )
 
 

@@ -4,6 +4,7 @@ Frames: ``b`` body (forward, right, down), ``n`` local NED with true north. SI a
 suffix says otherwise. ``q_nb`` is Hamilton, scalar first, and takes body coordinates to NED.
 """
 
+import math
 from enum import IntFlag
 from typing import NamedTuple
 
@@ -98,6 +99,7 @@ class AttitudeEstimate(NamedTuple):
         innovation_n: rotation (rad, NED) by which this sample's measurements disagreed.
         sigma_tilt_rad: predicted one-sigma tilt error; NaN where the filter has no figure.
         trust: what the estimate rests on.
+        sigma_heading_rad: predicted one-sigma heading error; NaN where the filter has no figure.
     """
 
     t_us: int
@@ -107,3 +109,4 @@ class AttitudeEstimate(NamedTuple):
     innovation_n: Vec3
     sigma_tilt_rad: float
     trust: Trust
+    sigma_heading_rad: float = math.nan

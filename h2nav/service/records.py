@@ -51,6 +51,7 @@ class EstimateRecord(NamedTuple):
         trust: bits of h2nav.attitude.samples.Trust.
         late_ms: how late it was, beyond what is usual on its link, when it was made; the one field
             that a replay does not reproduce.
+        sigma_heading_deg: predicted one-sigma heading error; empty where the filter has no figure.
     """
 
     t_us: int
@@ -73,6 +74,7 @@ class EstimateRecord(NamedTuple):
     sigma_tilt_deg: float
     trust: int
     late_ms: float = 0.0
+    sigma_heading_deg: float = math.nan
 
 
 def estimate_record(estimate: AttitudeEstimate, late_ns: int = 0) -> EstimateRecord:
@@ -90,6 +92,7 @@ def estimate_record(estimate: AttitudeEstimate, late_ns: int = 0) -> EstimateRec
         math.degrees(estimate.sigma_tilt_rad),
         int(estimate.trust),
         late_ns * 1e-6,
+        math.degrees(estimate.sigma_heading_rad),
     )
 
 

@@ -284,6 +284,7 @@ class VelocityAidedFilter:
             (to_n, to_e, to_d),
             _tilt_sigma_rad(s, dtilt_n, dtilt_e),
             _ALL_TRUST[trust],
+            math.sqrt(s.heading_variance),
         )
 
 

@@ -397,6 +397,7 @@ class IntegerVelocityAidedFilter:
             innovation_n=self._innovation(),
             sigma_tilt_rad=self._sigma_tilt_rad(),
             trust=trust,
+            sigma_heading_rad=heading_sigma,
         )
 
     def _gain(self) -> tuple[float, float]:
