@@ -6,6 +6,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     VehicleState,
     VelocityFix,
 )
@@ -48,6 +49,13 @@ class AttitudeFilter(Protocol):
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes one velocity fix; filters without velocity aiding ignore it."""
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Takes how old the sensors' values are, valid until the next call.
+
+        Estimates are those of the time at which the gyro's values were true. Filters that do not
+        know the age of a field ignore it.
+        """
 
     def restart(self) -> None:
         """Forgets time and attitude (new epoch, long gap); keeps the learnt bias."""

@@ -74,6 +74,21 @@ class VelocityFix(NamedTuple):
     independent: bool = True
 
 
+class SensorDelays(NamedTuple):
+    """How much older the sensors' values are than the times that their messages claim.
+
+    A low-pass filter makes a value as old as its group delay; so does a sensor that is read now and
+    then, and a mean over some time by half of it. Negative: the values are younger.
+
+    Attributes:
+        gyro_s: age of rates and forces.
+        field_s: age of the field when its first sample comes.
+    """
+
+    gyro_s: float = 0.0
+    field_s: float = 0.0
+
+
 class Trust(IntFlag):
     """What an estimate rests on; logged with every estimate."""
 

@@ -19,6 +19,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     Trust,
     VehicleState,
     VelocityFix,
@@ -133,9 +134,11 @@ class VelocityAidedFilter:
 
     @property
     def field_latency_s(self) -> float:
-        """How late the magnetometer's samples are, as learnt so far."""
+        """How late the magnetometer's samples are against the gyro's, as learnt so far."""
         s, g = self._memory, self._g
-        return min(max(s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior), 0.0), g.mag_lag_limit)
+        expected = g.mag_lag_prior * s.mag_lag_expected
+        lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
+        return min(max(lag, 0.0), g.mag_lag_limit)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
@@ -209,6 +212,10 @@ class VelocityAidedFilter:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
         if self._aligned and self._t_us is not None:
             self._aiding.offer(fix, self._t_us)
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        self._memory.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def restart(self) -> None:
         """Forgets time and attitude; bias, field and what is known of the sensors stay."""

@@ -18,8 +18,8 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     Trust,
-    VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.two_stage.filter import TwoStageFilter
@@ -30,7 +30,7 @@ from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFil
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
 from h2nav.io import gain_files
-from h2nav.io.trials import Told, Trial
+from h2nav.io.trials import Told, ToldOf, Trial
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG
 
@@ -136,11 +136,13 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     return _run_samples(trial, told, chosen)
 
 
-def _tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix) -> None:
+def _tell(chosen: AttitudeFilter, what: ToldOf) -> None:
     if isinstance(what, VelocityFix):
         chosen.use_velocity(what)
     elif isinstance(what, EarthField):
         chosen.use_field(what)
+    elif isinstance(what, SensorDelays):
+        chosen.use_delays(what)
     else:
         chosen.use_vehicle(what)
 

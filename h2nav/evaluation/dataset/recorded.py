@@ -10,11 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
+from h2nav.attitude.samples import (
+    EarthField,
+    ImuSample,
+    SensorDelays,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.errors import BadInput
 from h2nav.evaluation.reference import Pairs, Reference
 from h2nav.evaluation.rows import enu_from_ned, from_euler
-from h2nav.io.trials import Told, Trial, usual_rate_hz
+from h2nav.io.trials import Told, ToldOf, Trial, usual_rate_hz
 from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2
@@ -46,6 +52,7 @@ class Listener:
         self.identity: Identity | None = None
         self._vehicle: VehicleState | None = None
         self._field: EarthField | None = None
+        self._delays: SensorDelays | None = None
 
     def filter_for(self, identity: Identity) -> "Listener":
         """Makes the filter of a vehicle."""
@@ -72,11 +79,16 @@ class Listener:
         """Keeps a velocity."""
         self._keep(fix)
 
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Keeps the sensors' delays."""
+        self._delays = delays
+        self._keep(delays)
+
     def restart(self) -> None:
-        """Begins a stretch, in which the last state and field still hold."""
+        """Begins a stretch, in which the last state, field and delays still hold."""
         if self.stretches[-1].samples:
             self.stretches.append(Stretch())
-            for what in (self._vehicle, self._field):
+            for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
                     self._keep(what)
 
@@ -87,7 +99,7 @@ class Listener:
     def restore(self, state: FilterState) -> None:
         """See `state`."""
 
-    def _keep(self, what: VehicleState | EarthField | VelocityFix) -> None:
+    def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]
         stretch.told.append(Told(len(stretch.samples), what))
 

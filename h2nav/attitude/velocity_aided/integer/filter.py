@@ -16,6 +16,7 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     Quat,
+    SensorDelays,
     Trust,
     Vec3,
     VehicleState,
@@ -36,6 +37,7 @@ from h2nav.attitude.velocity_aided.integer.gains import (
     BIAS_WORD_RAD_S,
     FIELD_UNIT_UT,
     HEADING_UNIT_RAD,
+    LAG_UNIT_S,
     field_params,
     integer_gains,
     unpacked,
@@ -338,6 +340,11 @@ class IntegerVelocityAidedFilter:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
         if self._memory.age_us >= 0 and self._t_us is not None:
             self._aiding.offer(fix, self._t_us)
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
+        self._memory.mag_lag_expected = row(Memory, "mag_lag_expected").fixed(lag)
 
     def restart(self) -> None:
         """Forgets time and attitude; bias, field and what is known of the sensors stay."""

@@ -77,7 +77,8 @@ def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
     lx = wy * mz - wz * my
     ly = wz * mx - wx * mz
     lz = wx * my - wy * mx
-    lag = s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior)
+    expected = g.mag_lag_prior * s.mag_lag_expected
+    lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
     if lag < 0.0:
         lag = 0.0
     if lag > g.mag_lag_limit:
