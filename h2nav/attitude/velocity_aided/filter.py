@@ -29,9 +29,10 @@ from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.kernel.start import begin
 from h2nav.attitude.velocity_aided.kernel.step import step
-from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
+from h2nav.attitude.velocity_aided.memory import HEADING_LOST, Gains, Memory, Sample
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
-from h2nav.maths.quaternion import Quat, multiply
+from h2nav.maths.quaternion import multiply
 from h2nav.maths.units import DEG
 
 # A field is waited for so long; the forces are averaged at least so long.
@@ -47,6 +48,8 @@ MOST_FIELD_UT = 1e6
 HEAD_SIZE = 3
 # After this time of running the start-up transient is over.
 CONVERGED_S = 10.0
+# Deviation of a tilt that was not followed for a while, in flight.
+AIR_TILT_SIGMA = 20.0 * DEG
 # Heading counts as referenced below this predicted deviation.
 REFERENCED_RAD = 15.0 * DEG
 
@@ -153,6 +156,8 @@ class VelocityAidedFilter:
         if not is_plausible(sample):
             return self._estimate(sample.t_us, memory.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
+            if self._aligned and self._sample.rest_prior == 0.0:
+                return self._resume(sample)
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
@@ -188,6 +193,7 @@ class VelocityAidedFilter:
             u.has_fix = 1.0
             u.fix_velocity_n, u.fix_velocity_e = fix.v_n
             u.fix_gained_n, u.fix_gained_e = fix.gained
+            u.fix_accel_n, u.fix_accel_e = fix.rate
             u.fix_variance = fix.variance
             u.fix_period_s = fix.period_s
 
@@ -218,8 +224,8 @@ class VelocityAidedFilter:
         self._memory.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def restart(self) -> None:
-        """Forgets time and attitude; bias, field and what is known of the sensors stay."""
-        self._aligned = False
+        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        self._aligned &= self._sample.rest_prior == 0.0
         self._t_us = None
         self._window = None
         self._aiding.clear()
@@ -256,18 +262,30 @@ class VelocityAidedFilter:
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
         if window.length_s < wait:
             return None
-        self._begin(sample, alignment.attitude(window), window.fields > 0)
         self._window = None
-        return self._estimate(sample.t_us, memory.RESTARTED)
-
-    def _begin(self, sample: ImuSample, q_mb: Quat, has_field: bool) -> None:
-        """Everything but bias, bias covariance, latency and references starts anew."""
         s = self._memory
         half = 0.5 * s.declination
-        s.q_nb[:] = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
-        begin(s, self._g, sample.w_b, sample.f_b, self._sample.forward_speed, has_field=has_field)
+        turned = (math.cos(half), 0.0, 0.0, math.sin(half))
+        s.q_nb[:] = multiply(turned, alignment.attitude(window))
+        s.mag_accepted_age_s = 0.0 if window.fields else -1.0
+        return self._begin(sample, LEVEL_SIGMA)
+
+    def _resume(self, sample: ImuSample) -> AttitudeEstimate:
+        """After a gap in the air: a force of the air says less of the tilt than the last one."""
+        s = self._memory
+        if s.mag_accepted_age_s >= 0.0:
+            s.mag_accepted_age_s = HEADING_LOST
+        return self._begin(sample, AIR_TILT_SIGMA)
+
+    def _begin(self, sample: ImuSample, tilt_sigma_rad: float) -> AttitudeEstimate:
+        """Everything but attitude, bias, its covariance, latency and references starts anew."""
+        speed = self._sample.forward_speed
+        begin(self._memory, self._g, sample.w_b, sample.f_b, speed, tilt_sigma_rad)
         self._t_us = sample.t_us
         self._aligned = True
+        self._aiding.clear()
+        self._sample.gyro[:] = sample.w_b
+        return self._estimate(sample.t_us, memory.RESTARTED)
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         s = self._memory
