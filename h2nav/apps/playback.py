@@ -19,6 +19,10 @@ from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
 from h2nav.service.service import Service, Surroundings
 
+TICK_NS = 100_000_000
+# After so long a silence there is nothing more that the service could report.
+SILENCE_NS = 60_000_000_000
+
 
 class Wishes(NamedTuple):
     """What the user wants otherwise than the recording's own run had it; None = no wish.
@@ -183,13 +187,19 @@ class Playback:
         self._whole_frames = whole_frames
 
     def through(self, *pipelines: Pipeline) -> Iterator[int]:
-        """Sends everything through all the pipelines; gives the time (ns) of each arrival."""
-        first_ns = None
+        """Sends everything through all the pipelines; gives the time (ns) of each event."""
+        first_ns = before_ns = None
         for t_ns, data in self._recording.received():
-            if first_ns is None:
-                first_ns = t_ns
+            if first_ns is None or before_ns is None:
+                first_ns = before_ns = t_ns
                 for pipeline in pipelines:
                     pipeline.link(t_ns, True)
+            # As in the daemon, timers run on while nothing arrives.
+            for silent_ns in range(before_ns + TICK_NS, min(t_ns, before_ns + SILENCE_NS), TICK_NS):
+                for pipeline in pipelines:
+                    pipeline.tick(silent_ns)
+                yield silent_ns
+            before_ns = t_ns
             frames = self.deframer.feed(data)
             if self._whole_frames:
                 # What looks like the beginning of another frame at their end is none.
