@@ -36,9 +36,10 @@ autopilot's own estimate, empty while it has none).
 estimators: h2nav and h2nav_no_gps are the service of `h2nav run`, with and without the velocity of
 the GPS receiver; ekf is ATTITUDE, or the ekf2 columns of the CSV; ahrs2 is AHRS2.
 
-spans: whole is from an estimator's first estimate on, settled from {SETTLED_S:.0f} s of recording,
-airborne while the vehicle says that it is armed and not landed. NAME.tlog.events or NAME.events
-(lines of the autopilot's time in s and a text) split a flight into phases: `PHASE word` begins one.
+spans: whole begins with an estimator's first estimate, settled {SETTLED_S:.0f} s after the
+recording's start; airborne is while the vehicle says that it is armed and not landed.
+NAME.tlog.events or NAME.events (lines of the autopilot's time in s and a text) split a flight into
+phases: `PHASE word` begins one.
 
 NEES is the mean of (error / predicted deviation) squared: 1 for an honest prediction, more for one
 that is too good."""
