@@ -146,6 +146,7 @@ def _table(flights: dict[str, Document], means: dict[str, dict[str, Document]]) 
 
 
 _NAME_WIDTH = max(map(len, ESTIMATORS))
+_HONESTY_WIDTH = 33
 
 
 def _rows(name: str, spans: dict[str, Any], best: dict[str, str], width: int) -> list[str]:
@@ -176,7 +177,7 @@ def _errors(figures: Document | None, is_best: bool) -> str:
 def _honesty(figures: Document) -> str:
     """NEES and shares; empty for who predicts nothing."""
     if "nees_tilt" not in figures and "nees_heading" not in figures:
-        return ""
+        return f"{'':{_HONESTY_WIDTH}}"
     nees = [figures.get(f"nees_{name}") for name in ("tilt", "heading")]
     beyond = [figures.get(f"{name}_beyond_3_sigma") for name in ("tilt", "heading")]
     shown = ["-" if value is None else f"{value:.2f}" for value in nees]

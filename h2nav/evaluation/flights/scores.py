@@ -22,6 +22,7 @@ from h2nav.evaluation.rows import Array
 from h2nav.io.trials import RECORDING_SUFFIXES
 
 SETTLED_S = 60.0
+MOST = 0.98  # of the estimates; where fewer have a truth, that is told
 SPANS = ("whole", "settled", "airborne")
 Document = dict[str, Any]
 
@@ -127,13 +128,18 @@ def flight_of(task: Task) -> Flight:
     heard = task.play(task.path)
     autopilot = heard.autopilot
     truth, notes = truth_of(task.path, autopilot)
-    ours = {name: track_of(truth, autopilot, run.estimates()) for name, run in heard.runs.items()}
+    estimates = {name: run.estimates() for name, run in heard.runs.items()}
+    ours = {name: track_of(truth, autopilot, said) for name, said in estimates.items()}
     tracks = {name: track for name, track in ours.items() if len(track.t_s)}
     if not tracks:
         raise BadInput(
             f"{task.path}: no estimate of ours at a time of the truth; expected IMU samples of an "
             f"autopilot that sends heartbeats, and {truth.name} on the same clock"
         )
+    for name, track in tracks.items():
+        share = len(track.t_s) / len(estimates[name].q_nb)
+        if share < MOST:
+            notes.append(f"{name}: {1.0 - share:.0%} of the estimates have no truth near them")
     tracks |= tracks_of_autopilot(truth, autopilot)
     events, phases, more = _told_beside(task, autopilot)
     return Flight(

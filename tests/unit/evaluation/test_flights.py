@@ -318,7 +318,10 @@ def test_a_boot_without_truth_is_told(tmp_path):
     (tmp_path / "flight_truth_1.csv").unlink()
     found = document(flight, path)
     assert found["whole"]["h2nav"]["worst_tilt"] == pytest.approx(2.0, abs=1e-3)
-    assert found["notes"] == ["the autopilot booted 2 times, the truth is of 1 of them"]
+    assert found["notes"] == [
+        "the autopilot booted 2 times, the truth is of 1 of them",
+        "h2nav: 40% of the estimates have no truth near them",
+    ]
 
 
 def test_simstate_is_preferred_and_that_is_told(tmp_path):
