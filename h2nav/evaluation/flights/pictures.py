@@ -23,6 +23,8 @@ INFORMATIVE_TEXT = " sev6 "
 TEXT = re.compile(r"TEXT \(\d+, \d+\) sev\d ")
 LABEL_LETTERS = 44
 LABEL_LINES = 6
+PHASE_LINES = 3
+PHASE_LETTERS_ACROSS = 150.0
 LETTERS_ACROSS = 190.0  # of a label, over the width of the picture
 
 
@@ -97,6 +99,7 @@ def _band(axis: Any, track: Track, name: str, edges: Array) -> None:
 
 def _shade(axes: Any, flight: Flight) -> None:
     """Every second phase in grey, with its name on top."""
+    free_s = [0.0] * PHASE_LINES
     for number, phase in enumerate(flight.phases):
         to_s = min(phase.to_s, flight.duration_s)
         if phase.from_s >= flight.duration_s or to_s <= 0.0:
@@ -104,11 +107,16 @@ def _shade(axes: Any, flight: Flight) -> None:
         if number % 2 == 0:
             for axis in axes[:-1]:
                 axis.axvspan(phase.from_s, to_s, color="0.5", alpha=0.1, linewidth=0.0, zorder=0)
+        from_s = max(phase.from_s, 0.0)
+        line = _free_line(free_s, from_s)
+        if line is None:
+            continue
+        free_s[line] = from_s + len(phase.name) * flight.duration_s / PHASE_LETTERS_ACROSS
         axes[0].annotate(
             phase.name,
-            (max(phase.from_s, 0.0), 1.0),
+            (from_s, 1.0),
             xycoords=axes[0].get_xaxis_transform(),
-            xytext=(2, 2),
+            xytext=(2, 2 + 11 * line),
             textcoords="offset points",
             fontsize="small",
         )
@@ -132,7 +140,7 @@ def _label(axes: Any, flight: Flight) -> None:
     for event, colour in sorted(shown, key=lambda pair: pair[0].boot_s):
         for axis in axes[:-1]:
             axis.axvline(event.boot_s, color=colour, linewidth=0.6, alpha=0.35, zorder=0)
-        line = next((n for n, free in enumerate(free_s) if free <= event.boot_s), None)
+        line = _free_line(free_s, event.boot_s)
         if line is None:
             continue
         text = TEXT.sub("", event.text)[:LABEL_LETTERS]
@@ -148,6 +156,11 @@ def _label(axes: Any, flight: Flight) -> None:
             fontsize=7,
             color=colour,
         )
+
+
+def _free_line(free_s: list[float], from_s: float) -> int | None:
+    """The first line in which there is room from a time on; None where all are taken."""
+    return next((line for line, free in enumerate(free_s) if free <= from_s), None)
 
 
 def _is_shown(event: Event) -> bool:
