@@ -66,7 +66,7 @@ class Pairs(NamedTuple):
     angles: Array
 
 
-class _Attitudes:
+class Attitudes:
     """Times (us) and roll, pitch, yaw (rad), growing cheaply."""
 
     def __init__(self) -> None:
@@ -74,10 +74,12 @@ class _Attitudes:
         self.angles = array("d")
 
     def add(self, t_us: int, roll: float, pitch: float, yaw: float) -> None:
+        """Appends one."""
         self.t_us.append(t_us)
         self.angles.extend((roll, pitch, yaw))
 
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
+        """(N,) times, us, and (N, 3) angles, rad."""
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
@@ -91,10 +93,10 @@ class Reference:
     message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
-        self._estimates = _Attitudes()  # by arrival
+        self._estimates = Attitudes()  # by arrival
         self._boot_us = array("q")  # of the same
-        self._truth = _Attitudes()
-        self._autopilot = _Attitudes()
+        self._truth = Attitudes()
+        self._autopilot = Attitudes()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Takes what a frame of `message_ids` says of the attitude."""
