@@ -92,6 +92,8 @@ class Memory:
     steady_s: float = real("s", "how long rate and force have been steady, and the rate small")
     mag_new_from: list[float] = reals(3, "field", "where the turn of that field was last counted")
     heading_rejected_s: float = real("s", "for how long the field has contradicted the heading")
+    heading_turned: float = real("rad", "sum of all corrections of the heading")
+    heading_witnessed: float = real("", "1: measured velocities show the heading too")
     gyro_last: list[float] = reals(3, "rad/s", "rate of the sample before")
     gyro_step: list[float] = reals(3, "rad/s", "its change from the one before it")
     gyro_jitter: float = real(

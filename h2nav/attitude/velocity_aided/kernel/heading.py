@@ -48,13 +48,15 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
         return 0
     innovation = wrapped(s.declination - math.atan2(east, north))
     s.innovation[2] = innovation
-    if lost >= 0.0 and heading_contradicts(s, g, innovation, age) > 0.0:
+    if (lost >= 0.0 or s.heading_witnessed > 0.0) and heading_contradicts(
+        s, g, innovation, age
+    ) > 0.0:
         return 0
     s.heading_rejected_s = 0.0
     if lost > HEADING_LOST:
         learn_field(s, g, norm, dip, flat, age, lag)
     s.mag_accepted_age_s = 0.0
-    if lost < 0.0:
+    if lost < 0.0 and s.heading_witnessed == 0.0:
         turn_heading(s, g, innovation)
         return FIELD_USED
     measure_heading(s, g, innovation, age)
@@ -199,7 +201,9 @@ def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> f
     Source: docs/filter.md Eq. (40).
     """
     noise = set_jacobian(s, g)
-    if s.mag_ref_given == 0.0 or g.mag_heading_gate == 0.0:
+    if g.mag_heading_gate == 0.0:
+        return 0.0
+    if s.mag_ref_given == 0.0 and s.heading_witnessed == 0.0:
         # A reference that was learnt may be the one that is wrong.
         return 0.0
     a0 = s.jacobian[0]
@@ -213,6 +217,8 @@ def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> f
     expected = noise + a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3
     if innovation * innovation <= g.mag_heading_gate * expected:
         return 0.0
+    if s.heading_witnessed > 0.0:
+        return 1.0
     s.heading_rejected_s = s.heading_rejected_s + age
     if s.heading_rejected_s > g.mag_new_time_s:
         # It has lasted: the heading is what is wrong.
@@ -238,7 +244,9 @@ def set_jacobian(s: Memory, g: Gains) -> float:
     tilt = math.sqrt(gyro_density(s, g) * s.velocity_noise)
     # Only the disturbance in the heading counts; norm and dip show the other two components.
     density = g.mag_noise + g.mag_correlation * s.mag_disturbance
-    return s.startup_inflation * (density + 2.0 * slope * slope * tilt)
+    # A tilt that is not known yet counts for a second.
+    unknown = s.extra_tilt_sigma * s.extra_tilt_sigma
+    return s.startup_inflation * (density + slope * slope * (2.0 * tilt + unknown))
 
 
 def measure_heading(s: Memory, g: Gains, innovation: float, age: float) -> None:
@@ -261,6 +269,7 @@ def measure_heading(s: Memory, g: Gains, innovation: float, age: float) -> None:
 
 def turn_heading(s: Memory, g: Gains, angle: float) -> None:
     """Takes a heading that nothing was known of from the field alone."""
+    s.heading_turned = s.heading_turned + angle
     cosine = math.cos(0.5 * angle)
     sine = math.sin(0.5 * angle)
     qw = s.q_nb[0]

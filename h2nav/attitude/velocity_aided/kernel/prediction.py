@@ -70,6 +70,7 @@ def turn(s: Memory, a: float, b: float, c: float) -> None:
     qy = s.q_nb[2]
     qz = s.q_nb[3]
     k = 1.0 / math.sqrt(1.0 + a * a + b * b + c * c)
+    s.heading_turned = s.heading_turned + 2.0 * math.atan2(c, 1.0)
     s.q_nb[0] = k * (qw - a * qx - b * qy - c * qz)
     s.q_nb[1] = k * (qx + a * qw + b * qz - c * qy)
     s.q_nb[2] = k * (qy + b * qw + c * qx - a * qz)
