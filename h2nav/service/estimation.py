@@ -14,6 +14,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.service.autopilot import Identity
+from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.service.sample_clock import SampleClock, Verdict
@@ -41,7 +42,7 @@ class Outcome(NamedTuple):
     """What resulted from an IMU reading.
 
     Attributes:
-        sample: the sample that was used; None when the reading was refused.
+        sample: the sample that was used; None when the reading was refused or lent its field only.
         estimate: what the filter made of it.
         event: REBOOT or NEW_EPOCH when the sample began a new epoch.
     """
@@ -51,7 +52,7 @@ class Outcome(NamedTuple):
     event: Verdict | None = None
 
 
-REFUSED = Outcome()
+NO_SAMPLE = Outcome()
 
 
 class Estimation:
@@ -67,6 +68,7 @@ class Estimation:
         self._imu_message = imu_message
         self._filter: AttitudeFilter | None = None
         self._choice: ImuChoice | None = None
+        self._fields = FieldSource(0, lends=False)
         self._clock: SampleClock | None = None
         self._clock_of: int | None = None
         self._newest_us: int | None = None
@@ -88,6 +90,7 @@ class Estimation:
         """The vehicle is known (or is another one now): its filter and its messages."""
         self._filter = self._filter_for(identity)
         self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
+        self._fields = FieldSource(identity.autopilot, lends=self._imu_message == "auto")
         self._autopilot_kind = identity.autopilot
         self._clock = None
         self._newest_us = None
@@ -108,7 +111,15 @@ class Estimation:
         """Nothing of the autopilot's own estimator has gone into the estimate."""
         row = self.imu_message
         biased = row is not None and self._autopilot_kind in row.bias_removed_by
-        return not self._fused_dependent and not biased
+        return not (self._fused_dependent or biased or self._fields.has_lent)
+
+    @property
+    def dependent_source(self) -> str:
+        """What has brought something of the autopilot's own estimator."""
+        row = self.imu_message
+        if row is not None and self._autopilot_kind in row.bias_removed_by:
+            return row.name
+        return "its velocity" if self._fused_dependent else "the field of HIGHRES_IMU"
 
     @property
     def newest_t_us(self) -> int | None:
@@ -131,12 +142,18 @@ class Estimation:
         return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
 
     def considers(self, t_ns: int, message_id: int) -> bool:
-        """Whether this message could be the one to use now, before it is even read."""
-        return self._choice is not None and self._choice.considers(message_id, t_ns)
+        """Whether this message could be of use now, before it is even read."""
+        choice = self._choice
+        if choice is None:
+            return False
+        return choice.considers(message_id, t_ns) or self._fields.wants(message_id, choice.chosen)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
         assert self._choice is not None
+        if not self._choice.considers(message_id, t_ns):
+            self._fields.hears(t_ns, reading.m_b_ut)
+            return NO_SAMPLE
         self._choice.takes(message_id, t_ns)
         if self._clock is None or self._clock_of != message_id:
             unit_us = IMU_MESSAGES[message_id].time_unit_us
@@ -146,14 +163,14 @@ class Estimation:
         if verdict is Verdict.NEXT:
             if self._second_line:
                 self._second_line, self._contested_ns = False, t_ns
-            return self._step(t_ns, reading.at(t_us), None)
+            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), None)
         if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
             self._second_line = False
             self.restart()
-            return self._step(t_ns, reading.at(t_us), verdict)
+            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), verdict)
         self._second_line |= verdict is Verdict.SECOND_SENDER
         self.refuse(t_ns, verdict.value)
-        return REFUSED
+        return NO_SAMPLE
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
@@ -185,6 +202,10 @@ class Estimation:
         self._newest_us = None
         self.has_estimate = False
         self._watch = SensorWatch()
+        self._fields.restart()
+
+    def _sample(self, t_ns: int, t_us: int, message_id: int, reading: ImuReading) -> ImuSample:
+        return self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading).at(t_us)
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         assert self._filter is not None

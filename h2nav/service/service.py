@@ -21,6 +21,7 @@ from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
+from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import preference
 from h2nav.service.lateness import Lateness
@@ -58,6 +59,10 @@ TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
+# How often the message is asked for that only lends its field: a compass is read at 10 to 20 Hz,
+# and a link that carries few samples carries few fields.
+FIELD_RATE_HZ = 20.0
+FIELD_SHARE = 0.2
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
@@ -477,6 +482,10 @@ class Service:
         wanted = self._settings
         first, *others = preference(autopilot, wanted.autopilot.imu_message)
         wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
+        is_raw = autopilot in IMU_MESSAGES[first].raw_field_of
+        if is_raw and CALIBRATED_ID in others:
+            field_rate_hz = min(FIELD_RATE_HZ, FIELD_SHARE * wanted.autopilot.imu_rate_hz)
+            wishes.append(Wish(CALIBRATED_ID, field_rate_hz))
         if wanted.aiding.gps_velocity or wanted.north.declination != "none":
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
         wishes.append(Wish(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
@@ -538,8 +547,7 @@ class Service:
         if self._told_dependent or self._estimation.is_independent:
             return []
         self._told_dependent = True
-        row = self._estimation.imu_message
-        source = row.name if row else "its velocity"
+        source = self._estimation.dependent_source
         text = f"not independent: {source} holds the autopilot's own estimate"
         return self._notices.tell(t_ns, Severity.NOTICE, text)
 

@@ -117,6 +117,7 @@ class ImuMessage(NamedTuple):
         time_unit_us: microseconds per count of its time.
         read: its fields to a reading; raises `Refused`.
         bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
+        raw_field_of: autopilots that put the field of the sensor into it, not calibrated.
     """
 
     name: str
@@ -124,7 +125,10 @@ class ImuMessage(NamedTuple):
     time_unit_us: int
     read: Callable[[Any], ImuReading]
     bias_removed_by: frozenset[int] = frozenset()
+    raw_field_of: frozenset[int] = frozenset()
 
+
+_PX4 = frozenset({mavlink.MAV_AUTOPILOT_PX4})
 
 IMU_MESSAGES: dict[int, ImuMessage] = {
     row.message_id: row
@@ -134,12 +138,17 @@ IMU_MESSAGES: dict[int, ImuMessage] = {
             mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
             1,
             _highres_imu,
-            frozenset({mavlink.MAV_AUTOPILOT_PX4}),
+            bias_removed_by=_PX4,
         ),
         ImuMessage("RAW_IMU", mavlink.MAVLINK_MSG_ID_RAW_IMU, 1, _raw_imu),
-        ImuMessage("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU, 1000, _scaled_imu),
-        ImuMessage("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2, 1000, _scaled_imu),
-        ImuMessage("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3, 1000, _scaled_imu),
+        *(
+            ImuMessage(name, message_id, 1000, _scaled_imu, raw_field_of=_PX4)
+            for name, message_id in (
+                ("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU),
+                ("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2),
+                ("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3),
+            )
+        ),
     )
 }
 IDS_BY_NAME = {row.name: row.message_id for row in IMU_MESSAGES.values()}
