@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -18,7 +19,9 @@ from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.sensor_watch import SensorWatch
+from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
 FilterFor = Callable[[Identity], AttitudeFilter]
@@ -43,12 +46,14 @@ class Outcome(NamedTuple):
 
     Attributes:
         sample: the sample that was used; None when the reading was refused or lent its field only.
-        estimate: what the filter made of it.
+        estimate: of the time of the sample.
+        unled: as the filter made it: of the time at which the sample's values were true.
         event: REBOOT or NEW_EPOCH when the sample began a new epoch.
     """
 
     sample: ImuSample | None = None
     estimate: AttitudeEstimate | None = None
+    unled: AttitudeEstimate | None = None
     event: Verdict | None = None
 
 
@@ -60,12 +65,16 @@ class Estimation:
 
     Args:
         filter_for: makes the filter for a vehicle once it is known.
-        imu_message: the configured message, or ``auto``.
+        settings: the message to use, and what is known of its delays.
+
+    Attributes:
+        timing: how late the sensors are.
     """
 
-    def __init__(self, filter_for: FilterFor, imu_message: str) -> None:
+    def __init__(self, filter_for: FilterFor, settings: AutopilotSettings) -> None:
         self._filter_for = filter_for
-        self._imu_message = imu_message
+        self._imu_message = settings.imu_message
+        self.timing = SensorTiming(settings)
         self._filter: AttitudeFilter | None = None
         self._choice: ImuChoice | None = None
         self._fields = FieldSource(0, lends=False)
@@ -91,6 +100,7 @@ class Estimation:
         self._filter = self._filter_for(identity)
         self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
         self._fields = FieldSource(identity.autopilot, lends=self._imu_message == "auto")
+        self.timing.begin(identity)
         self._autopilot_kind = identity.autopilot
         self._clock = None
         self._newest_us = None
@@ -203,6 +213,7 @@ class Estimation:
         self.has_estimate = False
         self._watch = SensorWatch()
         self._fields.restart()
+        self.timing.restart()
 
     def _sample(self, t_ns: int, t_us: int, message_id: int, reading: ImuReading) -> ImuSample:
         return self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading).at(t_us)
@@ -214,16 +225,20 @@ class Estimation:
         self.last_used_ns = t_ns
         if self._watch.suspects(sample):
             sample = sample._replace(clipped=True)
+        if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
+            self._filter.use_delays(self.timing.delays)
         try:
-            estimate = self._filter.update(sample)
+            unled = self._filter.update(sample)
         except ArithmeticError:
             # A filter must not raise; if one does, the vehicle still needs the next attitude.
             self.restart()
             self.rejected["filter_error"] += 1
-            return Outcome(sample, None, event)
-        if estimate is not None and not all(map(math.isfinite, estimate.q_nb + estimate.w_b)):
+            return Outcome(sample, event=event)
+        if unled is not None and not all(map(math.isfinite, unled.q_nb + unled.w_b)):
             self.restart()
             self.rejected["non_finite_estimate"] += 1
-            estimate = None
-        self.has_estimate = estimate is not None
-        return Outcome(sample, estimate, event)
+            unled = None
+        self.has_estimate = unled is not None
+        if unled is None:
+            return Outcome(sample, event=event)
+        return Outcome(sample, led(unled, self.timing.delays.gyro_s), unled, event)

@@ -28,6 +28,7 @@ class FieldSource:
 
     Attributes:
         has_lent: a sample has taken the field of another message.
+        is_raw: the latest field that a sample has taken is that of the sensor, not calibrated.
     """
 
     def __init__(self, autopilot: int, lends: bool) -> None:
@@ -37,6 +38,7 @@ class FieldSource:
         self._heard_ns: int | None = None
         self._since_ns: int | None = None
         self.has_lent = False
+        self.is_raw = False
 
     def restart(self) -> None:
         """The autopilot's time starts again, and its streams have to be asked for again."""
@@ -44,7 +46,7 @@ class FieldSource:
 
     def wants(self, message_id: int, chosen: ImuMessage | None) -> bool:
         """Whether only the field of this message is of use, beside that of the chosen one."""
-        return message_id == CALIBRATED_ID and chosen is not None and self._is_raw(chosen)
+        return message_id == CALIBRATED_ID and chosen is not None and self._may_borrow(chosen)
 
     def hears(self, t_ns: int, field: Vec3 | None) -> None:
         """Takes the field of a message that is wanted; None where it brings no new one."""
@@ -53,7 +55,8 @@ class FieldSource:
 
     def choose(self, t_ns: int, message: ImuMessage, reading: ImuReading) -> ImuReading:
         """The reading with the field that the sample takes."""
-        if not self._is_raw(message):
+        if not self._may_borrow(message):
+            self.is_raw = self._autopilot in message.raw_field_of
             if message.message_id == CALIBRATED_ID and reading.m_b_ut is not None:
                 self._waiting, self._heard_ns = None, t_ns
             return reading
@@ -61,11 +64,14 @@ class FieldSource:
             self._since_ns = t_ns
         if self._waiting is not None:
             field, self._waiting = self._waiting, None
-            self.has_lent = True
+            self.has_lent, self.is_raw = True, False
             return reading._replace(m_b_ut=field)
-        return reading._replace(m_b_ut=None) if self._hopes(t_ns) else reading
+        if self._hopes(t_ns):
+            return reading._replace(m_b_ut=None)
+        self.is_raw = True
+        return reading
 
-    def _is_raw(self, message: ImuMessage) -> bool:
+    def _may_borrow(self, message: ImuMessage) -> bool:
         return self._lends and self._autopilot in message.raw_field_of
 
     def _hopes(self, t_ns: int) -> bool:
