@@ -18,6 +18,7 @@ from h2nav.service.autopilot import Identity
 from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, preference
+from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import SampleClock, Verdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.sensor_watch import SensorWatch
@@ -84,6 +85,7 @@ class Estimation:
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
         self._watch = SensorWatch()
+        self._ends = RangeEnds()
         self._autopilot_kind = 0
         self._fused_dependent = False
         self._refusal = ""
@@ -104,6 +106,7 @@ class Estimation:
         self._autopilot_kind = identity.autopilot
         self._clock = None
         self._newest_us = None
+        self._ends = RangeEnds()
         self._contested_ns = None
         self.has_estimate = False
         if self._field is not None:
@@ -223,7 +226,8 @@ class Estimation:
         self._newest_us = sample.t_us
         self.used += 1
         self.last_used_ns = t_ns
-        if self._watch.suspects(sample):
+        is_stuck, is_at_end = self._watch.suspects(sample), self._ends.holds(sample)
+        if is_stuck or is_at_end:
             sample = sample._replace(clipped=True)
         if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
             self._filter.use_delays(self.timing.delays)
