@@ -51,10 +51,10 @@ class AttitudeFilter(Protocol):
         """Takes one velocity fix; filters without velocity aiding ignore it."""
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Takes how old the sensors' values are, valid until the next call.
+        """Takes how late the sensors are, valid until the next call.
 
-        Estimates are those of the time at which the gyro's values were true. Filters that do not
-        know the age of a field ignore it.
+        Estimates stay as late as the rates make them (`h2nav.attitude.lead` undoes it). Filters
+        that take a field as if it were new ignore the delays.
         """
 
     def restart(self) -> None:

@@ -75,13 +75,12 @@ class VelocityFix(NamedTuple):
 
 
 class SensorDelays(NamedTuple):
-    """How much older the sensors' values are than the times that their messages claim.
-
-    A low-pass filter makes a value as old as its group delay; so does a sensor that is read now and
-    then, and a mean over some time by half of it. Negative: the values are younger.
+    """How late what follows from the sensors is against the times that their messages claim.
 
     Attributes:
-        gyro_s: age of rates and forces.
+        gyro_s: of an attitude that is the integral of the rates: the age of rates and forces, less
+            half a period of the samples, because a filter takes a rate as the mean over the step
+            before its sample. Negative: it is early.
         field_s: age of the field when its first sample comes.
     """
 
