@@ -7,7 +7,7 @@ import pytest
 from simulated_flight import SIMULATED, SimulatedFlight
 
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState, VelocityFix
-from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.filter import HEAD_SIZE, VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.io import gain_files
 from h2nav.service.settings import AidingSettings
@@ -36,7 +36,7 @@ def tampered(is_aided, on_ground):
         if number == 500:
             state = attitude_filter.state()
             values = list(state.values)
-            values[3:7] = [math.cos(WRONG / 2), math.sin(WRONG / 2), 0.0, 0.0]
+            values[HEAD_SIZE : HEAD_SIZE + 4] = [math.cos(WRONG / 2), math.sin(WRONG / 2), 0.0, 0.0]
             attitude_filter.restore(state._replace(values=tuple(values)))
         if is_aided and number % 20 == 10:
             attitude_filter.use_velocity(VelocityFix(t_us - STEP_US, (0.0, 0.0, 0.0), 0.1))

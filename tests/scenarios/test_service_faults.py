@@ -33,7 +33,7 @@ def all_finite(flight):
         math.isfinite(value)
         for _, record in flight.seen.estimates
         for name, value in record._asdict().items()
-        if name != "sigma_tilt_deg"
+        if name not in ("sigma_tilt_deg", "sigma_heading_deg")
     )
 
 

@@ -36,6 +36,7 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     HIGH_PASS_S,
     INFLATION,
     HeadingWitness,
+    velocity_walk,
 )
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
@@ -66,6 +67,8 @@ TILT_SHARE = 0.85
 HEADING_SHARE = 0.5
 # Of the field: what no model of it knows.
 FIELD_OFFSET = 0.01
+# A bias beyond this turns the forces of a window in the air by more than the velocities tell.
+KNOWN_BIAS_RAD_S = 0.3 * DEG
 # Deviation of a heading that may be any.
 LOST_HEADING_RAD = math.pi / math.sqrt(3.0)
 # Deviation of a tilt that was not followed for a while, in flight.
@@ -254,9 +257,9 @@ class VelocityAidedFilter:
         s = self._memory
         if self._air is not None or s.age_s < HIGH_PASS_S:
             return
-        turned, density = s.heading_turned, gyro_density(s, self._g)
+        walk = velocity_walk(gyro_density(s, self._g), s.accel_jitter)
         seen = self._witness.take(
-            fix.v_n, fix.earlier, turned, fix.period_s, math.sqrt(fix.variance), density
+            fix.v_n, fix.earlier, s.heading_turned, fix.period_s, math.sqrt(fix.variance), walk
         )
         s.heading_witnessed = 0.0 if seen is None else 1.0
         if seen is not None and seen.contradicts:
@@ -265,7 +268,15 @@ class VelocityAidedFilter:
             s.mag_accepted_age_s = max(s.mag_accepted_age_s, -1.0)
             # Latency and tilt were learnt from velocities that were turned the wrong way.
             s.fix_lag_s, s.fix_lag_variance = 0.0, self._g.fix_lag_variance
-            self._air = AirAlignment(self._t_us or 0)
+            self._watch_in_air(self._t_us or 0)
+
+    def _watch_in_air(self, t_us: int) -> None:
+        """Begins a window in the air; where the gyro's bias is not known, the loop is better."""
+        s = self._memory
+        is_known = s.p_xx + s.p_yy + s.p_zz < KNOWN_BIAS_RAD_S**2
+        self._air = None
+        if is_known and self._sample.rest_prior == 0.0:
+            self._air = AirAlignment(t_us)
 
     def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
         """Adds a sample to the window; the window ends when it is long enough."""
@@ -378,7 +389,7 @@ class VelocityAidedFilter:
         self._aligned = True
         self._aiding.clear()
         self._witness.clear()
-        self._air = AirAlignment(sample.t_us) if self._sample.rest_prior == 0.0 else None
+        self._watch_in_air(sample.t_us)
         self._sample.gyro[:] = sample.w_b
         return self._estimate(sample.t_us, memory.RESTARTED)
 
@@ -392,9 +403,10 @@ class VelocityAidedFilter:
         trust = _TRUST[bits]
         if s.age_s > CONVERGED_S:
             trust |= _CONVERGED
-        is_lost = s.mag_accepted_age_s < 0.0 and s.heading_witnessed == 0.0
-        if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and not is_lost:
+        is_known = s.heading_variance < REFERENCED_RAD * REFERENCED_RAD
+        if is_known:
             trust |= _YAW_REFERENCED
+        is_found = is_known or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0
         if s.aided > 0.0:
             trust |= _VELOCITY_USED
         return AttitudeEstimate(
@@ -405,7 +417,7 @@ class VelocityAidedFilter:
             (to_n, to_e, to_d),
             _tilt_sigma_rad(s, dtilt_n, dtilt_e),
             _ALL_TRUST[trust],
-            LOST_HEADING_RAD if is_lost else _heading_sigma_rad(s),
+            _heading_sigma_rad(s) if is_found else LOST_HEADING_RAD,
         )
 
 

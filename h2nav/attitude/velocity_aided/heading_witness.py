@@ -44,6 +44,19 @@ class Heading(NamedTuple):
         return abs(self.turn_rad) > max(KNOWN_RAD, INFLATION * self.sigma_rad)
 
 
+def velocity_walk(gyro_density: float, accel_density: float) -> float:
+    """Variance of the felt velocity over the time of the high-passes, (m/s)^2.
+
+    A tilt that stands still falls out, one that walks does not.
+
+    Args:
+        gyro_density: of the gyro's noise, squared, rad^2/s.
+        accel_density: of the force's noise, squared, m^2/s^3.
+    """
+    tilt = (GRAVITY_M_S2 * HIGH_PASS_S) ** 2 * gyro_density
+    return (tilt + accel_density) * HIGH_PASS_S
+
+
 class _HighPass:
     """Two first-order high-passes, one after the other, of increments."""
 
@@ -84,7 +97,7 @@ class HeadingWitness:
         turned_rad: float,
         period_s: float,
         sigma_m_s: float,
-        gyro_density: float,
+        walk_m2_s2: float,
     ) -> Heading | None:
         """Takes a fix; what is known after it, None as long as that is little.
 
@@ -94,8 +107,7 @@ class HeadingWitness:
             turned_rad: sum of all corrections of the heading.
             period_s: time since the fix before.
             sigma_m_s: deviation of the velocity.
-            gyro_density: of the gyro's noise, squared, rad^2/s; a tilt that stands still falls out,
-                one that walks does not.
+            walk_m2_s2: variance of the felt velocity within the high-passes; `velocity_walk`.
         """
         velocity = complex(v_n[0], v_n[1])
         back = cmath.exp(-1j * turned_rad) * GRAVITY_M_S2
@@ -104,7 +116,6 @@ class HeadingWitness:
         if self._fixes > 1:
             keep = math.exp(-period_s / HIGH_PASS_S)
             forget = math.exp(-period_s / MEMORY_S)
-            walk = (GRAVITY_M_S2 * HIGH_PASS_S) ** 2 * gyro_density * HIGH_PASS_S
             jump = abs(velocity - self._velocity) - abs(back * (felt[0] - self._gained[0]))
             if jump > JUMP_SIGMAS * sigma_m_s + JUMP_M_S2 * period_s:
                 # No force moves a vehicle so: the receiver has jumped, and all before is void.
@@ -116,7 +127,7 @@ class HeadingWitness:
                 self._product[i] = forget * self._product[i] + c.conjugate() * v * period_s
                 self._energy[i] = forget * self._energy[i] + abs(c) ** 2 * period_s
             self._power = forget * self._power + abs(v) ** 2 * period_s
-            self._noise = forget * self._noise + (sigma_m_s**2 + walk) * period_s
+            self._noise = forget * self._noise + (sigma_m_s**2 + walk_m2_s2) * period_s
             self._weight = forget * self._weight + period_s
         self._velocity, self._gained = velocity, felt
         return self._heading(turned_rad)

@@ -104,6 +104,9 @@ class Memory:
     gyro_jitter: float = real(
         "rad^2/s", "density of the rate that its samples do not resolve, squared"
     )
+    accel_last: list[float] = reals(3, "m/s^2", "force of the sample before")
+    accel_step: list[float] = reals(3, "m/s^2", "its change from the one before it")
+    accel_jitter: float = real("m^2/s^3", "density of the force's noise, squared")
     accel_bias: list[float] = reals(2, "g", "bias of the accelerometer, body x and y")
     dtilt_accel_n: list[float] = reals(2, "", "sensitivity of the tilt north to that bias")
     dtilt_accel_e: list[float] = reals(2, "", "sensitivity of the tilt east to that bias")

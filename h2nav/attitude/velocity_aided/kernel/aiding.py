@@ -25,7 +25,8 @@ def measure_all(
         row_lag: how it depends on the latency.
         innovation: of the measurement.
         noise: its variance without the errors of all these.
-        learns: 1: bias and latency are learnt; 0: they only count as uncertain.
+        learns: share of their gain by which bias and latency are learnt; 0: they only count as
+            uncertain.
 
     Source: docs/filter.md Eq. (18), (37) - (39).
     """
@@ -67,14 +68,15 @@ def measure_all(
     s.p_accel_y[1] = s.p_accel_y[1] - ky * h1
     s.p_accel_y[2] = s.p_accel_y[2] - ky * h2
     s.p_accel_y[3] = s.p_accel_y[3] - ky * h3
-    if learns > 0.0:
-        s.daccel[0] = s.daccel[0] + hx * e
-        s.daccel[1] = s.daccel[1] + hy * e
-        s.p_accel[0] = s.p_accel[0] - kx * hx
-        s.p_accel[1] = s.p_accel[1] - kx * hy
-        s.p_accel[2] = s.p_accel[2] - ky * hy
-        s.dfix_lag = s.dfix_lag + hl * e
-        s.fix_lag_variance = s.fix_lag_variance - scale * hl * hl
+    e = learns * e
+    s.daccel[0] = s.daccel[0] + hx * e
+    s.daccel[1] = s.daccel[1] + hy * e
+    s.dfix_lag = s.dfix_lag + hl * e
+    falls = learns * (2.0 - learns)
+    s.p_accel[0] = s.p_accel[0] - falls * kx * hx
+    s.p_accel[1] = s.p_accel[1] - falls * kx * hy
+    s.p_accel[2] = s.p_accel[2] - falls * ky * hy
+    s.fix_lag_variance = s.fix_lag_variance - falls * scale * hl * hl
 
 
 def use_gains(s: Memory, accel_n: float, accel_e: float, kt: float, kv: float) -> None:

@@ -129,16 +129,27 @@ def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
     if s.age_s < time:
         time = s.age_s
     share = dt / time
-    jitter = 0.0
-    for i in range(3):
-        change = sample.gyro[i] - s.gyro_last[i]
-        jolt = change - s.gyro_step[i]
-        jitter = jitter + jolt * jolt
-        s.gyro_step[i] = change
-        s.gyro_last[i] = sample.gyro[i]
-    # White noise comes six times in a second difference, and there are three axes.
-    s.gyro_jitter = s.gyro_jitter + share * (dt * jitter / 18.0 - s.gyro_jitter)
+    jitter = jolt_of(s.gyro_last, s.gyro_step, sample.gyro)
+    s.gyro_jitter = s.gyro_jitter + share * (dt * jitter - s.gyro_jitter)
+    jitter = jolt_of(s.accel_last, s.accel_step, sample.accel)
+    s.accel_jitter = s.accel_jitter + share * (dt * jitter - s.accel_jitter)
     s.turning = s.turning + share * (wx * wx + wy * wy + wz * wz - s.turning)
+
+
+def jolt_of(last: list[float], step: list[float], now: list[float]) -> float:
+    """Variance of the white noise in a sensor's axes, by one second difference of each.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    square = 0.0
+    for i in range(3):
+        change = now[i] - last[i]
+        jolt = change - step[i]
+        square = square + jolt * jolt
+        step[i] = change
+        last[i] = now[i]
+    # White noise comes six times in a second difference, and there are three axes.
+    return square / 18.0
 
 
 def gyro_density(s: Memory, g: Gains) -> float:

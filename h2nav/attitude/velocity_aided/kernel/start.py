@@ -34,7 +34,8 @@ def begin(
     s.gyro_lp[:] = gyro
     s.accel_lp[:] = accel
     s.gyro_last[:] = gyro
-    s.gyro_step[:] = (0.0, 0.0, 0.0)
+    s.accel_last[:] = accel
+    s.gyro_step[:] = s.accel_step[:] = (0.0, 0.0, 0.0)
     s.rest_s = 0.0
     s.extra_tilt_sigma = tilt_sigma
     s.clipped_angle = s.clipped_s = 0.0

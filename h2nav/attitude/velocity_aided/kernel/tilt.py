@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, SATURATED, Gains, Memory, Sample
+from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Memory, Sample
 from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 
 MOST_TILT_SIGMA = 1.57  # rad: nothing is known
@@ -51,7 +51,7 @@ def end_clipping(s: Memory, g: Gains, sample: Sample) -> int:
     """
     time = s.clipped_s
     s.clipped_s = 0.0
-    bits = SATURATED
+    bits = 0
     if time < LONGEST_PARABOLA:
         square = 0.0
         for i in range(3):
@@ -74,7 +74,7 @@ def end_clipping(s: Memory, g: Gains, sample: Sample) -> int:
     # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
     s.heading_variance = s.heading_variance + lost * lost
     if lost > MOST_CLIPPED:
-        bits = begin_anew(s, g, sample) | SATURATED
+        bits = begin_anew(s, g, sample)
     s.clipped_angle = 0.0
     return bits
 

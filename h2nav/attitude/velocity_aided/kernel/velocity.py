@@ -22,6 +22,7 @@ from .theta import apply_theta, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
+SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
 
 
@@ -158,10 +159,17 @@ def correct_by_fix(
     s.daccel[0] = 0.0
     s.daccel[1] = 0.0
     s.dfix_lag = 0.0
+    learns = 0.0
+    # Before the gyro's biases and the tilt have settled, their errors would look like another's;
+    # and the noise of the force, gained over the loop's time, is noise of the fixes here.
+    if s.age_s > SETTLED:
+        rate = g.gravity * s.k_velocity / s.fix_period_s
+        own = noise * s.fix_period_s * rate * rate
+        learns = own / (own + 2.0 * s.accel_jitter)
     row_lag = s.dvelocity_lag[0] - sample.fix_accel_n
-    measure_all(s, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, 1.0)
+    measure_all(s, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, learns)
     row_lag = s.dvelocity_lag[1] - sample.fix_accel_e
-    measure_all(s, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, 1.0)
+    measure_all(s, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
     correct_accel(s, g)
     use_constant_gain(s, north, east, s.k_tilt, s.k_velocity, accel_tilt_n(s), accel_tilt_e(s))
