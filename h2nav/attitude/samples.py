@@ -52,10 +52,12 @@ class VehicleState(NamedTuple):
         on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = unknown
             (a recording without an autopilot): the filter decides by its class.
         airspeed_m_s: true airspeed along the nose; None when unknown or stale.
+        is_backward: time runs backward (a smoother's second run), so that the nose trails.
     """
 
     on_ground: bool | None = None
     airspeed_m_s: float | None = None
+    is_backward: bool = False
 
 
 class VelocityFix(NamedTuple):

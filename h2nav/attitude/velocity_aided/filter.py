@@ -328,13 +328,13 @@ def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
 
 
 def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:
-    """Velocity along the nose that holds a filter without fixes, m/s."""
+    """Velocity along the nose that holds a filter without fixes, m/s; < 0 in backward time."""
     if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
         return 0.0
-    airspeed = vehicle.airspeed_m_s
-    if airspeed is None or not math.isfinite(airspeed):
-        return gains.cruise_speed_m_s
-    return airspeed
+    speed = vehicle.airspeed_m_s
+    if speed is None or not math.isfinite(speed):
+        speed = gains.cruise_speed_m_s
+    return -speed if vehicle.is_backward else speed
 
 
 def is_plausible(sample: ImuSample) -> bool:

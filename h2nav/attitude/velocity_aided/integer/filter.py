@@ -36,6 +36,7 @@ from h2nav.attitude.velocity_aided.integer.gains import (
     BIAS_WORD_RAD_S,
     FIELD_UNIT_UT,
     HEADING_UNIT_RAD,
+    LAG_UNIT_S,
     field_params,
     integer_gains,
     unpacked,
@@ -192,6 +193,11 @@ class IntegerVelocityAidedFilter:
     def gain_set(self) -> int:
         """Number of the gain set in use, 0 the weakest."""
         return self._memory.gain_set
+
+    @property
+    def field_latency_s(self) -> float:
+        """How late the magnetometer's samples are, as learnt so far."""
+        return self._memory.mag_lag * LAG_UNIT_S
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
