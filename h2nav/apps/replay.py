@@ -18,7 +18,9 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.log_contents import RecordedInputs, attach_inputs, inputs_of
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.evaluation.reference import Reference
+from h2nav.evaluation.dataset.recorded import Listener
+from h2nav.evaluation.dataset.smoothed import smoothed
+from h2nav.evaluation.reference import Estimates, Reference
 from h2nav.io.deframer import Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
@@ -28,6 +30,7 @@ from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 
 ESTIMATE_TOPIC = "/estimate"
+SMOOTHED_TOPIC = "/smoothed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,6 +59,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="vehicle class instead of the heartbeat's",
     )
     parser.add_argument("--no-gps", action="store_true", help="do not fuse the GPS velocity")
+    parser.add_argument(
+        "--smooth",
+        action="store_true",
+        help="run the filter backward as well: what past and future together say of the attitude "
+        "becomes the channel /smoothed and a second error table",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -89,15 +98,22 @@ def run(args: argparse.Namespace) -> int:
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
     # A second pass over the file, beside the first one, gives the estimates to compare with.
     watcher = _Watcher(open_recording(args.log) if inputs.is_original else None)
+    listener = Listener(inputs.filters.filter_for) if args.smooth else None
+    smoothed_table = None
     started_s = time.perf_counter()
     try:
-        pipeline, span_ns = _play(recording, inputs, recorder, watcher)
+        pipeline, span_ns = _play(recording, inputs, Observers(recorder, watcher, listener))
+        elapsed_s = time.perf_counter() - started_s
+        if listener is not None:
+            estimates = _smooth(listener, inputs.filters, recorder, recording.unix_offset_ns)
+            smoothed_table = watcher.reference.table(estimates=estimates)
     finally:
         if recorder is not None:
             recorder.close()
-    elapsed_s = time.perf_counter() - started_s
     loss = None if recorder is None else _loss(recorder)
     result = _result(pipeline, watcher, span_ns * 1e-9, elapsed_s)
+    if smoothed_table is not None:
+        result["rms_deg_smoothed"] = smoothed_table.as_mapping()
     result["log"] = None if output is None else str(output)
     if args.json:
         print_json(result)
@@ -108,6 +124,32 @@ def run(args: argparse.Namespace) -> int:
     if not result["imu_samples"]:
         raise TaskFailed(f"{args.log}: no IMU samples of a known autopilot in it")
     return 0
+
+
+class Observers(NamedTuple):
+    """Who looks on while a recording plays.
+
+    Attributes:
+        recorder: writes the log; None without one.
+        watcher: collects the error table.
+        listener: keeps what the filter is given; None where nothing is smoothed.
+    """
+
+    recorder: Recorder | None
+    watcher: "_Watcher"
+    listener: Listener | None
+
+
+def _smooth(
+    listener: Listener, filters: FilterFactory, recorder: Recorder | None, offset_ns: int
+) -> Estimates:
+    """The smoothed estimates, which go into the log as well."""
+    estimates = Estimates()
+    for t_ns, record in smoothed(listener, filters.filter_for):
+        estimates.add(t_ns, record)
+        if recorder is not None:
+            recorder.record(SMOOTHED_TOPIC, record, t_ns + offset_ns)
+    return estimates
 
 
 def _loss(recorder: Recorder) -> str | None:
@@ -122,16 +164,16 @@ def _loss(recorder: Recorder) -> str | None:
     )
 
 
-def _play(
-    recording: Recording, inputs: Inputs, recorder: Recorder | None, watcher: "_Watcher"
-) -> tuple[Pipeline, int]:
+def _play(recording: Recording, inputs: Inputs, observers: Observers) -> tuple[Pipeline, int]:
     """Sends everything through the service; also returns the recording's span, ns."""
     offset_ns = recording.unix_offset_ns
     settings = inputs.configuration.service
     asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
+    recorder, watcher, listener = observers
+    filter_for = inputs.filters.filter_for if listener is None else listener.filter_for
     service = Service(
         dataclasses.replace(settings, autopilot=asks_nobody),
-        Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns),
+        Surroundings(filter_for, earth_field_at, inputs.unix_s, offset_ns),
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
     pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)
@@ -143,6 +185,8 @@ def _play(
             if first_ns is None:
                 first_ns = t_ns
                 pipeline.link(t_ns, True)
+            if listener is not None:
+                listener.now_us = t_ns // 1000
             pipeline.tick(t_ns)
             take(t_ns, data)
             last_ns = t_ns
@@ -266,8 +310,10 @@ def _show(result: dict[str, Any]) -> None:
         f"{result['duration_s']:.1f} s of recording, {result['x_realtime']:.0f} x real time"
     )
     if result["reference"]:
-        rms = "  ".join(f"{name} {value:.3f}" for name, value in result["rms_deg"].items())
-        print(f"RMS error against {result['reference']} in deg:  {rms}")
+        for key, what in (("rms_deg", "RMS error"), ("rms_deg_smoothed", "smoothed")):
+            if key in result:
+                rms = "  ".join(f"{name} {value:.3f}" for name, value in result[key].items())
+                print(f"{what} against {result['reference']} in deg:  {rms}")
     else:
         print("the recording holds neither SIMSTATE nor ATTITUDE to compare with")
     rejected = {reason: count for reason, count in result["rejected"].items() if count}

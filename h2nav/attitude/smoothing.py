@@ -1,8 +1,8 @@
 """An attitude smoother for after the flight: any filter run forward, backward and forward again.
 
 The first run learns what does not change with the direction of time: the gyro's bias and the
-latency of the field. Both are taken out of what the other two runs are given, so that their filters
-are new and need to be told nothing. Where those two know the attitude from the past and from the
+latency of the field. Both are taken out of what the other two runs are given, whose filters are
+new. Where those two know the attitude from the past and from the
 future, the smoothed one is their mean, weighted by what each predicts of its own error.
 
 Equations: docs/filter.md.
@@ -37,7 +37,6 @@ LEAST_SIGMA_RAD = 1e-3
 # A heading is tied to north for so long after the run said so; some say it only with a field.
 REFERENCED_US = 1_000_000
 
-_NO_BIAS: Vec3 = (0.0, 0.0, 0.0)
 _KNOWN_BY_EITHER = Trust.CONVERGED | Trust.YAW_REFERENCED
 
 FilterMaker = Callable[[], AttitudeFilter]
@@ -57,12 +56,19 @@ class Given(NamedTuple):
 
 
 @runtime_checkable
-class LearnsFieldLatency(Protocol):
-    """A filter that learns how late the magnetometer's samples are."""
+class KnowsSensors(Protocol):
+    """A filter that says how well it knows the bias, and how late the field's samples are."""
 
     @property
     def field_latency_s(self) -> float:
-        """As learnt so far."""
+        """Latency of the magnetometer's samples, as learnt so far."""
+
+    @property
+    def bias_variance(self) -> Vec3:
+        """Variances of the bias, (rad/s)^2, body."""
+
+    def know_bias(self, variance: Vec3, walked_s: float) -> None:
+        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
 
 
 class _Piece(NamedTuple):
@@ -82,10 +88,17 @@ class _Piece(NamedTuple):
 
 
 class _Learnt(NamedTuple):
-    """What a run leaves to the next one: bias (rad/s), latency of the field (s)."""
+    """What a run leaves to the next one.
 
-    bias_b: Vec3
-    latency_s: float
+    Attributes:
+        bias_b: gyro bias, rad/s.
+        variance: of the bias, (rad/s)^2; None where the filter has no figure.
+        latency_s: of the field.
+    """
+
+    bias_b: Vec3 = (0.0, 0.0, 0.0)
+    variance: Vec3 | None = None
+    latency_s: float = 0.0
 
 
 class _Known(NamedTuple):
@@ -114,14 +127,15 @@ def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeE
     """
     first = make()
     smoothed = []
-    bias_b = _NO_BIAS
+    learnt = _Learnt()
     for given in stretches:
         first.restart()
         found: list[AttitudeEstimate | None] = []
         for piece in _pieces(given):
-            bias_b = _last_bias(_run(first, piece), bias_b)
-            latency_s = first.field_latency_s if isinstance(first, LearnsFieldLatency) else 0.0
-            found += _smooth_piece(piece, make, _Learnt(bias_b, latency_s))
+            learnt = learnt._replace(bias_b=_last_bias(_run(first, piece), learnt.bias_b))
+            if isinstance(first, KnowsSensors):
+                learnt = _Learnt(learnt.bias_b, first.bias_variance, first.field_latency_s)
+            found += _smooth_piece(piece, make, learnt)
         smoothed.append(found)
     return smoothed
 
@@ -131,12 +145,28 @@ def _smooth_piece(
 ) -> list[AttitudeEstimate | None]:
     """The second run, the third, and both together."""
     placed = piece._replace(fields=_known_from_the_start(piece.fields))
-    run = _run(make(), _reversed(placed, learnt))
-    backward = _in_forward_time(run, piece.samples, learnt.bias_b)
+    chosen = _prepared(make, piece, learnt)
+    run = _run(chosen, _reversed(placed, learnt))
+    backward = _of_samples(run[::-1], piece.samples, learnt.bias_b, -1.0)
     learnt = learnt._replace(bias_b=_last_bias(backward[::-1], learnt.bias_b))
-    run = _run(make(), _without(placed, learnt))
-    forward = [_with_bias(estimate, learnt.bias_b) for estimate in run]
+    if isinstance(chosen, KnowsSensors):
+        learnt = learnt._replace(variance=chosen.bias_variance)
+    run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
+    forward = _of_samples(run, piece.samples, learnt.bias_b, 1.0)
     return _combined(_known(forward), _known(backward[::-1])[::-1])
+
+
+def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
+    """A new filter for rates whose bias was taken out.
+
+    What the run before knew of the bias came from the same samples, so that it does not count in
+    full: what the bias may walk in all their time is added.
+    """
+    chosen = make()
+    if learnt.variance is not None and isinstance(chosen, KnowsSensors):
+        walked_s = (piece.samples[-1].t_us - piece.samples[0].t_us) * 1e-6
+        chosen.know_bias(learnt.variance, walked_s)
+    return chosen
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
@@ -276,36 +306,32 @@ def _backward(vehicle: VehicleState) -> VehicleState:
     return vehicle._replace(is_backward=True)
 
 
-def _in_forward_time(
-    run: list[AttitudeEstimate | None], samples: list[ImuSample], bias_b: Vec3
+def _of_samples(
+    run: list[AttitudeEstimate | None],
+    samples: list[ImuSample],
+    bias_b: Vec3,
+    direction: float,
 ) -> list[AttitudeEstimate | None]:
-    """The backward run's estimates as estimates of the samples, in the samples' order.
+    """A run's estimates as estimates of the samples that were given.
 
     Args:
-        run: in its own order.
-        samples: as they came.
-        bias_b: what its rates are without, rad/s.
+        run: in the samples' order.
+        samples: with their own times and rates.
+        bias_b: what the run's rates were without, rad/s.
+        direction: of the run's time: 1 forward, -1 backward.
     """
-    forward: list[AttitudeEstimate | None] = []
-    for sample, estimate in zip(samples, reversed(run), strict=True):
+    found: list[AttitudeEstimate | None] = []
+    for sample, estimate in zip(samples, run, strict=True):
         if estimate is None:
-            forward.append(None)
+            found.append(None)
             continue
-        bias = _less(bias_b, estimate.bias_b)
-        w_b = _less(sample.w_b, bias)
+        x, y, z = (b + direction * more for b, more in zip(bias_b, estimate.bias_b, strict=True))
+        w_b = _less(sample.w_b, (x, y, z))
         if not all(map(math.isfinite, w_b)):
-            x, y, z = estimate.w_b
-            w_b = (-x, -y, -z)
-        forward.append(estimate._replace(t_us=sample.t_us, w_b=w_b, bias_b=bias))
-    return forward
-
-
-def _with_bias(estimate: AttitudeEstimate | None, bias_b: Vec3) -> AttitudeEstimate | None:
-    """An estimate from rates without this bias, as one from the rates themselves."""
-    if estimate is None:
-        return None
-    (x, y, z), (more_x, more_y, more_z) = estimate.bias_b, bias_b
-    return estimate._replace(bias_b=(x + more_x, y + more_y, z + more_z))
+            w_x, w_y, w_z = estimate.w_b
+            w_b = (direction * w_x, direction * w_y, direction * w_z)
+        found.append(estimate._replace(t_us=sample.t_us, w_b=w_b, bias_b=(x, y, z)))
+    return found
 
 
 def _known(estimates: Sequence[AttitudeEstimate | None]) -> list[_Known | None]:

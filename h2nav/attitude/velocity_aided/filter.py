@@ -20,6 +20,7 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     Trust,
+    Vec3,
     VehicleState,
     VelocityFix,
 )
@@ -136,6 +137,18 @@ class VelocityAidedFilter:
         """How late the magnetometer's samples are, as learnt so far."""
         s, g = self._memory, self._g
         return min(max(s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior), 0.0), g.mag_lag_limit)
+
+    @property
+    def bias_variance(self) -> Vec3:
+        """Variances of the bias, (rad/s)^2, body."""
+        return self._memory.p_xx, self._memory.p_yy, self._memory.p_zz
+
+    def know_bias(self, variance: Vec3, walked_s: float) -> None:
+        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
+        s, g = self._memory, self._g
+        x, y, z = (min(v + g.bias_walk * walked_s, g.bias_variance) for v in variance)
+        s.p_xx, s.p_yy, s.p_zz = x, y, z
+        s.p_xy = s.p_xz = s.p_yz = 0.0
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.

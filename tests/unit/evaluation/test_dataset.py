@@ -18,6 +18,7 @@ from h2nav.evaluation.dataset.filters import (
     run_velocity_aided_integer,
     to_true_north,
 )
+from h2nav.evaluation.dataset.peers import SMOOTHED, installed
 from h2nav.io.trials import Told, Trial, read_trial
 from h2nav.maths import frames, quaternion
 
@@ -54,6 +55,32 @@ def test_json_has_the_promised_keys(folder: Path, capsys: pytest.CaptureFixture[
     assert result["backend"] == native.backend()
     assert "trial_3: default: left out: " in err
     assert "trial_3.npz: no truth: key q" in err
+
+
+def test_smoothed_results_stand_beside_the_causal_ones(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["evaluate", "dataset", str(folder), "--json"]
+    assert cli.main(words) == 0
+    causal = json.loads(capsys.readouterr().out)
+    assert cli.main([*words, "--smooth"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["trials"] == causal["trials"], "the keys of one filter stay where they were"
+    assert result["mean"] == causal["mean"]
+    assert set(result["filters"]) == {"default", "default_smoothed"}
+    smoothed = result["filters"]["default_smoothed"]
+    assert set(smoothed["trials"]["trial_1"]) == {"total", "heading", "inclination"}
+    assert smoothed["mean"]["inclination"] < 0.5
+    assert smoothed["us_per_sample"] > 0.0
+
+
+def test_every_filter_of_ours_can_be_smoothed(folder: Path) -> None:
+    trial = read_trial(folder / "trial_1.npz")
+    for name, smoothed in SMOOTHED.items():
+        if name in installed():
+            track = installed()[smoothed](trial, Conditions("multirotor"))
+            assert np.isfinite(track.q_es).all()
+            assert len(track.q_es) == len(trial.t_us)
 
 
 def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

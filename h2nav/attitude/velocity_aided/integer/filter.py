@@ -44,7 +44,13 @@ from h2nav.attitude.velocity_aided.integer.gains import (
 from h2nav.attitude.velocity_aided.integer.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
-from h2nav.attitude.velocity_aided.integer.memory import GAINED_MASK, Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.integer.memory import (
+    GAINED_MASK,
+    VARIANCE_LEAST,
+    Gains,
+    Memory,
+    Sample,
+)
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.units import GRAVITY_M_S2
 
@@ -198,6 +204,27 @@ class IntegerVelocityAidedFilter:
     def field_latency_s(self) -> float:
         """How late the magnetometer's samples are, as learnt so far."""
         return self._memory.mag_lag * LAG_UNIT_S
+
+    @property
+    def bias_variance(self) -> Vec3:
+        """Variances of the bias, (rad/s)^2, body."""
+        s = self._memory
+        unit = self._gains.kernel.bias_variance / self._g.bias_variance
+        return s.p_xx * unit, s.p_yy * unit, s.p_zz * unit
+
+    def know_bias(self, variance: Vec3, walked_s: float) -> None:
+        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
+        s, g = self._memory, self._gains.kernel
+        start = self._g.bias_variance
+        x, y, z = (
+            max(
+                VARIANCE_LEAST,
+                min(round((v + g.bias_walk * walked_s) / g.bias_variance * start), start),
+            )
+            for v in variance
+        )
+        s.p_xx, s.p_yy, s.p_zz = x, y, z
+        s.p_xy = s.p_xz = s.p_yz = 0
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
