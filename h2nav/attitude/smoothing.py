@@ -2,8 +2,8 @@
 
 The first run learns what does not change with the direction of time: the gyro's bias and the
 latency of the field. Both are taken out of what the other two runs are given, whose filters are
-new. Where those two know the attitude from the past and from the
-future, the smoothed one is their mean, weighted by what each predicts of its own error.
+new. Where those two know the attitude from the past and from the future, the smoothed one is their
+mean, weighted by what each predicts of its own error.
 
 Equations: docs/filter.md.
 """
@@ -160,7 +160,7 @@ def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilt
     """A new filter for rates whose bias was taken out.
 
     What the run before knew of the bias came from the same samples, so that it does not count in
-    full: what the bias may walk in all their time is added.
+    full: what the bias may walk in all their time is added. Source: docs/filter.md Eq. (33).
     """
     chosen = make()
     if learnt.variance is not None and isinstance(chosen, KnowsSensors):

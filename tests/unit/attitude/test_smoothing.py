@@ -234,6 +234,19 @@ def test_bad_samples_never_make_a_nan() -> None:
         assert worst(tilt_deg, found, flight.q_nb) < 3.0
 
 
+@pytest.mark.parametrize("name", ["velocity_aided", "velocity_aided_integer"])
+def test_a_known_bias_may_have_walked(name: str) -> None:
+    chosen = FILTERS[name]()
+    start = chosen.bias_variance
+    walk = _MULTIROTOR.kernel.bias_walk
+    known = (1e-6, 2e-6, 3e-6)
+    chosen.know_bias(known, 100.0)
+    assert chosen.bias_variance == pytest.approx([v + 100.0 * walk for v in known], rel=0.02)
+    chosen.know_bias(known, 1e9)
+    assert chosen.bias_variance == pytest.approx(start), "never more than at the start"
+    assert isinstance(chosen, smoothing.KnowsSensors)
+
+
 def test_the_deviation_is_less_than_either_unless_they_disagree() -> None:
     share, sigma = smoothing._share((0.02, True), (0.01, True), 0.0)
     assert share == pytest.approx(0.8)
