@@ -102,6 +102,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("evaluate", "dataset"): Command(
             "evaluate_dataset", "accuracy on recordings with truth", "evaluate dataset trials"
         ),
+        ("evaluate", "flights"): Command(
+            "evaluate_flights",
+            "the service on recorded flights, next to the autopilot's estimators",
+            "evaluate flights recordings --plots pictures",
+        ),
         ("evaluate", "observer"): Command(
             "evaluate_observer", "convergence of the twist observer", "evaluate observer --json"
         ),

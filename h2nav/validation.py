@@ -40,6 +40,19 @@ class Within:
 
 
 @dataclass(frozen=True, slots=True)
+class AutoOrWithin:
+    """The word ``auto``, or a finite number inside a closed interval."""
+
+    low: float
+    high: float
+
+    def complaint(self, value: object) -> str | None:
+        """See `Limit`."""
+        expected = Within(self.low, self.high).complaint(value)
+        return None if value == "auto" or expected is None else f"auto, or {expected}"
+
+
+@dataclass(frozen=True, slots=True)
 class OneOf:
     """One of a few words or numbers."""
 

@@ -1,18 +1,46 @@
 """A recording through the pipeline, in this process, with everything that came out."""
 
 import dataclasses
+import struct
 from pathlib import Path
+
+from needs import REPOSITORY
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.evaluation.reference import ErrorTable, Reference
-from h2nav.io.deframer import Frame
+from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recordings import open_recording
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
+
+TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
+
+
+def rewritten(
+    path: Path, *, without: int = -1, times: int = 1, first_s: float = float("inf")
+) -> Path:
+    """The take-off as a tlog: without a message, several times in a row, or its first seconds."""
+    entries = list(open_recording(TAKEOFF).received())
+    start_ns = entries[0][0]
+    kept = [
+        (t_ns, data)
+        for t_ns, data in entries
+        if t_ns - start_ns < first_s * 1e9
+        and without not in (frame.msg_id for frame in Deframer().feed(data))
+    ]
+    span_ns = kept[-1][0] - kept[0][0] + 1_000_000_000
+    path.write_bytes(
+        b"".join(
+            struct.pack(">Q", (t_ns + turn * span_ns) // 1000) + data
+            for turn in range(times)
+            for t_ns, data in kept
+        )
+    )
+    return path
 
 
 class Tamper:

@@ -139,7 +139,7 @@ class Pipeline:
         """
         now_ns = t_ns if now_ns is None else now_ns
         if self._signing is None:
-            self._record_received(t_ns, self._blanker.blanked(data))
+            self._record_stream(t_ns, data)
             self._process(t_ns, self.deframer.feed(data), now_ns)
             return
         found = self._signing.sort(t_ns, self.deframer.feed(data))
@@ -150,13 +150,20 @@ class Pipeline:
         self._carry_out(t_ns, found.notices)
         self._process(t_ns, found.admitted, now_ns)
 
-    def received_frames(self, t_ns: int, data: bytes) -> None:
-        """Takes whole frames, which is what a log of signed traffic holds.
+    def replayed(self, t_ns: int, data: bytes, frames: list[Frame]) -> None:
+        """Takes what a recording holds, deframed by who plays it.
 
-        What looks like the beginning of another frame at their end is none, so nothing waits.
+        Args:
+            t_ns: host time of its arrival.
+            data: the bytes.
+            frames: those that the bytes completed.
         """
-        self._record_received(t_ns, data)
-        self._process(t_ns, [*self.deframer.feed(data), *self.deframer.flush()], t_ns)
+        self._record_stream(t_ns, data)
+        self._process(t_ns, frames, t_ns)
+
+    def _record_stream(self, t_ns: int, data: bytes) -> None:
+        if self._recorder is not None:
+            self._record_received(t_ns, self._blanker.blanked(data))
 
     def _record_received(self, t_ns: int, data: bytes) -> None:
         if data and self._recorder is not None:
@@ -249,7 +256,8 @@ class Pipeline:
 
     def _log_used(self, t_ns: int, effect: Used) -> None:
         sample, estimate, late_ns = effect
-        self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
+        if self._recorder is not None:
+            self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
         if estimate is not None:
             record = estimate_record(estimate, late_ns)
             self._watcher.estimate(t_ns, record)

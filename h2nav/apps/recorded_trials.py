@@ -1,13 +1,13 @@
 """Trials of files: `.npz`, or recordings of an autopilot, sent through the service."""
 
 import dataclasses
-import time
 from pathlib import Path
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import vehicle_class
 from h2nav.apps.log_contents import inputs_of
 from h2nav.apps.pipeline import deliver
+from h2nav.apps.playback import date_of
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import Listener, trial_of
 from h2nav.evaluation.reference import Reference
@@ -55,14 +55,11 @@ def _listen(recording: Recording, listener: Listener, reference: Reference) -> S
         autopilot=dataclasses.replace(settings.autopilot, request_streams=False),
         aiding=dataclasses.replace(settings.aiding, gps_velocity=True, autopilot_velocity=False),
     )
-    if recorded is not None:
-        unix_s = recorded.unix_s
-    else:
-        unix_s = time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
+    unix_s = date_of(recording, recorded)
     service = Service(settings, Surroundings(listener.filter_for, earth_field_at, unix_s))
     deframer, wanted = Deframer(), service.message_ids
     for t_ns, data in recording.received():
-        listener.now_us = t_ns // 1000
+        listener.arrives(t_ns)
         for frame in deframer.feed(data):
             if frame.msg_id in reference.message_ids:
                 reference.frame(t_ns, frame)

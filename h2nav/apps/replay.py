@@ -1,33 +1,30 @@
 """``h2nav replay``: any recording through the same service, as fast as it goes."""
 
 import argparse
-import dataclasses
 import math
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from tqdm import tqdm
 
-from h2nav.apps import configuration
-from h2nav.apps.configuration import Configuration
+from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
-from h2nav.apps.log_contents import RecordedInputs, attach_inputs, inputs_of
-from h2nav.apps.pipeline import Outlets, Pipeline
-from h2nav.errors import BadInput, TaskFailed
+from h2nav.apps.log_contents import attach_inputs
+from h2nav.apps.pipeline import Pipeline
+from h2nav.apps.playback import Playback
+from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.evaluation.reference import Estimates, Reference
 from h2nav.io.deframer import Frame
-from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording, open_recording
 from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
-from h2nav.service.service import Service, Surroundings
 
 ESTIMATE_TOPIC = "/estimate"
 SMOOTHED_TOPIC = "/smoothed"
@@ -40,24 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="OUT.mcap", help="default: LOG's name + .replay.mcap"
     )
     parser.add_argument("--no-log", action="store_true", help="write no MCAP")
-    parser.add_argument(
-        "-c",
-        "--config",
-        type=Path,
-        metavar="CONFIG.yaml",
-        help="configuration (default: the one in our MCAP, else the defaults)",
-    )
-    parser.add_argument(
-        "--filter",
-        choices=tuple(configuration.ARITHMETICS),
-        help="filter to run instead of the configured one",
-    )
-    parser.add_argument(
-        "--class",
-        dest="vehicle_class",
-        choices=("handheld", "multirotor", "fixed-wing", "rover"),
-        help="vehicle class instead of the heartbeat's",
-    )
+    playback.add_arguments(parser)
     parser.add_argument("--no-gps", action="store_true", help="do not fuse the GPS velocity")
     parser.add_argument(
         "--smooth",
@@ -68,29 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
-class Inputs(NamedTuple):
-    """What a replay runs with.
-
-    Attributes:
-        configuration: in force.
-        filters: make the filter.
-        unix_s: the date of the run.
-        is_original: nothing differs from the run that made the recording.
-        whole_frames: the run verified signatures: what it received stands in the recording as the
-            frames that were admitted, and nothing else.
-    """
-
-    configuration: Configuration
-    filters: FilterFactory
-    unix_s: float
-    is_original: bool
-    whole_frames: bool
-
-
 def run(args: argparse.Namespace) -> int:
     """Replays the recording and prints the error table."""
     recording = open_recording(args.log)
-    inputs = _inputs(args, recording)
+    wishes = playback.wishes(args)._replace(gps_velocity=False if args.no_gps else None)
+    inputs = playback.inputs_for(recording, wishes)
     output = None if args.no_log else (args.output or _free_name(args.log))
     recorder = None
     if output is not None:
@@ -98,20 +60,26 @@ def run(args: argparse.Namespace) -> int:
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
     # A second pass over the file, beside the first one, gives the estimates to compare with.
     watcher = _Watcher(open_recording(args.log) if inputs.is_original else None)
-    listener = Listener(inputs.filters.filter_for) if args.smooth else None
+    listener = Listener(inputs.filters.filter_for)
+    filters = listener if args.smooth else inputs.filters
+    pipeline = playback.pipeline_for(recording, inputs, recorder, watcher, filters.filter_for)
+    played = playback.Playback(recording, whole_frames=inputs.whole_frames)
     smoothed_table = None
     started_s = time.perf_counter()
     try:
-        pipeline, span_ns = _play(recording, inputs, Observers(recorder, watcher, listener))
+        total = recording.progress[1]
+        with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
+            for _ in played.through(pipeline, before=listener.arrives):
+                bar.update(recording.progress[0] - bar.n)
         elapsed_s = time.perf_counter() - started_s
-        if listener is not None:
+        if args.smooth:
             estimates = _smooth(listener, inputs.filters, recorder, recording.unix_offset_ns)
             smoothed_table = watcher.reference.table(estimates=estimates)
     finally:
         if recorder is not None:
             recorder.close()
     loss = None if recorder is None else _loss(recorder)
-    result = _result(pipeline, watcher, span_ns * 1e-9, elapsed_s)
+    result = _result(pipeline, played, watcher, elapsed_s)
     if smoothed_table is not None:
         result["rms_deg_smoothed"] = smoothed_table.as_mapping()
     result["log"] = None if output is None else str(output)
@@ -124,20 +92,6 @@ def run(args: argparse.Namespace) -> int:
     if not result["imu_samples"]:
         raise TaskFailed(f"{args.log}: no IMU samples of a known autopilot in it")
     return 0
-
-
-class Observers(NamedTuple):
-    """Who looks on while a recording plays.
-
-    Attributes:
-        recorder: writes the log; None without one.
-        watcher: collects the error table.
-        listener: keeps what the filter is given; None where nothing is smoothed.
-    """
-
-    recorder: Recorder | None
-    watcher: "_Watcher"
-    listener: Listener | None
 
 
 def _smooth(
@@ -162,78 +116,6 @@ def _loss(recorder: Recorder) -> str | None:
         f"messages are lost ({recorder.trouble or 'they could not be encoded'}); name another "
         "place with -o, or use --no-log"
     )
-
-
-def _play(recording: Recording, inputs: Inputs, observers: Observers) -> tuple[Pipeline, int]:
-    """Sends everything through the service; also returns the recording's span, ns."""
-    offset_ns = recording.unix_offset_ns
-    settings = inputs.configuration.service
-    asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
-    recorder, watcher, listener = observers
-    filter_for = inputs.filters.filter_for if listener is None else listener.filter_for
-    service = Service(
-        dataclasses.replace(settings, autopilot=asks_nobody),
-        Surroundings(filter_for, earth_field_at, inputs.unix_s, offset_ns),
-    )
-    outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
-    pipeline = Pipeline(service, inputs.configuration.output.component_id, outlets)
-    take = pipeline.received_frames if inputs.whole_frames else pipeline.received
-    first_ns = last_ns = None
-    total = recording.progress[1]
-    with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
-        for t_ns, data in recording.received():
-            if first_ns is None:
-                first_ns = t_ns
-                pipeline.link(t_ns, True)
-            if listener is not None:
-                listener.now_us = t_ns // 1000
-            pipeline.tick(t_ns)
-            take(t_ns, data)
-            last_ns = t_ns
-            bar.update(recording.progress[0] - bar.n)
-    return pipeline, 0 if first_ns is None or last_ns is None else last_ns - first_ns
-
-
-def _inputs(args: argparse.Namespace, recording: Recording) -> Inputs:
-    """Configuration and gains: the recording's own, unless the command line says otherwise."""
-    recorded = _recorded(recording, has_own=args.config is not None)
-    if args.config is not None:
-        chosen = configuration.read(args.config)
-    else:
-        chosen = recorded.configuration if recorded else Configuration()
-    changes: dict[str, Any] = {}
-    if args.filter is not None:
-        changes["name"] = args.filter
-        if args.filter in ("two_stage", "constant_gain"):  # the name alone says which is meant
-            changes["arithmetic"] = configuration.ARITHMETICS[args.filter][0]
-    if args.vehicle_class is not None:
-        changes["vehicle_class"] = args.vehicle_class
-    chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))
-    if args.no_gps:
-        aiding = dataclasses.replace(chosen.aiding, gps_velocity=False)
-        chosen = dataclasses.replace(chosen, aiding=aiding)
-    whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
-    if recorded is not None and chosen == recorded.configuration:
-        filters = FilterFactory.recorded(
-            chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_files
-        )
-        return Inputs(chosen, filters, recorded.unix_s, True, whole_frames)
-    filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
-    if recorded is not None:
-        unix_s = recorded.unix_s
-    else:
-        unix_s = time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
-    return Inputs(chosen, filters, unix_s, False, whole_frames)
-
-
-def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
-    """What the recording's own run worked with; who brings inputs does without unusable ones."""
-    try:
-        return inputs_of(recording)
-    except BadInput:
-        if has_own:
-            return None
-        raise
 
 
 class _Watcher:
@@ -282,11 +164,12 @@ def _free_name(log: Path) -> Path:
 
 
 def _result(
-    pipeline: Pipeline, watcher: _Watcher, duration_s: float, elapsed_s: float
+    pipeline: Pipeline, played: Playback, watcher: _Watcher, elapsed_s: float
 ) -> dict[str, Any]:
     health = pipeline.service.health
     table = watcher.reference.table()
-    counters = pipeline.deframer.counters
+    duration_s = played.span_ns * 1e-9
+    counters = played.deframer.counters
     damaged = {name: getattr(counters, name) for name in ("bad_crc", "unknown_id", "skipped_bytes")}
     result: dict[str, Any] = {
         "imu_samples": health.samples_used,

@@ -6,6 +6,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     VehicleState,
     VelocityFix,
 )
@@ -49,6 +50,13 @@ class AttitudeFilter(Protocol):
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes one velocity fix; filters without velocity aiding ignore it."""
 
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Takes how late the sensors are, valid until the next call.
+
+        Estimates stay as late as the rates make them (`h2nav.attitude.lead` undoes it). Filters
+        that take a field as if it were new ignore the delays.
+        """
+
     def restart(self) -> None:
         """Forgets time and attitude (new epoch, long gap); keeps the learnt bias."""
 
@@ -59,11 +67,15 @@ class AttitudeFilter(Protocol):
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
 
 
-def tell(chosen: AttitudeFilter, what: VehicleState | EarthField | VelocityFix) -> None:
+def tell(
+    chosen: AttitudeFilter, what: VehicleState | EarthField | SensorDelays | VelocityFix
+) -> None:
     """Gives a filter one record of what is known besides the samples."""
     if isinstance(what, VelocityFix):
         chosen.use_velocity(what)
     elif isinstance(what, EarthField):
         chosen.use_field(what)
+    elif isinstance(what, SensorDelays):
+        chosen.use_delays(what)
     else:
         chosen.use_vehicle(what)

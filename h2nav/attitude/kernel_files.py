@@ -31,7 +31,10 @@ def _kernel(folder: str, *names: str) -> tuple[str, ...]:
 
 VELOCITY_AIDED = KernelFiles(
     "velocity_aided",
-    _kernel("velocity_aided", "prediction", "theta", "tilt", "velocity", "heading", "rest", "step"),
+    _kernel(
+        "velocity_aided",
+        *("prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "step"),
+    ),
     "step",
 )
 VELOCITY_AIDED_INTEGER = KernelFiles(

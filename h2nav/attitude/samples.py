@@ -76,6 +76,40 @@ class VelocityFix(NamedTuple):
     independent: bool = True
 
 
+class SensorDelays(NamedTuple):
+    """How late what follows from the sensors is against the times that their messages claim.
+
+    Attributes:
+        gyro_s: of an attitude that is the integral of the rates: the age of rates and forces, less
+            half a period of the samples, because a filter takes a rate as the mean over the step
+            before its sample. Negative: it is early.
+        field_s: age of the field when its first sample comes.
+    """
+
+    gyro_s: float = 0.0
+    field_s: float = 0.0
+
+
+class SensorErrors(NamedTuple):
+    """What a filter has learnt of its sensors besides the gyro's bias, which estimates carry.
+
+    Attributes:
+        gyro_variance: of the gyro's bias, (rad/s)^2, body.
+        force_bias_b: of the accelerometer, m/s^2 (measured = true + bias).
+        force_variance: of that about x and y, (m/s^2)^2; 0: nothing has been learnt of it.
+        field_latency_s: how late the magnetometer's samples are against the gyro's.
+        fix_latency_s: how late velocity fixes are, beyond their stamps.
+        fix_latency_variance: of that, s^2.
+    """
+
+    gyro_variance: Vec3
+    force_bias_b: Vec3 = (0.0, 0.0, 0.0)
+    force_variance: tuple[float, float] = (0.0, 0.0)
+    field_latency_s: float = 0.0
+    fix_latency_s: float = 0.0
+    fix_latency_variance: float = 0.0
+
+
 class Trust(IntFlag):
     """What an estimate rests on; logged with every estimate."""
 

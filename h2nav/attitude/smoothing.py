@@ -1,9 +1,9 @@
 """An attitude smoother for after the flight: any filter run forward, backward and forward again.
 
-The first run learns what does not change with the direction of time: the gyro's bias and the
-latency of the field. Both are taken out of what the other two runs are given, whose filters are
-new. Where those two know the attitude from the past and from the future, the smoothed one is their
-mean, weighted by what each predicts of its own error.
+The first run learns what does not change with the direction of time: the biases of gyro and
+accelerometer, and how late field and velocities are. All that is taken out of what the other two
+runs are given, whose filters are new. Where those two know the attitude from the past and from the
+future, the smoothed one is their mean, weighted by what each predicts of its own error.
 
 Equations: docs/filter.md.
 """
@@ -11,15 +11,18 @@ Equations: docs/filter.md.
 import bisect
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from h2nav.attitude.filter import AttitudeFilter, tell
+from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
     Quat,
+    SensorDelays,
+    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
@@ -29,7 +32,7 @@ from h2nav.maths.quaternion import conjugate, exp, log, multiply, normalize, rot
 
 # A longer gap leaves nothing of the attitude: what is before and after it is smoothed apart.
 LONGEST_GAP_US = 1_000_000
-# Backward a fix comes so long after it was true: then the filter's past covers its time.
+# A fix is given so long after it was true: then the filter's past covers its time.
 FIX_DELAY_US = 50_000
 # What the runs share does not average out: 1 mg of accelerometer bias, 0.06 deg of the vertical.
 # Nothing is known better than the vertical that it is measured about.
@@ -40,7 +43,7 @@ REFERENCED_US = 1_000_000
 _KNOWN_BY_EITHER = Trust.CONVERGED | Trust.YAW_REFERENCED
 
 FilterMaker = Callable[[], AttitudeFilter]
-Record = VehicleState | EarthField | VelocityFix
+Record = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class Given(NamedTuple):
@@ -57,18 +60,22 @@ class Given(NamedTuple):
 
 @runtime_checkable
 class KnowsSensors(Protocol):
-    """A filter that says how well it knows the bias, and how late the field's samples are."""
+    """A filter that says what it has learnt of its sensors.
+
+    It uses a field that is held for some samples only when it is new.
+    """
 
     @property
-    def field_latency_s(self) -> float:
-        """Latency of the magnetometer's samples, as learnt so far."""
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
 
-    @property
-    def bias_variance(self) -> Vec3:
-        """Variances of the bias, (rad/s)^2, body."""
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago.
 
-    def know_bias(self, variance: Vec3, walked_s: float) -> None:
-        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
+        Args:
+            errors: with their variances.
+            walked_s: for so long the errors have changed since.
+        """
 
 
 class _Piece(NamedTuple):
@@ -78,12 +85,14 @@ class _Piece(NamedTuple):
         samples: in the run's order.
         vehicles: the vehicle's state at each.
         fields: the earth field at each; None where none is known.
+        delays: how late the sensors are at each; None where nothing was said.
         fixes: velocities with the number of the sample that each is given before.
     """
 
     samples: list[ImuSample]
     vehicles: list[VehicleState]
     fields: list[EarthField | None]
+    delays: list[SensorDelays | None]
     fixes: list[tuple[int, VelocityFix]]
 
 
@@ -92,13 +101,11 @@ class _Learnt(NamedTuple):
 
     Attributes:
         bias_b: gyro bias, rad/s.
-        variance: of the bias, (rad/s)^2; None where the filter has no figure.
-        latency_s: of the field.
+        errors: of the sensors besides; None where the filter has no figures.
     """
 
     bias_b: Vec3 = (0.0, 0.0, 0.0)
-    variance: Vec3 | None = None
-    latency_s: float = 0.0
+    errors: SensorErrors | None = None
 
 
 class _Known(NamedTuple):
@@ -117,13 +124,14 @@ def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeE
     """The smoothed estimate of every sample of every stretch.
 
     None stands where neither direction has an estimate: in stretches too short to align in. The
-    heading is the forward run's wherever the backward run's is not tied to north.
+    heading is the forward run's wherever the backward run's is not tied to north. Like a service's
+    the attitudes are led by what was told of the rates' lateness.
 
     Args:
         stretches: in order of time; the first run keeps its bias from one to the next.
         make: makes the filter of this vehicle; called for each run.
 
-    Source: docs/filter.md Eq. (33) - (38).
+    Source: docs/filter.md Eq. (42), (50) - (56).
     """
     first = make()
     smoothed = []
@@ -134,8 +142,8 @@ def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeE
         for piece in _pieces(given):
             learnt = learnt._replace(bias_b=_last_bias(_run(first, piece), learnt.bias_b))
             if isinstance(first, KnowsSensors):
-                learnt = _Learnt(learnt.bias_b, first.bias_variance, first.field_latency_s)
-            found += _smooth_piece(piece, make, learnt)
+                learnt = learnt._replace(errors=first.sensor_errors)
+            found += _led(_smooth_piece(piece, make, learnt), piece.delays)
         smoothed.append(found)
     return smoothed
 
@@ -144,53 +152,81 @@ def _smooth_piece(
     piece: _Piece, make: FilterMaker, learnt: _Learnt
 ) -> list[AttitudeEstimate | None]:
     """The second run, the third, and both together."""
-    placed = piece._replace(fields=_known_from_the_start(piece.fields))
+    placed = piece._replace(
+        fields=_known_from_the_start(piece.fields), delays=[None] * len(piece.delays)
+    )
     chosen = _prepared(make, piece, learnt)
-    run = _run(chosen, _reversed(placed, learnt))
+    run = _run(chosen, _reversed(_without(placed, learnt)))
     backward = _of_samples(run[::-1], piece.samples, learnt.bias_b, -1.0)
     learnt = learnt._replace(bias_b=_last_bias(backward[::-1], learnt.bias_b))
-    if isinstance(chosen, KnowsSensors):
-        learnt = learnt._replace(variance=chosen.bias_variance)
+    if learnt.errors is not None and isinstance(chosen, KnowsSensors):
+        learnt = learnt._replace(errors=_both(learnt.errors, chosen.sensor_errors))
     run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
     forward = _of_samples(run, piece.samples, learnt.bias_b, 1.0)
     return _combined(_known(forward), _known(backward[::-1])[::-1])
 
 
 def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
-    """A new filter for rates whose bias was taken out.
+    """A new filter for samples whose errors were taken out.
 
-    What the run before knew of the bias came from the same samples, so that it does not count in
-    full: what the bias may walk in all their time is added. Source: docs/filter.md Eq. (33).
+    What the run before knew of the errors came from the same samples, so that it does not count in
+    full: what they may walk in all their time is added. Source: docs/filter.md Eq. (51).
     """
     chosen = make()
-    if learnt.variance is not None and isinstance(chosen, KnowsSensors):
+    if learnt.errors is not None and isinstance(chosen, KnowsSensors):
         walked_s = (piece.samples[-1].t_us - piece.samples[0].t_us) * 1e-6
-        chosen.know_bias(learnt.variance, walked_s)
+        chosen.know_sensors(learnt.errors, walked_s)
     return chosen
+
+
+def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
+    """What two runs have learnt, the second one backward with what the first one left.
+
+    Latencies stay those of the first one: backward what is left of them would be negative.
+    """
+    x, y, z = (a + b for a, b in zip(errors.force_bias_b, more.force_bias_b, strict=True))
+    return more._replace(
+        force_bias_b=(x, y, z),
+        field_latency_s=errors.field_latency_s,
+        fix_latency_s=errors.fix_latency_s,
+    )
+
+
+def _led(
+    estimates: list[AttitudeEstimate | None], delays: list[SensorDelays | None]
+) -> list[AttitudeEstimate | None]:
+    """The attitudes at the times that they claim. Source: docs/filter.md Eq. (42)."""
+    return [
+        estimate if estimate is None or late is None else led(estimate, late.gyro_s)
+        for estimate, late in zip(estimates, delays, strict=True)
+    ]
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
     """A stretch, cut at its gaps; what was told before a gap holds after it."""
     samples, told = given.samples, iter(given.told)
     following = next(told, None)
-    vehicle, field = VehicleState(), None
-    piece = _Piece([], [], [], [])
+    vehicle, field, delays = VehicleState(), None, None
+    piece = _Piece([], [], [], [], [])
     for row, sample in enumerate(samples):
         if piece.samples and sample.t_us - piece.samples[-1].t_us > LONGEST_GAP_US:
             yield piece
-            piece = _Piece([], [], [], [])
+            piece = _Piece([], [], [], [], [])
         while following is not None and following[0] <= row:
             what = following[1]
             if isinstance(what, VelocityFix):
                 piece.fixes.append((len(piece.samples), what))
             elif isinstance(what, EarthField):
                 field = what
+            elif isinstance(what, SensorDelays):
+                delays = what
             else:
                 vehicle = what
             following = next(told, None)
         piece.samples.append(sample)
         piece.vehicles.append(vehicle)
         piece.fields.append(field)
+        piece.delays.append(delays)
     if piece.samples:
         yield piece
 
@@ -200,6 +236,7 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]
     estimates: list[AttitudeEstimate | None] = []
     vehicle: VehicleState | None = None
     field: EarthField | None = None
+    delays: SensorDelays | None = None
     fixes = iter(piece.fixes)
     coming = next(fixes, None)
     for row, sample in enumerate(piece.samples):
@@ -210,6 +247,10 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]
         if known is not None and known != field:
             field = known
             tell(chosen, field)
+        late = piece.delays[row]
+        if late is not None and late != delays:
+            delays = late
+            tell(chosen, delays)
         while coming is not None and coming[0] <= row:
             chosen.use_velocity(coming[1])
             coming = next(fixes, None)
@@ -243,62 +284,86 @@ def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | 
 
 
 def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
-    """The piece without bias and latency.
+    """The piece without biases and latencies.
 
-    Source: docs/filter.md Eq. (33).
+    Source: docs/filter.md Eq. (50).
     """
-    samples = [
-        sample._replace(w_b=_less(sample.w_b, learnt.bias_b), m_b_ut=_timely(sample, learnt))
-        for sample in piece.samples
+    if learnt.errors is None:
+        samples = [each._replace(w_b=_less(each.w_b, learnt.bias_b)) for each in piece.samples]
+        return piece._replace(samples=samples)
+    errors = learnt.errors
+    samples = []
+    held: Vec3 | None = None
+    for each in piece.samples:
+        w_b = _less(each.w_b, learnt.bias_b)
+        m_b_ut = None if each.m_b_ut == held else each.m_b_ut
+        if each.m_b_ut is not None:
+            held = each.m_b_ut
+        if m_b_ut is not None:
+            m_b_ut = _timely(m_b_ut, w_b, errors.field_latency_s)
+        f_b = _without_bias(each.f_b, errors.force_bias_b)
+        samples.append(each._replace(w_b=w_b, f_b=f_b, m_b_ut=m_b_ut))
+    late_us = round(errors.fix_latency_s * 1e6)
+    fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
+    return piece._replace(samples=samples, fixes=_placed(fixes, samples))
+
+
+def _without_bias(f_b: Vec3, bias_b: Vec3) -> Vec3:
+    """A force of exactly zero was not measured, and stays what it is."""
+    return _less(f_b, bias_b) if any(f_b) else f_b
+
+
+def _timely(m_b_ut: Vec3, w_b: Vec3, late_s: float) -> Vec3:
+    """The field at the time of the sample that brought it."""
+    x, y, z = w_b
+    if not late_s * math.hypot(x, y, z) < math.pi:
+        return m_b_ut  # that rate is no sensor's
+    return rotate(exp((-late_s * x, -late_s * y, -late_s * z)), m_b_ut)
+
+
+def _placed(
+    fixes: Iterable[VelocityFix], samples: Sequence[ImuSample]
+) -> list[tuple[int, VelocityFix]]:
+    """Fixes in the order of their times, each with the number of the sample to give it before."""
+    times_us = [sample.t_us for sample in samples]
+    return [
+        (bisect.bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
+        for fix in sorted(fixes, key=lambda fix: fix.t_us)
     ]
-    return piece._replace(samples=samples)
 
 
-def _timely(sample: ImuSample, learnt: _Learnt) -> Vec3 | None:
-    """The field at the sample's own time."""
-    x, y, z = _less(sample.w_b, learnt.bias_b)
-    late_s = learnt.latency_s
-    if sample.m_b_ut is None or not late_s * math.hypot(x, y, z) < math.pi:
-        return sample.m_b_ut  # that rate is no sensor's
-    return rotate(exp((-late_s * x, -late_s * y, -late_s * z)), sample.m_b_ut)
+def _reversed(piece: _Piece) -> _Piece:
+    """A piece without biases and latencies as it looks when time runs backward.
 
+    Its times are mirrored about their middle. A rate is the mean since the sample before: backward
+    it leads to that one. Forces, fields and the earth stay as they are. Velocities change their
+    sign, and the nose trails.
 
-def _reversed(piece: _Piece, learnt: _Learnt) -> _Piece:
-    """The piece as it looks when time runs backward; its times are mirrored about their middle.
-
-    A rate is the mean since the sample before: backward it leads to that one. Forces, fields and
-    the earth stay as they are. Velocities change their sign, and the nose trails.
-
-    Source: docs/filter.md Eq. (34), (35).
+    Source: docs/filter.md Eq. (52), (53).
     """
     samples = piece.samples
     ends_us = samples[0].t_us + samples[-1].t_us
-    x, y, z = learnt.bias_b
     turned = []
     for sample, later in itertools.pairwise((*samples, samples[-1])):
-        w = later.w_b
+        x, y, z = later.w_b
         turned.append(
-            ImuSample(
-                ends_us - sample.t_us,
-                (x - w[0], y - w[1], z - w[2]),
-                sample.f_b,
-                _timely(sample, learnt),
-                sample.clipped or later.clipped,
+            sample._replace(
+                t_us=ends_us - sample.t_us,
+                w_b=(-x, -y, -z),
+                clipped=sample.clipped or later.clipped,
             )
         )
     turned.reverse()
-    times_us = [sample.t_us for sample in turned]
     fixes = []
-    for _, fix in sorted(piece.fixes, key=lambda placed: -placed[1].t_us):
+    for _, fix in piece.fixes:
         north, east, down = fix.v_n
-        t_us = ends_us - fix.t_us
-        row = bisect.bisect_left(times_us, t_us + FIX_DELAY_US) + 1
-        fixes.append((row, fix._replace(t_us=t_us, v_n=(-north, -east, -down))))
+        fixes.append(fix._replace(t_us=ends_us - fix.t_us, v_n=(-north, -east, -down)))
     return _Piece(
         turned,
         [_backward(vehicle) for vehicle in reversed(piece.vehicles)],
         piece.fields[::-1],
-        fixes,
+        piece.delays[::-1],
+        _placed(fixes, turned),
     )
 
 
@@ -385,7 +450,7 @@ def _turn_all(alone: list[AttitudeEstimate | None], both: AttitudeEstimate, back
 def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
     """The weighted mean of two estimates of one sample.
 
-    Source: docs/filter.md Eq. (36) - (38).
+    Source: docs/filter.md Eq. (54) - (56).
     """
     f, b = ahead.estimate, back.estimate
     heading, north, east = _apart(f.q_nb, b.q_nb)
@@ -419,7 +484,7 @@ def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
     """The turn in n from one attitude to another: about down, after one about north and east.
 
     Apart at every angle: a heading that is arbitrary must not mix into the tilt.
-    Source: docs/filter.md Eq. (36).
+    Source: docs/filter.md Eq. (54).
     """
     difference = multiply(other, conjugate(q))
     heading = math.remainder(2.0 * math.atan2(difference[3], difference[0]), 2.0 * math.pi)
@@ -437,7 +502,7 @@ def _share(
         backward: the same.
         apart_rad: angle between the estimates.
 
-    Source: docs/filter.md Eq. (37), (38).
+    Source: docs/filter.md Eq. (55), (56).
     """
     (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
     if not knows_b or not knows_f:

@@ -85,7 +85,7 @@ class Pairs(NamedTuple):
     angles: Array
 
 
-class _Attitudes:
+class Attitudes:
     """Times (us) and roll, pitch, yaw (rad), growing cheaply."""
 
     def __init__(self) -> None:
@@ -93,10 +93,12 @@ class _Attitudes:
         self.angles = array("d")
 
     def add(self, t_us: int, roll: float, pitch: float, yaw: float) -> None:
+        """Appends one."""
         self.t_us.append(t_us)
         self.angles.extend((roll, pitch, yaw))
 
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
+        """(N,) times, us, and (N, 3) angles, rad."""
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
@@ -104,7 +106,7 @@ class Estimates:
     """Estimates with their times of arrival."""
 
     def __init__(self) -> None:
-        self._attitudes = _Attitudes()  # by arrival
+        self._attitudes = Attitudes()  # by arrival
         self._boot_us = array("q")  # of the same
 
     def add(self, t_ns: int, record: EulerRecord) -> None:
@@ -131,8 +133,8 @@ class Reference:
 
     def __init__(self) -> None:
         self._estimates = Estimates()
-        self._truth = _Attitudes()
-        self._autopilot = _Attitudes()
+        self._truth = Attitudes()
+        self._autopilot = Attitudes()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Takes what a frame of `message_ids` says of the attitude."""

@@ -1,11 +1,12 @@
 """Mappings into settings records: unknown keys, wrong types and impossible values are errors.
 
-Settings are frozen dataclasses of scalars, lists of texts and further dataclasses; the limits
-stand in their annotations (`h2nav.validation`). Every error names file, key, what was expected and
-the remedy, and all of them are reported together.
+Settings are frozen dataclasses of scalars (or of either of two kinds of them), lists of texts and
+further dataclasses; the limits stand in their annotations (`h2nav.validation`). Every error names
+file, key, what was expected and the remedy, and all of them are reported together.
 """
 
 import dataclasses
+from types import UnionType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from h2nav.errors import BadInput
@@ -82,15 +83,17 @@ def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:
     if get_origin(hint) is Annotated:
         hint, *rest = get_args(hint)
         limits = tuple(rest)
-    if hint is float and type(value) is int and abs(value) <= LARGEST_DOUBLE:
+    kinds = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    if float in kinds and type(value) is int and abs(value) <= LARGEST_DOUBLE:
         value = float(value)
     if hint == tuple[str, ...]:
         if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
             return tuple(value)
         complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
         return None
-    if type(value) is not hint:
-        complaints.append(f"{place}: expected {WORDS[hint]}, found {_found(value)}")
+    if type(value) not in kinds:
+        expected = " or ".join(WORDS[kind] for kind in kinds)
+        complaints.append(f"{place}: expected {expected}, found {_found(value)}")
         return None
     for limit in limits:
         expected = limit.complaint(value)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState, VelocityFix
 from h2nav.errors import BadInput
 from h2nav.io.npz_arrays import NumberArray, read_arrays
 
@@ -26,6 +26,9 @@ LONGEST_S = 1e8  # three years
 _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
 
 
+ToldOf = VehicleState | EarthField | SensorDelays | VelocityFix
+
+
 class Told(NamedTuple):
     """What an autopilot gives a filter besides the samples.
 
@@ -35,7 +38,7 @@ class Told(NamedTuple):
     """
 
     row: int
-    what: VehicleState | EarthField | VelocityFix
+    what: ToldOf
 
 
 class Trial(NamedTuple):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -14,10 +15,14 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.service.autopilot import Identity
+from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, preference
+from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.sensor_watch import SensorWatch
+from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
 FilterFor = Callable[[Identity], AttitudeFilter]
@@ -41,17 +46,19 @@ class Outcome(NamedTuple):
     """What resulted from an IMU reading.
 
     Attributes:
-        sample: the sample that was used; None when the reading was refused.
-        estimate: what the filter made of it.
+        sample: the sample that was used; None when the reading was refused or lent its field only.
+        estimate: of the time of the sample.
+        unled: as the filter made it: of the time at which the sample's values were true.
         event: REBOOT or NEW_EPOCH when the sample began a new epoch.
     """
 
     sample: ImuSample | None = None
     estimate: AttitudeEstimate | None = None
+    unled: AttitudeEstimate | None = None
     event: Verdict | None = None
 
 
-REFUSED = Outcome()
+NO_SAMPLE = Outcome()
 
 
 class Estimation:
@@ -59,20 +66,26 @@ class Estimation:
 
     Args:
         filter_for: makes the filter for a vehicle once it is known.
-        imu_message: the configured message, or ``auto``.
+        settings: the message to use, and what is known of its delays.
+
+    Attributes:
+        timing: how late the sensors are.
     """
 
-    def __init__(self, filter_for: FilterFor, imu_message: str) -> None:
+    def __init__(self, filter_for: FilterFor, settings: AutopilotSettings) -> None:
         self._filter_for = filter_for
-        self._imu_message = imu_message
+        self._imu_message = settings.imu_message
+        self.timing = SensorTiming(settings)
         self._filter: AttitudeFilter | None = None
         self._choice: ImuChoice | None = None
+        self._fields = FieldSource(0, lends=False)
         self._clock: SampleClock | None = None
         self._clock_of: int | None = None
         self._newest_us: int | None = None
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
         self._watch = SensorWatch()
+        self._ends = RangeEnds()
         self._autopilot_kind = 0
         self._fused_dependent = False
         self._refusal = ""
@@ -88,9 +101,12 @@ class Estimation:
         """The vehicle is known (or is another one now): its filter and its messages."""
         self._filter = self._filter_for(identity)
         self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
+        self._fields = FieldSource(identity.autopilot, lends=self._imu_message == "auto")
+        self.timing.begin(identity)
         self._autopilot_kind = identity.autopilot
         self._clock = None
         self._newest_us = None
+        self._ends = RangeEnds()
         self._contested_ns = None
         self.has_estimate = False
         if self._field is not None:
@@ -108,7 +124,15 @@ class Estimation:
         """Nothing of the autopilot's own estimator has gone into the estimate."""
         row = self.imu_message
         biased = row is not None and self._autopilot_kind in row.bias_removed_by
-        return not self._fused_dependent and not biased
+        return not (self._fused_dependent or biased or self._fields.has_lent)
+
+    @property
+    def dependent_source(self) -> str:
+        """What has brought something of the autopilot's own estimator."""
+        row = self.imu_message
+        if row is not None and self._autopilot_kind in row.bias_removed_by:
+            return row.name
+        return "its velocity" if self._fused_dependent else "the field of HIGHRES_IMU"
 
     @property
     def newest_t_us(self) -> int | None:
@@ -131,12 +155,18 @@ class Estimation:
         return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
 
     def considers(self, t_ns: int, message_id: int) -> bool:
-        """Whether this message could be the one to use now, before it is even read."""
-        return self._choice is not None and self._choice.considers(message_id, t_ns)
+        """Whether this message could be of use now, before it is even read."""
+        choice = self._choice
+        if choice is None:
+            return False
+        return choice.considers(message_id, t_ns) or self._fields.wants(message_id, choice.chosen)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
         assert self._choice is not None
+        if not self._choice.considers(message_id, t_ns):
+            self._fields.hears(t_ns, reading.m_b_ut)
+            return NO_SAMPLE
         self._choice.takes(message_id, t_ns)
         if self._clock is None or self._clock_of != message_id:
             unit_us = IMU_MESSAGES[message_id].time_unit_us
@@ -146,14 +176,14 @@ class Estimation:
         if verdict is Verdict.NEXT:
             if self._second_line:
                 self._second_line, self._contested_ns = False, t_ns
-            return self._step(t_ns, reading.at(t_us), None)
+            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), None)
         if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
             self._second_line = False
             self.restart()
-            return self._step(t_ns, reading.at(t_us), verdict)
+            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), verdict)
         self._second_line |= verdict is Verdict.SECOND_SENDER
         self.refuse(t_ns, verdict.value)
-        return REFUSED
+        return NO_SAMPLE
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
@@ -185,24 +215,34 @@ class Estimation:
         self._newest_us = None
         self.has_estimate = False
         self._watch = SensorWatch()
+        self._fields.restart()
+        self.timing.restart()
+
+    def _sample(self, t_ns: int, t_us: int, message_id: int, reading: ImuReading) -> ImuSample:
+        return self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading).at(t_us)
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         assert self._filter is not None
         self._newest_us = sample.t_us
         self.used += 1
         self.last_used_ns = t_ns
-        if self._watch.suspects(sample):
+        is_stuck, is_at_end = self._watch.suspects(sample), self._ends.holds(sample)
+        if is_stuck or is_at_end:
             sample = sample._replace(clipped=True)
+        if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
+            self._filter.use_delays(self.timing.delays)
         try:
-            estimate = self._filter.update(sample)
+            unled = self._filter.update(sample)
         except ArithmeticError:
             # A filter must not raise; if one does, the vehicle still needs the next attitude.
             self.restart()
             self.rejected["filter_error"] += 1
-            return Outcome(sample, None, event)
-        if estimate is not None and not all(map(math.isfinite, estimate.q_nb + estimate.w_b)):
+            return Outcome(sample, event=event)
+        if unled is not None and not all(map(math.isfinite, unled.q_nb + unled.w_b)):
             self.restart()
             self.rejected["non_finite_estimate"] += 1
-            estimate = None
-        self.has_estimate = estimate is not None
-        return Outcome(sample, estimate, event)
+            unled = None
+        self.has_estimate = unled is not None
+        if unled is None:
+            return Outcome(sample, event=event)
+        return Outcome(sample, led(unled, self.timing.delays.gyro_s), unled, event)

@@ -165,10 +165,13 @@ class AidingRecord(NamedTuple):
     """What else the filter was told of, when it changed.
 
     Attributes:
-        kind: velocity, field, vehicle.
+        kind: velocity, field, vehicle, delays.
         north_m_s: velocity over ground (kind velocity).
         field_norm_ut: expected earth field (kind field).
         on_ground: disarmed or landed (kind vehicle).
+        gyro_delay_s: age of rates and forces at the time that their message claims (kind delays);
+            empty where it is not known.
+        field_delay_s: the same of the field.
     """
 
     kind: str
@@ -182,3 +185,5 @@ class AidingRecord(NamedTuple):
     declination_deg: float | None = None
     on_ground: bool | None = None
     airspeed_m_s: float | None = None
+    gyro_delay_s: float | None = None
+    field_delay_s: float | None = None

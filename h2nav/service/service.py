@@ -21,6 +21,7 @@ from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Record, Send, Severity, Used
 from h2nav.service.estimation import Estimation, FilterFor
+from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import preference
 from h2nav.service.lateness import Lateness
@@ -28,6 +29,7 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
 from h2nav.service.outputs import Outputs
+from h2nav.service.parameter_request import ParameterRequest
 from h2nav.service.pulse import Pulse
 from h2nav.service.sample_clock import Verdict
 from h2nav.service.settings import ServiceSettings
@@ -48,6 +50,7 @@ from h2nav.wire.vehicle import (
     CommandAck,
     Heartbeat,
     LandedState,
+    ParameterValue,
     StatusText,
     SystemTime,
     TimeSyncMessage,
@@ -58,6 +61,10 @@ TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
+# How often the message is asked for that only lends its field: a compass is read at 10 to 20 Hz,
+# and a link that carries few samples carries few fields.
+FIELD_RATE_HZ = 20.0
+FIELD_SHARE = 0.2
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
@@ -106,7 +113,7 @@ class Service:
     def __init__(self, settings: ServiceSettings, surroundings: Surroundings) -> None:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
-        self._estimation = Estimation(surroundings.filter_for, settings.autopilot.imu_message)
+        self._estimation = Estimation(surroundings.filter_for, settings.autopilot)
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         self._notices = Notices(settings.output.status_text)
         self._lateness = Lateness()
@@ -126,6 +133,7 @@ class Service:
         self.time_sync = TimeSync()
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
+        self._parameter = ParameterRequest()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
         self._link_trouble = ""
@@ -137,6 +145,7 @@ class Service:
             Job(self._heartbeat, lambda: SECOND_NS),
             Job(self._ask_time, self._time_sync_pause_ns),
             Job(self._ask_streams, lambda: TIMER_NS),
+            Job(self._ask_parameter, lambda: SECOND_NS),
             Job(self._report, lambda: SECOND_NS),
         )
 
@@ -328,7 +337,9 @@ class Service:
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
-        return self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
+        self._parameter = ParameterRequest(self._estimation.timing.parameter)
+        bound = self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
+        return [*bound, self._delays_record()]
 
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         t_ns = envelope.t_ns
@@ -345,7 +356,8 @@ class Service:
         # The attitude leaves before anything is written down.
         if estimate is not None:
             effects += self._send_all(self._outputs.due(estimate))
-        effects += self.motion.on_sample(t_ns, sample, estimate)
+        # Rates and forces are late, and what is computed with them needs the attitude they had.
+        effects += self.motion.on_sample(t_ns, sample, outcome.unled)
         effects.append(Used(sample, estimate, self._lateness.late_ns))
         if not self._units.is_over:
             effects += self._check_units(t_ns, sample)
@@ -366,6 +378,7 @@ class Service:
         self._start_over()
         if self._streams is not None:
             self._streams.restart()
+        self._parameter.restart()
         rebooted = event is Verdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.tell(t_ns, Severity.WARNING, text)
@@ -398,11 +411,30 @@ class Service:
             case CommandAck():
                 self._on_ack(t_ns, message)
             case StatusText():
-                if self._streams is not None:
-                    self._streams.said(message.text)
+                self._on_text(message)
+            case ParameterValue():
+                return self._on_parameter(t_ns, message)
             case NoFix():
                 pass
         return []
+
+    def _on_text(self, said: StatusText) -> None:
+        if self._streams is not None:
+            self._streams.said(said.text)
+
+    def _on_parameter(self, t_ns: int, parameter: ParameterValue) -> list[Effect]:
+        self._parameter.heard(parameter.name)
+        if not self._estimation.timing.hears(parameter):
+            return []
+        late_ms = 1e3 * (self._estimation.timing.ages().rates_s or 0.0)
+        text = f"{parameter.name} {parameter.value:g} Hz: rates {late_ms:.1f} ms late"
+        told = self._notices.tell(t_ns, Severity.INFO, text, parameter.name)
+        return [*told, self._delays_record()]
+
+    def _delays_record(self) -> Record:
+        rates_s, field_s = self._estimation.timing.ages()
+        record = records.AidingRecord("delays", gyro_delay_s=rates_s, field_delay_s=field_s)
+        return Record("/aiding", record)
 
     def _on_time_sync(
         self, envelope: Envelope, message: TimeSyncMessage, owned: bool
@@ -458,6 +490,16 @@ class Service:
         request = self._streams.next_request(t_ns, identity.address)
         return [] if request is None else [self._send(request)]
 
+    def _ask_parameter(self, t_ns: int) -> list[Effect]:
+        may_ask = self._settings.autopilot.request_streams and self._autopilot.is_confirmed
+        identity = self._autopilot.identity
+        if not may_ask or identity is None or self._link_error is not None:
+            return []
+        if not self._pulse.is_heard(t_ns):
+            return []
+        request = self._parameter.next(t_ns, identity.address)
+        return [] if request is None else [self._send(request)]
+
     def _report(self, t_ns: int) -> list[Effect]:
         effects: list[Effect] = [Record("/health", self.health)]
         for reason, count in self.rejected.items():
@@ -477,6 +519,10 @@ class Service:
         wanted = self._settings
         first, *others = preference(autopilot, wanted.autopilot.imu_message)
         wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
+        is_raw = autopilot in IMU_MESSAGES[first].raw_field_of
+        if is_raw and CALIBRATED_ID in others:
+            field_rate_hz = min(FIELD_RATE_HZ, FIELD_SHARE * wanted.autopilot.imu_rate_hz)
+            wishes.append(Wish(CALIBRATED_ID, field_rate_hz))
         if wanted.aiding.gps_velocity or wanted.north.declination != "none":
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
         wishes.append(Wish(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
@@ -538,8 +584,7 @@ class Service:
         if self._told_dependent or self._estimation.is_independent:
             return []
         self._told_dependent = True
-        row = self._estimation.imu_message
-        source = row.name if row else "its velocity"
+        source = self._estimation.dependent_source
         text = f"not independent: {source} holds the autopilot's own estimate"
         return self._notices.tell(t_ns, Severity.NOTICE, text)
 

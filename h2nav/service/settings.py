@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
-from h2nav.validation import OneOf, Within
+from h2nav.validation import AutoOrWithin, OneOf, Within
 
 RateHz = Annotated[float, Within(0.0, 1000.0)]
 SystemId = Annotated[int, Within(0, 255)]
+Delay = Annotated[float | str, AutoOrWithin(0.0, 0.2)]
 
 IMU_MESSAGE_CHOICES = (
     "auto",
@@ -33,6 +34,9 @@ class AutopilotSettings:
         request_streams: ask for streams at all (False on a link where another program does).
         simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
             truth.
+        gyro_delay_s: how old rates and forces are at the time that their message claims; `auto` =
+            what is known of the make of autopilot and of its low-pass. Attitudes are led by it.
+        field_delay_s: the same of the magnetic field.
     """
 
     system_id: SystemId = 0
@@ -41,6 +45,8 @@ class AutopilotSettings:
     imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
     request_streams: bool = True
     simulation_truth: bool = False
+    gyro_delay_s: Delay = "auto"
+    field_delay_s: Delay = "auto"
 
 
 @dataclass(frozen=True, slots=True)

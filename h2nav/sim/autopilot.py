@@ -89,6 +89,7 @@ class FakeAutopilot:
             self.schedule,
             options.seed,
             options.personality.stamp_jitter_us,
+            options.personality.ages,
         )
         streams = (*options.personality.streams, *options.extra_streams)
         if options.scenario.wheels_at is not None:

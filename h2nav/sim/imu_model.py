@@ -173,7 +173,7 @@ def readings(
     """
     ideal = _IdealImu(gyro_sampling, field)
     motions = [motion_at(t * 1e-6) for t in t_us]
-    rows = [ideal.read(t, motion) for t, motion in zip(t_us, motions, strict=True)]
+    rows = [ideal.read(t, motion, motion.q_nb) for t, motion in zip(t_us, motions, strict=True)]
     return Readings(
         np.array(t_us, dtype=np.int64),
         np.array([row[0] for row in rows]),
@@ -216,19 +216,26 @@ class ImuModel:
         x, y, z = p.gyro_bias_deg_s
         self.gyro_bias: Vec3 = (x * DEG, y * DEG, z * DEG)  # of the latest sample, rad/s
 
-    def sample(self, t_us: int, motion: Motion, disturbance: Disturbance = CALM) -> ImuSample:
+    def sample(
+        self,
+        t_us: int,
+        motion: Motion,
+        disturbance: Disturbance = CALM,
+        field_q_nb: Quat | None = None,
+    ) -> ImuSample:
         """One sample; `ImuSample.clipped` says that a value stands at the end of its range.
 
         Args:
             t_us: time stamp, later than that of the sample before.
-            motion: the truth at `t_us`.
+            motion: the truth that rates and forces show.
             disturbance: what the surroundings add.
+            field_q_nb: the attitude that the field shows; None = that of `motion`.
         """
         dt_s = self._first_dt_s
         if self._before_us is not None:
             dt_s = max((t_us - self._before_us) * 1e-6, _SHORTEST_S)
         self._before_us = t_us
-        rate, force, field = self._ideal.read(t_us, motion)
+        rate, force, field = self._ideal.read(t_us, motion, field_q_nb or motion.q_nb)
         if disturbance.vibration_m_s2:
             force = _shaken(force, t_us, disturbance.vibration_m_s2)
         n = self._row()
@@ -294,7 +301,7 @@ class _IdealImu:
         self._field_n = field_vector(field)
         self._before: tuple[int, Quat] | None = None
 
-    def read(self, t_us: int, motion: Motion) -> tuple[Vec3, Vec3, Vec3]:
+    def read(self, t_us: int, motion: Motion, field_q_nb: Quat) -> tuple[Vec3, Vec3, Vec3]:
         """Rate (rad/s), specific force (m/s^2) and field (microtesla), body frame."""
         rate = motion.w_b
         if self._sampling is GyroSampling.MEAN:
@@ -303,8 +310,7 @@ class _IdealImu:
                 if 0.0 < dt_s <= _LONGEST_INTEGRAL_S:
                     rate = mean_rate(self._before[1], motion.q_nb, dt_s)
             self._before = (t_us, motion.q_nb)
-        w, x, y, z = motion.q_nb
-        field = quaternion.rotate((w, -x, -y, -z), self._field_n)
+        field = quaternion.rotate(quaternion.conjugate(field_q_nb), self._field_n)
         return rate, specific_force(motion), field
 
 

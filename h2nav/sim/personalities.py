@@ -14,6 +14,7 @@ from h2nav.sim.imu_streams import (
     raw_imu,
 )
 from h2nav.sim.streams import ALL_AUTOPILOTS, Stream
+from h2nav.sim.vehicle import Ages
 
 MS_NS = 1_000_000
 COPTER_LOOP_HZ = 400
@@ -36,6 +37,7 @@ class Personality(NamedTuple):
         unknown_text: the same about an unknown message.
         takes_data_streams: whether it obeys REQUEST_DATA_STREAM.
         stamp_jitter_us: the largest delay between an IMU sample and its time stamp.
+        ages: how old what its messages show is at their time.
         parameters: values by name.
         boot_text: what a serial port shows at power-on, before and after the first heartbeats.
         mav_type: MAV_TYPE of its heartbeat; None = that of the scenario's vehicle.
@@ -53,6 +55,7 @@ class Personality(NamedTuple):
     unknown_text: str
     takes_data_streams: bool
     stamp_jitter_us: int
+    ages: Ages
     parameters: dict[str, float]
     boot_text: tuple[bytes, ...]
     mav_type: int | None = None
@@ -96,6 +99,8 @@ ARDUPILOT = Personality(
     takes_data_streams=True,
     # The stamp is taken when the message is sent; intervals were seen to vary by 0.09 ms.
     stamp_jitter_us=200,
+    # A low-pass of 20 Hz; the compass is read at 10 Hz, and the mean since the last time is shown.
+    ages=Ages(0.01125, 0.05),
     parameters={
         "SYSID_THISMAV": 1.0,
         "FRAME_CLASS": 1.0,
@@ -171,6 +176,8 @@ PX4 = Personality(
     unknown_text="",
     takes_data_streams=False,
     stamp_jitter_us=0,
+    # Means over 5 ms; of the field over 67 ms.
+    ages=Ages(0.0025, 0.04),
     parameters={
         "SYS_AUTOSTART": 4001.0,
         "IMU_GYRO_CUTOFF": 40.0,

@@ -8,7 +8,7 @@ from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.sim.faults import FaultSchedule
-from h2nav.sim.imu_model import ImuModel, ImuParameters
+from h2nav.sim.imu_model import CALM, GyroSampling, ImuModel, ImuParameters
 from h2nav.sim.rigid_motion import Motion
 from h2nav.sim.scenarios import Scenario
 from h2nav.sim.sensor_faults import SensorFaults
@@ -39,6 +39,18 @@ LEFT_BIAS_DEG_S = 0.1
 BOTH_IMUS = (0, 1)
 
 
+class Ages(NamedTuple):
+    """How old what the autopilot's messages show is at their time, s.
+
+    Attributes:
+        rates_s: rates and forces, which have gone through a low-pass.
+        field_s: the field, which is read now and then.
+    """
+
+    rates_s: float
+    field_s: float
+
+
 class Estimate(NamedTuple):
     """The autopilot's own estimate."""
 
@@ -57,6 +69,8 @@ class Vehicle:
         schedule: faults of the sensors and of the clock.
         seed: of all random numbers.
         stamp_jitter_us: the largest delay between a sample and its time stamp.
+        ages: of what the sensors show. Each sample is an instant of the past: what a low-pass does
+            to a motion that is slow against it.
     """
 
     def __init__(
@@ -66,11 +80,13 @@ class Vehicle:
         schedule: FaultSchedule,
         seed: int,
         stamp_jitter_us: int,
+        ages: Ages,
     ) -> None:
         self.scenario = scenario
         self.home = HOME
         self.random = random.Random(f"vehicle {seed}")
         self._schedule = schedule
+        self._ages = ages
         self._imus = [self._new_imu(sensor, seed, index) for index in BOTH_IMUS]
         self._faults = SensorFaults(schedule)
         self._own_error = _SlowError(random.Random(f"estimate {seed}"))
@@ -166,13 +182,12 @@ class Vehicle:
         """The sample of IMU 0 (which has the faults) or 1."""
         sample = self._samples.get(index)
         if sample is None:
-            calm = self._imus[index].sample
+            shown = self.scenario.motion(self.t_s - self._ages.rates_s)
+            field_q_nb = self.scenario.motion(self.t_s - self._ages.field_s).q_nb
+            disturbance = self._faults.disturbance(self.t_s) if index == 0 else CALM
+            sample = self._imus[index].sample(self.boot_us, shown, disturbance, field_q_nb)
             if index == 0:
-                disturbance = self._faults.disturbance(self.t_s)
-                sample = calm(self.boot_us, self.motion, disturbance)
                 sample = self._faults.apply(self.t_s, sample)
-            else:
-                sample = calm(self.boot_us, self.motion)
             self._samples[index] = sample
         return sample
 
@@ -204,7 +219,7 @@ class Vehicle:
     def _new_imu(self, sensor: ImuParameters, seed: int, index: int) -> ImuModel:
         bias = random.Random(f"bias {seed} {index}")
         x, y, z = (b + bias.gauss(0.0, LEFT_BIAS_DEG_S) for b in sensor.gyro_bias_deg_s)
-        own = sensor._replace(gyro_bias_deg_s=(x, y, z))
+        own = sensor._replace(gyro_bias_deg_s=(x, y, z), gyro_sampling=GyroSampling.INSTANT)
         return ImuModel(own, self.home.field, 1000 * seed + index)
 
 

@@ -17,6 +17,15 @@ from h2nav.wire.refused import Refused, need_finite, need_time, need_within
 
 MILLI_G = GRAVITY_M_S2 * 1e-3
 INT16_END = 32_767
+# No usual gyro measures more. Autopilots cast to int16 without a limit, so that 32.8 to 34.9 rad/s
+# come as -32.8 to -30.6: such a value may mean either.
+GYRO_RANGE_RAD_S = math.radians(2000.0)
+AMBIGUOUS_MRAD_S = math.floor(2 * (INT16_END + 1) - GYRO_RANGE_RAD_S * 1e3)
+# The end of the range as it shows after a bias of 10 deg/s has been subtracted.
+CLIPPED_RATE_RAD_S = GYRO_RANGE_RAD_S - math.radians(10.0)
+# Of the usual 16 g; from here on ArduPilot too counts a sample as clipped.
+CLIPPED_FORCE_MG = 15_500
+CLIPPED_FORCE_M_S2 = 15.5 * GRAVITY_M_S2
 UT_PER_MGAUSS = 0.1
 UT_PER_GAUSS = 100.0
 # Beyond any gyro (4,000 deg/s) and any accelerometer (200 g) that flies.
@@ -37,7 +46,7 @@ class ImuReading(NamedTuple):
         w_b: angular rate, rad/s.
         f_b: specific force, m/s^2; never exactly zero.
         m_b_ut: magnetic field, microtesla; None where the message carries no field.
-        clipped: an integer stands at the end of its range.
+        clipped: a value stands at the end of its message's or of any usual sensor's range.
     """
 
     time: int
@@ -53,7 +62,7 @@ class ImuReading(NamedTuple):
 
 def _integers(time: int, m: Any) -> ImuReading:
     """RAW_IMU and SCALED_IMU*: milli-g, mrad/s, mgauss in int16."""
-    motion = (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)
+    rates, forces = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
     if m.xacc == 0 and m.yacc == 0 and m.zacc == 0:
         # SCALED_IMU3 of a vehicle with two IMUs and three compasses looks so.
         raise Refused("zero_force")
@@ -65,7 +74,10 @@ def _integers(time: int, m: Any) -> ImuReading:
         None
         if no_field
         else (m.xmag * UT_PER_MGAUSS, m.ymag * UT_PER_MGAUSS, m.zmag * UT_PER_MGAUSS),
-        max(motion) >= INT16_END or min(motion) <= -INT16_END,
+        max(rates) >= AMBIGUOUS_MRAD_S
+        or min(rates) <= -AMBIGUOUS_MRAD_S
+        or max(forces) >= CLIPPED_FORCE_MG
+        or min(forces) <= -CLIPPED_FORCE_MG,
     )
 
 
@@ -89,9 +101,13 @@ def _highres_imu(m: Any) -> ImuReading:
         raise Refused("zero_force")
     need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
     need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
-    return ImuReading(
-        need_time("time_out_of_range", m.time_usec), rate, force, field, clipped=False
+    clipped = (
+        max(rate) >= CLIPPED_RATE_RAD_S
+        or min(rate) <= -CLIPPED_RATE_RAD_S
+        or max(force) >= CLIPPED_FORCE_M_S2
+        or min(force) <= -CLIPPED_FORCE_M_S2
     )
+    return ImuReading(need_time("time_out_of_range", m.time_usec), rate, force, field, clipped)
 
 
 def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
@@ -117,6 +133,7 @@ class ImuMessage(NamedTuple):
         time_unit_us: microseconds per count of its time.
         read: its fields to a reading; raises `Refused`.
         bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
+        raw_field_of: autopilots that put the field of the sensor into it, not calibrated.
     """
 
     name: str
@@ -124,7 +141,10 @@ class ImuMessage(NamedTuple):
     time_unit_us: int
     read: Callable[[Any], ImuReading]
     bias_removed_by: frozenset[int] = frozenset()
+    raw_field_of: frozenset[int] = frozenset()
 
+
+_PX4 = frozenset({mavlink.MAV_AUTOPILOT_PX4})
 
 IMU_MESSAGES: dict[int, ImuMessage] = {
     row.message_id: row
@@ -134,12 +154,17 @@ IMU_MESSAGES: dict[int, ImuMessage] = {
             mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
             1,
             _highres_imu,
-            frozenset({mavlink.MAV_AUTOPILOT_PX4}),
+            bias_removed_by=_PX4,
         ),
         ImuMessage("RAW_IMU", mavlink.MAVLINK_MSG_ID_RAW_IMU, 1, _raw_imu),
-        ImuMessage("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU, 1000, _scaled_imu),
-        ImuMessage("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2, 1000, _scaled_imu),
-        ImuMessage("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3, 1000, _scaled_imu),
+        *(
+            ImuMessage(name, message_id, 1000, _scaled_imu, raw_field_of=_PX4)
+            for name, message_id in (
+                ("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU),
+                ("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2),
+                ("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3),
+            )
+        ),
     )
 }
 IDS_BY_NAME = {row.name: row.message_id for row in IMU_MESSAGES.values()}

@@ -103,6 +103,11 @@ def param_value(name: str, value: float, index: int, count: int) -> OutMessage:
     )
 
 
+def param_request_read(target: Address, name: str) -> OutMessage:
+    """PARAM_REQUEST_READ of a parameter by its name."""
+    return mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
+
+
 def autopilot_version(major: int, minor: int, patch: int) -> OutMessage:
     """AUTOPILOT_VERSION of this component, which is where MAVLink asks for a version."""
     version = major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV

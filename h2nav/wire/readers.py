@@ -15,6 +15,7 @@ from h2nav.wire.vehicle import (
     CommandAck,
     Heartbeat,
     LandedState,
+    ParameterValue,
     StatusText,
     SystemTime,
     TimeSyncMessage,
@@ -29,6 +30,7 @@ Message = (
     | EstimatedVelocity
     | Heartbeat
     | LandedState
+    | ParameterValue
     | StatusText
     | SystemTime
     | Airspeed
@@ -82,6 +84,7 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: position.local_position,
     mavlink.MAVLINK_MSG_ID_COMMAND_LONG: questions.command,
     mavlink.MAVLINK_MSG_ID_COMMAND_INT: questions.command,
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE: vehicle.param_value,
     mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: questions.param_request_list,
     mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: questions.param_request_read,
     mavlink.MAVLINK_MSG_ID_PARAM_SET: questions.param_set,

@@ -92,6 +92,19 @@ class CommandAck(NamedTuple):
     target: tuple[int, int]
 
 
+class ParameterValue(NamedTuple):
+    """PARAM_VALUE.
+
+    Attributes:
+        name: of the parameter.
+        value: as ArduPilot sends all of them, and PX4 those that are floats; NaN and infinity are
+            None.
+    """
+
+    name: str
+    value: float | None
+
+
 class StatusText(NamedTuple):
     """STATUSTEXT, a piece of at most 50 characters."""
 
@@ -137,6 +150,11 @@ def time_sync(m: Any) -> TimeSyncMessage:
 def status_text(m: Any) -> StatusText:
     """STATUSTEXT; the codec has made a text of whatever its bytes are."""
     return StatusText(m.text)
+
+
+def param_value(m: Any) -> ParameterValue:
+    """PARAM_VALUE; integers of PX4 are bits that are no number of ours."""
+    return ParameterValue(m.param_id, m.param_value if math.isfinite(m.param_value) else None)
 
 
 def command_ack(m: Any) -> CommandAck:

@@ -13,7 +13,7 @@ from needs import DEG
 from synthetic_imu import FIELD, Disturbance, fly, slow, still
 
 from h2nav.attitude.filter import AttitudeFilter, FilterState
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, Trust
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, SensorDelays, Trust
 from h2nav.maths import quaternion
 
 ATTITUDES = [
@@ -126,6 +126,23 @@ def test_a_field_that_is_no_number_is_as_none(name: str, bad: float) -> None:
     assert found[0] == found[1]
 
 
+@every_filter
+def test_a_late_field_costs_no_filter_more_for_being_expected_late(name: str) -> None:
+    """In level yaw nothing but the expectation shows that the field is 50 ms late."""
+    flight = fly(lambda t: (0.0, 0.0, 2.0 * math.sin(0.7 * t)), 40.0, 22, bias_b=NO_BIAS)
+    fields = [sample.m_b_ut for sample in flight.samples]
+    late = [s._replace(m_b_ut=fields[max(i - 5, 0)]) for i, s in enumerate(flight.samples)]
+    errors = []
+    for delays in (SensorDelays(), SensorDelays(gyro_s=0.01, field_s=0.06)):
+        filter_ = new_filter(name)
+        filter_.use_delays(delays)
+        found = estimates_of(filter_, late)
+        pairs = list(zip(found, flight.q_nb[-len(found) :], strict=True))[-3000:]
+        errors.append(math.hypot(*(quaternion.angle(e.q_nb, q) for e, q in pairs)))
+    knows_latency = name in ("velocity_aided", "velocity_aided_integer")
+    assert errors[1] < 0.5 * errors[0] if knows_latency else errors[1] == errors[0]
+
+
 # --- samples that measure nothing ---------------------------------------------------------------
 
 
@@ -225,6 +242,8 @@ def test_a_run_split_anywhere_is_identical(
     fixes = standing if aided else None
     field = FIELD._replace(declination_rad=0.2) if told else None
     whole, first = (new_filter(name, GROUND if ground else FLYING, field) for _ in range(2))
+    for filter_ in (whole, first):
+        filter_.use_delays(SensorDelays(0.008, 0.05) if told else SensorDelays())
     expected = drive(whole, samples, fixes)
     found = drive(first, samples[:split], fixes)
     second = FILTERS[name]()

@@ -290,15 +290,21 @@ def test_errors_of_the_link_are_told_when_they_change():
     assert told == ["no_link: no such device", "no_link: permission denied"]
 
 
-def test_what_is_not_independent_on_px4_is_said():
-    """HIGHRES_IMU of PX4 has its estimator's bias removed."""
-    configuration = dataclasses.replace(
-        SIMULATED, autopilot=dataclasses.replace(SIMULATED.autopilot, imu_message="HIGHRES_IMU")
-    )
+@pytest.mark.parametrize(
+    ("imu_message", "said"),
+    [
+        ("HIGHRES_IMU", "not independent: HIGHRES_IMU"),
+        ("auto", "not independent: the field of HIGHRES_IMU"),
+        ("SCALED_IMU", None),
+    ],
+)
+def test_what_is_not_independent_on_px4_is_said(imu_message, said):
+    """HIGHRES_IMU of PX4 has its estimator's biases removed, that of the field among them."""
+    autopilot = dataclasses.replace(SIMULATED.autopilot, imu_message=imu_message)
+    configuration = dataclasses.replace(SIMULATED, autopilot=autopilot)
     flight = SimulatedFlight("rest", personality=PX4, configuration=configuration).run(5.0)
-    assert flight.first("not independent: HIGHRES_IMU") is not None
-    assert not flight.health.independent
-    assert SimulatedFlight("rest", personality=PX4).run(5.0).health.independent
+    assert (flight.first(said or "not independent") is None) == (said is None)
+    assert flight.health.independent == (said is None)
 
 
 def test_a_stranger_is_vouched_for_by_a_frame_of_the_vehicle_alone():

@@ -39,14 +39,15 @@ def assert_right(flight, start_s, end_s=math.inf, velocity_m_s=0.25):
 def test_twist_and_bias_come_right_within_5_s(name):
     """30 Hz, 50 ms late, a tenth lost, 2 deg/s of bias: after 5 s 0.25 m/s, 0.03 rad/s, 0.1 m.
 
-    The bias itself is right within 0.005 rad/s. (The rate's bound holds the gyro's noise.)
+    The bias itself is right within 0.006 rad/s. (The rate's bound holds the gyro's noise; the
+    rates are 11 ms old.)
     """
     flight = twist_flight(camera=CAMERA._replace(message=name, drop_out=0.1)).run(9.0)
     first_s = odometry(flight)[0][0]
     assert first_s < 1.0
     assert_right(flight, first_s + 5.0)
     bias = flight.pipeline.service.motion.latest.bias_w
-    assert math.dist(bias, flight.autopilot.vehicle.gyro_bias(0)) < 0.005
+    assert math.dist(bias, flight.autopilot.vehicle.gyro_bias(0)) < 0.006
     assert flight.seen.states[-1][1] == "active"
     assert odometry(flight)[-1][1].reset_counter == 0
     # Poses of before the first sample.

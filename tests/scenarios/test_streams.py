@@ -16,6 +16,7 @@ from h2nav.service.settings import AutopilotSettings
 from h2nav.service.stream_requests import MOST_PER_MINUTE
 from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 
+HIGHRES_ID = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 BATTERY_SWAP = ("power-off@10+100",)
 
 
@@ -166,3 +167,16 @@ def test_without_requests_no_rate_is_complained_of():
     assert requests(flight) == []
     assert stream_notices(flight) == []
     assert flight.seen.states[-1][1] == "active"
+
+
+def test_a_px4_that_sends_nothing_by_itself_is_asked_for_its_calibrated_field():
+    streams = tuple(
+        stream._replace(default_hz=0.0) if stream.message_id == HIGHRES_ID else stream
+        for stream in PX4.streams
+    )
+    silent = PX4._replace(streams=streams)
+    flight = SimulatedFlight("flight", personality=silent, configuration=Configuration()).run(20.0)
+    asked = [row[1:] for row in requests(flight)]
+    assert (HIGHRES_ID, pytest.approx(20.0)) in asked
+    assert flight.health.imu_message == "SCALED_IMU"
+    assert not flight.health.independent

@@ -182,6 +182,7 @@ def test_a_trial_is_evaluated_without_the_filters_of_the_extras(base, tmp_path):
         ("evaluate dataset trials --filter vqf", "peers", "vqf"),
         ("evaluate dataset trials --filter ahrs.ekf", "peers", "ahrs"),
         ("evaluate dataset trials --plots out", "plots", "matplotlib"),
+        ("evaluate flights recordings --plots out", "plots", "matplotlib"),
         ("evaluate observer --plots out", "plots", "matplotlib"),
         ("odometry calibrate drive.csv --plots out", "plots", "matplotlib"),
     ],

@@ -25,6 +25,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     Trust,
     Vec3,
     VehicleState,
@@ -227,6 +228,9 @@ class ConstantGainFilter:
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Ignored: this filter has no velocity."""
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Ignored: this filter takes the field as it comes."""
 
     def restart(self) -> None:
         """Forgets time and attitude; keeps the bias."""

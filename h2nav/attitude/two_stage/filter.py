@@ -16,6 +16,7 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     Quat,
+    SensorDelays,
     Trust,
     Vec3,
     VehicleState,
@@ -149,6 +150,9 @@ class TwoStageFilter:
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Ignored: this filter has no velocity aiding."""
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Ignored: this filter takes the field as it comes."""
 
     def restart(self) -> None:
         """See `AttitudeFilter`."""

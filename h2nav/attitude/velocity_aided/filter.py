@@ -19,20 +19,30 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
+    SensorErrors,
     Trust,
-    Vec3,
     VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided import memory
+from h2nav.attitude.velocity_aided.air_alignment import (
+    LONGEST_S,
+    AirAlignment,
+    Leveled,
+    Reference,
+)
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.heading_witness import HIGH_PASS_S, INFLATION, HeadingWitness
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
-from h2nav.attitude.velocity_aided.kernel.start import begin
+from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
+from h2nav.attitude.velocity_aided.kernel.start import begin, find_in_air
 from h2nav.attitude.velocity_aided.kernel.step import step
+from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
 from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
-from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
-from h2nav.maths.quaternion import Quat, multiply
-from h2nav.maths.units import DEG
+from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
+from h2nav.maths.quaternion import multiply
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 # A field is waited for so long; the forces are averaged at least so long.
 FIELD_WAIT_S = 0.25
@@ -47,6 +57,8 @@ MOST_FIELD_UT = 1e6
 HEAD_SIZE = 3
 # After this time of running the start-up transient is over.
 CONVERGED_S = 10.0
+# Deviation of a tilt that was not followed for a while, in flight.
+AIR_TILT_SIGMA = 20.0 * DEG
 # Heading counts as referenced below this predicted deviation.
 REFERENCED_RAD = 15.0 * DEG
 
@@ -89,6 +101,8 @@ class VelocityAidedFilter:
         self._aligned = False
         self._window: alignment.Alignment | None = None
         self._aiding = VelocityAiding()
+        self._air: AirAlignment | None = None
+        self._witness = HeadingWitness()
         s, u = self._memory, self._sample
         # A C struct makes a new view whenever it is asked for a vector, and iterating over a view
         # takes five times as long as a slice: they are asked for once, and read by slices.
@@ -125,7 +139,9 @@ class VelocityAidedFilter:
         """
         if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_S * 1e6:
             return False
-        return self._aligned and not self._memory.aided and self._aiding.is_idle(t_us)
+        if self._air is not None or not self._aligned or self._memory.aided:
+            return False
+        return self._aiding.is_idle(t_us)
 
     @property
     def gain_set(self) -> int:
@@ -134,21 +150,40 @@ class VelocityAidedFilter:
 
     @property
     def field_latency_s(self) -> float:
-        """How late the magnetometer's samples are, as learnt so far."""
+        """How late the magnetometer's samples are against the gyro's, as learnt so far."""
         s, g = self._memory, self._g
-        return min(max(s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior), 0.0), g.mag_lag_limit)
+        expected = g.mag_lag_prior * s.mag_lag_expected
+        lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
+        return min(max(lag, 0.0), g.mag_lag_limit)
 
     @property
-    def bias_variance(self) -> Vec3:
-        """Variances of the bias, (rad/s)^2, body."""
-        return self._memory.p_xx, self._memory.p_yy, self._memory.p_zz
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+        s, gravity = self._memory, self._g.gravity
+        x, y = s.accel_bias[:]
+        xx, _, yy = s.p_accel[:]
+        return SensorErrors(
+            (s.p_xx, s.p_yy, s.p_zz),
+            (gravity * x, gravity * y, 0.0),
+            (gravity * gravity * xx, gravity * gravity * yy),
+            self.field_latency_s,
+            s.fix_lag_s,
+            s.fix_lag_variance,
+        )
 
-    def know_bias(self, variance: Vec3, walked_s: float) -> None:
-        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
         s, g = self._memory, self._g
-        x, y, z = (min(v + g.bias_walk * walked_s, g.bias_variance) for v in variance)
+        walk = g.bias_walk * walked_s
+        x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
         s.p_xx, s.p_yy, s.p_zz = x, y, z
         s.p_xy = s.p_xz = s.p_yz = 0.0
+        if min(errors.force_variance) > 0.0:
+            walk, unit = g.accel_walk * walked_s, g.gravity * g.gravity
+            xx, yy = (min(v / unit + walk, g.accel_variance) for v in errors.force_variance)
+            s.p_accel[:] = (xx, 0.0, yy)
+            lag = errors.fix_latency_variance + g.fix_lag_walk * walked_s
+            s.fix_lag_variance = min(lag, g.fix_lag_variance)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
@@ -163,6 +198,8 @@ class VelocityAidedFilter:
         if not is_plausible(sample):
             return self._estimate(sample.t_us, memory.SATURATED) if self._aligned else None
         if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
+            if self._aligned and self._sample.rest_prior == 0.0:
+                return self._resume(sample)
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
@@ -179,6 +216,8 @@ class VelocityAidedFilter:
         self._fill_velocity(sample.t_us)
         bits = self._step(s, self._g, u)
         self._t_us = sample.t_us
+        if self._air is not None:
+            self._follow_in_air(self._air, sample)
         self._aiding.remember(sample.t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
         return self._estimate(sample.t_us, bits)
 
@@ -198,6 +237,8 @@ class VelocityAidedFilter:
             u.has_fix = 1.0
             u.fix_velocity_n, u.fix_velocity_e = fix.v_n
             u.fix_gained_n, u.fix_gained_e = fix.gained
+            u.fix_accel_n, u.fix_accel_e = fix.rate
+            self._ask_velocity(fix)
             u.fix_variance = fix.variance
             u.fix_period_s = fix.period_s
 
@@ -220,15 +261,80 @@ class VelocityAidedFilter:
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
-        if self._aligned and self._t_us is not None:
-            self._aiding.offer(fix, self._t_us)
+        if not self._aligned or self._t_us is None:
+            return
+        if self._aiding.offer(fix, self._t_us) and self._air is not None:
+            self._air.take(fix.t_us - self._memory.fix_lag_s * 1e6, fix.v_n)
+            self._align_in_air(self._air, max(fix.sigma_m_s, LEAST_SIGMA_M_S))
+
+    def _ask_velocity(self, fix: TimedFix) -> None:
+        """Takes the heading that the velocities show, where it contradicts the filter's."""
+        s = self._memory
+        if self._air is not None or s.age_s < HIGH_PASS_S:
+            return
+        turned, density = s.heading_turned, gyro_density(s, self._g)
+        seen = self._witness.take(
+            fix.v_n, fix.earlier, turned, fix.period_s, math.sqrt(fix.variance), density
+        )
+        s.heading_witnessed = 0.0 if seen is None else 1.0
+        if seen is not None and seen.contradicts:
+            turn_heading(s, self._g, seen.turn_rad)
+            s.heading_variance = min(s.heading_variance, (INFLATION * seen.sigma_rad) ** 2)
+            s.mag_accepted_age_s = max(s.mag_accepted_age_s, -1.0)
+            # The tilt was corrected by velocities that were turned the wrong way.
+            self._air = AirAlignment(self._t_us or 0)
+
+    def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
+        """Adds a sample to the window; the window ends when it is long enough."""
+        if window.is_over(sample.t_us):
+            self._air = None
+            return
+        s = self._memory
+        w, f = sample.w_b, sample.f_b
+        x, y, z = s.gyro_bias[:]
+        a, b = s.accel_bias[:]
+        rate = (w[0] - x, w[1] - y, w[2] - z)
+        force = (f[0] - GRAVITY_M_S2 * a, f[1] - GRAVITY_M_S2 * b, f[2])
+        is_new = s.mag_age_s == 0.0  # a driver holds a field for some samples
+        field = sample.m_b_ut if is_new else None
+        window.add(sample.t_us, rate, force, field, self.field_latency_s)
+
+    def _align_in_air(self, window: AirAlignment, sigma_m_s: float) -> None:
+        """Takes what the window shows so far."""
+        s, g = self._memory, self._g
+        reference = Reference(
+            0.0 if s.heading_witnessed > 0.0 else s.mag_ref_norm,
+            s.mag_ref_dip,
+            s.declination,
+            g.mag_norm_gate,
+            g.mag_dip_gate,
+        )
+        w, x, y, z = s.q_nb[:]
+        self._take_level(window.solve((w, x, y, z), reference, sigma_m_s))
+
+    def _take_level(self, found: Leveled | None) -> None:
+        """Goes on with what a window in the air has shown."""
+        if found is None:
+            return
+        s = self._memory
+        tilt_sigma = math.hypot(found.tilt_sigma_rad, math.sqrt(2.0 * s.p_accel[0]))
+        s.q_nb[:] = found.q_nb
+        find_in_air(s, self._g, found.length_s, tilt_sigma, found.heading_sigma_rad)
+        if found.heading_sigma_rad < math.inf:
+            self._witness.clear()
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        self._memory.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def restart(self) -> None:
-        """Forgets time and attitude; bias, field and what is known of the sensors stay."""
-        self._aligned = False
+        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        self._aligned &= self._sample.rest_prior == 0.0
         self._t_us = None
         self._window = None
         self._aiding.clear()
+        self._witness.clear()
+        self._air = None
 
     def state(self) -> FilterState:
         """The complete memory of the filter."""
@@ -262,18 +368,32 @@ class VelocityAidedFilter:
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
         if window.length_s < wait:
             return None
-        self._begin(sample, alignment.attitude(window), window.fields > 0)
         self._window = None
-        return self._estimate(sample.t_us, memory.RESTARTED)
-
-    def _begin(self, sample: ImuSample, q_mb: Quat, has_field: bool) -> None:
-        """Everything but bias, bias covariance, latency and references starts anew."""
         s = self._memory
         half = 0.5 * s.declination
-        s.q_nb[:] = multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q_mb)
-        begin(s, self._g, sample.w_b, sample.f_b, self._sample.forward_speed, has_field=has_field)
+        turned = (math.cos(half), 0.0, 0.0, math.sin(half))
+        s.q_nb[:] = multiply(turned, alignment.attitude(window))
+        s.mag_accepted_age_s = 0.0 if window.fields else -1.0
+        s.age_s = 0.0
+        return self._begin(sample, LEVEL_SIGMA)
+
+    def _resume(self, sample: ImuSample) -> AttitudeEstimate:
+        """After a gap in the air: a force of the air says less of the tilt than the last one."""
+        self._memory.mag_accepted_age_s = -1.0
+        self._memory.age_s = LONGEST_S
+        return self._begin(sample, AIR_TILT_SIGMA)
+
+    def _begin(self, sample: ImuSample, tilt_sigma_rad: float) -> AttitudeEstimate:
+        """Everything but attitude, bias, its covariance, latency and references starts anew."""
+        speed = self._sample.forward_speed
+        begin(self._memory, self._g, sample.w_b, sample.f_b, speed, tilt_sigma_rad)
         self._t_us = sample.t_us
         self._aligned = True
+        self._aiding.clear()
+        self._witness.clear()
+        self._air = AirAlignment(sample.t_us) if self._sample.rest_prior == 0.0 else None
+        self._sample.gyro[:] = sample.w_b
+        return self._estimate(sample.t_us, memory.RESTARTED)
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         s = self._memory

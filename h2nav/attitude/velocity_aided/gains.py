@@ -22,6 +22,7 @@ class Parameter(NamedTuple):
         factor: from the file's unit to the kernel's.
         power: 2 for what the kernel uses squared.
         low, high: limits in the file's unit.
+        absent: what holds for a file of a time before this parameter; None where every file has it.
     """
 
     field: str
@@ -29,6 +30,7 @@ class Parameter(NamedTuple):
     power: int
     low: float
     high: float
+    absent: float | None = None
 
 
 # One row per physical parameter; meaning and effect of each: docs/filter.md, section 7.
@@ -68,12 +70,21 @@ PARAMETERS: dict[str, Parameter] = {
     "rest_force_m_s2": Parameter("rest_accel", 1.0, 2, 0.0, 10.0),
     "rest_time_s": Parameter("rest_time_s", 1.0, 1, 0.0, 600.0),
     "rest_noise_deg_s_rthz": Parameter("rest_noise", DEG, 2, 1e-4, 10.0),
+    "accel_bias_start_m_s2": Parameter("accel_variance", 1.0 / GRAVITY_M_S2, 2, 0.0, 2.0, 0.0),
+    "accel_bias_walk_m_s2_rts": Parameter("accel_walk", 1.0 / GRAVITY_M_S2, 2, 0.0, 0.1, 0.0),
+    "fix_latency_start_s": Parameter("fix_lag_variance", 1.0, 2, 0.0, 0.5, 0.0),
+    "fix_latency_walk_s_rts": Parameter("fix_lag_walk", 1.0, 2, 0.0, 0.1, 0.0),
+    "fix_latency_limit_s": Parameter("fix_lag_limit", 1.0, 1, 0.0, 0.4, 0.0),
+    "gyro_jitter_share": Parameter("jitter_share", 1.0, 1, 0.0, 10.0, 0.0),
+    "field_silence_s": Parameter("field_silence_s", 1.0, 1, 0.0, 1e9, 1e9),
+    "field_heading_gate_sigmas": Parameter("mag_heading_gate", 1.0, 2, 0.0, 100.0, 0.0),
 }
 CRUISE_SPEED = "cruise_speed_m_s"
 TABLES = ("set_bounds_s4", "k_tilt_s2", "k_velocity_s", "fix_periods_s", "k_fix_tilt_s")
 LIMITS = {key: Within(row.low, row.high) for key, row in PARAMETERS.items()}
 LIMITS[CRUISE_SPEED] = Within(0.0, 1000.0)
 _KEYS = ("vehicle_class", *PARAMETERS, CRUISE_SPEED, *TABLES, "k_fix_velocity")
+_REQUIRED = tuple(key for key in _KEYS if key not in PARAMETERS or PARAMETERS[key].absent is None)
 
 
 class VelocityAidedGains(NamedTuple):
@@ -123,7 +134,7 @@ def velocity_aided_gains(file: GainFile, place: str) -> VelocityAidedGains:
     if file.filter_name != "velocity_aided":
         raise BadInput(f"{place}: kind: expected velocity_aided for this filter, found {file.kind}")
     section = file.gains
-    errors = key_complaints(section, _KEYS, _KEYS, place, "gains.")
+    errors = key_complaints(section, _KEYS, _REQUIRED, place, "gains.")
     errors += class_complaints(section, place, "gains.")
     parameters = numbers_within(section, LIMITS, errors, place, "gains.")
     if not errors:
@@ -143,7 +154,8 @@ def kernel_gains(parameters: Mapping[str, float], sets: GainSets) -> Gains:
     """The kernel's gains from the parameters in the file's units and the gain sets."""
     g = Gains(gravity=GRAVITY_M_S2)
     for key, row in PARAMETERS.items():
-        setattr(g, row.field, (row.factor * parameters[key]) ** row.power)
+        value = parameters[key] if row.absent is None else parameters.get(key, row.absent)
+        setattr(g, row.field, (row.factor * value) ** row.power)
     periods = sets.fix_periods
     g.set_bounds[:] = sets.bounds
     g.k_tilt[:] = sets.k_tilt

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
+from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
 
 # A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
 OLDEST_S = 0.6
@@ -18,9 +19,11 @@ FASTEST_M_S = 1000.0
 FIXES_TO_START = 3
 LOST_S = 2.5
 SHORTEST_PERIOD_S = 0.05
+# Over so long the acceleration at the time of a fix is taken.
+RATE_S = 0.1
 # The filter's past, for fixes that are late: spacing and length.
 SPACING_US = 10_000
-PAST_LENGTH = 72
+PAST_LENGTH = 102
 
 
 class TimedFix(NamedTuple):
@@ -29,12 +32,16 @@ class TimedFix(NamedTuple):
     Attributes:
         v_n: velocity north and east, m/s.
         gained: velocity gained until then, north and east, in the filter's unit.
+        rate: what was gained per second then, over `RATE_S`.
+        earlier: what was gained until so long before as `LATENCIES_S` says.
         variance: of either part, (m/s)^2.
         period_s: time since the fix before.
     """
 
     v_n: tuple[float, float]
     gained: tuple[float, float]
+    rate: tuple[float, float]
+    earlier: tuple[tuple[float, float], ...]
     variance: float
     period_s: float
 
@@ -106,9 +113,13 @@ class VelocityAiding:
         self._waiting = None
         if not self.is_aided(t_us):
             return None
+        then = self._gained(float(fix.t_us), gained)
+        before = self._gained(fix.t_us - RATE_S * 1e6, gained)
         return TimedFix(
             (fix.v_n[0], fix.v_n[1]),
-            self._gained(float(fix.t_us), gained),
+            then,
+            ((then[0] - before[0]) / RATE_S, (then[1] - before[1]) / RATE_S),
+            tuple(self._gained(fix.t_us - back * 1e6, gained) for back in LATENCIES_S),
             max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2,
             self._period_s,
         )

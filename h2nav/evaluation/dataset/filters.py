@@ -16,9 +16,11 @@ import numpy.typing as npt
 from h2nav.attitude import alignment, batch, native
 from h2nav.attitude.filter import AttitudeFilter, tell
 from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
+from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
+    SensorDelays,
     Trust,
     VelocityFix,
 )
@@ -150,7 +152,8 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     """Runs one of our filters, the fastest way that shows what is wanted."""
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
-    is_plain = is_plain and not any(isinstance(each.what, VelocityFix) for each in told)
+    special = (VelocityFix, SensorDelays)  # batches take no fixes, and lead no attitude
+    is_plain = is_plain and not any(isinstance(each.what, special) for each in told)
     if is_plain and _is_compiled(chosen):
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)
@@ -193,12 +196,16 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
     sets: list[int] = []
     coming = iter(told)
     following = next(coming, None)
+    late_s = 0.0
     started = time.process_time()
     for row, sample in enumerate(taken):
         while following is not None and following.row <= row:
             tell(chosen, following.what)
+            if isinstance(following.what, SensorDelays):
+                late_s = following.what.gyro_s
             following = next(coming, None)
-        estimates.append(chosen.update(sample))
+        estimate = chosen.update(sample)
+        estimates.append(None if estimate is None else led(estimate, late_s))
         if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)

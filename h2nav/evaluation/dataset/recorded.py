@@ -15,13 +15,14 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorDelays,
     VehicleState,
     VelocityFix,
 )
 from h2nav.errors import BadInput
 from h2nav.evaluation.reference import Pairs, Reference
 from h2nav.evaluation.rows import enu_from_ned, from_euler
-from h2nav.io.trials import Told, Trial, usual_rate_hz
+from h2nav.io.trials import Told, ToldOf, Trial, usual_rate_hz
 from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2
@@ -45,18 +46,18 @@ class Listener:
 
     Attributes:
         name: as filters have one.
-        now_us: time of arrival of the message under way.
         stretches: so far; the last one is being filled.
         identity: of the autopilot, once it is known.
     """
 
     def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
         self.name = "listener"
-        self.now_us = 0
+        self._now_us = 0
         self.stretches = [Stretch()]
         self.identity: Identity | None = None
         self._vehicle: VehicleState | None = None
         self._field: EarthField | None = None
+        self._delays: SensorDelays | None = None
         self._make = make
         self._filter: AttitudeFilter | None = None
 
@@ -67,10 +68,14 @@ class Listener:
         self._filter = None if self._make is None else self._make(identity)
         return self
 
+    def arrives(self, t_ns: int) -> None:
+        """What comes from now on has arrived at this host time."""
+        self._now_us = t_ns // 1000
+
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Keeps a sample."""
         self.stretches[-1].samples.append(sample)
-        self.stretches[-1].arrived_us.append(self.now_us)
+        self.stretches[-1].arrived_us.append(self._now_us)
         return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
@@ -87,8 +92,13 @@ class Listener:
         """Keeps a velocity."""
         self._take(fix)
 
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Keeps the sensors' delays."""
+        self._delays = delays
+        self._take(delays)
+
     def restart(self) -> None:
-        """Begins a stretch, in which the last state and field still hold."""
+        """Begins a stretch, in which the last state, field and delays still hold."""
         self._begin_stretch()
         if self._filter is not None:
             self._filter.restart()
@@ -96,7 +106,7 @@ class Listener:
     def _begin_stretch(self) -> None:
         if self.stretches[-1].samples:
             self.stretches.append(Stretch())
-            for what in (self._vehicle, self._field):
+            for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
                     self._keep(what)
         self.stretches[-1].identity = self.identity
@@ -108,12 +118,12 @@ class Listener:
     def restore(self, state: FilterState) -> None:
         """See `state`."""
 
-    def _take(self, what: VehicleState | EarthField | VelocityFix) -> None:
+    def _take(self, what: ToldOf) -> None:
         self._keep(what)
         if self._filter is not None:
             tell(self._filter, what)
 
-    def _keep(self, what: VehicleState | EarthField | VelocityFix) -> None:
+    def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]
         stretch.told.append(Told(len(stretch.samples), what))
 

@@ -1,12 +1,11 @@
 import json
-import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
-from needs import DEG, REPOSITORY, need_package
+from needs import DEG, need_package
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from replayed import Replayed
+from replayed import TAKEOFF, Replayed, rewritten
 
 from h2nav import cli
 from h2nav.apps import configuration
@@ -15,34 +14,12 @@ from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.filters import Conditions, run_velocity_aided
 from h2nav.evaluation.scoring import errors, rms
-from h2nav.io.deframer import Deframer
-from h2nav.io.recordings import open_recording
 from h2nav.io.trials import Trial
-
-TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 
 
 @pytest.fixture(scope="module")
 def takeoff() -> Trial:
     return read(TAKEOFF)
-
-
-def rewritten(path: Path, *, without: int = -1, times: int = 1) -> Path:
-    """The flight without a message, or several times in a row."""
-    source = open_recording(TAKEOFF)
-    entries = []
-    for t_ns, data in source.received():
-        if without not in (frame.msg_id for frame in Deframer().feed(data)):
-            entries.append((t_ns, data))
-    span_ns = entries[-1][0] - entries[0][0] + 1_000_000_000
-    path.write_bytes(
-        b"".join(
-            struct.pack(">Q", (t_ns + turn * span_ns) // 1000) + data
-            for turn in range(times)
-            for t_ns, data in entries
-        )
-    )
-    return path
 
 
 @pytest.mark.parametrize("use_gps", [True, False])

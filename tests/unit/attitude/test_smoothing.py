@@ -11,12 +11,15 @@ from synthetic_imu import FIELD, FIELD_N, GRAVITY, Disturbance, Flight, brisk, f
 
 from h2nav.attitude import smoothing
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
+from h2nav.attitude.lead import led
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
     Quat,
+    SensorDelays,
+    SensorErrors,
     VehicleState,
     VelocityFix,
 )
@@ -97,7 +100,7 @@ def test_reversed_rates_lead_back_to_the_start() -> None:
     """Each rate is the mean since the sample before; unshifted they end 0.4 deg off here."""
     flight = fly(brisk, 5.0, 3, bias_b=(0.0, 0.0, 0.0))
     (piece,) = smoothing._pieces(Given(flight.samples, ()))
-    turned = smoothing._reversed(piece, smoothing._Learnt()).samples
+    turned = smoothing._reversed(smoothing._without(piece, smoothing._Learnt())).samples
     q = flight.q_nb[-1]
     for before, sample in pairwise(turned):
         dt_s = (sample.t_us - before.t_us) * 1e-6
@@ -178,6 +181,62 @@ def test_a_late_field_is_late_in_both_directions() -> None:
     assert chosen.field_latency_s > 0.02
 
 
+def test_smoothed_attitudes_are_led_once() -> None:
+    """Field and rates are equally old, so that nothing but the lead is different."""
+    flight = fly(lambda t: (0.3 * math.sin(t), 0.2, 1.0), 20.0, 13)
+    plain = smooth([Given(flight.samples, TOLD)], make)[0]
+    told = (*TOLD, (0, SensorDelays(0.02, 0.02)), (1000, SensorDelays(0.05, 0.05)))
+    found = smooth([Given(flight.samples, told)], make)[0]
+    lateness = [0.02] * 1000 + [0.05] * 1000
+    assert found == [led(each, late_s) for each, late_s in zip(plain, lateness, strict=True)]
+
+
+def test_accelerometer_bias_and_late_fixes_are_undone() -> None:
+    """Swaying by 1 m/s^2 while it yaws; 0.1 m/s^2 alone are 0.6 deg of tilt."""
+    sway, yaw, late_us = 2.0 * math.pi / 8.0, 0.3, 200_000
+
+    def force(t: float) -> tuple[float, float, float]:
+        a, psi = math.sin(sway * t), yaw * t
+        return (0.1 + a * math.cos(psi), -a * math.sin(psi), 0.0)
+
+    flight = fly(lambda _t: (0.0, 0.0, yaw), 120.0, 14, disturbance=Disturbance(force=force))
+    fixes = []
+    for k in range(1, 600):
+        v_n = (-math.cos(sway * 0.2 * k) / sway, 0.0, 0.0)
+        fixes.append((20 * k + 21, VelocityFix(200_000 * k + late_us, v_n, 0.05)))
+    learnt = []
+
+    def noting() -> VelocityAidedFilter:
+        learnt.append(make())
+        return learnt[-1]
+
+    found = smooth([Given(flight.samples, (*TOLD, *fixes))], noting)[0]
+    first, _, third = (each.sensor_errors for each in learnt)
+    assert first.force_bias_b[0] == pytest.approx(0.1, abs=0.03)
+    assert first.fix_latency_s == pytest.approx(0.2, abs=0.05)
+    assert abs(third.force_bias_b[0]) < 0.03
+    assert third.fix_latency_s < 0.05
+    assert worst(tilt_deg, found, flight.q_nb) < 0.3
+
+
+def test_what_was_not_measured_now_is_not_corrected() -> None:
+    flight = fly(slow, 1.0, 15, field_every=10)
+    fields = [each.m_b_ut for each in flight.samples[::10]]
+    samples = [
+        each._replace(m_b_ut=fields[row // 10], f_b=(0.0, 0.0, 0.0) if row == 50 else each.f_b)
+        for row, each in enumerate(flight.samples)
+    ]
+    (piece,) = smoothing._pieces(Given(samples, ()))
+    errors = SensorErrors((1e-6, 1e-6, 1e-6), (0.1, 0.2, 0.0), field_latency_s=0.05)
+    found = smoothing._without(piece, smoothing._Learnt(errors=errors)).samples
+    assert [row for row, each in enumerate(found) if each.m_b_ut is not None] == [
+        *range(0, 100, 10)
+    ]
+    assert found[50].f_b == (0.0, 0.0, 0.0)
+    x, y, z = samples[49].f_b
+    assert found[49].f_b == pytest.approx((x - 0.1, y - 0.2, z))
+
+
 def test_the_declination_holds_from_the_start() -> None:
     turned = EarthField(FIELD.norm_ut, FIELD.dip_rad, 20.0 * DEG)
     flight = fly(slow, 20.0, 8)
@@ -234,16 +293,34 @@ def test_bad_samples_never_make_a_nan() -> None:
         assert worst(tilt_deg, found, flight.q_nb) < 3.0
 
 
+def test_what_velocities_have_taught_may_have_walked() -> None:
+    gains, unit = _MULTIROTOR.kernel, GRAVITY * GRAVITY
+    chosen = make()
+    chosen.know_sensors(SensorErrors((1e-6, 1e-6, 1e-6)), 100.0)
+    assert chosen.sensor_errors.force_variance == (0.0, 0.0), "nothing has been learnt"
+    known = SensorErrors((1e-6, 1e-6, 1e-6), force_variance=(1e-4, 2e-4), fix_latency_variance=1e-4)
+    chosen.know_sensors(known, 100.0)
+    found = chosen.sensor_errors
+    walk = gains.accel_walk * unit * 100.0
+    assert found.force_variance == pytest.approx((1e-4 + walk, 2e-4 + walk), rel=1e-3)
+    assert found.fix_latency_variance == pytest.approx(1e-4 + gains.fix_lag_walk * 100.0)
+    chosen.know_sensors(known, 1e9)
+    found = chosen.sensor_errors
+    assert found.force_variance == pytest.approx([gains.accel_variance * unit] * 2, rel=1e-3)
+    assert found.fix_latency_variance == gains.fix_lag_variance
+
+
 @pytest.mark.parametrize("name", ["velocity_aided", "velocity_aided_integer"])
 def test_a_known_bias_may_have_walked(name: str) -> None:
     chosen = FILTERS[name]()
-    start = chosen.bias_variance
+    start = chosen.sensor_errors.gyro_variance
     walk = _MULTIROTOR.kernel.bias_walk
-    known = (1e-6, 2e-6, 3e-6)
-    chosen.know_bias(known, 100.0)
-    assert chosen.bias_variance == pytest.approx([v + 100.0 * walk for v in known], rel=0.02)
-    chosen.know_bias(known, 1e9)
-    assert chosen.bias_variance == pytest.approx(start), "never more than at the start"
+    known = SensorErrors((1e-6, 2e-6, 3e-6))
+    chosen.know_sensors(known, 100.0)
+    expected = [v + 100.0 * walk for v in known.gyro_variance]
+    assert chosen.sensor_errors.gyro_variance == pytest.approx(expected, rel=0.02)
+    chosen.know_sensors(known, 1e9)
+    assert chosen.sensor_errors.gyro_variance == pytest.approx(start), "not more than at the start"
     assert isinstance(chosen, smoothing.KnowsSensors)
 
 

@@ -8,6 +8,7 @@ from synthetic_imu import Disturbance, Flight, fly, rms_deg, slow, still, wild
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
+    SensorDelays,
     Trust,
     Vec3,
     VehicleState,
@@ -187,6 +188,29 @@ def test_the_latency_of_the_magnetometer_is_learnt() -> None:
     filter_ = new_filter()
     run(filter_, samples)
     assert filter_.field_latency_s == pytest.approx(0.04, abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("delays", "expected_s"),
+    [
+        (SensorDelays(), 0.0),
+        (SensorDelays(0.008, 0.05), 0.042),
+        (SensorDelays(0.05, 0.008), 0.0),
+        (SensorDelays(0.0, 2.0), 0.1),
+    ],
+)
+def test_a_latency_is_expected_until_one_is_learnt(delays: SensorDelays, expected_s: float) -> None:
+    filter_ = new_filter()
+    filter_.use_delays(delays)
+    assert filter_.field_latency_s == pytest.approx(expected_s)
+
+
+def test_a_latency_that_is_learnt_outweighs_a_wrong_expectation() -> None:
+    flight = fly(lambda t: (1.2 * math.cos(2.0 * t), 1.0 * math.cos(1.7 * t), 0.3), 120.0, 13)
+    filter_ = new_filter()
+    filter_.use_delays(SensorDelays(0.0, 0.05))
+    run(filter_, flight.samples)
+    assert filter_.field_latency_s < 0.008
 
 
 # --- bad samples --------------------------------------------------------------------------------

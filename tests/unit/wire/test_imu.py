@@ -37,6 +37,23 @@ def test_integers_at_their_end_are_clipped(end):
     assert raw_imu(zgyro=end).clipped
 
 
+@pytest.mark.parametrize(("rate_mrad_s", "clipped"), [(30_628, False), (30_629, True)])
+def test_a_rate_that_may_have_wrapped_is_clipped(rate_mrad_s, clipped):
+    """A cast makes 2000 deg/s, 34,907 mrad/s, to -30,629."""
+    assert (34_907 + 32_768) % 65_536 - 32_768 == -30_629
+    assert raw_imu(ygyro=-rate_mrad_s).clipped == clipped
+    assert raw_imu(ygyro=rate_mrad_s).clipped == clipped
+
+
+def test_values_at_the_end_of_usual_sensors_are_clipped_in_every_message():
+    assert highres(xgyro=math.radians(-1995.0)).clipped
+    assert not highres(xgyro=math.radians(-1985.0)).clipped
+    assert highres(zacc=-15.6 * 9.80665).clipped
+    assert not highres(zacc=-15.4 * 9.80665).clipped
+    assert raw_imu(zacc=-15_600).clipped
+    assert not raw_imu(zacc=-15_400).clipped
+
+
 def test_an_all_zero_field_is_no_field():
     assert raw_imu(xmag=0, ymag=0, zmag=0).m_b_ut is None
 

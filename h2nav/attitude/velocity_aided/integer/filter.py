@@ -16,6 +16,8 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     Quat,
+    SensorDelays,
+    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
@@ -206,14 +208,15 @@ class IntegerVelocityAidedFilter:
         return self._memory.mag_lag * LAG_UNIT_S
 
     @property
-    def bias_variance(self) -> Vec3:
-        """Variances of the bias, (rad/s)^2, body."""
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
         s = self._memory
         unit = self._gains.kernel.bias_variance / self._g.bias_variance
-        return s.p_xx * unit, s.p_yy * unit, s.p_zz * unit
+        variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
+        return SensorErrors(variance, field_latency_s=self.field_latency_s)
 
-    def know_bias(self, variance: Vec3, walked_s: float) -> None:
-        """The bias was known with these variances, (rad/s)^2, and has walked for so long since."""
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
         s, g = self._memory, self._gains.kernel
         start = self._g.bias_variance
         x, y, z = (
@@ -221,7 +224,7 @@ class IntegerVelocityAidedFilter:
                 VARIANCE_LEAST,
                 min(round((v + g.bias_walk * walked_s) / g.bias_variance * start), start),
             )
-            for v in variance
+            for v in errors.gyro_variance
         )
         s.p_xx, s.p_yy, s.p_zz = x, y, z
         s.p_xy = s.p_xz = s.p_yz = 0
@@ -371,6 +374,11 @@ class IntegerVelocityAidedFilter:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
         if self._memory.age_us >= 0 and self._t_us is not None:
             self._aiding.offer(fix, self._t_us)
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
+        self._memory.mag_lag_expected = row(Memory, "mag_lag_expected").fixed(lag)
 
     def restart(self) -> None:
         """Forgets time and attitude; bias, field and what is known of the sensors stay."""

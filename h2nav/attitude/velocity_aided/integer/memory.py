@@ -211,6 +211,9 @@ class Memory:
         -(1 << 30), 1 << 30, "", "numerator of the latency of the field's samples"
     )
     mag_lag_den: I32 = integer(0, 1 << 30, "", "denominator of that latency")
+    mag_lag_expected: I32 = integer(
+        -LAG_MOST, LAG_MOST, "8 us", "the latency as far as nothing has been learnt of it"
+    )
     mag_lag: I32 = integer(0, LAG_MOST, "8 us", "latency in use")
     mag_frame_us: I32 = integer(
         0, FIELD_MOST_US, "us", "time that the field of this frame stands for; 0: there is none"
@@ -306,7 +309,7 @@ class Gains:
     )
     mag_new_turn: I32 = integer(0, 1 << 30, "rad", "and after this much turning", q=16)
     mag_lag_prior: I32 = integer(
-        1, 1 << 29, "", "weight of zero latency, as mag_lag_den for a norm of 64 uT"
+        1, 1 << 29, "", "weight of the expected latency, as mag_lag_den for a norm of 64 uT"
     )
     mag_lag_limit: I32 = integer(0, LAG_MOST, "8 us", "largest latency")
     log_set_bounds: list[I32] = integers(

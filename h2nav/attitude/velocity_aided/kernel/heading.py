@@ -6,9 +6,11 @@ Equations: docs/filter.md.
 import math
 
 from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Memory, Sample
-from .prediction import forget_sensitivities
+from .aiding import measure_all
+from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta
 
+LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
 
@@ -42,24 +44,32 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
         s.mag_ref_norm = norm
         s.mag_ref_dip = dip
     lost = s.mag_accepted_age_s
-    if lost > HEADING_LOST:
-        if is_rejected(s, g, norm, dip, age) > 0.0:
-            return 0
-        learn_field(s, g, norm, dip, flat, age, lag)
-    innovation = s.declination - math.atan2(east, north)
-    if innovation > math.pi:
-        innovation = innovation - 2.0 * math.pi
-    if innovation < -math.pi:
-        innovation = innovation + 2.0 * math.pi
+    if lost > HEADING_LOST and is_rejected(s, g, norm, dip, age) > 0.0:
+        return 0
+    innovation = wrapped(s.declination - math.atan2(east, north))
     s.innovation[2] = innovation
+    if (lost >= 0.0 or s.heading_witnessed > 0.0) and heading_contradicts(
+        s, g, innovation, age
+    ) > 0.0:
+        return 0
+    s.heading_rejected_s = 0.0
+    if lost > HEADING_LOST:
+        learn_field(s, g, norm, dip, flat, age, lag)
     s.mag_accepted_age_s = 0.0
-    if lost < 0.0:
+    if lost < 0.0 and s.heading_witnessed == 0.0:
         turn_heading(s, g, innovation)
         return FIELD_USED
-    # Only the disturbance in the heading counts; norm and dip show the other two components.
-    noise = g.mag_noise + g.mag_correlation * s.mag_disturbance
-    measure_heading(s, g, innovation, noise, age)
+    measure_heading(s, g, innovation, age)
     return FIELD_USED
+
+
+def wrapped(angle: float) -> float:
+    """The same angle within half a turn; for one within one and a half."""
+    if angle > math.pi:
+        return angle - 2.0 * math.pi
+    if angle < -math.pi:
+        return angle + 2.0 * math.pi
+    return angle
 
 
 def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
@@ -77,7 +87,8 @@ def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
     lx = wy * mz - wz * my
     ly = wz * mx - wx * mz
     lz = wx * my - wy * mx
-    lag = s.mag_lag_num / (s.mag_lag_den + g.mag_lag_prior)
+    expected = g.mag_lag_prior * s.mag_lag_expected
+    lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
     if lag < 0.0:
         lag = 0.0
     if lag > g.mag_lag_limit:
@@ -109,12 +120,14 @@ def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> flo
     ):
         share = age / (s.mag_new_s + age)
         s.mag_new_s = s.mag_new_s + age
-        s.mag_new_turn = s.mag_new_turn + age * math.sqrt(s.turning)
+        count_turn(s, norm)
         s.mag_new_norm = s.mag_new_norm + share * (norm - s.mag_new_norm)
         s.mag_new_dip = s.mag_new_dip + share * (dip - s.mag_new_dip)
     else:
         s.mag_new_s = age
         s.mag_new_turn = 0.0
+        for i in range(3):
+            s.mag_new_from[i] = s.mag_last[i]
         s.mag_new_norm = norm
         s.mag_new_dip = dip
     if s.mag_new_s < g.mag_new_time_s or s.mag_new_turn < g.mag_new_turn:
@@ -130,6 +143,22 @@ def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> flo
     s.p_zh = 0.0
     s.heading_variance = g.heading_variance
     return 0.0
+
+
+def count_turn(s: Memory, norm: float) -> None:
+    """Credits the turn of the field in body axes, once it is more than noise.
+
+    Source: docs/filter.md Eq. (26).
+    """
+    square = 0.0
+    for i in range(3):
+        d = s.mag_last[i] - s.mag_new_from[i]
+        square = square + d * d
+    if square < LEAST_TURN * LEAST_TURN * norm * norm:
+        return
+    s.mag_new_turn = s.mag_new_turn + math.sqrt(square) / norm
+    for i in range(3):
+        s.mag_new_from[i] = s.mag_last[i]
 
 
 def learn_field(
@@ -166,8 +195,40 @@ def learn_field(
         s.mag_ref_dip = s.mag_ref_dip + share * more_dip
 
 
-def measure_heading(s: Memory, g: Gains, innovation: float, density: float, age: float) -> None:
-    """Theta from a heading that is seen through the tilt error.
+def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> float:
+    """1 while the heading that a field shows is further off than both are expected to be.
+
+    Source: docs/filter.md Eq. (40).
+    """
+    noise = set_jacobian(s, g)
+    if g.mag_heading_gate == 0.0:
+        return 0.0
+    if s.mag_ref_given == 0.0 and s.heading_witnessed == 0.0:
+        # A reference that was learnt may be the one that is wrong.
+        return 0.0
+    a0 = s.jacobian[0]
+    a1 = s.jacobian[1]
+    a2 = s.jacobian[2]
+    a3 = s.jacobian[3]
+    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
+    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
+    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
+    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
+    expected = noise + a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3
+    if innovation * innovation <= g.mag_heading_gate * expected:
+        return 0.0
+    if s.heading_witnessed > 0.0:
+        return 1.0
+    s.heading_rejected_s = s.heading_rejected_s + age
+    if s.heading_rejected_s > g.mag_new_time_s:
+        # It has lasted: the heading is what is wrong.
+        s.heading_rejected_s = 0.0
+        s.mag_accepted_age_s = HEADING_LOST
+    return 1.0
+
+
+def set_jacobian(s: Memory, g: Gains) -> float:
+    """How the heading depends on theta; returns the density of its noise, rad^2 s.
 
     Source: docs/filter.md Eq. (25).
     """
@@ -177,16 +238,38 @@ def measure_heading(s: Memory, g: Gains, innovation: float, density: float, age:
     east = -slope * math.cos(s.declination)
     for i in range(4):
         s.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
-        s.dtheta[i] = 0.0
     s.jacobian[3] = s.jacobian[3] + 1.0
-    tilt = math.sqrt((g.gyro_noise + g.scale_noise * s.turning) * s.velocity_noise)
-    noise = s.startup_inflation * (density + 2.0 * slope * slope * tilt) / age
-    measure_theta(s, s.jacobian, innovation, noise)
+    for i in range(2):
+        s.jacobian_accel[i] = north * s.dtilt_accel_n[i] + east * s.dtilt_accel_e[i]
+    tilt = math.sqrt(gyro_density(s, g) * s.velocity_noise)
+    # Only the disturbance in the heading counts; norm and dip show the other two components.
+    density = g.mag_noise + g.mag_correlation * s.mag_disturbance
+    # A tilt that is not known yet counts for a second.
+    unknown = s.extra_tilt_sigma * s.extra_tilt_sigma
+    return s.startup_inflation * (density + slope * slope * (2.0 * tilt + unknown))
+
+
+def measure_heading(s: Memory, g: Gains, innovation: float, age: float) -> None:
+    """Theta from a heading that is seen through the tilt error.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    noise = set_jacobian(s, g) / age
+    for i in range(4):
+        s.dtheta[i] = 0.0
+    if s.aided > 0.0:
+        s.daccel[0] = 0.0
+        s.daccel[1] = 0.0
+        s.dfix_lag = 0.0
+        measure_all(s, s.jacobian, s.jacobian_accel, 0.0, innovation, noise, 0.0)
+    else:
+        measure_theta(s, s.jacobian, innovation, noise)
     apply_theta(s, 0.0, 0.0)
 
 
 def turn_heading(s: Memory, g: Gains, angle: float) -> None:
     """Takes a heading that nothing was known of from the field alone."""
+    s.heading_turned = s.heading_turned + angle
     cosine = math.cos(0.5 * angle)
     sine = math.sin(0.5 * angle)
     qw = s.q_nb[0]
@@ -197,6 +280,7 @@ def turn_heading(s: Memory, g: Gains, angle: float) -> None:
     s.q_nb[1] = cosine * qx - sine * qy
     s.q_nb[2] = cosine * qy + sine * qx
     s.q_nb[3] = cosine * qz + sine * qw
+    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
     # Velocity and sensitivities were in the frame that has turned.
     forget_sensitivities(s)
     s.velocity_n = 0.0

@@ -70,6 +70,7 @@ def turn(s: Memory, a: float, b: float, c: float) -> None:
     qy = s.q_nb[2]
     qz = s.q_nb[3]
     k = 1.0 / math.sqrt(1.0 + a * a + b * b + c * c)
+    s.heading_turned = s.heading_turned + 2.0 * math.atan2(c, 1.0)
     s.q_nb[0] = k * (qw - a * qx - b * qy - c * qz)
     s.q_nb[1] = k * (qx + a * qw + b * qz - c * qy)
     s.q_nb[2] = k * (qy + b * qw + c * qx - a * qz)
@@ -82,8 +83,8 @@ def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
     Source: docs/filter.md Eq. (5), (8), (13).
     """
     dt = sample.dt_s
-    fx = sample.accel[0] / g.gravity
-    fy = sample.accel[1] / g.gravity
+    fx = sample.accel[0] / g.gravity - s.accel_bias[0]
+    fy = sample.accel[1] / g.gravity - s.accel_bias[1]
     fz = sample.accel[2] / g.gravity
     north = dt * (s.r_nb[0] * fx + s.r_nb[1] * fy + s.r_nb[2] * fz)
     east = dt * (s.r_nb[3] * fx + s.r_nb[4] * fy + s.r_nb[5] * fz)
@@ -99,12 +100,14 @@ def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
         s.fixes_rejected = MOST_REJECTED
         s.tilt_suspect = 0.0
         s.aided = sample.aided
+        begin_bias(s, g)
     if sample.aided > 0.0:
         # Only a measured velocity tells the heading: a bounded one is bounded in any direction.
         s.dvelocity_n[3] = s.dvelocity_n[3] - east
         s.dvelocity_e[3] = s.dvelocity_e[3] + north
         s.gained_n = s.gained_n + north
         s.gained_e = s.gained_e + east
+        predict_accel(s, g, dt)
     s.velocity_n = s.velocity_n + north
     s.velocity_e = s.velocity_e + east
     wx = sample.gyro[0] - s.gyro_bias[0]
@@ -119,7 +122,24 @@ def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
     if s.age_s < time:
         time = s.age_s
     share = dt / time
+    jitter = 0.0
+    for i in range(3):
+        change = sample.gyro[i] - s.gyro_last[i]
+        jolt = change - s.gyro_step[i]
+        jitter = jitter + jolt * jolt
+        s.gyro_step[i] = change
+        s.gyro_last[i] = sample.gyro[i]
+    # White noise comes six times in a second difference, and there are three axes.
+    s.gyro_jitter = s.gyro_jitter + share * (dt * jitter / 18.0 - s.gyro_jitter)
     s.turning = s.turning + share * (wx * wx + wy * wy + wz * wz - s.turning)
+
+
+def gyro_density(s: Memory, g: Gains) -> float:
+    """Density of the gyro's noise as it acts on the tilt, squared, rad^2/s.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    return g.gyro_noise + g.scale_noise * s.turning + g.jitter_share * s.gyro_jitter
 
 
 def forget_sensitivities(s: Memory) -> None:
@@ -128,6 +148,18 @@ def forget_sensitivities(s: Memory) -> None:
     for i in range(4):
         s.dtilt_n[i] = 0.0
         s.dtilt_e[i] = 0.0
+    level_sensitivities(s)
+
+
+def level_sensitivities(s: Memory) -> None:
+    """A tilt that a resting accelerometer shows is wrong by the accelerometer's bias.
+
+    Source: docs/filter.md Eq. (35).
+    """
+    for i in range(2):
+        s.dtilt_accel_n[i] = s.r_nb[i]
+        s.dtilt_accel_e[i] = s.r_nb[3 + i]
+        s.dtilt_lag[i] = 0.0
 
 
 def forget_velocity(s: Memory) -> None:
@@ -135,3 +167,49 @@ def forget_velocity(s: Memory) -> None:
     for i in range(4):
         s.dvelocity_n[i] = 0.0
         s.dvelocity_e[i] = 0.0
+    for i in range(2):
+        s.dvelocity_accel_n[i] = 0.0
+        s.dvelocity_accel_e[i] = 0.0
+        s.dvelocity_lag[i] = 0.0
+
+
+def begin_bias(s: Memory, g: Gains) -> None:
+    """Measured velocities come, or come no more: what they teach begins, or is kept as it is.
+
+    Source: docs/filter.md Eq. (35), (36).
+    """
+    for i in range(4):
+        s.p_accel_x[i] = 0.0
+        s.p_accel_y[i] = 0.0
+    level_sensitivities(s)
+    if s.aided > 0.0 and s.p_accel[0] == 0.0:
+        s.p_accel[0] = g.accel_variance
+        s.p_accel[2] = g.accel_variance
+        s.fix_lag_variance = g.fix_lag_variance
+
+
+def predict_accel(s: Memory, g: Gains, dt: float) -> None:
+    """Bias of the accelerometer and latency over one step.
+
+    Source: docs/filter.md Eq. (34), (38).
+    """
+    dx = dt * s.r_nb[6]
+    dy = dt * s.r_nb[7]
+    dz = dt * s.r_nb[8]
+    s.p_accel_x[3] = s.p_accel_x[3] - (
+        dx * s.p_accel_x[0] + dy * s.p_accel_x[1] + dz * s.p_accel_x[2]
+    )
+    s.p_accel_y[3] = s.p_accel_y[3] - (
+        dx * s.p_accel_y[0] + dy * s.p_accel_y[1] + dz * s.p_accel_y[2]
+    )
+    walk = g.accel_walk * dt
+    if s.p_accel[0] < g.accel_variance:
+        s.p_accel[0] = s.p_accel[0] + walk
+    if s.p_accel[2] < g.accel_variance:
+        s.p_accel[2] = s.p_accel[2] + walk
+    if s.fix_lag_variance < g.fix_lag_variance:
+        s.fix_lag_variance = s.fix_lag_variance + g.fix_lag_walk * dt
+    for i in range(2):
+        s.dvelocity_accel_n[i] = s.dvelocity_accel_n[i] + dt * (s.dtilt_accel_n[i] - s.r_nb[i])
+        s.dvelocity_accel_e[i] = s.dvelocity_accel_e[i] + dt * (s.dtilt_accel_e[i] - s.r_nb[3 + i])
+        s.dvelocity_lag[i] = s.dvelocity_lag[i] + dt * s.dtilt_lag[i]

@@ -29,7 +29,9 @@ def predict_theta(s: Memory, g: Gains, dt: float) -> None:
     c0 = p00 * dx + p01 * dy + p02 * dz
     c1 = p01 * dx + p11 * dy + p12 * dz
     c2 = p02 * dx + p12 * dy + p22 * dz
-    turn_noise = dt * (g.gyro_noise + g.heading_scale_noise * s.turning)
+    turn_noise = dt * (
+        g.gyro_noise + g.jitter_share * s.gyro_jitter + g.heading_scale_noise * s.turning
+    )
     both = (c0 - 2.0 * p03) * dx + (c1 - 2.0 * p13) * dy + (c2 - 2.0 * p23) * dz
     s.p_xh = p03 - c0
     s.p_yh = p13 - c1
@@ -87,6 +89,35 @@ def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) 
     s.dtheta[2] = d2 + h2 * e
     s.dtheta[3] = d3 + h3 * e
     shrink(s, h0, h1, h2, h3, scale)
+
+
+def measure_level(s: Memory, row: list[float], innovation: float, noise: float) -> None:
+    """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
+
+    Source: docs/filter.md Eq. (39), (41).
+    """
+    a0 = row[0]
+    a1 = row[1]
+    a2 = row[2]
+    a3 = row[3]
+    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
+    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
+    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
+    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
+    scale = 1.0 / (a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + noise)
+    d0 = s.dtheta[0]
+    d1 = s.dtheta[1]
+    d2 = s.dtheta[2]
+    vertical = s.r_nb[6] * h0 + s.r_nb[7] * h1 + s.r_nb[8] * h2
+    v0 = vertical * s.r_nb[6]
+    v1 = vertical * s.r_nb[7]
+    v2 = vertical * s.r_nb[8]
+    e = scale * (innovation - a0 * d0 - a1 * d1 - a2 * d2)
+    s.dtheta[0] = d0 + (h0 - v0) * e
+    s.dtheta[1] = d1 + (h1 - v1) * e
+    s.dtheta[2] = d2 + (h2 - v2) * e
+    shrink(s, h0, h1, h2, h3, scale)
+    shrink(s, v0, v1, v2, h3, -scale)
 
 
 def shrink(s: Memory, h0: float, h1: float, h2: float, h3: float, scale: float) -> None:

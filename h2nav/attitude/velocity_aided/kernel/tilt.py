@@ -53,8 +53,8 @@ def check_level(s: Memory, g: Gains, sample: Sample) -> int:
         return 0
     elif sample.rest_prior == 2.0:
         cosine = GROUND_COSINE
-    fx = s.accel_lp[0]
-    fy = s.accel_lp[1]
+    fx = s.accel_lp[0] - g.gravity * s.accel_bias[0]
+    fy = s.accel_lp[1] - g.gravity * s.accel_bias[1]
     fz = s.accel_lp[2]
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
     ratio = norm / g.gravity
@@ -72,8 +72,8 @@ def begin_anew(s: Memory, g: Gains, sample: Sample) -> int:
 
     Source: docs/filter.md Eq. (30).
     """
-    fx = sample.accel[0]
-    fy = sample.accel[1]
+    fx = sample.accel[0] - g.gravity * s.accel_bias[0]
+    fy = sample.accel[1] - g.gravity * s.accel_bias[1]
     fz = sample.accel[2]
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
     if s.clipped_angle > ALL_CLIPPED and norm > 0.0:

@@ -16,8 +16,9 @@ from ..memory import (
     Memory,
     Sample,
 )
-from .prediction import forget_velocity
-from .theta import apply_theta, measure_theta
+from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, measure_all, use_gains
+from .prediction import forget_velocity, gyro_density
+from .theta import apply_theta, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
@@ -65,7 +66,13 @@ def use_bounded_velocity(s: Memory, g: Gains, sample: Sample) -> int:
     if dt * s.k_velocity > 0.5:
         keep = 0.5 / s.k_velocity
     noise = s.startup_inflation * noise * (1.0 / dt + s.k_velocity)
-    correct_velocity(s, north, east, noise, keep * s.k_tilt, keep * s.k_velocity)
+    silence = s.mag_accepted_age_s
+    if silence < 0.0:
+        silence = s.age_s
+    knows_heading = 1.0
+    if silence > g.field_silence_s:
+        knows_heading = 0.0
+    correct_velocity(s, north, east, noise, keep * s.k_tilt, keep * s.k_velocity, knows_heading)
     return FORCE_USED
 
 
@@ -76,6 +83,8 @@ def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
     """
     north = sample.fix_velocity_n / g.gravity + s.gained_n - sample.fix_gained_n - s.velocity_n
     east = sample.fix_velocity_e / g.gravity + s.gained_e - sample.fix_gained_e - s.velocity_e
+    north = north + s.fix_lag_s * sample.fix_accel_n
+    east = east + s.fix_lag_s * sample.fix_accel_e
     square = north * north + east * east
     period = sample.fix_period_s
     variance = sample.fix_variance / (g.gravity * g.gravity)
@@ -113,7 +122,7 @@ def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
     s.k_tilt = g.k_fix_tilt[row + number]
     s.k_velocity = g.k_fix_velocity[row + number]
     noise = s.startup_inflation * g.fix_inflation * density / (period * (1.0 - s.k_velocity))
-    correct_velocity(s, north, east, noise, s.k_tilt, s.k_velocity)
+    correct_by_fix(s, g, sample, north, east, noise)
     return FORCE_USED | VELOCITY_USED
 
 
@@ -122,7 +131,7 @@ def select_set(s: Memory, g: Gains, density: float) -> int:
 
     Source: docs/filter.md Eq. (9), (14).
     """
-    wanted = (g.gyro_noise + g.scale_noise * s.turning) / density
+    wanted = gyro_density(s, g) / density
     ramp = g.start_factor / s.age_s
     ramp = ramp * ramp
     ramp = ramp * ramp
@@ -136,8 +145,35 @@ def select_set(s: Memory, g: Gains, density: float) -> int:
     return number
 
 
+def correct_by_fix(
+    s: Memory, g: Gains, sample: Sample, north: float, east: float, noise: float
+) -> None:
+    """Both stages for a measured velocity.
+
+    Source: docs/filter.md Eq. (16) - (19), (37) - (39).
+    """
+    for i in range(4):
+        s.dtheta[i] = 0.0
+    s.daccel[0] = 0.0
+    s.daccel[1] = 0.0
+    s.dfix_lag = 0.0
+    row_lag = s.dvelocity_lag[0] - sample.fix_accel_n
+    measure_all(s, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, 1.0)
+    row_lag = s.dvelocity_lag[1] - sample.fix_accel_e
+    measure_all(s, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, 1.0)
+    use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
+    correct_accel(s, g)
+    use_constant_gain(s, north, east, s.k_tilt, s.k_velocity, accel_tilt_n(s), accel_tilt_e(s))
+
+
 def correct_velocity(
-    s: Memory, north: float, east: float, noise: float, kt: float, kv: float
+    s: Memory,
+    north: float,
+    east: float,
+    noise: float,
+    kt: float,
+    kv: float,
+    knows_heading: float,
 ) -> None:
     """Both stages: the constant gain on tilt and velocity, the covariance on theta.
 
@@ -148,13 +184,31 @@ def correct_velocity(
         noise: variance of either innovation without the error of theta, s^2.
         kt: tilt per innovation, 1/s.
         kv: velocity per innovation.
+        knows_heading: 0: nothing tells the heading, and what moves it is not learnt.
 
     Source: docs/filter.md Eq. (10), (17) - (19), (30).
     """
     for i in range(4):
         s.dtheta[i] = 0.0
-    measure_theta(s, s.dvelocity_n, north, noise)
-    measure_theta(s, s.dvelocity_e, east, noise)
+    if knows_heading > 0.0:
+        measure_theta(s, s.dvelocity_n, north, noise)
+        measure_theta(s, s.dvelocity_e, east, noise)
+    else:
+        measure_level(s, s.dvelocity_n, north, noise)
+        measure_level(s, s.dvelocity_e, east, noise)
+    use_constant_gain(s, north, east, kt, kv, 0.0, 0.0)
+
+
+def use_constant_gain(
+    s: Memory,
+    north: float,
+    east: float,
+    kt: float,
+    kv: float,
+    tilt_n: float,
+    tilt_e: float,
+) -> None:
+    """The constant gain on tilt and velocity, and all corrections."""
     for i in range(4):
         s.dtilt_n[i] = s.dtilt_n[i] - kt * s.dvelocity_n[i]
         s.dvelocity_n[i] = s.dvelocity_n[i] - kv * s.dvelocity_n[i]
@@ -162,7 +216,7 @@ def correct_velocity(
         s.dvelocity_e[i] = s.dvelocity_e[i] - kv * s.dvelocity_e[i]
     s.velocity_n = s.velocity_n + kv * north
     s.velocity_e = s.velocity_e + kv * east
-    apply_theta(s, kt * north, kt * east)
+    apply_theta(s, kt * north + tilt_n, kt * east + tilt_e)
     s.extra_tilt_sigma = s.extra_tilt_sigma - 0.5 * kv * s.extra_tilt_sigma
     s.innovation[0] = kt * east
     s.innovation[1] = -kt * north

@@ -79,9 +79,12 @@ def resolve_field(s: Memory, g: Gains) -> None:
     s.mag_span_us = 0
     size = s.mag_ref_norm >> 14
     weight = limited((size * size) >> 9, 32767)
+    prior = product(g.mag_lag_prior, weight)
+    # what a latency that is certain would have made of the numerator, with its 2^-11 and >> 3
+    expected = product(prior, s.mag_lag_expected) << 1
     lag = ratio(
-        clamp(s.mag_lag_num, 0, 1 << 30) >> 3,
-        s.mag_lag_den + product(g.mag_lag_prior, weight) + 1,
+        clamp((s.mag_lag_num >> 3) + expected, 0, 1 << 30),
+        s.mag_lag_den + prior + 1,
     )
     s.mag_lag = clamp(lag >> 1, 0, g.mag_lag_limit)
     for i in range(3):

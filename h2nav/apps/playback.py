@@ -1,0 +1,228 @@
+"""A recording through the service of the daemon: with which inputs, and how it is played."""
+
+import argparse
+import dataclasses
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import VEHICLE_CLASSES, FilterFactory
+from h2nav.apps.log_contents import RecordedInputs, inputs_of
+from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
+from h2nav.errors import BadInput
+from h2nav.io.deframer import Deframer
+from h2nav.io.earth_field import earth_field_at
+from h2nav.io.recorder import Recorder
+from h2nav.io.recordings import Recording
+from h2nav.service.estimation import FilterFor
+from h2nav.service.service import Service, Surroundings
+
+TICK_NS = 100_000_000
+# After so long a silence there is nothing more that the service could report.
+SILENCE_NS = 60_000_000_000
+
+
+class Wishes(NamedTuple):
+    """What the user wants otherwise than the recording's own run had it; None = no wish.
+
+    Attributes:
+        config: configuration file.
+        filter_name: filter to run.
+        vehicle_class: instead of the heartbeat's.
+        gps_velocity: fuse the GPS velocity.
+    """
+
+    config: Path | None = None
+    filter_name: str | None = None
+    vehicle_class: str | None = None
+    gps_velocity: bool | None = None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options that `wishes` reads."""
+    parser.add_argument(
+        "-c",
+        "--config",
+        type=Path,
+        metavar="CONFIG.yaml",
+        help="configuration (default: the one in our MCAP, else the defaults)",
+    )
+    parser.add_argument(
+        "--filter",
+        choices=tuple(configuration.ARITHMETICS),
+        help="filter to run instead of the configured one",
+    )
+    parser.add_argument(
+        "--class",
+        dest="vehicle_class",
+        choices=VEHICLE_CLASSES,
+        help="vehicle class instead of the heartbeat's",
+    )
+
+
+def wishes(args: argparse.Namespace) -> Wishes:
+    """What the command line says."""
+    return Wishes(args.config, args.filter, args.vehicle_class)
+
+
+class Inputs(NamedTuple):
+    """What a recording is played with.
+
+    Attributes:
+        configuration: in force.
+        filters: make the filter.
+        unix_s: the date of the run.
+        is_original: nothing differs from the run that made the recording.
+        whole_frames: the run verified signatures: what it received stands in the recording as the
+            frames that were admitted, and nothing else.
+    """
+
+    configuration: Configuration
+    filters: FilterFactory
+    unix_s: float
+    is_original: bool
+    whole_frames: bool
+
+
+def inputs_for(recording: Recording, wished: Wishes) -> Inputs:
+    """Configuration and gains: the recording's own, unless somebody wishes otherwise.
+
+    Raises:
+        BadInput: a configuration or a gain file cannot be used.
+    """
+    recorded = _recorded(recording, has_own=wished.config is not None)
+    if wished.config is not None:
+        chosen = configuration.read(wished.config)
+    else:
+        chosen = recorded.configuration if recorded else Configuration()
+    chosen = _changed(chosen, wished)
+    whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
+    if recorded is not None and chosen == recorded.configuration:
+        filters = FilterFactory.recorded(
+            chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_files
+        )
+        return Inputs(chosen, filters, recorded.unix_s, True, whole_frames)
+    filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+    return Inputs(chosen, filters, date_of(recording, recorded), False, whole_frames)
+
+
+def date_of(recording: Recording, recorded: RecordedInputs | None) -> float:
+    """The date to begin with, UNIX seconds; today's where the recording has none."""
+    if recorded is not None:
+        return recorded.unix_s
+    return time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
+
+
+def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
+    changes: dict[str, Any] = {}
+    if wished.filter_name is not None:
+        changes["name"] = wished.filter_name
+        # The name alone says which arithmetic is meant.
+        if wished.filter_name in ("two_stage", "constant_gain"):
+            changes["arithmetic"] = configuration.ARITHMETICS[wished.filter_name][0]
+    if wished.vehicle_class is not None:
+        changes["vehicle_class"] = wished.vehicle_class
+    chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))
+    if wished.gps_velocity is not None:
+        chosen = fusing_gps(chosen, wished.gps_velocity)
+    return chosen
+
+
+def fusing_gps(chosen: Configuration, is_wanted: bool) -> Configuration:
+    """The configuration with or without the GPS velocity."""
+    aiding = dataclasses.replace(chosen.aiding, gps_velocity=is_wanted)
+    return dataclasses.replace(chosen, aiding=aiding)
+
+
+def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
+    """What the recording's own run worked with; who brings inputs does without unusable ones."""
+    try:
+        return inputs_of(recording)
+    except BadInput:
+        if has_own:
+            return None
+        raise
+
+
+def pipeline_for(
+    recording: Recording,
+    inputs: Inputs,
+    recorder: Recorder | None,
+    watcher: Watcher,
+    filter_for: FilterFor | None = None,
+) -> Pipeline:
+    """The daemon's pipeline, which asks nobody and sends nothing.
+
+    Args:
+        recording: whose times the log shall have.
+        inputs: to play it with.
+        recorder: the log; None = no log.
+        watcher: who looks on.
+        filter_for: makes the filter instead of those of the inputs.
+    """
+    offset_ns = recording.unix_offset_ns
+    settings = inputs.configuration.service
+    asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
+    service = Service(
+        dataclasses.replace(settings, autopilot=asks_nobody),
+        Surroundings(
+            filter_for or inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns
+        ),
+    )
+    outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
+    return Pipeline(service, inputs.configuration.output.component_id, outlets)
+
+
+class Playback:
+    """Plays a recording, as fast as it goes.
+
+    Args:
+        recording: to be played.
+        whole_frames: see `Inputs`.
+
+    Attributes:
+        deframer: of the recording's bytes.
+        span_ns: from the first arrival to the newest one.
+    """
+
+    def __init__(self, recording: Recording, *, whole_frames: bool) -> None:
+        self.deframer = Deframer()
+        self.span_ns = 0
+        self._recording = recording
+        self._whole_frames = whole_frames
+
+    def through(
+        self, *pipelines: Pipeline, before: Callable[[int], object] | None = None
+    ) -> Iterator[int]:
+        """Sends everything through all the pipelines; gives the time (ns) of each event.
+
+        Args:
+            pipelines: to be sent through.
+            before: is told the time (ns) of each arrival before the pipelines are.
+        """
+        first_ns = before_ns = None
+        for t_ns, data in self._recording.received():
+            if first_ns is None or before_ns is None:
+                first_ns = before_ns = t_ns
+                for pipeline in pipelines:
+                    pipeline.link(t_ns, True)
+            # As in the daemon, timers run on while nothing arrives.
+            for silent_ns in range(before_ns + TICK_NS, min(t_ns, before_ns + SILENCE_NS), TICK_NS):
+                for pipeline in pipelines:
+                    pipeline.tick(silent_ns)
+                yield silent_ns
+            before_ns = t_ns
+            if before is not None:
+                before(t_ns)
+            frames = self.deframer.feed(data)
+            if self._whole_frames:
+                # What looks like the beginning of another frame at their end is none.
+                frames += self.deframer.flush()
+            for pipeline in pipelines:
+                pipeline.tick(t_ns)
+                pipeline.replayed(t_ns, data, frames)
+            self.span_ns = t_ns - first_ns
+            yield t_ns

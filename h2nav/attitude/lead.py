@@ -1,0 +1,20 @@
+"""An attitude led to a later time by its own rate."""
+
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.maths.quaternion import exp, multiply, normalize
+
+
+def led(estimate: AttitudeEstimate, lead_s: float) -> AttitudeEstimate:
+    """The estimate with the attitude of `lead_s` later, if the rate stays; its time is as it was.
+
+    Args:
+        estimate: of a filter.
+        lead_s: how late its attitude is against its time; negative: how early.
+
+    Source: docs/filter.md Eq. (42).
+    """
+    if lead_s == 0.0:
+        return estimate
+    x, y, z = estimate.w_b
+    turn = exp((x * lead_s, y * lead_s, z * lead_s))
+    return estimate._replace(q_nb=normalize(multiply(estimate.q_nb, turn)))

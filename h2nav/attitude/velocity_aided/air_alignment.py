@@ -1,0 +1,291 @@
+"""Attitude of a vehicle that flies, from measured velocities: alignment without a standstill.
+
+Over a window the specific force is integrated in the body axes of the window's start, the gyro
+carrying it there: alpha = int R_0t f dt. In n the same vector is the change of velocity less that
+of gravity, beta = dv - g t e_D, and the attitude of the start turns one into the other. A straight
+line through all fixes of the window is the best mean of it; the field adds the heading.
+
+Source: docs/filter.md Eq. (42) - (44); Wu, Pan, "Velocity/position integration formula", 2013.
+"""
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from h2nav.attitude.samples import Quat, Vec3
+from h2nav.attitude.velocity_aided.heading_witness import KNOWN_RAD, LEAST_RATIO, MOST_RATIO
+from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, rotate, to_matrix
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+# A window of less tells no tilt, and after so long the loop knows more than the window.
+SHORTEST_S = 1.0
+LONGEST_S = 4.0
+FEWEST_FIXES = 4
+# The past that late fixes belong to: spacing and length.
+SPACING_US = 10_000
+PAST_LENGTH = 100
+# Of the horizontal directions of force and field below which they name no heading.
+LEAST_ANGLE = 0.05
+# Of a heading from the field, through the tilt.
+FIELD_HEADING_RAD = 5.0 * DEG
+# 1, time, velocity north and east, gained velocity: their products, each with each.
+SIZE = 7
+SUMS = SIZE * (SIZE + 1) // 2
+
+
+class Leveled(NamedTuple):
+    """What a window shows.
+
+    Attributes:
+        q_nb: attitude, body to NED, now.
+        tilt_sigma_rad: deviation of its tilt, from the noise of the velocities.
+        heading_sigma_rad: deviation of its heading; infinite: it is the one that was given.
+        length_s: of the window.
+    """
+
+    q_nb: Quat
+    tilt_sigma_rad: float
+    heading_sigma_rad: float
+    length_s: float
+
+
+class Reference(NamedTuple):
+    """What is known of the field.
+
+    Attributes:
+        norm: of the field, in the samples' unit; 0: nothing is known.
+        dip_rad: inclination, positive down.
+        declination_rad: of magnetic north.
+        norm_gate: how far a norm may be off, relative.
+        dip_gate_rad: how far a dip may be off.
+    """
+
+    norm: float
+    dip_rad: float
+    declination_rad: float
+    norm_gate: float
+    dip_gate_rad: float
+
+
+class AirAlignment:
+    """A window of samples and fixes.
+
+    Args:
+        t_us: its start, the time of the last sample before it.
+    """
+
+    def __init__(self, t_us: int) -> None:
+        self._start_us = t_us
+        self._t_us = t_us
+        self._turn: Quat = IDENTITY
+        self._gained: Vec3 = (0.0, 0.0, 0.0)
+        self._field: Vec3 = (0.0, 0.0, 0.0)
+        self._fields = 0
+        self._sums = [0.0] * SUMS
+        self._past: deque[tuple[float, float, float, float]] = deque(maxlen=PAST_LENGTH)
+
+    def is_over(self, t_us: int) -> bool:
+        """True when the window has its full length."""
+        return t_us - self._start_us > LONGEST_S * 1e6
+
+    def add(
+        self, t_us: int, w_b: Vec3, f_b: Vec3, m_b: Vec3 | None, field_latency_s: float
+    ) -> None:
+        """Takes a sample, its biases removed.
+
+        Args:
+            t_us: its time.
+            w_b: angular rate, rad/s.
+            f_b: specific force, m/s^2.
+            m_b: magnetic field; None without a new one.
+            field_latency_s: how late the field is.
+        """
+        dt_s = (t_us - self._t_us) * 1e-6
+        self._t_us = t_us
+        self._turn = multiply(self._turn, exp((dt_s * w_b[0], dt_s * w_b[1], dt_s * w_b[2])))
+        f = rotate(self._turn, f_b)
+        g = self._gained
+        self._gained = (g[0] + dt_s * f[0], g[1] + dt_s * f[1], g[2] + dt_s * f[2])
+        if not self._past or t_us - self._past[-1][0] >= SPACING_US:
+            self._past.append((float(t_us), *self._gained))
+        if m_b is not None:
+            back = -field_latency_s
+            then = multiply(self._turn, exp((back * w_b[0], back * w_b[1], back * w_b[2])))
+            m, sums = rotate(then, m_b), self._field
+            self._field = (sums[0] + m[0], sums[1] + m[1], sums[2] + m[2])
+            self._fields += 1
+
+    def take(self, t_us: float, v_n: Sequence[float]) -> None:
+        """Takes a velocity over ground, north and east in m/s, that was true at a time."""
+        if t_us < self._start_us or not self._past or self.is_over(int(t_us)):
+            return
+        t_s = (t_us - self._start_us) * 1e-6
+        row = (1.0, t_s, v_n[0], v_n[1], *self._gained_until(t_us))
+        for i, (a, b) in enumerate(itertools.combinations_with_replacement(row, 2)):
+            self._sums[i] += a * b
+
+    def solve(self, q_nb: Quat, reference: Reference, sigma_m_s: float) -> Leveled | None:
+        """The attitude now; None while the window is too short, or its velocities impossible.
+
+        Args:
+            q_nb: the attitude as it is believed; its heading is kept where no field shows one.
+            reference: what the field is compared with.
+            sigma_m_s: deviation of a velocity.
+        """
+        length_s = (self._t_us - self._start_us) * 1e-6
+        if length_s < SHORTEST_S or self._sums[0] < FEWEST_FIXES:
+            return None
+        about_mean = _without(self._matrix(), 0)
+        spread = about_mean[1][1]
+        _, _, north, east, *force = about_mean[1]
+        gained: Vec3 = (force[0], force[1], force[2])
+        size = math.hypot(*gained)
+        level = math.hypot(north, east)
+        if not (level < size and spread > 0.0):
+            return None
+        # The vertical velocity is not measured: what is left of the length is gravity's.
+        wanted: Vec3 = (north / size, east / size, -math.sqrt(1.0 - (level / size) ** 2))
+        start = multiply(q_nb, conjugate(self._turn))
+        start = multiply(_smallest_turn(rotate(start, gained), wanted), start)
+        tilt_sigma = math.sqrt(2.0 / spread) * sigma_m_s / GRAVITY_M_S2
+        turn = self._turn_to_field(start, wanted, reference)
+        heading_sigma = FIELD_HEADING_RAD
+        if turn is None:
+            turn, heading_sigma = _turn_to_velocity(
+                start, _without(about_mean, 1), self._sums[0] * sigma_m_s**2
+            )
+        q_now = multiply(exp(_times(turn, wanted)), multiply(start, self._turn))
+        return Leveled(q_now, tilt_sigma, heading_sigma, length_s)
+
+    def _matrix(self) -> list[list[float]]:
+        """Sums of products of 1, time, velocity (2) and gained velocity (3), each with each."""
+        matrix = [[0.0] * SIZE for _ in range(SIZE)]
+        places = itertools.combinations_with_replacement(range(SIZE), 2)
+        for (i, j), value in zip(places, self._sums, strict=True):
+            matrix[i][j] = matrix[j][i] = value
+        return matrix
+
+    def _turn_to_field(self, start: Quat, wanted: Vec3, reference: Reference) -> float | None:
+        """The angle about the mean force that brings the field to its heading; None without."""
+        if not self._fields or reference.norm == 0.0:
+            return None
+        field = tuple(part / self._fields for part in self._field)
+        size = math.hypot(*field)
+        if not abs(size - reference.norm) < reference.norm_gate * reference.norm:
+            return None
+        flat = math.cos(reference.dip_rad)
+        expected: Vec3 = (
+            flat * math.cos(reference.declination_rad),
+            flat * math.sin(reference.declination_rad),
+            math.sin(reference.dip_rad),
+        )
+        shown = rotate(start, (field[0] / size, field[1] / size, field[2] / size))
+        along = [sum(a * b for a, b in zip(wanted, v, strict=True)) for v in (shown, expected)]
+        if abs(math.acos(_unit(along[0])) - math.acos(_unit(along[1]))) > reference.dip_gate_rad:
+            return None
+        across = [
+            tuple(v[i] - part * wanted[i] for i in range(3))
+            for v, part in zip((shown, expected), along, strict=True)
+        ]
+        if min(math.hypot(*v) for v in across) < LEAST_ANGLE:
+            return None
+        a, b = across
+        sine = sum(wanted[i] * (a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2]) for i in range(3))
+        return math.atan2(sine, sum(x * y for x, y in zip(a, b, strict=True)))
+
+    def values(self) -> tuple[float, ...]:
+        """Everything remembered, as flat numbers."""
+        head = (self._start_us, self._t_us, *self._turn, *self._gained, *self._field, self._fields)
+        return (*head, *self._sums, *itertools.chain(*self._past))
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "AirAlignment":
+        """The window that gave these values."""
+        made = cls(int(values[0]))
+        made._t_us = int(values[1])
+        w, x, y, z, *rest = values[2:]
+        made._turn = (w, x, y, z)
+        made._gained = (rest[0], rest[1], rest[2])
+        made._field = (rest[3], rest[4], rest[5])
+        made._fields = int(rest[6])
+        made._sums = list(rest[7 : 7 + SUMS])
+        for i in range(7 + SUMS, len(rest), 4):
+            made._past.append((rest[i], rest[i + 1], rest[i + 2], rest[i + 3]))
+        return made
+
+    def _gained_until(self, t_us: float) -> Vec3:
+        """The velocity gained up to a time, interpolated."""
+        later = self._past[-1]
+        for row in reversed(self._past):
+            if row[0] <= t_us:
+                share = 0.0 if row is later else (t_us - row[0]) / (later[0] - row[0])
+                return (
+                    row[1] + share * (later[1] - row[1]),
+                    row[2] + share * (later[2] - row[2]),
+                    row[3] + share * (later[3] - row[3]),
+                )
+            later = row
+        return (later[1], later[2], later[3])
+
+
+def _without(matrix: list[list[float]], k: int) -> list[list[float]]:
+    """A matrix of products with what depends linearly on number k taken out."""
+    pivot = matrix[k][k]
+    if pivot <= 0.0:
+        return matrix
+    share = [row[k] / pivot for row in matrix]
+    return [[row[j] - share[i] * matrix[k][j] for j in range(SIZE)] for i, row in enumerate(matrix)]
+
+
+def _turn_to_velocity(
+    start: Quat, products: list[list[float]], noise: float
+) -> tuple[float, float]:
+    """The heading by which felt and measured velocity differ, and its deviation.
+
+    Args:
+        start: attitude of the start, its tilt right.
+        products: of velocities and gained velocities, about their straight lines.
+        noise: of the velocities, their squares summed.
+    """
+    (n_x, n_y, n_z), (e_x, e_y, e_z), _ = to_matrix(start)
+    rows = ((n_x, n_y, n_z), (e_x, e_y, e_z))
+    felt = [[sum(row[i] * products[4 + i][j] for i in range(3)) for j in (2, 3)] for row in rows]
+    along = felt[0][0] + felt[1][1]
+    across = felt[0][1] - felt[1][0]
+    energy = sum(
+        row[i] * row[j] * products[4 + i][4 + j] for row in rows for i in range(3) for j in range(3)
+    )
+    if energy <= 0.0:
+        return 0.0, math.inf
+    size = math.hypot(along, across)
+    power = products[2][2] + products[3][3]
+    sigma = math.sqrt((max(power - size * size / energy, 0.0) + noise) / energy)
+    if not (sigma < KNOWN_RAD and LEAST_RATIO < size / energy < MOST_RATIO):
+        return 0.0, math.inf
+    return math.atan2(across, along), sigma
+
+
+def _times(angle: float, axis: Vec3) -> Vec3:
+    # NED turns clockwise from above about down, the force points up
+    return (angle * axis[0], angle * axis[1], angle * axis[2])
+
+
+def _unit(cosine: float) -> float:
+    return min(max(cosine, -1.0), 1.0)
+
+
+def _smallest_turn(a: Vec3, b: Vec3) -> Quat:
+    """The smallest rotation that brings the direction of a to the unit vector b."""
+    size = math.hypot(*a)
+    x, y, z = a[0] / size, a[1] / size, a[2] / size
+    w = 1.0 + x * b[0] + y * b[1] + z * b[2]
+    if w < 1e-6:
+        # opposite: about any axis across
+        other = (0.0, -b[2], b[1]) if abs(b[0]) < 0.9 else (-b[2], 0.0, b[0])
+        length = math.hypot(*other)
+        return (0.0, other[0] / length, other[1] / length, other[2] / length)
+    turn = (w, y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0])
+    length = math.hypot(*turn)
+    return (turn[0] / length, turn[1] / length, turn[2] / length, turn[3] / length)

@@ -1,0 +1,157 @@
+"""Heading from measured velocity: where the vehicle accelerates is seen by force and receiver.
+
+The filter's horizontal velocity gained from the force, turned back by all corrections of the
+heading, and the measured one differ by a rotation about the vertical: a complex regression. Both
+go through two high-passes, so that a tilt error and the unknown velocity at the start fall out.
+
+Source: docs/filter.md Eq. (45) - (47).
+"""
+
+import cmath
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+# The receiver's latency is not known before the heading is: each is tried, s.
+LATENCIES_S = (0.0, 0.1, 0.2, 0.3)
+HIGH_PASS_S = 4.0
+MEMORY_S = 90.0
+# So far the regression itself is known, and real receivers are worse than their scatter says.
+INFLATION = 3.0
+KNOWN_RAD = 12.0 * DEG
+# Ratio of measured to felt velocity beyond which one of them is no velocity of this vehicle.
+LEAST_RATIO, MOST_RATIO = 0.6, 1.6
+
+
+class Heading(NamedTuple):
+    """What the regression says.
+
+    Attributes:
+        turn_rad: from the filter's heading to the regression's.
+        sigma_rad: its deviation.
+    """
+
+    turn_rad: float
+    sigma_rad: float
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the filter's heading is wrong beyond doubt."""
+        return abs(self.turn_rad) > max(KNOWN_RAD, INFLATION * self.sigma_rad)
+
+
+class _HighPass:
+    """Two first-order high-passes, one after the other, of increments."""
+
+    def __init__(self) -> None:
+        self.first = 0j
+        self.second = 0j
+
+    def add(self, change: complex, keep: float) -> complex:
+        before = self.first
+        self.first = keep * (before + change)
+        self.second = keep * (self.second + self.first - before)
+        return self.second
+
+
+class HeadingWitness:
+    """Regression of measured on felt velocity, over `MEMORY_S`."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing is known."""
+        self._fixes = 0
+        self._velocity = 0j
+        self._gained = [0j] * len(LATENCIES_S)
+        self._measured = _HighPass()
+        self._felt = [_HighPass() for _ in LATENCIES_S]
+        self._product = [0j] * len(LATENCIES_S)
+        self._energy = [0.0] * len(LATENCIES_S)
+        self._power = 0.0
+        self._noise = 0.0
+        self._weight = 0.0
+
+    def take(
+        self,
+        v_n: Sequence[float],
+        gained: Sequence[tuple[float, float]],
+        turned_rad: float,
+        period_s: float,
+        sigma_m_s: float,
+        gyro_density: float,
+    ) -> Heading | None:
+        """Takes a fix; what is known after it, None as long as that is little.
+
+        Args:
+            v_n: velocity north and east, m/s.
+            gained: velocity gained from the force until the fix was true, for each latency, s.
+            turned_rad: sum of all corrections of the heading.
+            period_s: time since the fix before.
+            sigma_m_s: deviation of the velocity.
+            gyro_density: of the gyro's noise, squared, rad^2/s; a tilt that stands still falls out,
+                one that walks does not.
+        """
+        velocity = complex(v_n[0], v_n[1])
+        back = cmath.exp(-1j * turned_rad) * GRAVITY_M_S2
+        felt = [complex(*part) for part in gained]
+        self._fixes += 1
+        if self._fixes > 1:
+            keep = math.exp(-period_s / HIGH_PASS_S)
+            forget = math.exp(-period_s / MEMORY_S)
+            walk = (GRAVITY_M_S2 * HIGH_PASS_S) ** 2 * gyro_density * HIGH_PASS_S
+            v = self._measured.add(velocity - self._velocity, keep)
+            for i, high_pass in enumerate(self._felt):
+                c = high_pass.add(back * (felt[i] - self._gained[i]), keep)
+                self._product[i] = forget * self._product[i] + c.conjugate() * v * period_s
+                self._energy[i] = forget * self._energy[i] + abs(c) ** 2 * period_s
+            self._power = forget * self._power + abs(v) ** 2 * period_s
+            self._noise = forget * self._noise + (sigma_m_s**2 + walk) * period_s
+            self._weight = forget * self._weight + period_s
+        self._velocity, self._gained = velocity, felt
+        return self._heading(turned_rad)
+
+    def _heading(self, turned_rad: float) -> Heading | None:
+        best = max(range(len(LATENCIES_S)), key=self._explained)
+        energy = self._energy[best]
+        if energy <= 0.0:
+            return None
+        size = abs(self._product[best])
+        left = max(self._power - size * size / energy, 0.0) + self._noise
+        sigma_rad = math.sqrt(left / (self._weight * energy))
+        if not (sigma_rad < KNOWN_RAD and LEAST_RATIO < size / energy < MOST_RATIO):
+            return None
+        turn = math.remainder(cmath.phase(self._product[best]) - turned_rad, 2.0 * math.pi)
+        return Heading(turn, sigma_rad)
+
+    def _explained(self, i: int) -> float:
+        energy = self._energy[i]
+        return abs(self._product[i]) ** 2 / energy if energy > 0.0 else 0.0
+
+    def values(self) -> tuple[float, ...]:
+        """Everything remembered, as flat numbers; always as many."""
+        complexes = [self._velocity, self._measured.first, self._measured.second]
+        for i, high_pass in enumerate(self._felt):
+            complexes += [self._gained[i], high_pass.first, high_pass.second, self._product[i]]
+        flat = [part for number in complexes for part in (number.real, number.imag)]
+        return (self._fixes, self._power, self._noise, self._weight, *self._energy, *flat)
+
+    def load(self, values: Sequence[float]) -> None:
+        """Continues where `values` was taken."""
+        count = len(LATENCIES_S)
+        self._fixes = int(values[0])
+        self._power, self._noise, self._weight = values[1:4]
+        self._energy = list(values[4 : 4 + count])
+        flat = values[4 + count :]
+        numbers = [complex(flat[i], flat[i + 1]) for i in range(0, len(flat), 2)]
+        self._velocity, self._measured.first, self._measured.second = numbers[:3]
+        for i, high_pass in enumerate(self._felt):
+            part = numbers[3 + 4 * i : 7 + 4 * i]
+            self._gained[i], high_pass.first, high_pass.second, self._product[i] = part
+
+
+# How many numbers `HeadingWitness.values` gives.
+SIZE = len(HeadingWitness().values())

@@ -1,0 +1,1 @@
+"""Flights with truth: h2nav through its own service, next to the autopilot's estimators."""

@@ -1,0 +1,87 @@
+"""What somebody wrote down during a flight: lines of the autopilot's time, s, and a text.
+
+A text ``PHASE word`` begins a phase, which lasts until the next one begins.
+"""
+
+import math
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.errors import BadInput
+
+LINE = re.compile(r"\s*(\d{1,12}(?:\.\d{1,9})?)\s+(\S.*?)\s*")
+PHASE = "PHASE "
+
+
+class Event(NamedTuple):
+    """One line.
+
+    Attributes:
+        boot_s: the autopilot's time, s.
+        text: what happened.
+    """
+
+    boot_s: float
+    text: str
+
+
+class Phase(NamedTuple):
+    """A part of a flight.
+
+    Attributes:
+        name: phases of the same name are counted together.
+        from_s: its beginning, s.
+        to_s: its end, s; infinite for the last one.
+    """
+
+    name: str
+    from_s: float
+    to_s: float
+
+
+def events_path(recording: Path) -> Path | None:
+    """The file of events beside a recording: its name, or its stem, with .events; None without."""
+    beside = (recording.with_name(f"{name}.events") for name in (recording.name, recording.stem))
+    return next((path for path in beside if path.is_file()), None)
+
+
+def read_events(path: Path) -> list[Event]:
+    """The events of a file.
+
+    Raises:
+        BadInput: a line is none.
+    """
+    events = []
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        match = LINE.fullmatch(line)
+        if match is None:
+            raise BadInput(f"{path}:{number}: expected a time in s and a text")
+        events.append(Event(float(match[1]), match[2]))
+    return events
+
+
+def phases_of(events: list[Event]) -> list[Phase]:
+    """The phases that the events begin."""
+    begins = [event for event in events if event.text.startswith(PHASE)]
+    end = Event(math.inf, "")
+    return [
+        Phase(event.text.removeprefix(PHASE), event.boot_s, following.boot_s)
+        for event, following in pairwise([*begins, end])
+    ]
+
+
+def parse_phase(text: str) -> Phase:
+    """``NAME=FROM-TO``, times in s.
+
+    Raises:
+        ValueError: it is of another form.
+    """
+    match = re.fullmatch(r"([^=]+)=(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
+    if match is None or float(match[2]) >= float(match[3]):
+        raise ValueError(f"expected NAME=FROM-TO, found {text}")
+    return Phase(match[1], float(match[2]), float(match[3]))

@@ -1,0 +1,191 @@
+"""What is heard while a flight is played: from the autopilot, and from our service."""
+
+from array import array
+from collections import defaultdict
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.evaluation.reference import ATTITUDE, SIMSTATE, Attitudes
+from h2nav.evaluation.rows import Array
+from h2nav.io import codec
+from h2nav.io.deframer import Frame
+from h2nav.service.effects import Severity
+from h2nav.service.records import EstimateRecord
+from h2nav.wire.vehicle import heartbeat, landed_state
+
+AHRS2 = mavlink.MAVLINK_MSG_ID_AHRS2
+HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+EXTENDED_SYS_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
+# A clock that goes back by more than this has begun anew; messages may overtake each other by less.
+REBOOT_US = 1_000_000
+
+
+class Estimates(NamedTuple):
+    """All that one estimator said.
+
+    Attributes:
+        arrived_us: (N,) host time of the arrival of what they were made from.
+        boot_us: (N,) the autopilot's time of them.
+        q_nb: (N, 4) attitudes, body to NED.
+        sigma_tilt_deg: (N,) predicted deviation of the tilt.
+        sigma_heading_deg: (N,) of the heading; NaN where there is no figure.
+    """
+
+    arrived_us: NDArray[np.int64]
+    boot_us: NDArray[np.int64]
+    q_nb: Array
+    sigma_tilt_deg: Array
+    sigma_heading_deg: Array
+
+
+class FromAutopilot:
+    """What the recording says itself.
+
+    Attributes:
+        start_us: when the recording began; the times below are on the same clock.
+        end_us: when it ended.
+        truth: SIMSTATE, by arrival.
+        ekf: ATTITUDE of the autopilot, by arrival.
+        ekf_boot_us: the times in the same messages.
+        ahrs2: AHRS2, by arrival.
+        airborne: (arrival, us; armed and not landed), at each change; empty while nobody knows.
+    """
+
+    message_ids = frozenset({SIMSTATE, ATTITUDE, AHRS2, HEARTBEAT, EXTENDED_SYS_STATE})
+
+    def __init__(self) -> None:
+        self.start_us = self.end_us = 0
+        self.truth = Attitudes()
+        self.ekf = Attitudes()
+        self.ekf_boot_us = array("q")
+        self.ahrs2 = Attitudes()
+        self.airborne: list[tuple[int, bool]] = []
+        self._is_armed: bool | None = None
+        self._has_landed = False
+        self._newest_boot_us = 0
+        self._reboots_us = array("q")
+
+    def time(self, t_ns: int) -> None:
+        """So late is it now."""
+        self.end_us = t_ns // 1000
+        self.start_us = self.start_us or self.end_us
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """Takes what a frame of `message_ids` says."""
+        t_us = t_ns // 1000
+        fields: Any = codec.decode(frame)
+        if frame.msg_id == SIMSTATE:
+            self.truth.add(t_us, fields.roll, fields.pitch, fields.yaw)
+        elif frame.msg_id == AHRS2:
+            self.ahrs2.add(t_us, fields.roll, fields.pitch, fields.yaw)
+        elif frame.compid == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            if frame.msg_id == ATTITUDE:
+                boot_us = fields.time_boot_ms * 1000
+                self.boot_time(t_us, boot_us)
+                self.ekf.add(t_us, fields.roll, fields.pitch, fields.yaw)
+                self.ekf_boot_us.append(boot_us)
+            else:
+                self._vehicle_state(t_us, frame.msg_id, fields)
+
+    def boot_time(self, t_us: int, boot_us: int) -> None:
+        """The autopilot said its time."""
+        if boot_us < self._newest_boot_us - REBOOT_US:
+            self._reboots_us.append(t_us)
+            self._newest_boot_us = boot_us
+        self._newest_boot_us = max(self._newest_boot_us, boot_us)
+
+    def epochs(self, arrived_us: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How often the autopilot's clock had begun anew at each time."""
+        return np.searchsorted(np.array(self._reboots_us), arrived_us, side="right")
+
+    def boot_offset_us(self) -> int | None:
+        """Time of arrival minus the autopilot's time, before it first began anew."""
+        arrived_us, _ = self.ekf.arrays()
+        is_first = self.epochs(arrived_us) == 0
+        if not is_first.any():
+            return None
+        return int(np.median((arrived_us - np.array(self.ekf_boot_us))[is_first]))
+
+    def _vehicle_state(self, t_us: int, message_id: int, fields: Any) -> None:
+        if message_id == HEARTBEAT:
+            beat = heartbeat(fields)
+            self._is_armed = beat.is_armed if beat.is_of_autopilot else self._is_armed
+        else:
+            self._has_landed = landed_state(fields).on_ground is True
+        if self._is_armed is None:
+            return
+        is_airborne = self._is_armed and not self._has_landed
+        if not self.airborne or self.airborne[-1][1] != is_airborne:
+            self.airborne.append((t_us, is_airborne))
+
+
+class FromService:
+    """What one run of the service said; a watcher of its pipeline.
+
+    Args:
+        autopilot: gets what the autopilot sends.
+        listens: this run hands the autopilot's frames on, as one of several has to.
+
+    Attributes:
+        notices: time of arrival (us), severity, text.
+        state_us: how long each state of the service lasted.
+    """
+
+    def __init__(self, autopilot: FromAutopilot, *, listens: bool) -> None:
+        self.message_ids = autopilot.message_ids if listens else frozenset[int]()
+        self.notices: list[tuple[int, Severity, str]] = []
+        self.state_us: dict[str, int] = defaultdict(int)
+        self._autopilot = autopilot
+        self._arrived_us = array("q")
+        self._boot_us = array("q")
+        self._rows = array("d")
+        self._state: tuple[int, str] | None = None
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """Hands a frame on."""
+        self._autopilot.frame(t_ns, frame)
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        """Keeps an estimate."""
+        self._arrived_us.append(t_ns // 1000)
+        self._boot_us.append(record.t_us)
+        self._autopilot.boot_time(t_ns // 1000, record.t_us)
+        attitude = (record.q_w, record.q_x, record.q_y, record.q_z)
+        self._rows.extend((*attitude, record.sigma_tilt_deg, record.sigma_heading_deg))
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        """Keeps a notice."""
+        self.notices.append((t_ns // 1000, severity, text))
+
+    def state(self, t_ns: int, state: str) -> None:
+        """Takes the state of the service now, which has lasted since the last time."""
+        t_us = t_ns // 1000
+        if self._state is not None:
+            self.state_us[self._state[1]] += t_us - self._state[0]
+        self._state = (t_us, state)
+
+    def estimates(self) -> Estimates:
+        """All so far."""
+        rows = np.array(self._rows).reshape(-1, 6)
+        return Estimates(
+            np.array(self._arrived_us, dtype=np.int64),
+            np.array(self._boot_us, dtype=np.int64),
+            rows[:, :4],
+            rows[:, 4],
+            rows[:, 5],
+        )
+
+
+class HeardFlight(NamedTuple):
+    """Everything that was heard of a flight.
+
+    Attributes:
+        autopilot: what the recording says.
+        runs: name of an estimator of ours -> its run.
+    """
+
+    autopilot: FromAutopilot
+    runs: dict[str, FromService]

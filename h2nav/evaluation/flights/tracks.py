@@ -1,0 +1,126 @@
+"""The errors of one estimator over a flight, and their figures over a part of it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
+from h2nav.evaluation.flights.truth import EPOCH_US, Truth, pairs
+from h2nav.evaluation.reference import Attitudes
+from h2nav.evaluation.rows import Array, from_euler
+from h2nav.evaluation.scoring import errors, root_mean_square
+
+Mask = NDArray[np.bool_]
+BEYOND = 3.0  # deviations
+
+
+class Track(NamedTuple):
+    """Errors of one estimator, all of the same length and in the order of time.
+
+    Attributes:
+        t_s: since the recording's start.
+        total: angle of the whole error rotation, deg.
+        heading: with sign, deg.
+        tilt: of the vertical, deg; `inclination` elsewhere.
+        sigma_tilt: what the estimator predicts, deg; None where it says nothing.
+        sigma_heading: the same of the heading.
+    """
+
+    t_s: Array
+    total: Array
+    heading: Array
+    tilt: Array
+    sigma_tilt: Array | None = None
+    sigma_heading: Array | None = None
+
+
+def track_of(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Track:
+    """The errors of an estimator against the truth."""
+    rows, q_true = pairs(truth, heard, estimates)
+    track = _track(estimates.q_nb[rows], q_true, _since_start_s(heard, estimates.arrived_us[rows]))
+    deviations = (estimates.sigma_tilt_deg[rows], estimates.sigma_heading_deg[rows])
+    told = [sigma if np.isfinite(sigma).any() else None for sigma in deviations]
+    return track._replace(sigma_tilt=told[0], sigma_heading=told[1])
+
+
+def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, Track]:
+    """The errors of the estimators on board, by name, as far as the flight has them."""
+    tracks = {}
+    if truth.ekf_nb is not None:
+        tracks["ekf"] = _recorded_beside(truth, truth.ekf_nb, heard)
+    elif heard.ekf.t_us:
+        tracks["ekf"] = track_of(truth, heard, _estimates(heard.ekf, np.array(heard.ekf_boot_us)))
+    if heard.ahrs2.t_us and truth.is_by_arrival:  # AHRS2 has no other time
+        tracks["ahrs2"] = track_of(truth, heard, _estimates(heard.ahrs2, None))
+    return {name: track for name, track in tracks.items() if len(track.t_s)}
+
+
+def _estimates(attitudes: Attitudes, boot_us: NDArray[np.int64] | None) -> Estimates:
+    arrived_us, angles = attitudes.arrays()
+    unknown = np.full(len(arrived_us), np.nan)
+    boot_us = np.zeros_like(arrived_us) if boot_us is None else boot_us
+    return Estimates(arrived_us, boot_us, from_euler(angles), unknown, unknown)
+
+
+def _recorded_beside(truth: Truth, ekf_nb: Array, heard: FromAutopilot) -> Track:
+    """The autopilot's estimates that stand in the rows of the truth, while the recording ran."""
+    arrived_us, _ = heard.ekf.arrays()
+    boot_us = np.array(heard.ekf_boot_us) + EPOCH_US * heard.epochs(arrived_us)
+    if not len(boot_us):
+        return _track(ekf_nb[:0], truth.q_nb[:0], np.empty(0))
+    order = np.argsort(boot_us, kind="stable")
+    offset_us = np.interp(truth.t_us, boot_us[order], (arrived_us - boot_us)[order])
+    t_us = truth.t_us + offset_us.astype(np.int64)
+    is_heard = (heard.start_us <= t_us) & (t_us <= heard.end_us)
+    used = is_heard & np.isfinite(ekf_nb).all(axis=1)
+    return _track(ekf_nb[used], truth.q_nb[used], _since_start_s(heard, t_us[used]))
+
+
+def _track(q_est: Array, q_true: Array, t_s: Array) -> Track:
+    total, heading, tilt = errors(q_est, q_true, np.ones(len(t_s), dtype=bool), True)
+    return Track(t_s, total, heading, tilt)
+
+
+def _since_start_s(heard: FromAutopilot, t_us: NDArray[np.int64]) -> Array:
+    return (t_us - heard.start_us).astype(np.float64) * 1e-6
+
+
+def figures(track: Track, mask: Mask) -> dict[str, Any] | None:
+    """RMS and worst errors, deg, over a part, and how honest the predicted deviations are there.
+
+    Args:
+        track: of an estimator.
+        mask: (N,) the part.
+
+    Returns:
+        None where the part holds nothing. ``nees_*`` is the mean of (error / predicted deviation)
+        squared: 1 for an honest prediction, more where it is too good; ``*_beyond_3_sigma`` is a
+        share of the time.
+    """
+    if not mask.any():
+        return None
+    found: dict[str, Any] = {}
+    columns = {"tilt": track.tilt[mask], "heading": track.heading[mask], "total": track.total[mask]}
+    for name, column in columns.items():
+        found[name] = root_mean_square(column)
+    for name, column in columns.items():
+        found[f"worst_{name}"] = float(np.abs(column).max())
+    for name, sigma in (("tilt", track.sigma_tilt), ("heading", track.sigma_heading)):
+        if sigma is not None:
+            found |= _honesty(name, columns[name], sigma[mask])
+    found["estimates"] = int(mask.sum())
+    return found
+
+
+def _honesty(name: str, error: Array, sigma: Array) -> dict[str, float | None]:
+    # The predicted tilt deviation is that of both axes together (docs/filter.md Eq. (27)), so the
+    # square of the whole angle is expected to be its square, as for the one angle of the heading.
+    is_told = np.isfinite(sigma) & (sigma > 0.0)
+    if not is_told.any():
+        return {f"nees_{name}": None, f"{name}_beyond_3_sigma": None}
+    ratio = np.abs(error[is_told]) / sigma[is_told]
+    return {
+        f"nees_{name}": float(np.mean(ratio**2)),
+        f"{name}_beyond_3_sigma": float(np.mean(ratio > BEYOND)),
+    }

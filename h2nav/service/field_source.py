@@ -1,0 +1,82 @@
+"""Whose magnetic field a sample takes: its own message's, or a calibrated one that comes beside it.
+
+PX4's SCALED_IMU has rates and forces as the sensors give them, but its field is the raw sensor's:
+without offsets, scale and the rotation of an external compass. The field of its HIGHRES_IMU is
+calibrated. So a sample of the one takes the newest field of the other, each field once. The sample
+is later than the field's message by half a period of HIGHRES_IMU at most, which counts with the
+delay of that field (`sensor_delays`).
+"""
+
+from h2nav.attitude.samples import Vec3
+from h2nav.service.limits import SECOND_NS
+from h2nav.wire.imu import IDS_BY_NAME, ImuMessage, ImuReading
+
+CALIBRATED_ID = IDS_BY_NAME["HIGHRES_IMU"]
+# So long a calibrated field is waited for before a raw one counts: it may have to be asked for.
+WAIT_NS = 2 * SECOND_NS
+# After one, so long no field at all is better than a raw one, which is wrong by degrees at once:
+# meanwhile the gyro alone loses tenths of a degree.
+TRUSTED_NS = 5 * SECOND_NS
+
+
+class FieldSource:
+    """Chooses the field of every sample of one autopilot.
+
+    Args:
+        autopilot: MAV_AUTOPILOT of its heartbeat.
+        lends: whether the field of another message may be taken at all.
+
+    Attributes:
+        has_lent: a sample has taken the field of another message.
+        is_raw: the latest field that a sample has taken is that of the sensor, not calibrated.
+    """
+
+    def __init__(self, autopilot: int, lends: bool) -> None:
+        self._autopilot = autopilot
+        self._lends = lends
+        self._waiting: Vec3 | None = None
+        self._heard_ns: int | None = None
+        self._since_ns: int | None = None
+        self.has_lent = False
+        self.is_raw = False
+
+    def restart(self) -> None:
+        """The autopilot's time starts again, and its streams have to be asked for again."""
+        self._waiting = self._heard_ns = self._since_ns = None
+
+    def wants(self, message_id: int, chosen: ImuMessage | None) -> bool:
+        """Whether only the field of this message is of use, beside that of the chosen one."""
+        return message_id == CALIBRATED_ID and chosen is not None and self._may_borrow(chosen)
+
+    def hears(self, t_ns: int, field: Vec3 | None) -> None:
+        """Takes the field of a message that is wanted; None where it brings no new one."""
+        if field is not None:
+            self._waiting, self._heard_ns = field, t_ns
+
+    def choose(self, t_ns: int, message: ImuMessage, reading: ImuReading) -> ImuReading:
+        """The reading with the field that the sample takes."""
+        if not self._may_borrow(message):
+            self.is_raw = self._autopilot in message.raw_field_of
+            if message.message_id == CALIBRATED_ID and reading.m_b_ut is not None:
+                self._waiting, self._heard_ns = None, t_ns
+            return reading
+        if self._since_ns is None:
+            self._since_ns = t_ns
+        if self._waiting is not None:
+            field, self._waiting = self._waiting, None
+            self.has_lent, self.is_raw = True, False
+            return reading._replace(m_b_ut=field)
+        if self._hopes(t_ns):
+            return reading._replace(m_b_ut=None)
+        self.is_raw = True
+        return reading
+
+    def _may_borrow(self, message: ImuMessage) -> bool:
+        return self._lends and self._autopilot in message.raw_field_of
+
+    def _hopes(self, t_ns: int) -> bool:
+        """Whether a calibrated field may still come."""
+        if self._heard_ns is not None:
+            return t_ns - self._heard_ns <= TRUSTED_NS
+        assert self._since_ns is not None
+        return t_ns - self._since_ns <= WAIT_NS

@@ -1,0 +1,47 @@
+"""Asks the autopilot for one of its parameters: a few times with growing pauses, and never again.
+
+It also counts when it comes because somebody else has asked for it.
+"""
+
+from h2nav.service.limits import SECOND_NS
+from h2nav.wire import outbound
+from h2nav.wire.outbound import Address, OutMessage
+
+PAUSES_NS = tuple(seconds * SECOND_NS for seconds in (2, 4, 8, 16, 32))
+
+
+class ParameterRequest:
+    """The questions about one parameter.
+
+    Args:
+        name: of the parameter; empty = nothing is asked.
+    """
+
+    def __init__(self, name: str = "") -> None:
+        self._name = name
+        self.restart()
+
+    def restart(self) -> None:
+        """The autopilot has started again, perhaps with another value."""
+        self._is_known = False
+        self._asked = 0
+        self._due_ns = 0
+
+    def heard(self, name: str) -> None:
+        """The autopilot has sent the value of a parameter."""
+        self._is_known |= name == self._name
+
+    def next(self, t_ns: int, target: Address) -> OutMessage | None:
+        """What to send now; None where nothing is due.
+
+        Args:
+            t_ns: host time.
+            target: system and component id of the autopilot.
+        """
+        if not self._name or self._is_known or self._asked == len(PAUSES_NS):
+            return None
+        if t_ns < self._due_ns:
+            return None
+        self._due_ns = t_ns + PAUSES_NS[self._asked]
+        self._asked += 1
+        return outbound.param_request_read(target, self._name)

@@ -1,0 +1,175 @@
+"""How old the sensors' values are when their messages claim that they are new, per autopilot.
+
+| autopilot | rates and forces | field |
+|---|---|---|
+| ArduPilot | Butterworth low-pass of INS_GYRO_FILTER, Eq. (40): 11 ms at 20 Hz | mean of 100 ms |
+| PX4 | mean over 1 / IMU_INTEG_RATE, 5 ms | HIGHRES_IMU: mean of 67 ms, sent later; SCALED_IMU |
+| others | unknown | unknown |
+
+Half a period between samples is no age of a rate, because a filter takes it as the mean over the
+step before its sample. So a rate that is younger than that makes the attitude early.
+
+Source: docs/filter.md Eq. (40), (41).
+"""
+
+import math
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import SensorDelays
+from h2nav.service.autopilot import Identity
+from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.vehicle import ParameterValue
+
+GYRO_FILTER = "INS_GYRO_FILTER"
+DEFAULT_FILTER_HZ = 20.0
+# ArduPilot's default for what drives.
+DEFAULT_DRIVING_FILTER_HZ = 4.0
+DRIVING_TYPES = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
+# A filter outside this is a misprint: 2 Hz would make the rates 0.11 s old.
+SLOWEST_FILTER_HZ = 2.0
+FASTEST_FILTER_HZ = 1000.0
+# ArduPilot reads the compass at 10 Hz and gives the mean since it was read before.
+ARDUPILOT_FIELD_S = 0.05
+# PX4's default IMU_INTEG_RATE is 200 Hz; IMU_GYRO_CUTOFF filters for its controllers alone.
+PX4_RATES_S = 0.0025
+# Half of the 67 ms of its default SENS_MAG_RATE, and the wait for a message at 50 Hz or less.
+PX4_FIELD_S = 0.04
+# The raw sensor is read at 50 to 100 Hz.
+PX4_RAW_FIELD_S = 0.01
+# Of the samples' period: how many samples it is averaged over.
+PERIOD_SAMPLES = 50
+# What the filter is not told of anew: 0.02 deg at 200 deg/s.
+LEAST_CHANGE_S = 1e-4
+
+
+class Ages(NamedTuple):
+    """How old values are at the times that their messages claim, s; None = not known.
+
+    Attributes:
+        rates_s: rates and forces.
+        field_s: the field when it is new.
+    """
+
+    rates_s: float | None
+    field_s: float | None
+
+
+def butterworth_delay_s(cutoff_hz: float) -> float:
+    """Group delay of a two-pole Butterworth low-pass at low frequencies.
+
+    Source: docs/filter.md Eq. (40).
+    """
+    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
+
+
+class SensorTiming:
+    """What is known of the ages of one autopilot's values, and what follows for the filter.
+
+    Args:
+        settings: may give the ages.
+    """
+
+    def __init__(self, settings: AutopilotSettings) -> None:
+        self._settings = settings
+        self._identity: Identity | None = None
+        self._filter_age_s: float | None = None
+        self._newest_us: int | None = None
+        self._period_s: float | None = None
+        self.delays = SensorDelays()
+
+    def begin(self, identity: Identity) -> None:
+        """Another autopilot, of which only its make is known."""
+        self._identity = identity
+        self._filter_age_s = None
+        self.restart()
+
+    def restart(self) -> None:
+        """The samples' time starts again."""
+        self._newest_us = self._period_s = None
+        self.delays = SensorDelays()
+
+    @property
+    def parameter(self) -> str:
+        """Name of the autopilot's parameter that tells more; empty where none does."""
+        is_asked = self._make == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        return GYRO_FILTER if is_asked and self._settings.gyro_delay_s == "auto" else ""
+
+    def hears(self, parameter: ParameterValue) -> bool:
+        """Takes a parameter of the autopilot; whether it has changed an age."""
+        if parameter.name != self.parameter or parameter.value is None:
+            return False
+        cutoff_hz = parameter.value
+        if cutoff_hz == 0.0:  # the low-pass is off
+            age_s = 0.0
+        elif SLOWEST_FILTER_HZ <= cutoff_hz <= FASTEST_FILTER_HZ:
+            age_s = butterworth_delay_s(cutoff_hz)
+        else:
+            return False
+        before, self._filter_age_s = self.ages().rates_s, age_s
+        return age_s != before
+
+    def ages(self, *, field_is_raw: bool = False) -> Ages:
+        """The ages as known at present.
+
+        Args:
+            field_is_raw: the fields in use are those that PX4's sensor gives.
+        """
+        rates_s, field_s = self._known(field_is_raw)
+        chosen = self._settings
+        if not isinstance(chosen.gyro_delay_s, str):
+            rates_s = chosen.gyro_delay_s
+        if not isinstance(chosen.field_delay_s, str):
+            field_s = chosen.field_delay_s
+        return Ages(rates_s, field_s)
+
+    def sampled(self, t_us: int, *, field_is_raw: bool) -> bool:
+        """Follows the period of the samples; whether `delays` has changed.
+
+        Args:
+            t_us: time of a sample.
+            field_is_raw: as in `ages`.
+
+        Source: docs/filter.md Eq. (41).
+        """
+        self._follow(t_us)
+        if self._period_s is None:
+            return False
+        rates_s, field_s = self.ages(field_is_raw=field_is_raw)
+        lateness_s = 0.0 if rates_s is None else rates_s - 0.5 * self._period_s
+        found = SensorDelays(lateness_s, lateness_s if field_s is None else field_s)
+        if all(
+            abs(new - old) < LEAST_CHANGE_S for new, old in zip(found, self.delays, strict=True)
+        ):
+            return False
+        self.delays = found
+        return True
+
+    @property
+    def _make(self) -> int | None:
+        return None if self._identity is None else self._identity.autopilot
+
+    def _known(self, field_is_raw: bool) -> Ages:
+        if self._make == mavlink.MAV_AUTOPILOT_PX4:
+            return Ages(PX4_RATES_S, PX4_RAW_FIELD_S if field_is_raw else PX4_FIELD_S)
+        if self._make != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            return Ages(None, None)
+        assert self._identity is not None
+        if self._filter_age_s is not None:
+            return Ages(self._filter_age_s, ARDUPILOT_FIELD_S)
+        drives = self._identity.vehicle_type in DRIVING_TYPES
+        cutoff_hz = DEFAULT_DRIVING_FILTER_HZ if drives else DEFAULT_FILTER_HZ
+        return Ages(butterworth_delay_s(cutoff_hz), ARDUPILOT_FIELD_S)
+
+    def _follow(self, t_us: int) -> None:
+        """The period's mean; a gap counts as two periods, so that it moves the mean by little."""
+        before_us, self._newest_us = self._newest_us, t_us
+        if before_us is None:
+            return
+        step_s = (t_us - before_us) * 1e-6
+        if self._period_s is None:
+            self._period_s = step_s
+        else:
+            step_s = min(step_s, 2.0 * self._period_s)
+            self._period_s += (step_s - self._period_s) / PERIOD_SAMPLES

@@ -1,0 +1,65 @@
+"""Whose field a sample takes: that of PX4's SCALED_IMU is raw, that of HIGHRES_IMU is not."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.service.field_source import TRUSTED_NS, WAIT_NS, FieldSource
+from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuReading
+
+SCALED, HIGHRES = (IMU_MESSAGES[IDS_BY_NAME[name]] for name in ("SCALED_IMU", "HIGHRES_IMU"))
+PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+RAW, CALIBRATED = (30.0, 1.0, 40.0), (20.0, 0.0, 45.0)
+READING = ImuReading(0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8), RAW, False)
+
+
+def field_at(source, t_ns, message=SCALED, reading=READING):
+    return source.choose(t_ns, message, reading).m_b_ut
+
+
+def test_each_calibrated_field_is_used_once_and_no_raw_one_beside_it():
+    source = FieldSource(PX4, lends=True)
+    assert source.wants(HIGHRES.message_id, SCALED)
+    assert field_at(source, 0) is None
+    source.hears(1, CALIBRATED)
+    assert [field_at(source, t_ns) for t_ns in (2, 3)] == [CALIBRATED, None]
+    source.hears(4, None)
+    assert field_at(source, 5) is None
+    assert source.has_lent
+
+
+def test_where_no_calibrated_field_comes_the_raw_one_is_what_there_is():
+    source = FieldSource(PX4, lends=True)
+    assert field_at(source, 0) is None
+    assert field_at(source, WAIT_NS + 1) == RAW
+    assert not source.has_lent
+
+
+def test_a_raw_field_returns_when_the_calibrated_ones_have_long_stopped():
+    source = FieldSource(PX4, lends=True)
+    source.hears(0, CALIBRATED)
+    assert field_at(source, 1) == CALIBRATED
+    assert field_at(source, TRUSTED_NS) is None
+    assert field_at(source, TRUSTED_NS + 1) == RAW
+
+
+def test_a_field_that_came_with_its_own_message_is_not_lent_again():
+    source = FieldSource(PX4, lends=True)
+    calibrated = READING._replace(m_b_ut=CALIBRATED)
+    assert field_at(source, 0, HIGHRES, calibrated) == CALIBRATED
+    assert field_at(source, 1) is None
+    assert not source.has_lent
+
+
+def test_after_a_reboot_the_streams_are_waited_for_again():
+    source = FieldSource(PX4, lends=True)
+    assert field_at(source, WAIT_NS) is None
+    assert field_at(source, 2 * WAIT_NS + 1) == RAW
+    source.restart()
+    assert field_at(source, 2 * WAIT_NS + 2) is None
+
+
+def test_other_autopilots_and_a_chosen_message_keep_their_own_field():
+    for source in (FieldSource(ARDUPILOT, lends=True), FieldSource(PX4, lends=False)):
+        assert not source.wants(HIGHRES.message_id, SCALED)
+        source.hears(0, CALIBRATED)
+        assert field_at(source, 1) == RAW
+    assert not FieldSource(PX4, lends=True).wants(HIGHRES.message_id, HIGHRES)
