@@ -33,7 +33,12 @@ from h2nav.attitude.velocity_aided.air_alignment import (
     Reference,
 )
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
-from h2nav.attitude.velocity_aided.heading_witness import HIGH_PASS_S, INFLATION, HeadingWitness
+from h2nav.attitude.velocity_aided.heading_witness import (
+    HIGH_PASS_S,
+    INFLATION,
+    HeadingWitness,
+)
+from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
 from h2nav.attitude.velocity_aided.kernel.start import begin, find_in_air
@@ -54,9 +59,16 @@ MOST_RATE_RAD_S = 200.0
 MOST_FORCE_M_S2 = 4000.0
 MOST_FIELD_UT = 1e6
 # Numbers of `VelocityAidedFilter.state` before those of the kernel.
-HEAD_SIZE = 3
+HEAD_SIZE = 4
 # After this time of running the start-up transient is over.
 CONVERGED_S = 10.0
+# The densities of the loop and of theta are upper limits of what they stand for.
+TILT_SHARE = 0.85
+HEADING_SHARE = 0.5
+# Of the field: what no model of it knows.
+FIELD_OFFSET = 0.01
+# Deviation of a heading that may be any.
+LOST_HEADING_RAD = math.pi / math.sqrt(3.0)
 # Deviation of a tilt that was not followed for a while, in flight.
 AIR_TILT_SIGMA = 20.0 * DEG
 # Heading counts as referenced below this predicted deviation.
@@ -281,7 +293,8 @@ class VelocityAidedFilter:
             turn_heading(s, self._g, seen.turn_rad)
             s.heading_variance = min(s.heading_variance, (INFLATION * seen.sigma_rad) ** 2)
             s.mag_accepted_age_s = max(s.mag_accepted_age_s, -1.0)
-            # The tilt was corrected by velocities that were turned the wrong way.
+            # Latency and tilt were learnt from velocities that were turned the wrong way.
+            s.fix_lag_s, s.fix_lag_variance = 0.0, self._g.fix_lag_variance
             self._air = AirAlignment(self._t_us or 0)
 
     def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
@@ -342,9 +355,11 @@ class VelocityAidedFilter:
         window: tuple[float, ...] = ()
         if w is not None:
             window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
-        head = (self._t_us, int(self._aligned), len(window))
+        air = () if self._air is None else self._air.values()
+        head = (self._t_us, int(self._aligned), len(window), len(air))
         kernel = (*values(self._memory, Memory), *values(self._sample, Sample))
-        return FilterState(self.name, (*head, *kernel, *window, *self._aiding.values()))
+        velocity = (*air, *self._witness.values(), *self._aiding.values())
+        return FilterState(self.name, (*head, *kernel, *window, *velocity))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
@@ -353,6 +368,8 @@ class VelocityAidedFilter:
         assign(self._sample, Sample, parts.sample)
         self._t_us, self._aligned = parts.t_us, parts.is_aligned
         self._window = _window_of(parts.window) if parts.window else None
+        self._air = AirAlignment.of(parts.air) if parts.air else None
+        self._witness.load(parts.witness)
         self._aiding.load(parts.aiding)
 
     def _align(self, sample: ImuSample) -> AttitudeEstimate | None:
@@ -405,7 +422,8 @@ class VelocityAidedFilter:
         trust = _TRUST[bits]
         if s.age_s > CONVERGED_S:
             trust |= _CONVERGED
-        if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD:
+        is_lost = s.mag_accepted_age_s < 0.0 and s.heading_witnessed == 0.0
+        if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and not is_lost:
             trust |= _YAW_REFERENCED
         if s.aided > 0.0:
             trust |= _VELOCITY_USED
@@ -417,7 +435,7 @@ class VelocityAidedFilter:
             (to_n, to_e, to_d),
             _tilt_sigma_rad(s, dtilt_n, dtilt_e),
             _ALL_TRUST[trust],
-            math.sqrt(s.heading_variance),
+            LOST_HEADING_RAD if is_lost else _heading_sigma_rad(s),
         )
 
 
@@ -430,6 +448,8 @@ class SplitState(NamedTuple):
         memory: numbers of the kernel's memory.
         sample: numbers of its last sample.
         window: numbers of the alignment's window; none without one.
+        air: numbers of the alignment's window in the air; none without one.
+        witness: numbers of the heading's witness.
         aiding: numbers of the velocity aiding.
     """
 
@@ -438,17 +458,20 @@ class SplitState(NamedTuple):
     memory: list[float]
     sample: list[float]
     window: list[float]
+    air: list[float]
+    witness: list[float]
     aiding: list[float]
 
 
 def split_state(state: FilterState, name: str) -> SplitState:
     """The parts of a state; ValueError for another filter's state."""
-    sizes = (size_of(Memory), size_of(Sample))
-    if state.filter_name != name or len(state.values) < HEAD_SIZE + sum(sizes):
+    kernel = (size_of(Memory), size_of(Sample))
+    if state.filter_name != name or len(state.values) < HEAD_SIZE + sum(kernel) + WITNESS_SIZE:
         raise ValueError(f"state of filter {state.filter_name!r} given to {name!r}")
     t_us = state.values[0]
     numbers = [0.0 if value is None else float(value) for value in state.values]
-    ends = list(itertools.accumulate((HEAD_SIZE, *sizes, int(numbers[2]))))
+    sizes = (HEAD_SIZE, *kernel, int(numbers[2]), int(numbers[3]), WITNESS_SIZE)
+    ends = list(itertools.accumulate(sizes))
     parts = [numbers[start:end] for start, end in itertools.pairwise((*ends, len(numbers)))]
     return SplitState(None if t_us is None else int(t_us), numbers[1] > 0.0, *parts)
 
@@ -492,7 +515,22 @@ def _tilt_sigma_rad(s: Memory, dtilt_n: Sequence[float], dtilt_e: Sequence[float
         + s.p_zz * (n_z * n_z + e_z * e_z)
     )
     gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
-    return math.sqrt(gain_set + bias + s.extra_tilt_sigma * s.extra_tilt_sigma)
+    if s.aided > 0.0:
+        # The gains at a fix are those of a second times its period.
+        gain_set /= s.fix_period_s * s.fix_period_s
+        xx, xy, yy = s.p_accel[:]
+        for x, y in (s.dtilt_accel_n[:], s.dtilt_accel_e[:]):
+            bias += xx * x * x + 2.0 * xy * x * y + yy * y * y
+    return TILT_SHARE * math.sqrt(gain_set + bias + s.extra_tilt_sigma * s.extra_tilt_sigma)
+
+
+def _heading_sigma_rad(s: Memory) -> float:
+    """Predicted one-sigma heading error: of theta, and of what a constant disturbance may hide.
+
+    Source: docs/filter.md Eq. (48).
+    """
+    hidden = 0.5 * (s.mag_offset_norm**2 + s.mag_offset_dip**2) + FIELD_OFFSET**2
+    return math.sqrt(HEADING_SHARE**2 * s.heading_variance + hidden / math.cos(s.mag_ref_dip) ** 2)
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

@@ -23,6 +23,8 @@ INFLATION = 3.0
 KNOWN_RAD = 12.0 * DEG
 # Ratio of measured to felt velocity beyond which one of them is no velocity of this vehicle.
 LEAST_RATIO, MOST_RATIO = 0.6, 1.6
+# Between two fixes the velocity changes by what was felt, but for the noise of both and a tilt.
+JUMP_SIGMAS, JUMP_M_S2 = 7.0, 5.0
 
 
 class Heading(NamedTuple):
@@ -103,6 +105,11 @@ class HeadingWitness:
             keep = math.exp(-period_s / HIGH_PASS_S)
             forget = math.exp(-period_s / MEMORY_S)
             walk = (GRAVITY_M_S2 * HIGH_PASS_S) ** 2 * gyro_density * HIGH_PASS_S
+            jump = abs(velocity - self._velocity) - abs(back * (felt[0] - self._gained[0]))
+            if jump > JUMP_SIGMAS * sigma_m_s + JUMP_M_S2 * period_s:
+                # No force moves a vehicle so: the receiver has jumped, and all before is void.
+                self.clear()
+                return None
             v = self._measured.add(velocity - self._velocity, keep)
             for i, high_pass in enumerate(self._felt):
                 c = high_pass.add(back * (felt[i] - self._gained[i]), keep)

@@ -11,6 +11,7 @@ from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
+OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that passes
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
 
@@ -187,6 +188,9 @@ def learn_field(
     s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
+    share = age / (OFFSET_TIME + age)
+    s.mag_offset_norm = s.mag_offset_norm + share * (more_norm - s.mag_offset_norm)
+    s.mag_offset_dip = s.mag_offset_dip + share * (more_dip - s.mag_offset_dip)
     share = age / (g.level_time_s + age)
     s.mag_disturbance = s.mag_disturbance + share * (shown - s.mag_disturbance)
     if s.mag_ref_given == 0.0:

@@ -14,9 +14,16 @@ def predict_attitude(s: Memory, sample: Sample) -> None:
     Source: docs/filter.md Eq. (4).
     """
     dt = sample.dt_s
-    px = dt * (sample.gyro[0] - s.gyro_bias[0])
-    py = dt * (sample.gyro[1] - s.gyro_bias[1])
-    pz = dt * (sample.gyro[2] - s.gyro_bias[2])
+    turn_body(
+        s,
+        dt * (sample.gyro[0] - s.gyro_bias[0]),
+        dt * (sample.gyro[1] - s.gyro_bias[1]),
+        dt * (sample.gyro[2] - s.gyro_bias[2]),
+    )
+
+
+def turn_body(s: Memory, px: float, py: float, pz: float) -> None:
+    """Turns the attitude in body axes: q <- q Exp(p), and its matrix."""
     half = 0.5 * math.sqrt(px * px + py * py + pz * pz)
     c = math.cos(half)
     k = 0.5
@@ -182,6 +189,8 @@ def begin_bias(s: Memory, g: Gains) -> None:
         s.p_accel_x[i] = 0.0
         s.p_accel_y[i] = 0.0
     level_sensitivities(s)
+    s.fix_period_s = 1.0
+    s.k_tilt = 0.0
     if s.aided > 0.0 and s.p_accel[0] == 0.0:
         s.p_accel[0] = g.accel_variance
         s.p_accel[2] = g.accel_variance

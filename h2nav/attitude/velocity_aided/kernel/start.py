@@ -37,7 +37,7 @@ def begin(
     s.gyro_step[:] = (0.0, 0.0, 0.0)
     s.rest_s = 0.0
     s.extra_tilt_sigma = tilt_sigma
-    s.clipped_angle = 0.0
+    s.clipped_angle = s.clipped_s = 0.0
     s.gained_n = s.gained_e = 0.0
     s.mag_age_s = s.mag_new_s = s.heading_rejected_s = s.heading_witnessed = 0.0
     s.aided = 0.0

@@ -8,7 +8,7 @@ from .heading import use_field
 from .prediction import predict_attitude, predict_velocity
 from .rest import use_rest
 from .theta import limit, predict_theta
-from .tilt import MOST_CLIPPED, begin_anew, check_level, doubt_rate
+from .tilt import check_level, doubt_rate, end_clipping
 from .velocity import use_bounded_velocity, use_fix
 
 
@@ -28,9 +28,8 @@ def step(s: Memory, g: Gains, sample: Sample) -> int:
         doubt_rate(s, sample)
         bits = SATURATED
     else:
-        if s.clipped_angle > MOST_CLIPPED:
-            bits = begin_anew(s, g, sample)
-        s.clipped_angle = 0.0
+        if s.clipped_s > 0.0:
+            bits = end_clipping(s, g, sample)
         predict_velocity(s, g, sample)
         if sample.aided > 0.0:
             if sample.has_fix > 0.0:

@@ -5,10 +5,12 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Memory, Sample
-from .prediction import forget_sensitivities, set_matrix, turn
+from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, SATURATED, Gains, Memory, Sample
+from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 
 MOST_TILT_SIGMA = 1.57  # rad: nothing is known
+AT_END = 0.99  # of the largest rate: another axis at the same end
+LONGEST_PARABOLA = 0.25  # s: of clipped samples whose rate is still a parabola
 MOST_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts anew
 ALL_CLIPPED = 0.6  # rad: ... and the force is the better guess, even of one that accelerates
 LEVEL_SIGMA = 0.1  # rad: of a tilt taken from the force alone
@@ -22,15 +24,59 @@ def doubt_rate(s: Memory, sample: Sample) -> None:
 
     Source: docs/filter.md Eq. (30).
     """
+    dt = sample.dt_s
     square = 0.0
+    most = 0.0
     for i in range(3):
         d = sample.gyro[i] - s.gyro_lp[i]
         square = square + d * d
-    lost = sample.dt_s * math.sqrt(square)
-    s.clipped_angle = s.clipped_angle + lost
+        if math.fabs(sample.gyro[i]) > most:
+            most = math.fabs(sample.gyro[i])
+        if s.clipped_s == 0.0:
+            s.clipped_slope[i] = s.gyro_step[i] / dt
+            s.clipped_rate[i] = sample.gyro[i]
+    for i in range(3):
+        # Only an axis that stands still at the largest rate of all is at the end of its range.
+        if sample.gyro[i] != s.clipped_rate[i] or math.fabs(sample.gyro[i]) < AT_END * most:
+            s.clipped_slope[i] = 0.0
+    s.clipped_s = s.clipped_s + dt
+    s.clipped_angle = s.clipped_angle + dt * math.sqrt(square)
+
+
+def end_clipping(s: Memory, g: Gains, sample: Sample) -> int:
+    """After clipped samples: what they have hidden is made up for, or the tilt is found anew.
+
+    Over a short time the rate beyond the range is a parabola with the slopes at both ends; over a
+    longer one nothing is known of it. Source: docs/filter.md Eq. (30), (49).
+    """
+    time = s.clipped_s
+    s.clipped_s = 0.0
+    bits = SATURATED
+    if time < LONGEST_PARABOLA:
+        square = 0.0
+        for i in range(3):
+            sign = 1.0
+            if s.clipped_rate[i] < 0.0:
+                sign = -1.0
+            before = sign * s.clipped_slope[i]
+            # The rate came back somewhere between two samples: half of its fall is seen.
+            after = 2.0 * sign * (s.clipped_rate[i] - sample.gyro[i]) / sample.dt_s
+            s.dtheta[i] = 0.0
+            if before > 0.0 and after > 0.0:
+                hidden = sign * time * time * (before + after) / 12.0
+                s.dtheta[i] = hidden
+                square = square + hidden * hidden
+        if square > 0.0:
+            turn_body(s, s.dtheta[0], s.dtheta[1], s.dtheta[2])
+            s.clipped_angle = 0.5 * math.sqrt(square)
+    lost = s.clipped_angle
     raise_tilt_sigma(s, s.extra_tilt_sigma + lost)
     # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
-    s.heading_variance = s.heading_variance + lost * (2.0 * s.clipped_angle - lost)
+    s.heading_variance = s.heading_variance + lost * lost
+    if lost > MOST_CLIPPED:
+        bits = begin_anew(s, g, sample) | SATURATED
+    s.clipped_angle = 0.0
+    return bits
 
 
 def raise_tilt_sigma(s: Memory, angle: float) -> None:

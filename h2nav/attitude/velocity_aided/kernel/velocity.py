@@ -87,6 +87,7 @@ def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
     east = east + s.fix_lag_s * sample.fix_accel_e
     square = north * north + east * east
     period = sample.fix_period_s
+    s.fix_period_s = period
     variance = sample.fix_variance / (g.gravity * g.gravity)
     if s.fixes_rejected >= MOST_REJECTED:
         # Nothing is known of the velocity yet, or the fixes agree in contradicting it.
