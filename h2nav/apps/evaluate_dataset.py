@@ -13,7 +13,7 @@ from h2nav.apps.recorded_trials import read
 from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
-from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, installed
+from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, SMOOTHED, installed
 from h2nav.evaluation.dataset.scores import Score, Task, score_task, summary
 from h2nav.evaluation.parallel import results
 from h2nav.io.trials import trial_paths
@@ -51,6 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
         "default = velocity_aided, default_fixed = velocity_aided_integer (the same in 32-bit "
         "integers), two_stage; where installed paper, vqf, imufusion, ahrs.madgwick, ahrs.ekf",
+    )
+    parser.add_argument(
+        "--smooth",
+        action="store_true",
+        help="run each of our filters backward as well, and show beside it what both directions "
+        "together know: NAME_smoothed; vqf_offline beside vqf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
     parser.add_argument(
@@ -111,7 +117,10 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
     known = installed()
     names: Sequence[str] = args.filters or ["default"]
     if "all" in names:
-        names = [name for name in known if name not in RECOMMENDED.values()]
+        others = {*RECOMMENDED.values(), *SMOOTHED.values()}
+        names = [name for name in known if name not in others]
+    if args.smooth:
+        names = [each for name in names for each in (name, SMOOTHED.get(name)) if each is not None]
     for name in names:
         if name in NEEDS:
             extra, module = NEEDS[name]

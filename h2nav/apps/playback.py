@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from h2nav.io.deframer import Deframer
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
+from h2nav.service.estimation import FilterFor
 from h2nav.service.service import Service, Surroundings
 
 TICK_NS = 100_000_000
@@ -147,7 +148,11 @@ def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
 
 
 def pipeline_for(
-    recording: Recording, inputs: Inputs, recorder: Recorder | None, watcher: Watcher
+    recording: Recording,
+    inputs: Inputs,
+    recorder: Recorder | None,
+    watcher: Watcher,
+    filter_for: FilterFor | None = None,
 ) -> Pipeline:
     """The daemon's pipeline, which asks nobody and sends nothing.
 
@@ -156,13 +161,16 @@ def pipeline_for(
         inputs: to play it with.
         recorder: the log; None = no log.
         watcher: who looks on.
+        filter_for: makes the filter instead of those of the inputs.
     """
     offset_ns = recording.unix_offset_ns
     settings = inputs.configuration.service
     asks_nobody = dataclasses.replace(settings.autopilot, request_streams=False)
     service = Service(
         dataclasses.replace(settings, autopilot=asks_nobody),
-        Surroundings(inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns),
+        Surroundings(
+            filter_for or inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns
+        ),
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
     return Pipeline(service, inputs.configuration.output.component_id, outlets)
@@ -186,8 +194,15 @@ class Playback:
         self._recording = recording
         self._whole_frames = whole_frames
 
-    def through(self, *pipelines: Pipeline) -> Iterator[int]:
-        """Sends everything through all the pipelines; gives the time (ns) of each event."""
+    def through(
+        self, *pipelines: Pipeline, before: Callable[[int], object] | None = None
+    ) -> Iterator[int]:
+        """Sends everything through all the pipelines; gives the time (ns) of each event.
+
+        Args:
+            pipelines: to be sent through.
+            before: is told the time (ns) of each arrival before the pipelines are.
+        """
         first_ns = before_ns = None
         for t_ns, data in self._recording.received():
             if first_ns is None or before_ns is None:
@@ -200,6 +215,8 @@ class Playback:
                     pipeline.tick(silent_ns)
                 yield silent_ns
             before_ns = t_ns
+            if before is not None:
+                before(t_ns)
             frames = self.deframer.feed(data)
             if self._whole_frames:
                 # What looks like the beginning of another frame at their end is none.

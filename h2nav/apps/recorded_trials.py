@@ -59,7 +59,7 @@ def _listen(recording: Recording, listener: Listener, reference: Reference) -> S
     service = Service(settings, Surroundings(listener.filter_for, earth_field_at, unix_s))
     deframer, wanted = Deframer(), service.message_ids
     for t_ns, data in recording.received():
-        listener.now_us = t_ns // 1000
+        listener.arrives(t_ns)
         for frame in deframer.feed(data):
             if frame.msg_id in reference.message_ids:
                 reference.frame(t_ns, frame)

@@ -11,12 +11,15 @@ from typing import Any
 from tqdm import tqdm
 
 from h2nav.apps import playback
+from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_contents import attach_inputs
 from h2nav.apps.pipeline import Pipeline
 from h2nav.apps.playback import Playback
 from h2nav.errors import TaskFailed
-from h2nav.evaluation.reference import Reference
+from h2nav.evaluation.dataset.recorded import Listener
+from h2nav.evaluation.dataset.smoothed import smoothed
+from h2nav.evaluation.reference import Estimates, Reference
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording, open_recording
@@ -24,6 +27,7 @@ from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 
 ESTIMATE_TOPIC = "/estimate"
+SMOOTHED_TOPIC = "/smoothed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-log", action="store_true", help="write no MCAP")
     playback.add_arguments(parser)
     parser.add_argument("--no-gps", action="store_true", help="do not fuse the GPS velocity")
+    parser.add_argument(
+        "--smooth",
+        action="store_true",
+        help="run the filter backward as well: what past and future together say of the attitude "
+        "becomes the channel /smoothed and a second error table",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -50,20 +60,28 @@ def run(args: argparse.Namespace) -> int:
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
     # A second pass over the file, beside the first one, gives the estimates to compare with.
     watcher = _Watcher(open_recording(args.log) if inputs.is_original else None)
-    pipeline = playback.pipeline_for(recording, inputs, recorder, watcher)
+    listener = Listener(inputs.filters.filter_for)
+    filters = listener if args.smooth else inputs.filters
+    pipeline = playback.pipeline_for(recording, inputs, recorder, watcher, filters.filter_for)
     played = playback.Playback(recording, whole_frames=inputs.whole_frames)
+    smoothed_table = None
     started_s = time.perf_counter()
     try:
         total = recording.progress[1]
         with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
-            for _ in played.through(pipeline):
+            for _ in played.through(pipeline, before=listener.arrives):
                 bar.update(recording.progress[0] - bar.n)
+        elapsed_s = time.perf_counter() - started_s
+        if args.smooth:
+            estimates = _smooth(listener, inputs.filters, recorder, recording.unix_offset_ns)
+            smoothed_table = watcher.reference.table(estimates=estimates)
     finally:
         if recorder is not None:
             recorder.close()
-    elapsed_s = time.perf_counter() - started_s
     loss = None if recorder is None else _loss(recorder)
     result = _result(pipeline, played, watcher, elapsed_s)
+    if smoothed_table is not None:
+        result["rms_deg_smoothed"] = smoothed_table.as_mapping()
     result["log"] = None if output is None else str(output)
     if args.json:
         print_json(result)
@@ -74,6 +92,18 @@ def run(args: argparse.Namespace) -> int:
     if not result["imu_samples"]:
         raise TaskFailed(f"{args.log}: no IMU samples of a known autopilot in it")
     return 0
+
+
+def _smooth(
+    listener: Listener, filters: FilterFactory, recorder: Recorder | None, offset_ns: int
+) -> Estimates:
+    """The smoothed estimates, which go into the log as well."""
+    estimates = Estimates()
+    for t_ns, record in smoothed(listener, filters.filter_for):
+        estimates.add(t_ns, record)
+        if recorder is not None:
+            recorder.record(SMOOTHED_TOPIC, record, t_ns + offset_ns)
+    return estimates
 
 
 def _loss(recorder: Recorder) -> str | None:
@@ -163,8 +193,10 @@ def _show(result: dict[str, Any]) -> None:
         f"{result['duration_s']:.1f} s of recording, {result['x_realtime']:.0f} x real time"
     )
     if result["reference"]:
-        rms = "  ".join(f"{name} {value:.3f}" for name, value in result["rms_deg"].items())
-        print(f"RMS error against {result['reference']} in deg:  {rms}")
+        for key, what in (("rms_deg", "RMS error"), ("rms_deg_smoothed", "smoothed")):
+            if key in result:
+                rms = "  ".join(f"{name} {value:.3f}" for name, value in result[key].items())
+                print(f"{what} against {result['reference']} in deg:  {rms}")
     else:
         print("the recording holds neither SIMSTATE nor ATTITUDE to compare with")
     rejected = {reason: count for reason, count in result["rejected"].items() if count}

@@ -65,3 +65,17 @@ class AttitudeFilter(Protocol):
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
+
+
+def tell(
+    chosen: AttitudeFilter, what: VehicleState | EarthField | SensorDelays | VelocityFix
+) -> None:
+    """Gives a filter one record of what is known besides the samples."""
+    if isinstance(what, VelocityFix):
+        chosen.use_velocity(what)
+    elif isinstance(what, EarthField):
+        chosen.use_field(what)
+    elif isinstance(what, SensorDelays):
+        chosen.use_delays(what)
+    else:
+        chosen.use_vehicle(what)

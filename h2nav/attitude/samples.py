@@ -52,10 +52,12 @@ class VehicleState(NamedTuple):
         on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = unknown
             (a recording without an autopilot): the filter decides by its class.
         airspeed_m_s: true airspeed along the nose; None when unknown or stale.
+        is_backward: time runs backward (a smoother's second run), so that the nose trails.
     """
 
     on_ground: bool | None = None
     airspeed_m_s: float | None = None
+    is_backward: bool = False
 
 
 class VelocityFix(NamedTuple):
@@ -86,6 +88,26 @@ class SensorDelays(NamedTuple):
 
     gyro_s: float = 0.0
     field_s: float = 0.0
+
+
+class SensorErrors(NamedTuple):
+    """What a filter has learnt of its sensors besides the gyro's bias, which estimates carry.
+
+    Attributes:
+        gyro_variance: of the gyro's bias, (rad/s)^2, body.
+        force_bias_b: of the accelerometer, m/s^2 (measured = true + bias).
+        force_variance: of that about x and y, (m/s^2)^2; 0: nothing has been learnt of it.
+        field_latency_s: how late the magnetometer's samples are against the gyro's.
+        fix_latency_s: how late velocity fixes are, beyond their stamps.
+        fix_latency_variance: of that, s^2.
+    """
+
+    gyro_variance: Vec3
+    force_bias_b: Vec3 = (0.0, 0.0, 0.0)
+    force_variance: tuple[float, float] = (0.0, 0.0)
+    field_latency_s: float = 0.0
+    fix_latency_s: float = 0.0
+    fix_latency_variance: float = 0.0
 
 
 class Trust(IntFlag):

@@ -6,7 +6,7 @@ it. ATTITUDE is the autopilot's own estimate, with its time since boot.
 
 import math
 from array import array
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,31 @@ from h2nav.evaluation.rows import Array, from_euler, wrapped
 from h2nav.evaluation.scoring import errors, root_mean_square
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
-from h2nav.service.records import EstimateRecord
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 # Further apart than this, an estimate and a reference do not belong together.
 FARTHEST_US = 20_000
+
+
+class EulerRecord(Protocol):
+    """What the records of estimates have in common."""
+
+    @property
+    def t_us(self) -> int:
+        """Autopilot time."""
+
+    @property
+    def roll_deg(self) -> float:
+        """Euler angle of the z-y-x sequence."""
+
+    @property
+    def pitch_deg(self) -> float:
+        """The same."""
+
+    @property
+    def yaw_deg(self) -> float:
+        """The same."""
 
 
 class ErrorTable(NamedTuple):
@@ -83,6 +102,26 @@ class Attitudes:
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
+class Estimates:
+    """Estimates with their times of arrival."""
+
+    def __init__(self) -> None:
+        self._attitudes = Attitudes()  # by arrival
+        self._boot_us = array("q")  # of the same
+
+    def add(self, t_ns: int, record: EulerRecord) -> None:
+        """Takes an estimate of a sample that arrived at this host time."""
+        angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
+        roll, pitch, yaw = map(math.radians, angles)
+        self._attitudes.add(t_ns // 1000, roll, pitch, yaw)
+        self._boot_us.append(record.t_us)
+
+    def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+        """(N,) times of arrival, us, (N,) autopilot times, us, (N, 3) roll, pitch, yaw, rad."""
+        arrived_us, angles = self._attitudes.arrays()
+        return arrived_us, np.array(self._boot_us), angles
+
+
 class Reference:
     """Collects estimates and references while a recording runs; compares them at its end.
 
@@ -93,8 +132,7 @@ class Reference:
     message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
-        self._estimates = Attitudes()  # by arrival
-        self._boot_us = array("q")  # of the same
+        self._estimates = Estimates()
         self._truth = Attitudes()
         self._autopilot = Attitudes()
 
@@ -108,21 +146,19 @@ class Reference:
             t_us = fields.time_boot_ms * 1000
             self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, record: EulerRecord) -> None:
         """Takes an estimate."""
-        angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
-        roll, pitch, yaw = map(math.radians, angles)
-        self._estimates.add(t_ns // 1000, roll, pitch, yaw)
-        self._boot_us.append(record.t_us)
+        self._estimates.add(t_ns, record)
 
-    def table(self, skip_s: float = 0.0) -> ErrorTable:
+    def table(self, skip_s: float = 0.0, estimates: Estimates | None = None) -> ErrorTable:
         """The errors against SIMSTATE, else ATTITUDE.
 
         Args:
             skip_s: references of so many first seconds do not count.
+            estimates: to compare instead of those that it has taken.
         """
-        arrived_us, angles = self._estimates.arrays()
-        pairs = self.pairs(arrived_us, np.array(self._boot_us), skip_s)
+        arrived_us, boot_us, angles = (estimates or self._estimates).arrays()
+        pairs = self.pairs(arrived_us, boot_us, skip_s)
         if not len(pairs.rows):
             return ErrorTable("", 0)
         return _table(pairs.reference, angles[pairs.rows], pairs.angles)

@@ -20,6 +20,7 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorErrors,
     Trust,
     VehicleState,
     VelocityFix,
@@ -169,6 +170,35 @@ class VelocityAidedFilter:
         expected = g.mag_lag_prior * s.mag_lag_expected
         lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
         return min(max(lag, 0.0), g.mag_lag_limit)
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+        s, gravity = self._memory, self._g.gravity
+        x, y = s.accel_bias[:]
+        xx, _, yy = s.p_accel[:]
+        return SensorErrors(
+            (s.p_xx, s.p_yy, s.p_zz),
+            (gravity * x, gravity * y, 0.0),
+            (gravity * gravity * xx, gravity * gravity * yy),
+            self.field_latency_s,
+            s.fix_lag_s,
+            s.fix_lag_variance,
+        )
+
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
+        s, g = self._memory, self._g
+        walk = g.bias_walk * walked_s
+        x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
+        s.p_xx, s.p_yy, s.p_zz = x, y, z
+        s.p_xy = s.p_xz = s.p_yz = 0.0
+        if min(errors.force_variance) > 0.0:
+            walk, unit = g.accel_walk * walked_s, g.gravity * g.gravity
+            xx, yy = (min(v / unit + walk, g.accel_variance) for v in errors.force_variance)
+            s.p_accel[:] = (xx, 0.0, yy)
+            lag = errors.fix_latency_variance + g.fix_lag_walk * walked_s
+            s.fix_lag_variance = min(lag, g.fix_lag_variance)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.
@@ -466,13 +496,13 @@ def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
 
 
 def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:
-    """Velocity along the nose that holds a filter without fixes, m/s."""
+    """Velocity along the nose that holds a filter without fixes, m/s; < 0 in backward time."""
     if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
         return 0.0
-    airspeed = vehicle.airspeed_m_s
-    if airspeed is None or not math.isfinite(airspeed):
-        return gains.cruise_speed_m_s
-    return airspeed
+    speed = vehicle.airspeed_m_s
+    if speed is None or not math.isfinite(speed):
+        speed = gains.cruise_speed_m_s
+    return -speed if vehicle.is_backward else speed
 
 
 def is_plausible(sample: ImuSample) -> bool:

@@ -2,6 +2,7 @@
 
 Whole stretches go through the compiled kernels where they are built and can: not while a velocity
 is fused, and not where the insides are to be shown. The estimates are the same bits either way.
+The smoother calls the compiled kernels sample by sample.
 """
 
 import math
@@ -13,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from h2nav.attitude import alignment, batch, native
-from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.filter import AttitudeFilter, tell
+from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
-    EarthField,
     ImuSample,
     SensorDelays,
     Trust,
     VelocityFix,
 )
+from h2nav.attitude.smoothing import FilterMaker, Given, smooth
 from h2nav.attitude.two_stage.filter import TwoStageFilter
 from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -31,7 +33,7 @@ from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFil
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
 from h2nav.io import gain_files
-from h2nav.io.trials import Told, ToldOf, Trial
+from h2nav.io.trials import Told, Trial
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG
 
@@ -101,6 +103,20 @@ def run_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
     return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
 
 
+def smooth_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
+    """The velocity-aided filter forward and backward."""
+    gains = _at_cruise(_class_gains(trial, conditions), conditions)
+    step = native.compiled_step(VELOCITY_AIDED)
+    return _smooth(trial, conditions, lambda: VelocityAidedFilter(gains, step))
+
+
+def smooth_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
+    """The same in integers."""
+    gains = _at_cruise(_class_gains(trial, conditions), conditions)
+    step = native.compiled_step(VELOCITY_AIDED_INTEGER)
+    return _smooth(trial, conditions, lambda: IntegerVelocityAidedFilter(gains, gains.name, step))
+
+
 def run_with_gains(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
     """The velocity-aided filter with given gains."""
     return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
@@ -119,8 +135,17 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
 
 def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
     """The two-stage filter with the shipped gains of a common sensor."""
+    return _run(trial, conditions, _two_stage(trial))
+
+
+def smooth_two_stage(trial: Trial, conditions: Conditions) -> Track:
+    """The two-stage filter forward and backward."""
+    return _smooth(trial, conditions, lambda: _two_stage(trial))
+
+
+def _two_stage(trial: Trial) -> TwoStageFilter:
     name = f"{TWO_STAGE_SENSOR}_{gain_files.shipped_rate(trial.rate_hz)}hz"
-    return _run(trial, conditions, TwoStageFilter(two_stage_gains(gain_files.load(name), name)))
+    return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
 def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
@@ -129,24 +154,14 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
     is_plain = trial.clipped is None and not conditions.shows_insides
     special = (VelocityFix, SensorDelays)  # batches take no fixes, and lead no attitude
     is_plain = is_plain and not any(isinstance(each.what, special) for each in told)
-    is_compiled = (
-        isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
-        and native.backend() == "native"
-    )
-    if is_plain and is_compiled:
+    if is_plain and _is_compiled(chosen):
         return _run_batch(trial, told, chosen)
     return _run_samples(trial, told, chosen)
 
 
-def _tell(chosen: AttitudeFilter, what: ToldOf) -> None:
-    if isinstance(what, VelocityFix):
-        chosen.use_velocity(what)
-    elif isinstance(what, EarthField):
-        chosen.use_field(what)
-    elif isinstance(what, SensorDelays):
-        chosen.use_delays(what)
-    else:
-        chosen.use_vehicle(what)
+def _is_compiled(chosen: AttitudeFilter) -> bool:
+    is_aided = isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
+    return is_aided and native.backend() == "native"
 
 
 def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
@@ -158,7 +173,7 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
     for start, stop in zip(starts, [*starts[1:], count], strict=True):
         for each in told:
             if each.row == start:
-                _tell(chosen, each.what)
+                tell(chosen, each.what)
         rows = slice(start, stop)
         field = None if trial.m_s is None else trial.m_s[rows]
         # The first step of a stretch leads from time zero: it goes on with the trial's times.
@@ -185,7 +200,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
     started = time.process_time()
     for row, sample in enumerate(taken):
         while following is not None and following.row <= row:
-            _tell(chosen, following.what)
+            tell(chosen, following.what)
             if isinstance(following.what, SensorDelays):
                 late_s = following.what.gyro_s
             following = next(coming, None)
@@ -194,11 +209,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
         if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
-    known = np.array([estimate is not None for estimate in estimates])
-    if not known.any():
-        raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
-    rows = (estimates[row] for row in _latest(known).tolist())
-    filled = [estimate for estimate in rows if estimate is not None]
+    filled = _filled(estimates, f"{trial.name}: {chosen.name}")
     return Track(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
@@ -207,6 +218,35 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
         gain_set=np.array(sets) if sets else None,
         field_used=np.array([bool(estimate.trust & Trust.FIELD_USED) for estimate in filled]),
     )
+
+
+def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> Track:
+    """The smoother around a filter."""
+    given = Given(list(samples(trial)), _told(trial, conditions))
+    started = time.process_time()
+    estimates = smooth([given], make)[0]
+    us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
+    chosen = make()
+    filled = _filled(estimates, f"{trial.name}: {chosen.name}")
+    return Track(
+        q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
+        us_per_sample=us_per_sample,
+        backend="native, called per sample" if _is_compiled(chosen) else "python",
+        bias=np.array([estimate.bias_b for estimate in filled]),
+    )
+
+
+def _filled(estimates: Sequence[AttitudeEstimate | None], what: str) -> list[AttitudeEstimate]:
+    """The estimates, with the latest (at first the first) where there is none.
+
+    Raises:
+        TaskFailed: there is none at all.
+    """
+    known = np.array([estimate is not None for estimate in estimates])
+    if not known.any():
+        raise TaskFailed(f"{what} never aligned: no usable sample")
+    rows = (estimates[row] for row in _latest(known).tolist())
+    return [estimate for estimate in rows if estimate is not None]
 
 
 def run_paper(trial: Trial, _: Conditions) -> Track:

@@ -22,11 +22,21 @@ from h2nav.io.trials import Trial
 
 # The names under which the velocity-aided filter stands among all: readers of results know them.
 RECOMMENDED = {"default": "velocity_aided", "default_fixed": "velocity_aided_integer"}
+# Filter -> its smoother, which knows the future as well.
+SMOOTHED = {
+    "default": "default_smoothed",
+    "default_fixed": "default_fixed_smoothed",
+    "velocity_aided": "velocity_aided_smoothed",
+    "velocity_aided_integer": "velocity_aided_integer_smoothed",
+    "two_stage": "two_stage_smoothed",
+    "vqf": "vqf_offline",
+}
 Runner = Callable[[Trial, Conditions], Track]
 # Filter -> extra and module that it needs beyond the base.
 NEEDS = {
     "paper": ("synthesis", "scipy.linalg"),
     "vqf": ("peers", "vqf"),
+    "vqf_offline": ("peers", "vqf"),
     "imufusion": ("peers", "imufusion"),
     "ahrs.madgwick": ("peers", "ahrs"),
     "ahrs.ekf": ("peers", "ahrs"),
@@ -36,16 +46,23 @@ NEEDS = {
 def installed() -> dict[str, Runner]:
     """Name -> filter, ours first, then the peers; without those whose package is missing."""
     peers = {
-        "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf
+        "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf,
+        "vqf_offline": _vqf_offline,
     }  # fmt: skip
     runners: dict[str, Runner] = {
         "velocity_aided": ours.run_velocity_aided,
         "velocity_aided_integer": ours.run_velocity_aided_integer,
         "two_stage": ours.run_two_stage,
         "paper": ours.run_paper,
+        "velocity_aided_smoothed": ours.smooth_velocity_aided,
+        "velocity_aided_integer_smoothed": ours.smooth_velocity_aided_integer,
+        "two_stage_smoothed": ours.smooth_two_stage,
         **{name: _guarded(name, runner) for name, runner in peers.items()},
     }
     named = {name: runners[filter_name] for name, filter_name in RECOMMENDED.items()}
+    named |= {
+        SMOOTHED[name]: runners[SMOOTHED[filter_name]] for name, filter_name in RECOMMENDED.items()
+    }
     return {name: run for name, run in (named | runners).items() if _is_installed(name)}
 
 
@@ -71,11 +88,26 @@ def _guarded(name: str, runner: Runner) -> Runner:
 
 def _vqf(trial: Trial, _: Conditions) -> Track:
     vqf = importlib.import_module("vqf")
+    return _run_vqf(trial, vqf.VQF(1.0 / trial.rate_hz).updateBatch)
+
+
+def _vqf_offline(trial: Trial, _: Conditions) -> Track:
+    vqf = importlib.import_module("vqf")
+
+    def run(rates: Array, forces: Array, fields: Array | None = None) -> dict[str, Array]:
+        found: dict[str, Array] = vqf.offlineVQF(rates, forces, fields, 1.0 / trial.rate_hz)
+        return found
+
+    return _run_vqf(trial, run)
+
+
+def _run_vqf(trial: Trial, run: Callable[..., dict[str, Array]]) -> Track:
+    """One of its variants, which take the whole recording."""
     arrays = [np.ascontiguousarray(trial.w_s), np.ascontiguousarray(trial.f_s)]
     if trial.m_s is not None:
         arrays.append(np.ascontiguousarray(held(trial.m_s)))
     started = time.process_time()
-    out = vqf.VQF(1.0 / trial.rate_hz).updateBatch(*arrays)
+    out = run(*arrays)
     us_per_sample = (time.process_time() - started) * 1e6 / len(trial.w_s)
     q_es = out["quat9D" if trial.m_s is not None else "quat6D"]
     return Track(q_es, us_per_sample, "native", np.asarray(out["bias"]))

@@ -5,12 +5,14 @@ truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another esti
 true north.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from h2nav.attitude.filter import FilterState
+from h2nav.attitude.filter import AttitudeFilter, FilterState, tell
 from h2nav.attitude.samples import (
+    AttitudeEstimate,
     EarthField,
     ImuSample,
     SensorDelays,
@@ -27,70 +29,87 @@ LEAST_SAMPLES = 2
 
 
 class Stretch:
-    """Samples between two restarts of the filter, and what it was told among them."""
+    """Samples between two restarts of the filter, what it was told among them, and of whom."""
 
     def __init__(self) -> None:
         self.samples: list[ImuSample] = []
         self.arrived_us: list[int] = []
         self.told: list[Told] = []
+        self.identity: Identity | None = None
 
 
 class Listener:
     """Stands where a filter stands in the service, and keeps everything that it is given.
 
+    Args:
+        make: makes a filter that is given the same, and whose estimates it gives; None for none.
+
     Attributes:
         name: as filters have one.
-        now_us: time of arrival of the message under way.
         stretches: so far; the last one is being filled.
         identity: of the autopilot, once it is known.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
         self.name = "listener"
-        self.now_us = 0
+        self._now_us = 0
         self.stretches = [Stretch()]
         self.identity: Identity | None = None
         self._vehicle: VehicleState | None = None
         self._field: EarthField | None = None
         self._delays: SensorDelays | None = None
+        self._make = make
+        self._filter: AttitudeFilter | None = None
 
     def filter_for(self, identity: Identity) -> "Listener":
         """Makes the filter of a vehicle."""
         self.identity = identity
-        self.restart()
+        self._begin_stretch()
+        self._filter = None if self._make is None else self._make(identity)
         return self
 
-    def update(self, sample: ImuSample) -> None:
+    def arrives(self, t_ns: int) -> None:
+        """What comes from now on has arrived at this host time."""
+        self._now_us = t_ns // 1000
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Keeps a sample."""
         self.stretches[-1].samples.append(sample)
-        self.stretches[-1].arrived_us.append(self.now_us)
+        self.stretches[-1].arrived_us.append(self._now_us)
+        return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Keeps the vehicle's state."""
         self._vehicle = vehicle
-        self._keep(vehicle)
+        self._take(vehicle)
 
     def use_field(self, field: EarthField) -> None:
         """Keeps the earth field."""
         self._field = field
-        self._keep(field)
+        self._take(field)
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Keeps a velocity."""
-        self._keep(fix)
+        self._take(fix)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Keeps the sensors' delays."""
         self._delays = delays
-        self._keep(delays)
+        self._take(delays)
 
     def restart(self) -> None:
         """Begins a stretch, in which the last state, field and delays still hold."""
+        self._begin_stretch()
+        if self._filter is not None:
+            self._filter.restart()
+
+    def _begin_stretch(self) -> None:
         if self.stretches[-1].samples:
             self.stretches.append(Stretch())
             for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
                     self._keep(what)
+        self.stretches[-1].identity = self.identity
 
     def state(self) -> FilterState:
         """It computes nothing, so nothing has to be continued."""
@@ -98,6 +117,11 @@ class Listener:
 
     def restore(self, state: FilterState) -> None:
         """See `state`."""
+
+    def _take(self, what: ToldOf) -> None:
+        self._keep(what)
+        if self._filter is not None:
+            tell(self._filter, what)
 
     def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]

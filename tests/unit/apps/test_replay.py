@@ -7,10 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from needs import REPOSITORY
+from needs import DEG, REPOSITORY
 
 from fuzz.file_seeds import plain_mcap
 from h2nav.cli import main
+from h2nav.io.recordings import open_recording
+from h2nav.maths import quaternion
 
 FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 LARGEST_BYTES = 50_000
@@ -89,3 +91,39 @@ def test_with_a_configuration_of_ones_own_the_recorded_one_does_not_matter(tmp_p
     chosen.write_text("")
     assert main(["replay", str(path), "--no-log", "-c", str(chosen)]) == 1
     assert "no IMU samples" in capsys.readouterr().err
+
+
+def test_smoothed_attitudes_become_a_channel_and_a_second_table(tmp_path, capsys):
+    flight = tmp_path / "flight.tlog"
+    flight.write_bytes(FLIGHT.read_bytes()[:600_000])
+    plain, smooth = tmp_path / "plain.mcap", tmp_path / "smooth.mcap"
+    assert main(["replay", str(flight), "-o", str(plain), "--json"]) == 0
+    before = json.loads(capsys.readouterr().out)
+    assert main(["replay", str(flight), "-o", str(smooth), "--json", "--smooth"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert "rms_deg_smoothed" not in before
+    assert set(result) - set(before) == {"rms_deg_smoothed"}
+    assert set(result["rms_deg_smoothed"]) == set(result["rms_deg"])
+    assert result["rms_deg"] == before["rms_deg"], "the causal estimates are the same"
+    assert result["rms_deg_smoothed"]["tilt"] < 1.5 * result["rms_deg"]["tilt"]
+
+    estimates = list(open_recording(smooth).records("/estimate"))
+    smoothed = list(open_recording(smooth).records("/smoothed"))
+    assert len(smoothed) >= len(estimates) == len(list(open_recording(plain).records("/estimate")))
+    times = {record["t_us"]: t_ns for t_ns, record in smoothed}
+    for t_ns, record in estimates:
+        assert abs(times[record["t_us"]] - t_ns) <= 1000
+    for _, record in smoothed:
+        q_nb = tuple(record[f"q_{axis}"] for axis in "wxyz")
+        angles = [record[name] * DEG for name in ("roll_deg", "pitch_deg", "yaw_deg")]
+        assert quaternion.angle(q_nb, quaternion.from_euler(*angles)) < 1e-6
+        assert record["sigma_tilt_deg"] > 0.0
+        assert record["sigma_heading_deg"] > 0.0
+
+    again = tmp_path / "again.mcap"
+    assert main(["replay", str(smooth), "-o", str(again), "--json", "--smooth"]) == 0
+    repeated = json.loads(capsys.readouterr().out)
+    assert repeated["estimates_equal"] == repeated["estimates_compared"] == len(estimates)
+    assert [record for _, record in open_recording(again).records("/smoothed")] == [
+        record for _, record in smoothed
+    ]

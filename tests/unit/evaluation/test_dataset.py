@@ -9,7 +9,10 @@ from synthetic_imu import FIELD, fly, slow
 
 from h2nav import cli
 from h2nav.attitude import native
-from h2nav.attitude.samples import VehicleState, VelocityFix
+from h2nav.attitude.filter import tell
+from h2nav.attitude.samples import SensorDelays, VehicleState, VelocityFix
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import (
     Conditions,
     Track,
@@ -18,8 +21,12 @@ from h2nav.evaluation.dataset.filters import (
     run_velocity_aided_integer,
     to_true_north,
 )
+from h2nav.evaluation.dataset.peers import SMOOTHED, installed
+from h2nav.evaluation.dataset.recorded import Listener
+from h2nav.io import gain_files
 from h2nav.io.trials import Told, Trial, read_trial
 from h2nav.maths import frames, quaternion
+from h2nav.service.autopilot import Identity
 
 
 @pytest.fixture
@@ -54,6 +61,32 @@ def test_json_has_the_promised_keys(folder: Path, capsys: pytest.CaptureFixture[
     assert result["backend"] == native.backend()
     assert "trial_3: default: left out: " in err
     assert "trial_3.npz: no truth: key q" in err
+
+
+def test_smoothed_results_stand_beside_the_causal_ones(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["evaluate", "dataset", str(folder), "--json"]
+    assert cli.main(words) == 0
+    causal = json.loads(capsys.readouterr().out)
+    assert cli.main([*words, "--smooth"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["trials"] == causal["trials"], "the keys of one filter stay where they were"
+    assert result["mean"] == causal["mean"]
+    assert set(result["filters"]) == {"default", "default_smoothed"}
+    smoothed = result["filters"]["default_smoothed"]
+    assert set(smoothed["trials"]["trial_1"]) == {"total", "heading", "inclination"}
+    assert smoothed["mean"]["inclination"] < 0.5
+    assert smoothed["us_per_sample"] > 0.0
+
+
+def test_every_filter_of_ours_can_be_smoothed(folder: Path) -> None:
+    trial = read_trial(folder / "trial_1.npz")
+    for name, smoothed in SMOOTHED.items():
+        if name in installed():
+            track = installed()[smoothed](trial, Conditions("multirotor"))
+            assert np.isfinite(track.q_es).all()
+            assert len(track.q_es) == len(trial.t_us)
 
 
 def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -181,3 +214,27 @@ def test_trials_of_one_name_are_told_apart(
     out, err = capsys.readouterr()
     assert set(json.loads(out)["trials"]) == {"trial_1.npz", "trial_2"}
     assert "trial_1.tlog: default: left out" in err
+
+
+def test_a_listener_gives_its_filter_what_it_keeps() -> None:
+    flight = fly(slow, 2.0, 1)
+    gains = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+    alone, wrapped = VelocityAidedFilter(gains), VelocityAidedFilter(gains)
+    listener = Listener(lambda _: wrapped)
+    chosen = listener.filter_for(Identity(1, 1, 3, 2))
+    records = (VehicleState(False), FIELD, SensorDelays(0.01, 0.05))
+    for each in (alone, chosen):
+        for what in records:
+            tell(each, what)
+    for number, sample in enumerate(flight.samples):
+        listener.arrives(1_000_000 * number)
+        if number == 100:
+            alone.restart()
+            chosen.restart()
+        assert chosen.update(sample) == alone.update(sample)
+    assert wrapped.state() == alone.state()
+    first, second = listener.stretches
+    assert [len(first.samples), len(second.samples)] == [100, 100]
+    assert second.arrived_us == [1000 * number for number in range(100, 200)]
+    assert [each.what for each in first.told] == [each.what for each in second.told]
+    assert [each.what for each in second.told] == list(records)

@@ -17,6 +17,7 @@ from h2nav.attitude.samples import (
     ImuSample,
     Quat,
     SensorDelays,
+    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
@@ -45,7 +46,13 @@ from h2nav.attitude.velocity_aided.integer.gains import (
 from h2nav.attitude.velocity_aided.integer.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
-from h2nav.attitude.velocity_aided.integer.memory import GAINED_MASK, Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.integer.memory import (
+    GAINED_MASK,
+    VARIANCE_LEAST,
+    Gains,
+    Memory,
+    Sample,
+)
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.units import GRAVITY_M_S2
 
@@ -194,6 +201,33 @@ class IntegerVelocityAidedFilter:
     def gain_set(self) -> int:
         """Number of the gain set in use, 0 the weakest."""
         return self._memory.gain_set
+
+    @property
+    def field_latency_s(self) -> float:
+        """How late the magnetometer's samples are, as learnt so far."""
+        return self._memory.mag_lag * LAG_UNIT_S
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+        s = self._memory
+        unit = self._gains.kernel.bias_variance / self._g.bias_variance
+        variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
+        return SensorErrors(variance, field_latency_s=self.field_latency_s)
+
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
+        s, g = self._memory, self._gains.kernel
+        start = self._g.bias_variance
+        x, y, z = (
+            max(
+                VARIANCE_LEAST,
+                min(round((v + g.bias_walk * walked_s) / g.bias_variance * start), start),
+            )
+            for v in errors.gyro_variance
+        )
+        s.p_xx, s.p_yy, s.p_zz = x, y, z
+        s.p_xy = s.p_xz = s.p_yz = 0
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Takes one sample; see `AttitudeFilter`.

@@ -1,0 +1,523 @@
+"""An attitude smoother for after the flight: any filter run forward, backward and forward again.
+
+The first run learns what does not change with the direction of time: the biases of gyro and
+accelerometer, and how late field and velocities are. All that is taken out of what the other two
+runs are given, whose filters are new. Where those two know the attitude from the past and from the
+future, the smoothed one is their mean, weighted by what each predicts of its own error.
+
+Equations: docs/filter.md.
+"""
+
+import bisect
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from h2nav.attitude.filter import AttitudeFilter, tell
+from h2nav.attitude.lead import led
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Quat,
+    SensorDelays,
+    SensorErrors,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.maths.quaternion import conjugate, exp, log, multiply, normalize, rotate
+
+# A longer gap leaves nothing of the attitude: what is before and after it is smoothed apart.
+LONGEST_GAP_US = 1_000_000
+# A fix is given so long after it was true: then the filter's past covers its time.
+FIX_DELAY_US = 50_000
+# What the runs share does not average out: 1 mg of accelerometer bias, 0.06 deg of the vertical.
+# Nothing is known better than the vertical that it is measured about.
+LEAST_SIGMA_RAD = 1e-3
+# A heading is tied to north for so long after the run said so; some say it only with a field.
+REFERENCED_US = 1_000_000
+
+_KNOWN_BY_EITHER = Trust.CONVERGED | Trust.YAW_REFERENCED
+
+FilterMaker = Callable[[], AttitudeFilter]
+Record = VehicleState | EarthField | SensorDelays | VelocityFix
+
+
+class Given(NamedTuple):
+    """What a filter was given between two restarts.
+
+    Attributes:
+        samples: in order.
+        told: in order, with the number of the sample that each record was known before.
+    """
+
+    samples: Sequence[ImuSample]
+    told: Sequence[tuple[int, Record]]
+
+
+@runtime_checkable
+class KnowsSensors(Protocol):
+    """A filter that says what it has learnt of its sensors.
+
+    It uses a field that is held for some samples only when it is new.
+    """
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago.
+
+        Args:
+            errors: with their variances.
+            walked_s: for so long the errors have changed since.
+        """
+
+
+class _Piece(NamedTuple):
+    """Samples without a long gap, and what holds at each.
+
+    Attributes:
+        samples: in the run's order.
+        vehicles: the vehicle's state at each.
+        fields: the earth field at each; None where none is known.
+        delays: how late the sensors are at each; None where nothing was said.
+        fixes: velocities with the number of the sample that each is given before.
+    """
+
+    samples: list[ImuSample]
+    vehicles: list[VehicleState]
+    fields: list[EarthField | None]
+    delays: list[SensorDelays | None]
+    fixes: list[tuple[int, VelocityFix]]
+
+
+class _Learnt(NamedTuple):
+    """What a run leaves to the next one.
+
+    Attributes:
+        bias_b: gyro bias, rad/s.
+        errors: of the sensors besides; None where the filter has no figures.
+    """
+
+    bias_b: Vec3 = (0.0, 0.0, 0.0)
+    errors: SensorErrors | None = None
+
+
+class _Known(NamedTuple):
+    """What a run knows of one sample.
+
+    Attributes:
+        estimate: in forward time.
+        is_referenced: the heading is tied to north.
+    """
+
+    estimate: AttitudeEstimate
+    is_referenced: bool
+
+
+def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeEstimate | None]]:
+    """The smoothed estimate of every sample of every stretch.
+
+    None stands where neither direction has an estimate: in stretches too short to align in. The
+    heading is the forward run's wherever the backward run's is not tied to north. Like a service's
+    the attitudes are led by what was told of the rates' lateness.
+
+    Args:
+        stretches: in order of time; the first run keeps its bias from one to the next.
+        make: makes the filter of this vehicle; called for each run.
+
+    Source: docs/filter.md Eq. (42), (50) - (56).
+    """
+    first = make()
+    smoothed = []
+    learnt = _Learnt()
+    for given in stretches:
+        first.restart()
+        found: list[AttitudeEstimate | None] = []
+        for piece in _pieces(given):
+            learnt = learnt._replace(bias_b=_last_bias(_run(first, piece), learnt.bias_b))
+            if isinstance(first, KnowsSensors):
+                learnt = learnt._replace(errors=first.sensor_errors)
+            found += _led(_smooth_piece(piece, make, learnt), piece.delays)
+        smoothed.append(found)
+    return smoothed
+
+
+def _smooth_piece(
+    piece: _Piece, make: FilterMaker, learnt: _Learnt
+) -> list[AttitudeEstimate | None]:
+    """The second run, the third, and both together."""
+    placed = piece._replace(
+        fields=_known_from_the_start(piece.fields), delays=[None] * len(piece.delays)
+    )
+    chosen = _prepared(make, piece, learnt)
+    run = _run(chosen, _reversed(_without(placed, learnt)))
+    backward = _of_samples(run[::-1], piece.samples, learnt.bias_b, -1.0)
+    learnt = learnt._replace(bias_b=_last_bias(backward[::-1], learnt.bias_b))
+    if learnt.errors is not None and isinstance(chosen, KnowsSensors):
+        learnt = learnt._replace(errors=_both(learnt.errors, chosen.sensor_errors))
+    run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
+    forward = _of_samples(run, piece.samples, learnt.bias_b, 1.0)
+    return _combined(_known(forward), _known(backward[::-1])[::-1])
+
+
+def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
+    """A new filter for samples whose errors were taken out.
+
+    What the run before knew of the errors came from the same samples, so that it does not count in
+    full: what they may walk in all their time is added. Source: docs/filter.md Eq. (51).
+    """
+    chosen = make()
+    if learnt.errors is not None and isinstance(chosen, KnowsSensors):
+        walked_s = (piece.samples[-1].t_us - piece.samples[0].t_us) * 1e-6
+        chosen.know_sensors(learnt.errors, walked_s)
+    return chosen
+
+
+def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
+    """What two runs have learnt, the second one backward with what the first one left.
+
+    Latencies stay those of the first one: backward what is left of them would be negative.
+    """
+    x, y, z = (a + b for a, b in zip(errors.force_bias_b, more.force_bias_b, strict=True))
+    return more._replace(
+        force_bias_b=(x, y, z),
+        field_latency_s=errors.field_latency_s,
+        fix_latency_s=errors.fix_latency_s,
+    )
+
+
+def _led(
+    estimates: list[AttitudeEstimate | None], delays: list[SensorDelays | None]
+) -> list[AttitudeEstimate | None]:
+    """The attitudes at the times that they claim. Source: docs/filter.md Eq. (42)."""
+    return [
+        estimate if estimate is None or late is None else led(estimate, late.gyro_s)
+        for estimate, late in zip(estimates, delays, strict=True)
+    ]
+
+
+def _pieces(given: Given) -> Iterator[_Piece]:
+    """A stretch, cut at its gaps; what was told before a gap holds after it."""
+    samples, told = given.samples, iter(given.told)
+    following = next(told, None)
+    vehicle, field, delays = VehicleState(), None, None
+    piece = _Piece([], [], [], [], [])
+    for row, sample in enumerate(samples):
+        if piece.samples and sample.t_us - piece.samples[-1].t_us > LONGEST_GAP_US:
+            yield piece
+            piece = _Piece([], [], [], [], [])
+        while following is not None and following[0] <= row:
+            what = following[1]
+            if isinstance(what, VelocityFix):
+                piece.fixes.append((len(piece.samples), what))
+            elif isinstance(what, EarthField):
+                field = what
+            elif isinstance(what, SensorDelays):
+                delays = what
+            else:
+                vehicle = what
+            following = next(told, None)
+        piece.samples.append(sample)
+        piece.vehicles.append(vehicle)
+        piece.fields.append(field)
+        piece.delays.append(delays)
+    if piece.samples:
+        yield piece
+
+
+def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]:
+    """A filter over a piece; it is told what holds where that changes."""
+    estimates: list[AttitudeEstimate | None] = []
+    vehicle: VehicleState | None = None
+    field: EarthField | None = None
+    delays: SensorDelays | None = None
+    fixes = iter(piece.fixes)
+    coming = next(fixes, None)
+    for row, sample in enumerate(piece.samples):
+        if piece.vehicles[row] != vehicle:
+            vehicle = piece.vehicles[row]
+            tell(chosen, vehicle)
+        known = piece.fields[row]
+        if known is not None and known != field:
+            field = known
+            tell(chosen, field)
+        late = piece.delays[row]
+        if late is not None and late != delays:
+            delays = late
+            tell(chosen, delays)
+        while coming is not None and coming[0] <= row:
+            chosen.use_velocity(coming[1])
+            coming = next(fixes, None)
+        estimates.append(_update(chosen, sample))
+    return estimates
+
+
+def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
+    """An estimate of finite numbers, or none; then the filter begins anew, as in the service."""
+    try:
+        estimate = chosen.update(sample)
+    except ArithmeticError:
+        estimate = None
+    else:
+        if estimate is None or all(map(math.isfinite, estimate.q_nb)):
+            return estimate
+    chosen.restart()
+    return None
+
+
+def _last_bias(estimates: Sequence[AttitudeEstimate | None], otherwise: Vec3) -> Vec3:
+    """What a run knew of the bias at its end."""
+    last = next((each for each in reversed(estimates) if each is not None), None)
+    return otherwise if last is None else last.bias_b
+
+
+def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | None]:
+    """The earth's field was there before the position that names it was known."""
+    first = next((field for field in fields if field is not None), None)
+    return [first if field is None else field for field in fields]
+
+
+def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
+    """The piece without biases and latencies.
+
+    Source: docs/filter.md Eq. (50).
+    """
+    if learnt.errors is None:
+        samples = [each._replace(w_b=_less(each.w_b, learnt.bias_b)) for each in piece.samples]
+        return piece._replace(samples=samples)
+    errors = learnt.errors
+    samples = []
+    held: Vec3 | None = None
+    for each in piece.samples:
+        w_b = _less(each.w_b, learnt.bias_b)
+        m_b_ut = None if each.m_b_ut == held else each.m_b_ut
+        if each.m_b_ut is not None:
+            held = each.m_b_ut
+        if m_b_ut is not None:
+            m_b_ut = _timely(m_b_ut, w_b, errors.field_latency_s)
+        f_b = _without_bias(each.f_b, errors.force_bias_b)
+        samples.append(each._replace(w_b=w_b, f_b=f_b, m_b_ut=m_b_ut))
+    late_us = round(errors.fix_latency_s * 1e6)
+    fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
+    return piece._replace(samples=samples, fixes=_placed(fixes, samples))
+
+
+def _without_bias(f_b: Vec3, bias_b: Vec3) -> Vec3:
+    """A force of exactly zero was not measured, and stays what it is."""
+    return _less(f_b, bias_b) if any(f_b) else f_b
+
+
+def _timely(m_b_ut: Vec3, w_b: Vec3, late_s: float) -> Vec3:
+    """The field at the time of the sample that brought it."""
+    x, y, z = w_b
+    if not late_s * math.hypot(x, y, z) < math.pi:
+        return m_b_ut  # that rate is no sensor's
+    return rotate(exp((-late_s * x, -late_s * y, -late_s * z)), m_b_ut)
+
+
+def _placed(
+    fixes: Iterable[VelocityFix], samples: Sequence[ImuSample]
+) -> list[tuple[int, VelocityFix]]:
+    """Fixes in the order of their times, each with the number of the sample to give it before."""
+    times_us = [sample.t_us for sample in samples]
+    return [
+        (bisect.bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
+        for fix in sorted(fixes, key=lambda fix: fix.t_us)
+    ]
+
+
+def _reversed(piece: _Piece) -> _Piece:
+    """A piece without biases and latencies as it looks when time runs backward.
+
+    Its times are mirrored about their middle. A rate is the mean since the sample before: backward
+    it leads to that one. Forces, fields and the earth stay as they are. Velocities change their
+    sign, and the nose trails.
+
+    Source: docs/filter.md Eq. (52), (53).
+    """
+    samples = piece.samples
+    ends_us = samples[0].t_us + samples[-1].t_us
+    turned = []
+    for sample, later in itertools.pairwise((*samples, samples[-1])):
+        x, y, z = later.w_b
+        turned.append(
+            sample._replace(
+                t_us=ends_us - sample.t_us,
+                w_b=(-x, -y, -z),
+                clipped=sample.clipped or later.clipped,
+            )
+        )
+    turned.reverse()
+    fixes = []
+    for _, fix in piece.fixes:
+        north, east, down = fix.v_n
+        fixes.append(fix._replace(t_us=ends_us - fix.t_us, v_n=(-north, -east, -down)))
+    return _Piece(
+        turned,
+        [_backward(vehicle) for vehicle in reversed(piece.vehicles)],
+        piece.fields[::-1],
+        piece.delays[::-1],
+        _placed(fixes, turned),
+    )
+
+
+def _backward(vehicle: VehicleState) -> VehicleState:
+    return vehicle._replace(is_backward=True)
+
+
+def _of_samples(
+    run: list[AttitudeEstimate | None],
+    samples: list[ImuSample],
+    bias_b: Vec3,
+    direction: float,
+) -> list[AttitudeEstimate | None]:
+    """A run's estimates as estimates of the samples that were given.
+
+    Args:
+        run: in the samples' order.
+        samples: with their own times and rates.
+        bias_b: what the run's rates were without, rad/s.
+        direction: of the run's time: 1 forward, -1 backward.
+    """
+    found: list[AttitudeEstimate | None] = []
+    for sample, estimate in zip(samples, run, strict=True):
+        if estimate is None:
+            found.append(None)
+            continue
+        x, y, z = (b + direction * more for b, more in zip(bias_b, estimate.bias_b, strict=True))
+        w_b = _less(sample.w_b, (x, y, z))
+        if not all(map(math.isfinite, w_b)):
+            w_x, w_y, w_z = estimate.w_b
+            w_b = (direction * w_x, direction * w_y, direction * w_z)
+        found.append(estimate._replace(t_us=sample.t_us, w_b=w_b, bias_b=(x, y, z)))
+    return found
+
+
+def _known(estimates: Sequence[AttitudeEstimate | None]) -> list[_Known | None]:
+    """Whether the heading of each is tied to north; in the order of the run."""
+    known: list[_Known | None] = []
+    at_us: int | None = None
+    for estimate in estimates:
+        if estimate is None:
+            known.append(None)
+            continue
+        if estimate.trust & Trust.YAW_REFERENCED:
+            at_us = estimate.t_us
+        is_referenced = at_us is not None and abs(estimate.t_us - at_us) < REFERENCED_US
+        known.append(_Known(estimate, is_referenced))
+    return known
+
+
+def _combined(
+    forward: Sequence[_Known | None], backward: Sequence[_Known | None]
+) -> list[AttitudeEstimate | None]:
+    """Both runs together; where one has nothing, the other alone."""
+    smoothed: list[AttitudeEstimate | None] = []
+    waiting = True  # for the forward run's first estimate
+    for ahead, back in zip(forward, backward, strict=True):
+        if ahead is not None and back is not None:
+            both = _mean(ahead, back)
+            if waiting:
+                _turn_all(smoothed, both, back)
+            smoothed.append(both)
+        else:
+            alone = ahead or back
+            smoothed.append(None if alone is None else alone.estimate)
+        waiting = waiting and ahead is None
+    return smoothed
+
+
+def _turn_all(alone: list[AttitudeEstimate | None], both: AttitudeEstimate, back: _Known) -> None:
+    """Turns the backward run's estimates before the forward run's first to its heading.
+
+    Backward alone, a heading that is not tied to north is an arbitrary one.
+    """
+    if back.is_referenced:
+        return
+    angle, _, _ = _apart(back.estimate.q_nb, both.q_nb)
+    turn = exp((0.0, 0.0, angle))
+    for row, estimate in enumerate(alone):
+        if estimate is not None:
+            alone[row] = estimate._replace(q_nb=multiply(turn, estimate.q_nb))
+
+
+def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
+    """The weighted mean of two estimates of one sample.
+
+    Source: docs/filter.md Eq. (54) - (56).
+    """
+    f, b = ahead.estimate, back.estimate
+    heading, north, east = _apart(f.q_nb, b.q_nb)
+    tilt_share, tilt_sigma = _share(
+        (f.sigma_tilt_rad, _knows_tilt(f)),
+        (b.sigma_tilt_rad, _knows_tilt(b)),
+        math.hypot(north, east),
+    )
+    heading_share, heading_sigma = _share(
+        (f.sigma_heading_rad, ahead.is_referenced),
+        (b.sigma_heading_rad, back.is_referenced),
+        heading,
+    )
+    tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
+    return f._replace(
+        q_nb=normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted)),
+        sigma_tilt_rad=tilt_sigma,
+        trust=f.trust | (b.trust & _KNOWN_BY_EITHER),
+        sigma_heading_rad=heading_sigma,
+    )
+
+
+def _knows_tilt(estimate: AttitudeEstimate) -> bool:
+    """False at an alignment, whose predicted deviation does not count the force's own error."""
+    if estimate.trust & Trust.RESTARTED:
+        return False
+    return not math.isnan(estimate.sigma_tilt_rad) or bool(estimate.trust & Trust.CONVERGED)
+
+
+def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
+    """The turn in n from one attitude to another: about down, after one about north and east.
+
+    Apart at every angle: a heading that is arbitrary must not mix into the tilt.
+    Source: docs/filter.md Eq. (54).
+    """
+    difference = multiply(other, conjugate(q))
+    heading = math.remainder(2.0 * math.atan2(difference[3], difference[0]), 2.0 * math.pi)
+    north, east, _ = log(multiply(exp((0.0, 0.0, -heading)), difference))
+    return heading, north, east
+
+
+def _share(
+    forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float
+) -> tuple[float, float]:
+    """How far to go from the forward estimate to the backward one, and the deviation then, rad.
+
+    Args:
+        forward: predicted deviation, rad, and whether anything is known at all.
+        backward: the same.
+        apart_rad: angle between the estimates.
+
+    Source: docs/filter.md Eq. (55), (56).
+    """
+    (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
+    if not knows_b or not knows_f:
+        # Of two that know nothing the forward one is kept: it is what the flight had.
+        share, sigma = (1.0, sigma_b) if knows_b else (0.0, sigma_f)
+        return share, sigma if math.isnan(sigma) else max(sigma, LEAST_SIGMA_RAD)
+    if math.isnan(sigma_f) or math.isnan(sigma_b):
+        return 0.5, math.nan
+    p_f = max(sigma_f, LEAST_SIGMA_RAD) ** 2
+    p_b = max(sigma_b, LEAST_SIGMA_RAD) ** 2
+    share = p_f / (p_f + p_b)
+    # Estimates that lie further apart than they predict are not as good as they predict.
+    spread = share * (1.0 - share) * apart_rad * apart_rad
+    return share, math.sqrt(max(share * p_b, spread, LEAST_SIGMA_RAD**2))
+
+
+def _less(v: Vec3, w: Vec3) -> Vec3:
+    return (v[0] - w[0], v[1] - w[1], v[2] - w[2])

@@ -1,0 +1,77 @@
+"""The smoothed estimates of a recording that a `Listener` has listened to."""
+
+import functools
+import itertools
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.attitude.smoothing import Given, smooth
+from h2nav.evaluation.dataset.recorded import Listener
+from h2nav.maths import quaternion
+from h2nav.maths.units import DEG
+from h2nav.service.autopilot import Identity
+
+
+class SmoothedRecord(NamedTuple):
+    """One smoothed attitude, made from the whole recording; body to NED.
+
+    Attributes:
+        t_us: autopilot time of the sample that it belongs to.
+        q_w: attitude quaternion, Hamilton, scalar first.
+        roll_deg: Euler angles of the z-y-x sequence.
+        bias_x_rad_s: gyro bias, body frame.
+        sigma_tilt_deg: predicted one-sigma tilt error; empty where the filter has no figure.
+        sigma_heading_deg: predicted one-sigma heading error; the same.
+    """
+
+    t_us: int
+    q_w: float
+    q_x: float
+    q_y: float
+    q_z: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float
+    bias_x_rad_s: float
+    bias_y_rad_s: float
+    bias_z_rad_s: float
+    sigma_tilt_deg: float
+    sigma_heading_deg: float
+
+
+def smoothed_record(estimate: AttitudeEstimate) -> SmoothedRecord:
+    """Flattens an estimate and adds its Euler angles for plots."""
+    roll, pitch, yaw = quaternion.to_euler(estimate.q_nb)
+    return SmoothedRecord(
+        estimate.t_us,
+        *estimate.q_nb,
+        roll / DEG,
+        pitch / DEG,
+        yaw / DEG,
+        *estimate.bias_b,
+        estimate.sigma_tilt_rad / DEG,
+        estimate.sigma_heading_rad / DEG,
+    )
+
+
+def smoothed(
+    listener: Listener, filter_for: Callable[[Identity], AttitudeFilter]
+) -> Iterator[tuple[int, SmoothedRecord]]:
+    """Host time of arrival (ns) and smoothed attitude of the samples that have one.
+
+    Args:
+        listener: what the service gave to its filter.
+        filter_for: makes the filter of a vehicle.
+    """
+    for identity, group in itertools.groupby(listener.stretches, lambda each: each.identity):
+        if identity is None:
+            continue
+        stretches = list(group)
+        given = [Given(stretch.samples, stretch.told) for stretch in stretches]
+        found = smooth(given, functools.partial(filter_for, identity))
+        for stretch, estimates in zip(stretches, found, strict=True):
+            for arrived_us, estimate in zip(stretch.arrived_us, estimates, strict=True):
+                if estimate is not None:
+                    yield 1000 * arrived_us, smoothed_record(estimate)
