@@ -1,6 +1,7 @@
 """The default filter in integers next to the one in floats: accuracy, fixes, rest and bias."""
 
 import math
+import random
 from typing import NamedTuple
 
 import pytest
@@ -43,8 +44,9 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.io import gain_files
 from h2nav.maths import quaternion
 
 
@@ -198,6 +200,26 @@ def test_fixes_that_deny_the_tilt_ask_the_force() -> None:
     assert max(e.sigma_tilt_rad for e in later[:400]) > 30.0 * DEG
     assert any(e.trust & Trust.RESTARTED for e in later)
     assert max(tilt_deg(e.q_nb) for e in later[400:]) < 1.5
+
+
+# --- what the samples of the rate do not resolve ------------------------------------------------
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 250.0])
+@pytest.mark.parametrize("sigma", [0.01, 0.1])
+def test_the_jitter_of_the_gyro_is_that_of_the_floats(rate_hz: float, sigma: float) -> None:
+    """Also where a sample is taken in two parts, over which the rate is held."""
+    rng = random.Random(1)
+    name = "multirotor_50hz" if rate_hz < 80.0 else "multirotor_100hz"
+    gains = velocity_aided_gains(gain_files.load(name), name)
+    floats, integers = VelocityAidedFilter(gains), new_filter(gains=gains)
+    for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
+        x, y, z = (rate + rng.gauss(0.0, sigma) for rate in sample.w_b)
+        floats.update(sample._replace(w_b=(x, y, z)))
+        integers.update(sample._replace(w_b=(x, y, z)))
+    found = integers.kernel_memory.gyro_jitter * 2.0**-36
+    assert found == pytest.approx(floats.kernel_memory.gyro_jitter, rel=0.06)
+    assert found == pytest.approx(sigma**2 / rate_hz, rel=0.3)
 
 
 # --- rest and bias ------------------------------------------------------------------------------

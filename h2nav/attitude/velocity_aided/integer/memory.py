@@ -41,6 +41,7 @@ TILT_SIGMA_MOST = 421439783  # 1.57 rad: nothing is known
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
 FRAME_MOST_US = 240000
+RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
 GAINED_MASK = (1 << 28) - 1
 LOG_MOST = 10240
 FIELD_MOST_US = 1000000  # a sample never counts for more than this time
@@ -105,6 +106,9 @@ class Memory:
         -INNOVATION_MOST, INNOVATION_MOST, "s", "mean innovation of the frame so far, east", q=24
     )
     turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
+    jitter_sum: I32 = integer(
+        0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
+    )
     frame_time: I32 = integer(0, 32767, "s", "time of the frame before", q=17)
     innovation_n: I32 = integer(
         -THETA_MOST, THETA_MOST, "s", "innovation that the second stage works on, north", q=24
@@ -129,6 +133,15 @@ class Memory:
     k_velocity_s: I32 = integer(-3, 30, "", "its shift")
     gain_set: I32 = integer(0, SETS - 1, "", "number of the gain set in use, 0 the weakest")
     turning: I32 = integer(0, LEVEL_MOST, "2e12 2^-58 (rad/s)^2", "mean square of the rate")
+    gyro_jitter: I32 = integer(
+        0, LEVEL_MOST, "rad^2/s", "noise of the rate that its samples do not resolve", q=36
+    )
+    gyro_last: list[I32] = integers(
+        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
+    )
+    gyro_step: list[I32] = integers(
+        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
+    )
     innovation_power: I32 = integer(0, LEVEL_MOST, "s^2", "mean square of the innovation", q=24)
     innovation_variance: I32 = integer(
         0, LEVEL_MOST, "s^2", "mean square of the innovation about its slow mean", q=24
@@ -269,6 +282,9 @@ class Gains:
     scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
     heading_scale_noise_m: I32 = integer(0, 32767, "", "the same about the vertical")
     heading_scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
+    jitter_share: I32 = integer(
+        0, 32767, "", "share of the jitter that counts as noise; 1656 = 1 where a sample is a step"
+    )
     velocity_floor: I32 = integer(
         1, 1 << 28, "s^3", "least density of the bounded velocity, squared", q=24
     )

@@ -7,6 +7,7 @@ from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import FIELD_USED, FRAME, LEVEL_MOST, RESTARTED, RESTING, Gains, Memory, Sample
 from .fixes import apply_fix, choose_fix, judge_fix
+from .functions import limited, product
 from .heading import judge_field, learn_field, learn_latency, prepare_heading, resolve_field
 from .theta import (
     apply_theta,
@@ -137,6 +138,7 @@ def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
     s.frame_time = (time_us * 8590 + 32768) >> 16
     share = level_share(s, g, time_us)
     s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MOST), share)
+    close_jitter(s, g, share)
     s.innovation_n = s.innovation_sum_n
     s.innovation_e = s.innovation_sum_e
     s.velocity_use = 1 - sample.aided
@@ -145,6 +147,17 @@ def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
     s.innovation_sum_e = 0
     s.turning_sum = 0
     set_ease(s, g)
+
+
+def close_jitter(s: Memory, g: Gains, share: I32) -> None:
+    """Level of what the samples of the rate do not resolve, which is noise of the frame's density.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    density = limited(product(s.jitter_sum, s.frame_time), 1 << 24) << 6
+    density = limited(product(density, g.jitter_share), 1 << 26) << 3
+    s.gyro_jitter = raised(s.gyro_jitter, density, share)
+    s.jitter_sum = 0
 
 
 def judge_velocity(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:

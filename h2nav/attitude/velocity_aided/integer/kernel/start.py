@@ -70,6 +70,8 @@ def begin(s: Memory, g: Gains, sample: Sample) -> None:
         s.gyro_lp[i] = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
         s.accel_lp[i] = sample.accel[i] << 4
         s.accel_carry[i] = 0
+        s.gyro_last[i] = s.gyro_lp[i] >> 12
+        s.gyro_step[i] = 0
     for i in range(4):
         s.dtheta[i] = 0
     s.velocity_carry_n = 0

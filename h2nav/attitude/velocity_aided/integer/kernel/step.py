@@ -37,6 +37,7 @@ from .tilt import MOST_CLIPPED, doubt_rate, watch_rest
 from .velocity import accelerate, change_aiding, correct_velocity
 
 STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
+JOLT_MOST = 16383  # of a second difference, 1e6 2^-31 rad/s: 7.6 rad/s
 SATURATIONS_MOST = 1 << 30
 
 
@@ -81,6 +82,7 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     if sample.aided != s.aided:
         change_aiding(s, sample, r)
     rates(s, sample, w)
+    sum_jitter(s, sample)
     accelerate(s, sample, r)
     if sample.aided > 0:
         if sample.has_fix > 0:
@@ -106,6 +108,31 @@ def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
         square += w[i] * w[i]
     # at most sixteen samples since the sum was zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
+
+
+def sum_jitter(s: Memory, sample: Sample) -> None:
+    """The squared second difference of the rate joins the frame's mean.
+
+    A rate that is held, as over the parts of a long sample, is not compared with itself.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    change = [0, 0, 0]
+    moved = 0
+    for i in range(3):
+        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) >> 8
+        change[i] = rate - s.gyro_last[i]
+        s.gyro_last[i] = rate
+        moved |= change[i]
+    if moved == 0:
+        return
+    square = 0
+    for i in range(3):
+        jolt = clamp(change[i] - s.gyro_step[i], -JOLT_MOST, JOLT_MOST)
+        s.gyro_step[i] = change[i]
+        square += jolt * jolt
+    # at most sixteen samples since the sum was zero
+    s.jitter_sum = known(s.jitter_sum + (square >> 5), 0, 1 << 29)
 
 
 def drain(s: Memory, r: list[I32]) -> None:

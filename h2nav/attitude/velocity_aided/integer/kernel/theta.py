@@ -47,9 +47,8 @@ def predict_covariance(s: Memory, g: Gains, r: list[I32]) -> None:
     c = heading_of(s.p_xz, s.p_yz, s.p_zz, x, y, z)
     both = heading_of(a, b, c, x, y, z)
     both -= 2 * heading_of(s.p_xh, s.p_yh, s.p_zh, x, y, z)
-    noise = g.gyro_noise + (
-        product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
-    )
+    noise = g.gyro_noise + (s.gyro_jitter >> 3)
+    noise += product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
     both += product(limited(noise, 1 << 30), time) >> 5
     s.p_xh = limited(s.p_xh - a, THETA_MOST)
     s.p_yh = limited(s.p_yh - b, THETA_MOST)

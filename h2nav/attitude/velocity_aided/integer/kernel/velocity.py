@@ -84,6 +84,7 @@ def begin_frames(s: Memory) -> None:
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0
+    s.jitter_sum = 0
     s.velocity_use = 0
     s.k_tilt_m = 0
     s.k_tilt_s = 0
@@ -199,7 +200,8 @@ def select_set(s: Memory, g: Gains) -> None:
     Source: docs/filter.md Eq. (9), (14).
     """
     turning = product(s.turning << 1, g.scale_noise_m) >> g.scale_noise_s
-    s.log_gyro_noise = logarithm(g.gyro_noise + limited(turning, 1 << 30)) - (33 << 8)
+    noise = g.gyro_noise + (s.gyro_jitter >> 3) + limited(turning, 1 << 29)
+    s.log_gyro_noise = logarithm(noise) - (33 << 8)
     wanted = s.log_gyro_noise - s.log_velocity_noise
     ramp = (g.log_start_factor - logarithm(s.age_us | 1)) << 2
     if wanted < ramp:
