@@ -86,6 +86,26 @@ def test_iron_nearby_is_not_believed() -> None:
     assert not any(e is None or e.trust & Trust.FIELD_USED for e in estimates[2035:])
 
 
+def test_only_a_turn_that_the_field_shows_makes_it_the_reference() -> None:
+    """Iron that comes after a fast turn, for half a minute: standing still, then while turning."""
+
+    def iron(t: float) -> Vec3:
+        return (0.0, 0.0, 0.0) if t < 5.0 else (0.0, 0.0, 30.0)
+
+    def spun(t: float) -> Vec3:
+        return (0.0, 0.0, 6.0 if 4.0 < t < 5.0 or t > 30.0 else 0.0)
+
+    flight = fly(spun, 36.0, 11, bias_b=NO_BIAS, disturbance=Disturbance(field=iron))
+    filter_ = new_filter()
+    stood = drive(filter_, flight.samples[:3000])
+    assert not any(e is None or e.trust & Trust.FIELD_USED for e in stood[600:])
+    assert filter_.kernel_memory.mag_new_us > 20_000_000
+    assert filter_.kernel_memory.mag_new_turn == 0
+    turned = drive(filter_, flight.samples[3000:])
+    assert turned[-1] is not None
+    assert turned[-1].trust & Trust.FIELD_USED
+
+
 # --- bad samples --------------------------------------------------------------------------------
 
 

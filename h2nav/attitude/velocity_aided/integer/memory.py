@@ -217,6 +217,9 @@ class Memory:
     mag_new_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm", q=26)
     mag_new_us: I32 = integer(0, AGE_MOST_US, "us", "for how long")
     mag_new_turn: I32 = integer(0, 1 << 30, "rad", "over how much turning", q=16)
+    mag_new_from: list[I32] = integers(
+        3, -32768, 32767, "64 uT", "where the turn of that field was last counted, body", q=14
+    )
     mag_disturbance: I32 = integer(
         0, 1 << 26, "rad^2", "mean square of the magnetic disturbance of the heading", q=26
     )

@@ -27,6 +27,7 @@ LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: most of a heading that is taken from one field
 LEAST_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
 ERROR_MOST = 4095
+LEAST_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
@@ -176,6 +177,8 @@ def renew_reference(s: Memory, g: Gains) -> I32:
     if differs_again > 0:
         s.mag_new_us = age
         s.mag_new_turn = 0
+        for i in range(3):
+            s.mag_new_from[i] = s.mag_last[i]
         s.mag_new_horizontal = s.mag_horizontal << 12
         s.mag_new_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
         s.mag_new_norm = s.mag_norm << 12
@@ -188,9 +191,7 @@ def renew_reference(s: Memory, g: Gains) -> I32:
         s.mag_new_down = moved(s.mag_new_down, s.mag_ned[2], share)
         s.mag_new_norm = clamp(moved(s.mag_new_norm, s.mag_norm, share), 0, REF_MOST)
         s.mag_new_us = time
-        # the root of the level of rotation times the time; the level's unit is 1e12 2^-57
-        turn = power2((logarithm(s.turning | 1) >> 1) + logarithm(age | 1) - 3200)
-        s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
+        count_turn(s)
     if s.mag_new_us < g.mag_new_time_us or s.mag_new_turn < g.mag_new_turn:
         return 0
     s.mag_ref_horizontal = s.mag_new_horizontal
@@ -202,6 +203,24 @@ def renew_reference(s: Memory, g: Gains) -> I32:
     s.mag_lag_den = 0
     forget_heading(s, g)
     return 1
+
+
+def count_turn(s: Memory) -> None:
+    """Credits the turn of the field in body axes, once it is more than noise.
+
+    Source: docs/filter.md Eq. (26).
+    """
+    square = 0
+    for i in range(3):
+        part = (s.mag_last[i] - s.mag_new_from[i]) >> 2
+        square += part * part
+    whole = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
+    if square < product(whole, LEAST_TURN_2):
+        return
+    turn = power2(((logarithm(square | 1) - logarithm(whole)) >> 1) + (16 << 8))
+    s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
+    for i in range(3):
+        s.mag_new_from[i] = s.mag_last[i]
 
 
 def forget_heading(s: Memory, g: Gains) -> None:
