@@ -23,6 +23,7 @@ from synthetic_imu import (
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import (
+    EarthField,
     Trust,
     Vec3,
 )
@@ -104,6 +105,26 @@ def test_only_a_turn_that_the_field_shows_makes_it_the_reference() -> None:
     turned = drive(filter_, flight.samples[3000:])
     assert turned[-1] is not None
     assert turned[-1].trust & Trust.FIELD_USED
+
+
+def test_a_heading_that_is_too_far_off_counts_once_it_has_lasted() -> None:
+    """A field that turns by 30 deg in the horizontal, where the reference is that of a place."""
+    turned = quaternion.from_euler(0.0, 0.0, 30.0 * DEG)
+    flight = fly(still, 45.0, 11, bias_b=NO_BIAS)
+    filter_ = new_filter()
+    filter_.use_field(EarthField(math.hypot(20.0, 45.0), math.atan2(45.0, 20.0), 0.0))
+    estimates = drive(filter_, flight.samples[:1500])
+    later = [
+        s._replace(m_b_ut=None if s.m_b_ut is None else quaternion.rotate(turned, s.m_b_ut))
+        for s in flight.samples[1500:]
+    ]
+    estimates += drive(filter_, later)
+    headings = [0.0 if e is None else quaternion.to_euler(e.q_nb)[2] / DEG for e in estimates]
+    assert max(map(abs, headings[500:3400])) < 1.0
+    assert not any(e is None or e.trust & Trust.FIELD_USED for e in estimates[1535:3400])
+    assert headings[-1] == pytest.approx(-30.0, abs=1.0)
+    assert estimates[-1] is not None
+    assert estimates[-1].trust & Trust.FIELD_USED
 
 
 # --- bad samples --------------------------------------------------------------------------------

@@ -201,7 +201,10 @@ class Memory:
     mag_norm: I32 = integer(0, NORM_MOST, "64 uT", "its norm", q=14)
     mag_heading: I32 = integer(-(1 << 30), 1 << 30, "rad", "its direction from north", q=28)
     mag_accepted: I32 = integer(
-        0, 2, "", "1: it agrees with its reference; 2: the heading is ready to be measured"
+        0,
+        3,
+        "",
+        "1: it agrees with its reference; 2: the heading is ready to be measured; 3: it was lost",
     )
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
@@ -240,10 +243,21 @@ class Memory:
     heading_innovation: I32 = integer(
         -THETA_MOST, THETA_MOST, "rad", "what the field says of the heading", q=28
     )
+    heading_noise: I32 = integer(
+        0, 1 << 28, "rad^2", "that of a second, once started and without disturbance", q=26
+    )
+    heading_rejected_us: I32 = integer(
+        0, AGE_MOST_US, "us", "for how long the field has contradicted the heading"
+    )
     log_heading_noise: I32 = integer(-LOG_MOST, LOG_MOST, "log2", "noise of that", q=8)
     gain_h: list[I32] = integers(
         4, -32768, 32767, "", "covariance of theta with the measurement, scaled to 15 digits"
     )
+    gain_variance: I32 = integer(
+        0, 1 << 30, "", "variance of the measured value, as far as theta is the reason, scaled"
+    )
+    gain_scale: I32 = integer(0, 18, "", "digits that the sensitivities have lost")
+    gain_fall: I32 = integer(0, 16, "", "digits that the covariance has lost")
     gain_inverse: I32 = integer(0, 32768, "", "one over the innovation's variance, scaled")
     gain_innovation: I32 = integer(-32768, 32768, "", "innovation over that variance, scaled")
     gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
@@ -322,6 +336,9 @@ class Gains:
     )
     mag_norm_gate: I32 = integer(0, 32767, "", "gate on the norm of the field, relative", q=15)
     mag_dip_gate: I32 = integer(0, 32767, "", "gate on its dip, sine", q=15)
+    mag_heading_gate: I32 = integer(
+        0, 10000, "", "gate on the heading innovation, squared sigmas; 0: none"
+    )
     mag_ref_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the reference field")
     mag_new_time_us: I32 = integer(
         1000, 1 << 29, "us", "after this time another field becomes the reference"

@@ -5,18 +5,38 @@ Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 
 from h2nav.maths.fixedpoint import I32, clamp
 
-from ..memory import FIELD_USED, FRAME, LEVEL_MOST, RESTARTED, RESTING, Gains, Memory, Sample
+from ..memory import (
+    FIELD_USED,
+    FRAME,
+    LEVEL_MOST,
+    RESTARTED,
+    RESTING,
+    THETA_MOST,
+    Gains,
+    Memory,
+    Sample,
+)
 from .fixes import apply_fix, choose_fix, judge_fix
 from .functions import limited, product
-from .heading import judge_field, learn_field, learn_latency, prepare_heading, resolve_field
+from .heading import (
+    contradicts,
+    judge_field,
+    learn_field,
+    learn_latency,
+    prepare_heading,
+    resolve_field,
+    weigh_heading,
+)
 from .theta import (
     apply_theta,
     fade,
     fade_tilt_sigma,
     find_gain,
+    find_spread,
     predict_covariance,
     predict_sensitivities,
     use_gain,
+    weigh_gain,
 )
 from .tilt import ask_force, find_rest_gain, judge_rest
 from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
@@ -107,25 +127,37 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
     elif phase == 11:
         if s.mag_frame_us > 0:
             judge_field(s, g)
+            if s.mag_accepted > 0:
+                prepare_heading(s, g)
     elif s.mag_accepted > 0:
-        if phase == 12:
-            learn_field(s, g)
-        elif phase == 13:
-            learn_latency(s)
-            prepare_heading(s, g)
-            s.mag_frame_us = 0
-            return FIELD_USED
-        elif s.mag_accepted == 2:
-            measure_heading(s, phase)
+        if phase == 13:
+            return accept_field(s, g)
+        if s.mag_accepted == 2:
+            if phase == 12:
+                unexplained = s.heading_innovation - find_spread(s, s.jacobian)
+                s.heading_innovation = limited(unexplained, THETA_MOST)
+            elif phase == 14:
+                weigh_gain(s, s.heading_innovation, s.log_heading_noise)
+                use_gain(s)
     return 0
 
 
-def measure_heading(s: Memory, phase: I32) -> None:
-    """Theta from the heading that has been prepared."""
-    if phase == 14:
-        find_gain(s, s.jacobian, s.heading_innovation, s.log_heading_noise)
-    else:
-        use_gain(s)
+def accept_field(s: Memory, g: Gains) -> I32:
+    """What is learnt from a field, unless its heading contradicts; returns bits.
+
+    Source: docs/filter.md Eq. (21), (23), (24), (40).
+    """
+    age_us = s.mag_frame_us
+    s.mag_frame_us = 0
+    if s.mag_accepted == 2 and contradicts(s, g, age_us) > 0:
+        s.mag_accepted = 0
+        return 0
+    s.heading_rejected_us = 0
+    if s.mag_accepted < 3:
+        learn_field(s, g, age_us)
+        learn_latency(s, age_us)
+        weigh_heading(s, g, age_us)
+    return FIELD_USED
 
 
 def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:

@@ -126,6 +126,14 @@ def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> Non
 
     Source: docs/fixed-point.md Eq. (20), (21).
     """
+    weigh_gain(s, innovation - find_spread(s, row), log_noise)
+
+
+def find_spread(s: Memory, row: list[I32]) -> I32:
+    """H = P a of a row a, and a H; returns what the correction so far explains of the innovation.
+
+    Source: docs/fixed-point.md Eq. (21).
+    """
     scale = clamp(digits_of(row[0], row[1], row[2], row[3]) - 13, 0, 18)
     a = [0, 0, 0, 0]
     for i in range(4):
@@ -140,30 +148,29 @@ def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> Non
     h2 = known(h2 >> fall, -32768, 32767)
     h3 = known(h3 >> fall, -32768, 32767)
     variance = a[0] * h0 + a[1] * h1 + a[2] * h2 + a[3] * h3
-    # what the correction so far explains already
-    explained = row_times(s.dtheta, a)
     s.gain_h[0] = h0
     s.gain_h[1] = h1
     s.gain_h[2] = h2
     s.gain_h[3] = h3
-    y = innovation - limited(shifted(explained, 13 - scale), THETA_MOST)
-    log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
-    weigh_gain(s, clamp(variance, 0, 1 << 30), y, log_noise, scale, fall)
+    s.gain_variance = clamp(variance, 0, 1 << 30)
+    s.gain_scale = scale
+    s.gain_fall = fall
+    return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MOST)
 
 
-def weigh_gain(s: Memory, variance: I32, y: I32, log_noise: I32, scale: I32, fall: I32) -> None:
+def weigh_gain(s: Memory, y: I32, log_noise: I32) -> None:
     """Divides by the variance of the innovation, noise included.
 
     Args:
         s: memory.
-        variance: without noise.
-        y: innovation.
-        log_noise: of the noise, in the unit of the variance.
-        scale: digits that the sensitivities have lost.
-        fall: digits that H has lost.
+        y: innovation without what is explained already, Q24 of the measurement's unit.
+        log_noise: of its variance without the error of theta.
 
     Source: docs/fixed-point.md Eq. (21), (22).
     """
+    scale = s.gain_scale
+    fall = s.gain_fall
+    log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
     # noise that is too large for the unit of the variance: both in a larger one
     excess = 0
     if log_noise > MOST_NOISE:
@@ -172,7 +179,7 @@ def weigh_gain(s: Memory, variance: I32, y: I32, log_noise: I32, scale: I32, fal
         s.gain_inverse = 0
         s.gain_innovation = 0
         return
-    variance = (variance >> excess) + power2(log_noise - (excess << 8)) + 1
+    variance = (s.gain_variance >> excess) + power2(log_noise - (excess << 8)) + 1
     digits = bits_of(variance)
     inverse = reciprocal(mantissa(variance, digits))
     lost = digits + excess
