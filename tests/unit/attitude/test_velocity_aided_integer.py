@@ -202,6 +202,25 @@ def test_fixes_that_deny_the_tilt_ask_the_force() -> None:
     assert max(tilt_deg(e.q_nb) for e in later[400:]) < 1.5
 
 
+def test_without_a_field_motion_teaches_no_vertical_bias() -> None:
+    """A vehicle that sways without a field: what is known of the vertical becomes no better."""
+    flight = fly(gentle, 120.0, 14, bias_b=NO_BIAS, disturbance=Disturbance(force=breeze))
+    samples = [s if s.t_us < 20e6 else s._replace(m_b_ut=None) for s in flight.samples]
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    memory = integers.kernel_memory
+    found = []
+    for sample in samples:
+        a, b = floats.update(sample), integers.update(sample)
+        found.append((memory.p_zz, memory.heading_variance))
+    assert found[-1][0] > found[5200][0]
+    assert found[-1][1] > 2 * found[5200][1]
+    assert a is not None
+    assert b is not None
+    assert b.bias_b == pytest.approx(a.bias_b, abs=0.04 * DEG)
+    assert b.sigma_heading_rad == pytest.approx(a.sigma_heading_rad, rel=0.1)
+
+
 # --- what the samples of the rate do not resolve ------------------------------------------------
 
 

@@ -223,6 +223,7 @@ def _set_field(image: _Image, g: FloatGains) -> None:
     most("mag_correlation", g.mag_correlation * 2.0**12, "field_correlation_s")
     most("mag_norm_gate", g.mag_norm_gate * 2.0**15, "field_norm_gate")
     put("mag_dip_gate", math.sin(g.mag_dip_gate) * 2.0**15, "field_dip_gate_deg")
+    most("field_silence_us", g.field_silence_s * 1e6, "field_silence_s")
     put("mag_heading_gate", g.mag_heading_gate, "field_heading_gate_sigmas")
     most("mag_ref_time_us", g.mag_ref_time_s * 1e6, "field_reference_time_s")
     most("mag_new_time_us", g.mag_new_time_s * 1e6, "field_renewal_time_s")

@@ -209,6 +209,7 @@ class Memory:
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
     )
+    field_silence_us: I32 = integer(0, AGE_MOST_US, "us", "time since a field was accepted")
     mag_ref_horizontal: I32 = integer(0, REF_MOST, "64 uT", "reference field, horizontal", q=26)
     mag_ref_down: I32 = integer(-REF_MOST, REF_MOST, "64 uT", "reference field, down", q=26)
     mag_ref_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm; 0: none yet", q=26)
@@ -336,6 +337,9 @@ class Gains:
     )
     mag_norm_gate: I32 = integer(0, 32767, "", "gate on the norm of the field, relative", q=15)
     mag_dip_gate: I32 = integer(0, 32767, "", "gate on its dip, sine", q=15)
+    field_silence_us: I32 = integer(
+        0, AGE_MOST_US, "us", "without a field for longer the heading is not learnt"
+    )
     mag_heading_gate: I32 = integer(
         0, 10000, "", "gate on the heading innovation, squared sigmas; 0: none"
     )

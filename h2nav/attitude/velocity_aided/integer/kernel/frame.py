@@ -6,6 +6,7 @@ Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import (
+    AGE_MOST_US,
     FIELD_USED,
     FRAME,
     LEVEL_MOST,
@@ -36,6 +37,7 @@ from .theta import (
     predict_covariance,
     predict_sensitivities,
     use_gain,
+    use_level_gain,
     weigh_gain,
 )
 from .tilt import ask_force, find_rest_gain, judge_rest
@@ -87,8 +89,7 @@ def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) ->
             return RESTING | apply_theta(s, g)
         return apply_theta(s, g)
     else:
-        if s.velocity_use > 0 or rests(s, g) > 0:
-            use_gain(s)
+        use_motion_gain(s, g, r)
         if phase == 7:
             judge_rest(s, g, sample)
             ask_force(s, g, sample, r)
@@ -113,6 +114,20 @@ def find_motion_gain(s: Memory, g: Gains, row: list[I32], innovation: I32) -> No
         find_rest_gain(s, g)
     elif s.velocity_use > 0:
         find_gain(s, row, innovation, s.log_noise)
+
+
+def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
+    """Uses the gain that `find_motion_gain` has found.
+
+    A bounded velocity does not teach the heading, nor what moves it, once no field is there.
+    """
+    if rests(s, g) > 0 or s.velocity_use == 2:
+        use_gain(s)
+    elif s.velocity_use == 1:
+        if s.field_silence_us > g.field_silence_us:
+            use_level_gain(s, r)
+        else:
+            use_gain(s)
 
 
 def use_field(s: Memory, g: Gains, phase: I32) -> I32:
@@ -153,6 +168,7 @@ def accept_field(s: Memory, g: Gains) -> I32:
         s.mag_accepted = 0
         return 0
     s.heading_rejected_us = 0
+    s.field_silence_us = 0
     if s.mag_accepted < 3:
         learn_field(s, g, age_us)
         learn_latency(s, age_us)
@@ -175,6 +191,7 @@ def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
     s.innovation_e = s.innovation_sum_e
     s.velocity_use = 1 - sample.aided
     s.frame_us = 0
+    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MOST_US)
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0

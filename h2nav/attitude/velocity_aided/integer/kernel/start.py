@@ -84,6 +84,7 @@ def begin(s: Memory, g: Gains, sample: Sample) -> None:
     s.mag_age_us = 0
     s.mag_new_us = 0
     s.heading_rejected_us = 0
+    s.field_silence_us = 0
     if sample.has_mag > 0:
         # the attitude is that of magnetic north
         s.correction[2] = limited(s.declination, MOST_AT_ONCE) * 2

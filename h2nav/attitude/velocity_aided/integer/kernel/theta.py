@@ -22,6 +22,7 @@ from .functions import bits_of, limited, logarithm, mantissa, power2, product, r
 
 NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
 MOST_NOISE = 29 << 8
+PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
 
 
 def heading_turn(s: Memory, r: list[I32], turn: list[I32]) -> None:
@@ -232,6 +233,40 @@ def use_gain(s: Memory) -> None:
     s.p_zh = lowered(s.p_zh, k * h3 >> shift)
     k = (h3 * inverse + 16384) >> 15
     s.heading_variance = lowered_variance(s.heading_variance, k * h3 >> shift)
+
+
+def use_level_gain(s: Memory, r: list[I32]) -> None:
+    """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
+
+    With c = (vertical part of h, h_4) and k = h - c: D += k e, P <- P - (h h^T - c c^T) / S, in
+    which h h^T - c c^T = k h^T + c k^T.
+
+    Source: docs/filter.md Eq. (39), (41).
+    """
+    h = [0, 0, 0]
+    for i in range(3):
+        h[i] = s.gain_h[i] >> 1
+    h3 = s.gain_h[3] >> 1
+    vertical = (r[6] * h[0] + r[7] * h[1] + r[8] * h[2] + 16384) >> 15
+    c = [0, 0, 0]
+    k = [0, 0, 0]
+    for i in range(3):
+        # Lemma 13
+        c[i] = known((r[6 + i] * vertical + 16384) >> 15, -PART_MOST, PART_MOST)
+        k[i] = known(h[i] - c[i], -PART_MOST, PART_MOST)
+        step = ((k[i] << 1) * s.gain_innovation) >> s.gain_theta_shift
+        s.dtheta[i] = limited(s.dtheta[i] + limited(step, THETA_MOST), THETA_MOST)
+        k[i] = (k[i] * s.gain_inverse + 16384) >> 15
+    shift = clamp(s.gain_p_shift - 2, 0, 31)
+    s.p_xx = lowered_variance(s.p_xx, k[0] * (h[0] + c[0]) >> shift)
+    s.p_xy = lowered(s.p_xy, (k[0] * h[1] + c[0] * k[1]) >> shift)
+    s.p_xz = lowered(s.p_xz, (k[0] * h[2] + c[0] * k[2]) >> shift)
+    s.p_xh = lowered(s.p_xh, k[0] * h3 >> shift)
+    s.p_yy = lowered_variance(s.p_yy, k[1] * (h[1] + c[1]) >> shift)
+    s.p_yz = lowered(s.p_yz, (k[1] * h[2] + c[1] * k[2]) >> shift)
+    s.p_yh = lowered(s.p_yh, k[1] * h3 >> shift)
+    s.p_zz = lowered_variance(s.p_zz, k[2] * (h[2] + c[2]) >> shift)
+    s.p_zh = lowered(s.p_zh, k[2] * h3 >> shift)
 
 
 def lowered(covariance: I32, fall: I32) -> I32:
