@@ -27,7 +27,9 @@ _BITS: tuple[Row, ...] = (
 )
 
 _PROTOTYPES = f"""\
-/* A sample after a longer gap, microseconds, makes the filter look for its attitude anew. */
+/* A sample after a longer gap, microseconds, makes the filter look for its attitude anew. One that
+ * flies (rest_prior = 0) keeps it instead and doubts it; the next field then gives the heading.
+ */
 #define H2NAV_LONGEST_GAP_US {round(LONGEST_GAP_S * 1e6)}
 
 /* Forgets everything. */
@@ -178,9 +180,8 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
         return update(filter, &GAINS, sample);
     }
     if (time_us > H2NAV_LONGEST_GAP_US) {
-        restart(filter);
         sample->dt_us = 0;
-        bits = update(filter, &GAINS, sample);
+        bits = resume(filter, &GAINS, sample);
         sample->dt_us = time_us;
         return bits;
     }
@@ -247,7 +248,7 @@ VELOCITY_AIDED: Final = IntegerForm(
     kernel=VELOCITY_AIDED_INTEGER._replace(
         paths=(*_FILES[:-1], "velocity_aided/integer/kernel/place.py", _FILES[-1])
     ),
-    more_entries=("restart", "set_place"),
+    more_entries=("restart", "resume", "set_place"),
     bits=_BITS,
     about=_ABOUT,
     prototypes=_PROTOTYPES,

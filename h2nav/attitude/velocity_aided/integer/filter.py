@@ -43,7 +43,7 @@ from h2nav.attitude.velocity_aided.integer.gains import (
     unpacked,
 )
 from h2nav.attitude.velocity_aided.integer.kernel.heading import turn_heading
-from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart
+from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart, resume
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
 from h2nav.attitude.velocity_aided.integer.memory import GAINED_MASK, Gains, Memory, Sample
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
@@ -207,15 +207,15 @@ class IntegerVelocityAidedFilter:
         if not is_plausible(sample):
             held = sample._replace(w_b=self._bias())
             return self._estimate(held, memory.SATURATED) if is_aligned else None
-        dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
-        if dt_us > LONGEST_GAP_S * 1e6:
-            restart(self._memory)
-            dt_us = 0
+        dt_us = None if self._t_us is None else sample.t_us - self._t_us
+        if dt_us is None or dt_us > LONGEST_GAP_S * 1e6:
+            dt_us = None
+            self._aiding.clear()
         u = self._sample
         self._find_field_unit(sample.m_b_ut)
         fill_sample(u, sample, self.field_unit)
         self._fill_velocity(sample.t_us)
-        bits = self._run(dt_us)
+        bits = self._resume() if dt_us is None else self._run(dt_us)
         if _is_limited(u):
             bits |= memory.SATURATED
         if bits & memory.ALIGNED:
@@ -258,6 +258,13 @@ class IntegerVelocityAidedFilter:
         for part in parts_of(self._sample, dt_us):
             bits |= self._step(self._memory, self._g, part)
             self._follow_gained()
+        return bits
+
+    def _resume(self) -> int:
+        """The first sample, or the first after a gap."""
+        self._sample.dt_us = 0
+        bits = resume(self._memory, self._g, self._sample)
+        self._follow_gained()
         return bits
 
     def _settle(self) -> None:
@@ -347,8 +354,9 @@ class IntegerVelocityAidedFilter:
         self._memory.mag_lag_expected = row(Memory, "mag_lag_expected").fixed(lag)
 
     def restart(self) -> None:
-        """Forgets time and attitude; bias, field and what is known of the sensors stay."""
-        restart(self._memory)
+        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        if self._sample.rest_prior > 0:
+            restart(self._memory)
         self._t_us = self._accepted_us = None
         self._aiding.clear()
 
