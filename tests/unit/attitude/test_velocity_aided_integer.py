@@ -166,6 +166,26 @@ def test_fixes_are_used_at_their_own_time() -> None:
     assert all(b.trust & Trust.VELOCITY_USED for _, b in found.pairs)
 
 
+def test_the_latency_of_fixes_is_learnt_as_by_the_floats() -> None:
+    """Stamps say 100 ms, and it is 180."""
+    omega, v_most = 1.5, 2.0
+    swing = Disturbance(force=lambda t: (v_most * omega * math.cos(omega * t), 0.0, 0.0))
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    for number, sample in enumerate(fly(still, 40.0, 3, disturbance=swing).samples):
+        if number % 20 == 3:
+            v_n = v_most * math.sin(omega * (sample.t_us * 1e-6 - 0.18))
+            fix = VelocityFix(sample.t_us - 100_000, (v_n, 0.0, math.nan), 0.1)
+            floats.use_velocity(fix)
+            integers.use_velocity(fix)
+        floats.update(sample)
+        integers.update(sample)
+    known, found = floats.kernel_memory, integers.kernel_memory
+    assert found.fix_lag * 2.0**-30 == pytest.approx(known.fix_lag_s, abs=0.01)
+    assert found.fix_lag * 2.0**-30 == pytest.approx(0.08, abs=0.02)
+    assert found.fix_lag_variance * 2.0**-30 == pytest.approx(known.fix_lag_variance, rel=0.4)
+
+
 def test_aiding_ends_with_the_fixes() -> None:
     flight = fly(gentle, 20.0, 4, bias_b=NO_BIAS)
     filter_ = new_filter()

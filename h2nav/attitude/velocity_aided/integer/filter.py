@@ -57,7 +57,7 @@ HEAD_SIZE = 7
 ACCEPTED_US = 220_000  # more than the longest frame
 _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
-_FIX_VELOCITY = row(Sample, "fix_velocity_n")
+_FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
 _TRUST = (
     (memory.FORCE_USED, Trust.FORCE_USED),
@@ -88,6 +88,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
     u.clipped = int(sample.clipped or sample.f_b == (0.0, 0.0, 0.0))
     u.aided = u.has_fix = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
+    u.fix_accel_n = u.fix_accel_e = 0
     u.fix_variance = u.fix_period_us = 1
 
 
@@ -313,6 +314,7 @@ class IntegerVelocityAidedFilter:
             _FIX_VELOCITY.fixed(v / GRAVITY_M_S2) for v in fix.v_n
         )
         u.fix_gained_n, u.fix_gained_e = (round(gained) & GAINED_MASK for gained in fix.gained)
+        u.fix_accel_n, u.fix_accel_e = (_FIX_ACCEL.fixed(rate * 2.0**-24) for rate in fix.rate)
         u.fix_variance = _FIX_VARIANCE.fixed(fix.variance / GRAVITY_M_S2**2)
         u.fix_period_us = round(fix.period_s * 1e6)
 

@@ -38,10 +38,12 @@ VARIANCE_LEAST = 256  # variances stay positive
 INNOVATION_MOST = 1 << 27  # 8 s: 78 m/s
 LEVEL_MOST = 1 << 29
 TILT_SIGMA_MOST = 421439783  # 1.57 rad: nothing is known
+ACCELERATION_MOST = (1 << 26) - 1  # 4 g
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
 FRAME_MOST_US = 240000
 RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
+LATENCY_MOST = 1 << 29  # 0.5 s
 GAINED_MASK = (1 << 28) - 1
 LOG_MOST = 10240
 FIELD_MOST_US = 1000000  # a sample never counts for more than this time
@@ -187,6 +189,8 @@ class Memory:
         -THETA_MOST, THETA_MOST, "s", "innovation of a fix that waits for its frame, east", q=24
     )
     fix_variance: I32 = integer(0, 1 << 24, "s^2", "its variance", q=24)
+    fix_accel_n: I32 = integer(-32768, 32767, "g", "acceleration when it was true, north", q=13)
+    fix_accel_e: I32 = integer(-32768, 32767, "g", "acceleration when it was true, east", q=13)
     fix_period_us: I32 = integer(0, 1 << 22, "us", "time since the fix before; 0: none waits")
     mag_last: list[I32] = integers(3, -32768, 32767, "64 uT", "field that came last, body", q=14)
     mag_age_us: I32 = integer(0, FIELD_MOST_US, "us", "time since it came")
@@ -264,6 +268,26 @@ class Memory:
     gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
     gain_p_shift: I32 = integer(0, SHIFT_MOST, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
+    fix_lag: I32 = integer(0, LATENCY_MOST, "s", "how late fixes are, beyond their stamps", q=30)
+    fix_lag_variance: I32 = integer(
+        0, LATENCY_MOST, "s^2", "variance of that; 0: fixes have never held the filter", q=30
+    )
+    dtilt_lag: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "1/s", "sensitivity of the tilt to it, north and east", q=24
+    )
+    dvelocity_lag: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "", "sensitivity of the velocity to it, north and east", q=24
+    )
+    dfix_lag: I32 = integer(
+        -LATENCY_MOST, LATENCY_MOST, "s", "correction of it that the frame has found", q=30
+    )
+    accel_n: I32 = integer(-32768, 32767, "g", "acceleration of the fix in use, north", q=13)
+    accel_e: I32 = integer(-32768, 32767, "g", "acceleration of the fix in use, east", q=13)
+    gain_lag: I32 = integer(
+        -LATENCY_MOST, LATENCY_MOST, "s^2", "covariance of the latency with an innovation", q=28
+    )
+    gain_digits: I32 = integer(0, 64, "", "digits of the innovation's variance, with what is lost")
+    gain_y_scale: I32 = integer(0, 16, "", "digits that the innovation has lost")
     heading_due: I32 = integer(
         -CORRECTION_MOST,
         CORRECTION_MOST,
@@ -320,6 +344,11 @@ class Gains:
         0, LOG_MOST, "log2", "on the noise of the second stage, measured velocity", q=8
     )
     log_fix_gate: I32 = integer(0, LOG_MOST, "log2", "gate on a fix, squared sigmas", q=8)
+    fix_lag_variance: I32 = integer(
+        0, 1 << 28, "s^2", "start of the variance of the fixes' latency; 0: none is learnt", q=30
+    )
+    fix_lag_walk: I32 = integer(0, 1 << 24, "s", "density of its walk, squared", q=30)
+    fix_lag_limit: I32 = integer(0, LATENCY_MOST, "s", "largest latency of the fixes", q=30)
     impossible_velocity: I32 = integer(
         1, 1 << 30, "s^2", "innovation that says the tilt is wrong, squared", q=24
     )
@@ -390,5 +419,11 @@ class Sample:
     fix_velocity_e: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "its velocity east", q=24)
     fix_gained_n: I32 = integer(0, GAINED_MASK, "s", "gained_n when the fix was true", q=24)
     fix_gained_e: I32 = integer(0, GAINED_MASK, "s", "gained_e when the fix was true", q=24)
+    fix_accel_n: I32 = integer(
+        -ACCELERATION_MOST, ACCELERATION_MOST, "g", "acceleration north when it was true", q=24
+    )
+    fix_accel_e: I32 = integer(
+        -ACCELERATION_MOST, ACCELERATION_MOST, "g", "acceleration east", q=24
+    )
     fix_variance: I32 = integer(1, 1 << 24, "s^2", "its variance, of either part", q=24)
     fix_period_us: I32 = integer(1, 1 << 22, "us", "time since the fix before")

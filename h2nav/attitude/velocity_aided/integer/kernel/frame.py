@@ -17,7 +17,16 @@ from ..memory import (
     Memory,
     Sample,
 )
-from .fixes import apply_fix, choose_fix, judge_fix
+from .fixes import (
+    apply_fix,
+    apply_lag,
+    choose_fix,
+    fade_lag,
+    find_fix_gain,
+    judge_fix,
+    predict_lag,
+    use_lag_gain,
+)
 from .functions import limited, product
 from .heading import (
     contradicts,
@@ -65,6 +74,8 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
         predict_covariance(s, g, r)
     elif phase == 1:
         predict_sensitivities(s, r)
+        if s.aided > 0:
+            predict_lag(s, g)
     elif phase == 2:
         return judge_velocity(s, g, sample, r)
     elif s.velocity_use == 1:
@@ -77,14 +88,18 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
 def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Theta from the frame's velocity, or from rest in its place; returns bits."""
     if phase == 4:
-        find_motion_gain(s, g, s.dvelocity_n, s.innovation_n)
+        find_motion_gain(s, g, s.dvelocity_n, s.innovation_n, s.accel_n, 0)
     elif phase == 6:
-        find_motion_gain(s, g, s.dvelocity_e, s.innovation_e)
+        find_motion_gain(s, g, s.dvelocity_e, s.innovation_e, s.accel_e, 1)
     elif phase == 8:
         if s.velocity_use > 0:
             fade(s)
             fade_tilt_sigma(s)
+            if s.velocity_use == 2:
+                fade_lag(s)
     elif phase == 9:
+        if s.velocity_use == 2:
+            apply_lag(s, g)
         if rests(s, g) > 0:
             return RESTING | apply_theta(s, g)
         return apply_theta(s, g)
@@ -105,14 +120,26 @@ def rests(s: Memory, g: Gains) -> I32:
     return 0
 
 
-def find_motion_gain(s: Memory, g: Gains, row: list[I32], innovation: I32) -> None:
+def find_motion_gain(
+    s: Memory, g: Gains, row: list[I32], innovation: I32, accel: I32, axis: I32
+) -> None:
     """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
+
+    Args:
+        s: memory.
+        g: gains.
+        row: how the innovation depends on theta.
+        innovation: north or east.
+        accel: acceleration at the fix, north or east.
+        axis: 0: north, 1: east.
 
     Source: docs/filter.md Eq. (18), (20).
     """
     if rests(s, g) > 0:
         find_rest_gain(s, g)
-    elif s.velocity_use > 0:
+    elif s.velocity_use == 2:
+        find_fix_gain(s, row, innovation, accel, axis)
+    elif s.velocity_use == 1:
         find_gain(s, row, innovation, s.log_noise)
 
 
@@ -121,8 +148,11 @@ def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
 
     A bounded velocity does not teach the heading, nor what moves it, once no field is there.
     """
-    if rests(s, g) > 0 or s.velocity_use == 2:
+    if rests(s, g) > 0:
         use_gain(s)
+    elif s.velocity_use == 2:
+        use_gain(s)
+        use_lag_gain(s)
     elif s.velocity_use == 1:
         if s.field_silence_us > g.field_silence_us:
             use_level_gain(s, r)

@@ -106,6 +106,7 @@ def begin(s: Memory, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.gained_e = 0
     s.aided = 0
     s.fix_period_us = 0
+    s.dfix_lag = 0
     s.mag_age_us = 0
     s.mag_new_us = 0
     s.heading_rejected_us = 0

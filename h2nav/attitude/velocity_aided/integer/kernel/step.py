@@ -80,7 +80,7 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     w = [0, 0, 0]
     bits = 0
     if sample.aided != s.aided:
-        change_aiding(s, sample, r)
+        change_aiding(s, g, sample, r)
     rates(s, sample, w)
     sum_jitter(s, sample)
     accelerate(s, sample, r)

@@ -184,8 +184,10 @@ def weigh_gain(s: Memory, y: I32, log_noise: I32) -> None:
     digits = bits_of(variance)
     inverse = reciprocal(mantissa(variance, digits))
     lost = digits + excess
+    s.gain_digits = clamp(lost + 2 * scale + fall, 0, 64)
     y_scale = clamp(bits_of(size_of(y)) - 15, 0, 16)
     s.gain_inverse = inverse
+    s.gain_y_scale = y_scale
     s.gain_innovation = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
     # a step that would need a shift to the left is beyond what theta can be
     s.gain_theta_shift = clamp(lost + scale - 29 - y_scale, 0, 31)
@@ -367,6 +369,8 @@ def forget_velocity(s: Memory) -> None:
     for i in range(4):
         s.dvelocity_n[i] = 0
         s.dvelocity_e[i] = 0
+    for i in range(2):
+        s.dvelocity_lag[i] = 0
 
 
 def forget_sensitivities(s: Memory) -> None:
@@ -375,6 +379,8 @@ def forget_sensitivities(s: Memory) -> None:
     for i in range(4):
         s.dtilt_n[i] = 0
         s.dtilt_e[i] = 0
+    for i in range(2):
+        s.dtilt_lag[i] = 0
 
 
 def fade_tilt_sigma(s: Memory) -> None:

@@ -23,7 +23,7 @@ from .functions import bits_of, limited, logarithm, mantissa, power2, product, r
 from .theta import forget_velocity
 from .tilt import restart_tilt
 
-ACCELERATION_MOST = 113600  # three axes at 16 g, Q12
+FORCED_MOST = 113600  # three axes at 16 g, Q12
 Q24 = 24 << 8
 EASE_MOST = 21 << 8
 
@@ -48,8 +48,8 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
     s.velocity_carry_e = east & 8191
     # a turn keeps the length (Lemma 2); 1.0486 us is 2^-20 s
     time = (sample.dt_us * 34360 + 16384) >> 15
-    north = (known(north >> 13, -ACCELERATION_MOST, ACCELERATION_MOST) * time + 128) >> 8
-    east = (known(east >> 13, -ACCELERATION_MOST, ACCELERATION_MOST) * time + 128) >> 8
+    north = (known(north >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
+    east = (known(east >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
     s.velocity_n = limited(s.velocity_n + north, VELOCITY_MOST)
     s.velocity_e = limited(s.velocity_e + east, VELOCITY_MOST)
     if sample.aided > 0:
@@ -60,7 +60,7 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
         s.gained_e = (s.gained_e + east) & GAINED_MASK
 
 
-def change_aiding(s: Memory, sample: Sample, r: list[I32]) -> None:
+def change_aiding(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
     """The velocity before and the one after have nothing to do with each other."""
     forget_velocity(s)
     s.dtilt_n[3] = 0
@@ -73,6 +73,11 @@ def change_aiding(s: Memory, sample: Sample, r: list[I32]) -> None:
     s.tilt_suspect = 0
     s.aided = sample.aided
     s.fix_period_us = 0
+    s.dfix_lag = 0
+    for i in range(2):
+        s.dtilt_lag[i] = 0
+    if s.aided > 0 and s.fix_lag_variance == 0:
+        s.fix_lag_variance = g.fix_lag_variance
     begin_frames(s)
 
 
