@@ -26,7 +26,7 @@ TURN_UNIT = 2.0 * (1e6 * 2.0**-29) ** 2
 REST_RATE_UNIT = (1e6 * 2.0**-28) ** 2
 REST_FORCE_UNIT = (2.0**-9) ** 2
 # of the second differences of the rate
-JITTER_UNIT_RAD_S = 1e6 * 2.0**-31
+JITTER_UNIT_RAD_S = 1e6 * 2.0**-27
 FIELD_UNIT_UT = 64.0
 LAG_UNIT_S = 8e-6
 # one of LAG_DEN: (field/s)^2 s
@@ -195,11 +195,10 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     turn = TURN_UNIT * 2.0**33 / 2.0
     image.put_scale("scale_noise", g.scale_noise * turn, "gyro_scale_noise_rthz")
     image.put_scale("heading_scale_noise", g.heading_scale_noise * turn, "heading_scale_noise_rthz")
-    # White noise comes six times in a second difference, there are three axes, the sum is over half
-    # the samples of a frame, the time Q17; a rate that is held over the parts of a sample comes
-    # once in them, for a time that is the whole one's.
-    jitter = g.jitter_share * 2.0 * JITTER_UNIT_RAD_S**2 * parts**2 / (FRAME * 18.0) * 2.0**40
-    most("jitter_share", jitter, "gyro_jitter_share")
+    # White noise comes six times in a second difference, and there are three axes; a rate that is
+    # held over the parts of a sample comes once in them, for a time that is the whole one's.
+    jitter = JITTER_UNIT_RAD_S**2 / (FRAME * FRAME * 18.0) * parts**2
+    put("jitter_share", g.jitter_share * jitter * 2.0**36, "gyro_jitter_share")
     put("velocity_floor", g.velocity_floor * 2.0**24, "velocity_floor_m_s_rthz")
     put("velocity_correlation", g.velocity_correlation * 2.0**12, "velocity_correlation_s")
     most("velocity_ceiling", g.velocity_ceiling * 2.0**24, "velocity_ceiling_m_s_rthz")

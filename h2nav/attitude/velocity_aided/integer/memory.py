@@ -325,7 +325,7 @@ class Gains:
     heading_scale_noise_m: I32 = integer(0, 32767, "", "the same about the vertical")
     heading_scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
     jitter_share: I32 = integer(
-        0, 32767, "", "share of the jitter that counts as noise; 1656 = 1 where a sample is a step"
+        0, 32767, "", "share of the jitter that counts as noise; 828 = 1 where a sample is a step"
     )
     velocity_floor: I32 = integer(
         1, 1 << 28, "s^3", "least density of the bounded velocity, squared", q=24

@@ -29,8 +29,8 @@ from .fixes import (
 )
 from .functions import limited, product
 from .heading import (
-    contradicts,
     judge_field,
+    judge_heading,
     learn_field,
     learn_latency,
     prepare_heading,
@@ -181,28 +181,26 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
             if phase == 12:
                 unexplained = s.heading_innovation - find_spread(s, s.jacobian)
                 s.heading_innovation = limited(unexplained, THETA_MOST)
+                judge_heading(s, g)
             elif phase == 14:
+                weigh_heading(s, g)
                 weigh_gain(s, s.heading_innovation, s.log_heading_noise)
                 use_gain(s)
     return 0
 
 
 def accept_field(s: Memory, g: Gains) -> I32:
-    """What is learnt from a field, unless its heading contradicts; returns bits.
+    """What is learnt from a field beside the heading; returns bits.
 
-    Source: docs/filter.md Eq. (21), (23), (24), (40).
+    Source: docs/filter.md Eq. (21), (23), (24).
     """
     age_us = s.mag_frame_us
     s.mag_frame_us = 0
-    if s.mag_accepted == 2 and contradicts(s, g, age_us) > 0:
-        s.mag_accepted = 0
-        return 0
     s.heading_rejected_us = 0
     s.field_silence_us = 0
     if s.mag_accepted < 3:
         learn_field(s, g, age_us)
         learn_latency(s, age_us)
-        weigh_heading(s, g, age_us)
     return FIELD_USED
 
 
@@ -233,8 +231,8 @@ def close_jitter(s: Memory, g: Gains, share: I32) -> None:
 
     Source: docs/filter.md Eq. (8).
     """
-    density = limited(product(s.jitter_sum, s.frame_time), 1 << 24) << 6
-    density = limited(product(density, g.jitter_share), 1 << 26) << 3
+    density = product(limited(s.jitter_sum, 1 << 25) << 5, s.frame_time)
+    density = limited(product(density, g.jitter_share), 1 << 21) << 8
     s.gyro_jitter = raised(s.gyro_jitter, density, share)
     s.jitter_sum = 0
 

@@ -369,34 +369,37 @@ def disturbed(s: Memory, g: Gains) -> I32:
     return limited(product(s.mag_disturbance, g.mag_correlation), 1 << 26) << 3
 
 
-def contradicts(s: Memory, g: Gains, age: I32) -> I32:
-    """1 while the heading of a field is further off than both are expected to be.
+def judge_heading(s: Memory, g: Gains) -> None:
+    """Refuses a field whose heading is further off than both are expected to be.
 
     Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (40).
     """
+    age = s.mag_frame_us
+    s.log_heading_noise = LOG_SECOND_Q8 - logarithm(age | 1)
     if s.mag_ref_given == 0 or g.mag_heading_gate == 0 or s.log_startup_inflation > EASED:
         # a reference that was learnt may be the one that is wrong
-        return 0
+        return
     part = limited(s.heading_innovation >> 13, 46340)
     shift = clamp(43 - 2 * s.gain_scale - s.gain_fall, 0, 31)
     expected = limited(s.gain_variance >> shift, 1 << 26) + s.heading_noise
     expected = limited(expected + disturbed(s, g), 1 << 26) << 4
     if (part * part) >> 15 <= product(expected, g.mag_heading_gate):
-        return 0
+        return
+    s.mag_accepted = 0
+    s.mag_frame_us = 0
     s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MOST_US)
     if s.heading_rejected_us > g.mag_new_time_us:
         # it has lasted: the heading is what is wrong
         s.heading_rejected_us = 0
         s.heading_reset = 2
-    return 1
 
 
-def weigh_heading(s: Memory, g: Gains, age: I32) -> None:
+def weigh_heading(s: Memory, g: Gains) -> None:
     """Noise of the heading that a field shows.
 
     Source: docs/filter.md Eq. (25).
     """
     log_noise = logarithm(s.heading_noise + disturbed(s, g) + 1) - (26 << 8)
-    log_noise += s.log_startup_inflation - logarithm(age | 1) + LOG_SECOND_Q8
+    log_noise += s.log_startup_inflation + s.log_heading_noise
     # row and error are Q28, for `weigh_gain` they are Q24 of a unit 2^-4 rad
     s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)

@@ -31,13 +31,13 @@ from ..memory import (
 )
 from .fixes import note_fix
 from .frame import second_stage
+from .functions import limited
 from .heading import take_field
 from .start import align, begin_anew
 from .tilt import MOST_CLIPPED, doubt_rate, watch_rest
 from .velocity import accelerate, change_aiding, correct_velocity
 
 STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
-JOLT_MOST = 16383  # of a second difference, 1e6 2^-31 rad/s: 7.6 rad/s
 SATURATIONS_MOST = 1 << 30
 
 
@@ -82,7 +82,6 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     if sample.aided != s.aided:
         change_aiding(s, g, sample, r)
     rates(s, sample, w)
-    sum_jitter(s, sample)
     accelerate(s, sample, r)
     if sample.aided > 0:
         if sample.has_fix > 0:
@@ -97,42 +96,31 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
 
 
 def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
-    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean.
-
-    Source: docs/filter.md Eq. (8).
-    """
-    square = 0
-    for i in range(3):
-        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
-        w[i] = (rate - (s.gyro_bias[i] >> BIAS_BITS)) >> 10
-        square += w[i] * w[i]
-    # at most sixteen samples since the sum was zero
-    s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
-
-
-def sum_jitter(s: Memory, sample: Sample) -> None:
-    """The squared second difference of the rate joins the frame's mean.
+    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean, and that of its jitter.
 
     A rate that is held, as over the parts of a long sample, is not compared with itself.
 
     Source: docs/filter.md Eq. (8).
     """
     change = [0, 0, 0]
+    square = 0
+    jitter = 0
     moved = 0
     for i in range(3):
-        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) >> 8
-        change[i] = rate - s.gyro_last[i]
-        s.gyro_last[i] = rate
+        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
+        change[i] = (rate >> 8) - s.gyro_last[i]
+        s.gyro_last[i] = rate >> 8
+        jolt = (change[i] - s.gyro_step[i] + 8) >> 4
+        jitter += jolt * jolt
         moved |= change[i]
-    if moved == 0:
-        return
-    square = 0
-    for i in range(3):
-        jolt = clamp(change[i] - s.gyro_step[i], -JOLT_MOST, JOLT_MOST)
-        s.gyro_step[i] = change[i]
-        square += jolt * jolt
-    # at most sixteen samples since the sum was zero
-    s.jitter_sum = known(s.jitter_sum + (square >> 5), 0, 1 << 29)
+        w[i] = (rate - (s.gyro_bias[i] >> BIAS_BITS)) >> 10
+        square += w[i] * w[i]
+    # at most sixteen samples since the sums were zero
+    s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
+    if moved != 0:
+        s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
+        for i in range(3):
+            s.gyro_step[i] = change[i]
 
 
 def drain(s: Memory, r: list[I32]) -> None:
