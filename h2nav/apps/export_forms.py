@@ -132,13 +132,13 @@ def step_of_any_length(
 ) -> int:
     """What ``h2nav_step`` of the velocity-aided filter does; the sample is the same afterwards."""
     given = sample.dt_us, sample.has_mag, sample.has_fix
-    dt_us = sample.dt_us
-    if dt_us > _LONGEST_GAP_US:
-        start.restart(memory)
-        dt_us = 0
     bits = 0
-    for part in parts_of(sample, dt_us):
-        bits |= step.update(memory, gains, part)
+    if sample.dt_us > _LONGEST_GAP_US:
+        sample.dt_us = 0
+        bits = start.resume(memory, gains, sample)
+    else:
+        for part in parts_of(sample, sample.dt_us):
+            bits |= step.update(memory, gains, part)
     sample.dt_us, sample.has_mag, sample.has_fix = given
     return bits
 

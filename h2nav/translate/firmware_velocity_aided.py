@@ -27,7 +27,9 @@ _BITS: tuple[Row, ...] = (
 )
 
 _PROTOTYPES = f"""\
-/* A sample after a longer gap, microseconds, makes the filter look for its attitude anew. */
+/* A sample after a longer gap, microseconds, makes the filter look for its attitude anew. One that
+ * flies (rest_prior = 0) keeps it instead and doubts it; the next field then gives the heading.
+ */
 #define H2NAV_LONGEST_GAP_US {round(LONGEST_GAP_S * 1e6)}
 
 /* Forgets everything. */
@@ -61,6 +63,8 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
  * velocity   north, east, 2^24 = 1 s (1 m/s = 1710798)
  * gained     gained_n and gained_e as the filter had them when the fix was true: a receiver is
  *            late by 0.1 to 0.3 s, so keep them for half a second
+ * accel      acceleration north, east when the fix was true, 2^24 = 1 g: ten times what the filter
+ *            gained in the 0.1 s before; it teaches how late the fixes are. Zeros teach nothing.
  * variance   of either part, 2^24 = 1 s^2 (1 m^2/s^2 = 174452)
  * period_us  time since the fix before
  *
@@ -68,7 +72,7 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
  * 2.5 s; the daemon takes the third good one in a row as the first.
  */
 void h2nav_add_fix(h2nav_sample *sample, const int32_t velocity[2], const int32_t gained[2],
-                   int32_t variance, uint32_t period_us);
+                   const int32_t accel[2], int32_t variance, uint32_t period_us);
 
 /* Takes a sample; returns bits. One of more than {MOST_DT_US} us is taken in the fewest
  * equal parts, field and fix with the last; the sample is the same afterwards.
@@ -89,6 +93,7 @@ _LIMITS = f"""\
 #define LEAST_FORCE ({_ends("accel")[0]})
 #define MOST_FORCE {_ends("accel")[1]}
 #define MOST_VELOCITY {_ends("fix_velocity_n")[1]}
+#define MOST_ACCELERATION {_ends("fix_accel_n")[1]}
 #define MOST_VARIANCE {_ends("fix_variance")[1]}
 #define MOST_PERIOD_US {_ends("fix_period_us")[1]}
 
@@ -136,17 +141,21 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
     sample->fix_velocity_e = 0;
     sample->fix_gained_n = 0;
     sample->fix_gained_e = 0;
+    sample->fix_accel_n = 0;
+    sample->fix_accel_e = 0;
     sample->fix_variance = 1;
     sample->fix_period_us = 1;
 }
 
 void h2nav_add_fix(h2nav_sample *sample, const int32_t velocity[2], const int32_t gained[2],
-                   int32_t variance, uint32_t period_us)
+                   const int32_t accel[2], int32_t variance, uint32_t period_us)
 {
     sample->fix_velocity_n = within(velocity[0], -MOST_VELOCITY, MOST_VELOCITY);
     sample->fix_velocity_e = within(velocity[1], -MOST_VELOCITY, MOST_VELOCITY);
     sample->fix_gained_n = gained[0] & GAINED_MASK;
     sample->fix_gained_e = gained[1] & GAINED_MASK;
+    sample->fix_accel_n = within(accel[0], -MOST_ACCELERATION, MOST_ACCELERATION);
+    sample->fix_accel_e = within(accel[1], -MOST_ACCELERATION, MOST_ACCELERATION);
     sample->fix_variance = within(variance, 1, MOST_VARIANCE);
     sample->fix_period_us =
         period_us > MOST_PERIOD_US ? MOST_PERIOD_US : within((int32_t)period_us, 1, MOST_PERIOD_US);
@@ -178,9 +187,8 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
         return update(filter, &GAINS, sample);
     }
     if (time_us > H2NAV_LONGEST_GAP_US) {
-        restart(filter);
         sample->dt_us = 0;
-        bits = update(filter, &GAINS, sample);
+        bits = resume(filter, &GAINS, sample);
         sample->dt_us = time_us;
         return bits;
     }
@@ -247,7 +255,7 @@ VELOCITY_AIDED: Final = IntegerForm(
     kernel=VELOCITY_AIDED_INTEGER._replace(
         paths=(*_FILES[:-1], "velocity_aided/integer/kernel/place.py", _FILES[-1])
     ),
-    more_entries=("restart", "set_place"),
+    more_entries=("restart", "resume", "set_place"),
     bits=_BITS,
     about=_ABOUT,
     prototypes=_PROTOTYPES,

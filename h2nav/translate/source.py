@@ -121,10 +121,7 @@ def _read_statement(
         else:
             kernel.functions[node.name] = Function(node.name, path, node, comments)
     elif isinstance(node, ast.Assign | ast.AnnAssign):
-        for name, value in _definitions(kernel, path, node):
-            remark = comments.get(node.lineno, Comment("", alone=True))
-            text = "" if remark.alone else remark.text
-            kernel.constants[name] = Constant(name, value, text)
+        _read_constants(kernel, path, node, comments)
     elif isinstance(node, ast.ImportFrom):
         for alias in node.names:
             if alias.asname or not (
@@ -136,6 +133,17 @@ def _read_statement(
             raise Refused(path, node, "only math may be imported as a module")
     elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
         raise Refused(path, node, f"a kernel module may not hold {type(node).__name__}")
+
+
+def _read_constants(
+    kernel: Kernel, path: str, node: ast.Assign | ast.AnnAssign, comments: Mapping[int, Comment]
+) -> None:
+    """Reads one assignment; all files become one in C, where a name has one value."""
+    remark = comments.get(node.lineno, Comment("", alone=True))
+    text = "" if remark.alone else remark.text
+    for name, value in _definitions(kernel, path, node):
+        if kernel.constants.setdefault(name, Constant(name, value, text)).value != value:
+            raise Refused(path, node, f"{name} has another value in a file before this one")
 
 
 def _is_known(kernel: Kernel, name: str) -> bool:

@@ -39,6 +39,8 @@ static void fix(h2nav_sample *sample, const h2nav_filter *filter, int32_t bits)
 {
     sample->fix_velocity_n = noise(bits);
     sample->fix_velocity_e = noise(bits);
+    sample->fix_accel_n = noise(24);
+    sample->fix_accel_e = noise(24);
     sample->fix_gained_n = filter->gained_n;
     sample->fix_gained_e = filter->gained_e;
     sample->has_fix = 1;

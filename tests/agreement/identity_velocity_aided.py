@@ -70,6 +70,8 @@ class VelocityAidedSamples:
     def _fix(self, sample: Sample, memory: Memory, bits: int) -> None:
         sample.fix_velocity_n = self._noise(bits)
         sample.fix_velocity_e = self._noise(bits)
+        sample.fix_accel_n = self._noise(24)
+        sample.fix_accel_e = self._noise(24)
         sample.fix_gained_n = memory.gained_n
         sample.fix_gained_e = memory.gained_e
         sample.has_fix = 1

@@ -69,12 +69,18 @@ class Program:
         )
 
     def add_fix(
-        self, velocity: Sequence[int], gained: Sequence[int], variance: int, period_us: int
+        self,
+        velocity: Sequence[int],
+        gained: Sequence[int],
+        accel: Sequence[int],
+        variance: int,
+        period_us: int,
     ) -> None:
         self._library.h2nav_add_fix(
             address(self.sample),
             ints(velocity, ctypes.c_int32),
             ints(gained, ctypes.c_int32),
+            ints(accel, ctypes.c_int32),
             ctypes.c_int32(variance),
             ctypes.c_uint32(period_us),
         )
@@ -148,9 +154,11 @@ def test_fill_limits_what_the_formats_do_not_hold(library: ctypes.CDLL) -> None:
         (-7, 0xFFFFFFFF): (1, ends("fix_period_us")[1]),
         ((1 << 31) - 1, 200_000): (ends("fix_variance")[1], 200_000),
     }.items():
-        program.add_fix((-(1 << 31), (1 << 31) - 1), (-1, 1 << 30), variance, period_us)
+        widest = (-(1 << 31), (1 << 31) - 1)
+        program.add_fix(widest, (-1, 1 << 30), widest, variance, period_us)
         assert (sample.fix_variance, sample.fix_period_us) == expected
         assert (sample.fix_velocity_n, sample.fix_velocity_e) == ends("fix_velocity_n")
+        assert (sample.fix_accel_n, sample.fix_accel_e) == ends("fix_accel_n")
         assert (sample.fix_gained_n, sample.fix_gained_e) == (memory.GAINED_MASK, 0)
         assert sample.has_fix == sample.aided == 1
         for field in rows(Sample):
@@ -172,11 +180,11 @@ def test_a_step_of_any_length_is_that_of_the_daemon(library: ctypes.CDLL, dt_us:
         program.step()
         assert values(program.sample, Sample) == given
         sample = program.sample
-        parts_us = sample.dt_us
-        if parts_us > 1_000_000:
-            start.restart(python)
-            parts_us = 0
-        for part in parts_of(sample, parts_us):
+        if sample.dt_us > 1_000_000:
+            sample.dt_us = 0
+            start.resume(python, gains, sample)
+            continue
+        for part in parts_of(sample, sample.dt_us):
             step.update(python, gains, part)
     assert program.memory() == values(python, Memory)
 

@@ -34,7 +34,8 @@ void bench_prepare(int32_t i)
     if (i > 300 && i % 21 == 0) {
         const int32_t velocity[2] = {bench_noise(20), bench_noise(20)};
         const int32_t gained[2] = {filter.gained_n, filter.gained_e};
-        h2nav_add_fix(&sample, velocity, gained, 20000, 210000);
+        const int32_t accel[2] = {bench_noise(20), bench_noise(20)};
+        h2nav_add_fix(&sample, velocity, gained, accel, 20000, 210000);
     }
     sample.aided = i > 300;
 #endif

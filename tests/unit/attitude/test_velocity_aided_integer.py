@@ -1,6 +1,7 @@
 """The default filter in integers next to the one in floats: accuracy, fixes, rest and bias."""
 
 import math
+import random
 from typing import NamedTuple
 
 import pytest
@@ -39,13 +40,17 @@ from h2nav.attitude.samples import (
     ImuSample,
     Quat,
     Trust,
+    Vec3,
     VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.gains import ACCEL_UNIT_G
+from h2nav.io import gain_files
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 
 
 class Both(NamedTuple):
@@ -164,6 +169,50 @@ def test_fixes_are_used_at_their_own_time() -> None:
     assert all(b.trust & Trust.VELOCITY_USED for _, b in found.pairs)
 
 
+def test_the_latency_of_fixes_is_learnt_as_by_the_floats() -> None:
+    """Stamps say 100 ms, and it is 180."""
+    omega, v_most = 1.5, 2.0
+    swing = Disturbance(force=lambda t: (v_most * omega * math.cos(omega * t), 0.0, 0.0))
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    for number, sample in enumerate(fly(still, 40.0, 3, disturbance=swing).samples):
+        if number % 20 == 3:
+            v_n = v_most * math.sin(omega * (sample.t_us * 1e-6 - 0.18))
+            fix = VelocityFix(sample.t_us - 100_000, (v_n, 0.0, math.nan), 0.1)
+            floats.use_velocity(fix)
+            integers.use_velocity(fix)
+        floats.update(sample)
+        integers.update(sample)
+    known, found = floats.kernel_memory, integers.kernel_memory
+    assert found.fix_lag * 2.0**-30 == pytest.approx(known.fix_lag_s, abs=0.01)
+    assert found.fix_lag * 2.0**-30 == pytest.approx(0.08, abs=0.02)
+    assert found.fix_lag_variance * 2.0**-30 == pytest.approx(known.fix_lag_variance, rel=0.4)
+
+
+def test_the_bias_of_the_accelerometer_is_learnt_as_by_the_floats() -> None:
+    """A vehicle that turns about the vertical under fixes, with 0.12 and -0.1 m/s^2 in x and y."""
+
+    def circling(t: float) -> Vec3:
+        return (0.1 * math.cos(1.2 * t), 0.1 * math.cos(0.9 * t + 1.0), 0.5)
+
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    for number, sample in enumerate(fly(circling, 60.0, 3).samples):
+        x, y, z = sample.f_b
+        biased = sample._replace(f_b=(x + 0.12, y - 0.1, z))
+        for filter_ in (floats, integers):
+            if number % 20 == 3:
+                filter_.use_velocity(standing(sample))
+            filter_.update(biased)
+    known, found = floats.kernel_memory, integers.kernel_memory
+    for i, true_m_s2 in enumerate((0.12, -0.1)):
+        learnt = found.accel_bias[i] * 2.0**-28 * ACCEL_UNIT_G
+        assert learnt == pytest.approx(known.accel_bias[i], abs=0.0015)
+        assert learnt == pytest.approx(true_m_s2 / GRAVITY_M_S2, abs=0.004)
+    variance = found.p_accel[0] * 2.0**-28 * ACCEL_UNIT_G**2
+    assert variance == pytest.approx(known.p_accel[0], rel=0.2)
+
+
 def test_aiding_ends_with_the_fixes() -> None:
     flight = fly(gentle, 20.0, 4, bias_b=NO_BIAS)
     filter_ = new_filter()
@@ -198,6 +247,45 @@ def test_fixes_that_deny_the_tilt_ask_the_force() -> None:
     assert max(e.sigma_tilt_rad for e in later[:400]) > 30.0 * DEG
     assert any(e.trust & Trust.RESTARTED for e in later)
     assert max(tilt_deg(e.q_nb) for e in later[400:]) < 1.5
+
+
+def test_without_a_field_motion_teaches_no_vertical_bias() -> None:
+    """A vehicle that sways without a field: what is known of the vertical becomes no better."""
+    flight = fly(gentle, 120.0, 14, bias_b=NO_BIAS, disturbance=Disturbance(force=breeze))
+    samples = [s if s.t_us < 20e6 else s._replace(m_b_ut=None) for s in flight.samples]
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    memory = integers.kernel_memory
+    found = []
+    for sample in samples:
+        a, b = floats.update(sample), integers.update(sample)
+        found.append((memory.p_zz, memory.heading_variance))
+    assert found[-1][0] > found[5200][0]
+    assert found[-1][1] > 2 * found[5200][1]
+    assert a is not None
+    assert b is not None
+    assert b.bias_b == pytest.approx(a.bias_b, abs=0.04 * DEG)
+    assert b.sigma_heading_rad == pytest.approx(a.sigma_heading_rad, rel=0.1)
+
+
+# --- what the samples of the rate do not resolve ------------------------------------------------
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 250.0])
+@pytest.mark.parametrize("sigma", [0.01, 0.1])
+def test_the_jitter_of_the_gyro_is_that_of_the_floats(rate_hz: float, sigma: float) -> None:
+    """Also where a sample is taken in two parts, over which the rate is held."""
+    rng = random.Random(1)
+    name = "multirotor_50hz" if rate_hz < 80.0 else "multirotor_100hz"
+    gains = velocity_aided_gains(gain_files.load(name), name)
+    floats, integers = VelocityAidedFilter(gains), new_filter(gains=gains)
+    for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
+        x, y, z = (rate + rng.gauss(0.0, sigma) for rate in sample.w_b)
+        floats.update(sample._replace(w_b=(x, y, z)))
+        integers.update(sample._replace(w_b=(x, y, z)))
+    found = integers.kernel_memory.gyro_jitter * 2.0**-36
+    assert found == pytest.approx(floats.kernel_memory.gyro_jitter, rel=0.06)
+    assert found == pytest.approx(sigma**2 / rate_hz, rel=0.3)
 
 
 # --- rest and bias ------------------------------------------------------------------------------

@@ -6,12 +6,15 @@ import math
 import pytest
 from integer_flights import (
     FIXED_WING,
+    FLYING,
+    GROUND,
     MULTIROTOR,
     NO_BIAS,
     breeze,
     drive,
     gentle,
     new_filter,
+    standing,
     tilt_deg,
 )
 from needs import DEG
@@ -23,8 +26,11 @@ from synthetic_imu import (
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
     Trust,
     Vec3,
+    VehicleState,
 )
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
@@ -84,6 +90,99 @@ def test_iron_nearby_is_not_believed() -> None:
     estimates = drive(new_filter(), flight.samples)
     assert all(e is not None and e.trust & Trust.FIELD_USED for e in estimates[1900:1999])
     assert not any(e is None or e.trust & Trust.FIELD_USED for e in estimates[2035:])
+
+
+def test_only_a_turn_that_the_field_shows_makes_it_the_reference() -> None:
+    """Iron that comes after a fast turn, for half a minute: standing still, then while turning."""
+
+    def iron(t: float) -> Vec3:
+        return (0.0, 0.0, 0.0) if t < 5.0 else (0.0, 0.0, 30.0)
+
+    def spun(t: float) -> Vec3:
+        return (0.0, 0.0, 6.0 if 4.0 < t < 5.0 or t > 30.0 else 0.0)
+
+    flight = fly(spun, 36.0, 11, bias_b=NO_BIAS, disturbance=Disturbance(field=iron))
+    filter_ = new_filter()
+    stood = drive(filter_, flight.samples[:3000])
+    assert not any(e is None or e.trust & Trust.FIELD_USED for e in stood[600:])
+    assert filter_.kernel_memory.mag_new_us > 20_000_000
+    assert filter_.kernel_memory.mag_new_turn == 0
+    turned = drive(filter_, flight.samples[3000:])
+    assert turned[-1] is not None
+    assert turned[-1].trust & Trust.FIELD_USED
+
+
+def test_a_heading_that_is_too_far_off_counts_once_it_has_lasted() -> None:
+    """A field that turns by 30 deg in the horizontal, where the reference is that of a place."""
+    turned = quaternion.from_euler(0.0, 0.0, 30.0 * DEG)
+    flight = fly(still, 45.0, 11, bias_b=NO_BIAS)
+    filter_ = new_filter()
+    filter_.use_field(EarthField(math.hypot(20.0, 45.0), math.atan2(45.0, 20.0), 0.0))
+    estimates = drive(filter_, flight.samples[:1500])
+    later = [
+        s._replace(m_b_ut=None if s.m_b_ut is None else quaternion.rotate(turned, s.m_b_ut))
+        for s in flight.samples[1500:]
+    ]
+    estimates += drive(filter_, later)
+    headings = [0.0 if e is None else quaternion.to_euler(e.q_nb)[2] / DEG for e in estimates]
+    assert max(map(abs, headings[500:3400])) < 1.0
+    assert not any(e is None or e.trust & Trust.FIELD_USED for e in estimates[1535:3400])
+    assert headings[-1] == pytest.approx(-30.0, abs=1.0)
+    assert estimates[-1] is not None
+    assert estimates[-1].trust & Trust.FIELD_USED
+
+
+# --- gaps ---------------------------------------------------------------------------------------
+
+
+def after_a_gap(vehicle: VehicleState) -> AttitudeEstimate:
+    """The first estimate after 4 s of nothing; a manoeuvre tilts its force by 30 deg."""
+    flight = fly(still, 12.0, 8, bias_b=NO_BIAS)
+    filter_ = new_filter(vehicle)
+    drive(filter_, flight.samples)
+    last = flight.samples[-1]
+    estimate = filter_.update(last._replace(t_us=last.t_us + 4_000_000, f_b=(5.7, 0.0, -9.8)))
+    assert estimate is not None
+    assert estimate.trust & Trust.RESTARTED
+    return estimate
+
+
+def test_after_a_gap_in_the_air_the_attitude_is_kept_and_doubted() -> None:
+    estimate = after_a_gap(FLYING)
+    assert tilt_deg(estimate.q_nb) < 1.0
+    assert estimate.sigma_tilt_rad > 19.0 * DEG
+
+
+def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
+    estimate = after_a_gap(GROUND)
+    assert tilt_deg(estimate.q_nb) == pytest.approx(30.2, abs=1.0)
+    assert 0.05 < estimate.sigma_tilt_rad < 0.2
+
+
+def test_fixes_after_a_gap_do_not_know_the_velocity_before_it() -> None:
+    """A standing vehicle that is aided, 4 s of nothing, and aided again: it stays level."""
+    flight = fly(still, 24.0, 8, bias_b=NO_BIAS, start=quaternion.from_euler(0.0, 0.05, 0.0))
+    filter_ = new_filter()
+    drive(filter_, flight.samples[:1000], standing)
+    later = drive(filter_, flight.samples[1400:], standing)
+    for estimate, q_nb in zip(later, flight.q_nb[1400:], strict=True):
+        assert estimate is not None
+        assert quaternion.angle(estimate.q_nb, q_nb) < 1.5 * DEG
+    memory = filter_.kernel_memory
+    assert memory.aided == 1
+    assert abs(memory.velocity_n) + abs(memory.velocity_e) < 0.02 * 2.0**24
+
+
+def test_a_restart_in_the_air_keeps_the_attitude() -> None:
+    flight = fly(gentle, 12.0, 8, bias_b=NO_BIAS)
+    filter_ = new_filter()
+    before = drive(filter_, flight.samples)[-1]
+    filter_.restart()
+    after = filter_.update(flight.samples[0])
+    assert before is not None
+    assert after is not None
+    assert after.trust & Trust.RESTARTED
+    assert quaternion.angle(before.q_nb, after.q_nb) < 1e-9
 
 
 # --- bad samples --------------------------------------------------------------------------------

@@ -245,6 +245,12 @@ def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
     assert reason in str(refusal.value)
 
 
+def test_refuses_one_name_for_two_constants() -> None:
+    sources = [Source("a.py", "MOST = 3\n"), Source("b.py", "MOST = 3\nMOST = 4\n")]
+    with pytest.raises(Refused, match=r"^b\.py:2: MOST has another value"):
+        read_kernel(sources)
+
+
 @pytest.mark.parametrize(
     ("statement", "reason"),
     [

@@ -44,7 +44,7 @@ from h2nav.attitude.velocity_aided.integer.gains import (
     unpacked,
 )
 from h2nav.attitude.velocity_aided.integer.kernel.heading import turn_heading
-from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart
+from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart, resume
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
 from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
@@ -64,7 +64,7 @@ HEAD_SIZE = 7
 ACCEPTED_US = 220_000  # more than the longest frame
 _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
-_FIX_VELOCITY = row(Sample, "fix_velocity_n")
+_FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
 _TRUST = (
     (memory.FORCE_USED, Trust.FORCE_USED),
@@ -95,6 +95,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
     u.clipped = int(sample.clipped or sample.f_b == (0.0, 0.0, 0.0))
     u.aided = u.has_fix = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
+    u.fix_accel_n = u.fix_accel_e = 0
     u.fix_variance = u.fix_period_us = 1
 
 
@@ -241,15 +242,15 @@ class IntegerVelocityAidedFilter:
         if not is_plausible(sample):
             held = sample._replace(w_b=self._bias())
             return self._estimate(held, memory.SATURATED) if is_aligned else None
-        dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
-        if dt_us > LONGEST_GAP_S * 1e6:
-            restart(self._memory)
-            dt_us = 0
+        dt_us = None if self._t_us is None else sample.t_us - self._t_us
+        if dt_us is None or dt_us > LONGEST_GAP_S * 1e6:
+            dt_us = None
+            self._aiding.clear()
         u = self._sample
         self._find_field_unit(sample.m_b_ut)
         fill_sample(u, sample, self.field_unit)
         self._fill_velocity(sample.t_us)
-        bits = self._run(dt_us)
+        bits = self._resume() if dt_us is None else self._run(dt_us)
         if _is_limited(u):
             bits |= memory.SATURATED
         if bits & memory.ALIGNED:
@@ -292,6 +293,13 @@ class IntegerVelocityAidedFilter:
         for part in parts_of(self._sample, dt_us):
             bits |= self._step(self._memory, self._g, part)
             self._follow_gained()
+        return bits
+
+    def _resume(self) -> int:
+        """The first sample, or the first after a gap."""
+        self._sample.dt_us = 0
+        bits = resume(self._memory, self._g, self._sample)
+        self._follow_gained()
         return bits
 
     def _settle(self) -> None:
@@ -340,6 +348,7 @@ class IntegerVelocityAidedFilter:
             _FIX_VELOCITY.fixed(v / GRAVITY_M_S2) for v in fix.v_n
         )
         u.fix_gained_n, u.fix_gained_e = (round(gained) & GAINED_MASK for gained in fix.gained)
+        u.fix_accel_n, u.fix_accel_e = (_FIX_ACCEL.fixed(rate * 2.0**-24) for rate in fix.rate)
         u.fix_variance = _FIX_VARIANCE.fixed(fix.variance / GRAVITY_M_S2**2)
         u.fix_period_us = round(fix.period_s * 1e6)
 
@@ -381,8 +390,9 @@ class IntegerVelocityAidedFilter:
         self._memory.mag_lag_expected = row(Memory, "mag_lag_expected").fixed(lag)
 
     def restart(self) -> None:
-        """Forgets time and attitude; bias, field and what is known of the sensors stay."""
-        restart(self._memory)
+        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        if self._sample.rest_prior > 0:
+            restart(self._memory)
         self._t_us = self._accepted_us = None
         self._aiding.clear()
 

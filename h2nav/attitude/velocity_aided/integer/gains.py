@@ -19,12 +19,15 @@ from h2nav.maths.units import GRAVITY_M_S2
 BIAS_WORD_RAD_S = 2e6 / 2.0**53
 # units of theta
 BIAS_UNIT_RAD_S = 2e6 / 2.0**27
+ACCEL_UNIT_G = 2e6 / 2.0**27
 HEADING_UNIT_RAD = 0.5
 # unit of the level of rotation, (rad/s)^2
 TURN_UNIT = 2.0 * (1e6 * 2.0**-29) ** 2
 # units of the squared differences from the low-passed signals
 REST_RATE_UNIT = (1e6 * 2.0**-28) ** 2
 REST_FORCE_UNIT = (2.0**-9) ** 2
+# of the second differences of the rate
+JITTER_UNIT_RAD_S = 1e6 * 2.0**-27
 FIELD_UNIT_UT = 64.0
 LAG_UNIT_S = 8e-6
 # one of LAG_DEN: (field/s)^2 s
@@ -175,6 +178,7 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     put, most = image.put, image.put_most
     # a sample longer than a step is taken in several
     step_rate_hz = rate_hz * math.ceil(1e6 / (rate_hz * MOST_DT_US))
+    parts = step_rate_hz / rate_hz
     lowpass = math.log2(max(g.rest_lowpass_s * step_rate_hz, 1.0))
     put("rest_lowpass_shift", lowpass, "rest_lowpass_s")
     most("rest_gyro", g.rest_gyro / REST_RATE_UNIT, "rest_rate_deg_s")
@@ -192,6 +196,10 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     turn = TURN_UNIT * 2.0**33 / 2.0
     image.put_scale("scale_noise", g.scale_noise * turn, "gyro_scale_noise_rthz")
     image.put_scale("heading_scale_noise", g.heading_scale_noise * turn, "heading_scale_noise_rthz")
+    # White noise comes six times in a second difference, and there are three axes; a rate that is
+    # held over the parts of a sample comes once in them, for a time that is the whole one's.
+    jitter = JITTER_UNIT_RAD_S**2 / (FRAME * FRAME * 18.0) * parts**2
+    put("jitter_share", g.jitter_share * jitter * 2.0**36, "gyro_jitter_share")
     put("velocity_floor", g.velocity_floor * 2.0**24, "velocity_floor_m_s_rthz")
     put("velocity_correlation", g.velocity_correlation * 2.0**12, "velocity_correlation_s")
     most("velocity_ceiling", g.velocity_ceiling * 2.0**24, "velocity_ceiling_m_s_rthz")
@@ -201,6 +209,12 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     put("log_bias_inflation", _log(g.bias_inflation), "bias_inflation")
     put("log_fix_inflation", _log(g.fix_inflation), "fix_inflation")
     put("log_fix_gate", _log(g.fix_gate), "fix_gate_sigmas")
+    accel2 = ACCEL_UNIT_G**2
+    put("accel_variance", g.accel_variance / accel2 * 2.0**28, "accel_bias_start_m_s2")
+    put("accel_walk", g.accel_walk / accel2 * 2.0**28, "accel_bias_walk_m_s2_rts")
+    put("fix_lag_variance", g.fix_lag_variance * 2.0**30, "fix_latency_start_s")
+    put("fix_lag_walk", g.fix_lag_walk * 2.0**30, "fix_latency_walk_s_rts")
+    put("fix_lag_limit", g.fix_lag_limit * 2.0**30, "fix_latency_limit_s")
     most("impossible_velocity", g.impossible_velocity * 2.0**24, "impossible_velocity_m_s")
     put("level_time_us", g.level_time_s * 1e6, "level_time_s")
     most("innovation_mean_time_us", g.innovation_mean_time_s * 1e6, "drift_time_s")
@@ -215,6 +229,8 @@ def _set_field(image: _Image, g: FloatGains) -> None:
     most("mag_correlation", g.mag_correlation * 2.0**12, "field_correlation_s")
     most("mag_norm_gate", g.mag_norm_gate * 2.0**15, "field_norm_gate")
     put("mag_dip_gate", math.sin(g.mag_dip_gate) * 2.0**15, "field_dip_gate_deg")
+    most("field_silence_us", g.field_silence_s * 1e6, "field_silence_s")
+    put("mag_heading_gate", g.mag_heading_gate, "field_heading_gate_sigmas")
     most("mag_ref_time_us", g.mag_ref_time_s * 1e6, "field_reference_time_s")
     most("mag_new_time_us", g.mag_new_time_s * 1e6, "field_renewal_time_s")
     most("mag_new_turn", g.mag_new_turn * 2.0**16, "field_renewal_turn_deg")

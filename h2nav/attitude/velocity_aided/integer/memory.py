@@ -38,9 +38,12 @@ VARIANCE_LEAST = 256  # variances stay positive
 INNOVATION_MOST = 1 << 27  # 8 s: 78 m/s
 LEVEL_MOST = 1 << 29
 TILT_SIGMA_MOST = 421439783  # 1.57 rad: nothing is known
+ACCELERATION_MOST = (1 << 26) - 1  # 4 g
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
 FRAME_MOST_US = 240000
+RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
+LATENCY_MOST = 1 << 29  # 0.5 s
 GAINED_MASK = (1 << 28) - 1
 LOG_MOST = 10240
 FIELD_MOST_US = 1000000  # a sample never counts for more than this time
@@ -105,6 +108,9 @@ class Memory:
         -INNOVATION_MOST, INNOVATION_MOST, "s", "mean innovation of the frame so far, east", q=24
     )
     turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
+    jitter_sum: I32 = integer(
+        0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
+    )
     frame_time: I32 = integer(0, 32767, "s", "time of the frame before", q=17)
     innovation_n: I32 = integer(
         -THETA_MOST, THETA_MOST, "s", "innovation that the second stage works on, north", q=24
@@ -129,6 +135,15 @@ class Memory:
     k_velocity_s: I32 = integer(-3, 30, "", "its shift")
     gain_set: I32 = integer(0, SETS - 1, "", "number of the gain set in use, 0 the weakest")
     turning: I32 = integer(0, LEVEL_MOST, "2e12 2^-58 (rad/s)^2", "mean square of the rate")
+    gyro_jitter: I32 = integer(
+        0, LEVEL_MOST, "rad^2/s", "noise of the rate that its samples do not resolve", q=36
+    )
+    gyro_last: list[I32] = integers(
+        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
+    )
+    gyro_step: list[I32] = integers(
+        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
+    )
     innovation_power: I32 = integer(0, LEVEL_MOST, "s^2", "mean square of the innovation", q=24)
     innovation_variance: I32 = integer(
         0, LEVEL_MOST, "s^2", "mean square of the innovation about its slow mean", q=24
@@ -174,6 +189,8 @@ class Memory:
         -THETA_MOST, THETA_MOST, "s", "innovation of a fix that waits for its frame, east", q=24
     )
     fix_variance: I32 = integer(0, 1 << 24, "s^2", "its variance", q=24)
+    fix_accel_n: I32 = integer(-32768, 32767, "g", "acceleration when it was true, north", q=13)
+    fix_accel_e: I32 = integer(-32768, 32767, "g", "acceleration when it was true, east", q=13)
     fix_period_us: I32 = integer(0, 1 << 22, "us", "time since the fix before; 0: none waits")
     mag_last: list[I32] = integers(3, -32768, 32767, "64 uT", "field that came last, body", q=14)
     mag_age_us: I32 = integer(0, FIELD_MOST_US, "us", "time since it came")
@@ -188,11 +205,15 @@ class Memory:
     mag_norm: I32 = integer(0, NORM_MOST, "64 uT", "its norm", q=14)
     mag_heading: I32 = integer(-(1 << 30), 1 << 30, "rad", "its direction from north", q=28)
     mag_accepted: I32 = integer(
-        0, 2, "", "1: it agrees with its reference; 2: the heading is ready to be measured"
+        0,
+        3,
+        "",
+        "1: it agrees with its reference; 2: the heading is ready to be measured; 3: it was lost",
     )
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
     )
+    field_silence_us: I32 = integer(0, AGE_MOST_US, "us", "time since a field was accepted")
     mag_ref_horizontal: I32 = integer(0, REF_MOST, "64 uT", "reference field, horizontal", q=26)
     mag_ref_down: I32 = integer(-REF_MOST, REF_MOST, "64 uT", "reference field, down", q=26)
     mag_ref_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm; 0: none yet", q=26)
@@ -204,6 +225,9 @@ class Memory:
     mag_new_norm: I32 = integer(0, REF_MOST, "64 uT", "its norm", q=26)
     mag_new_us: I32 = integer(0, AGE_MOST_US, "us", "for how long")
     mag_new_turn: I32 = integer(0, 1 << 30, "rad", "over how much turning", q=16)
+    mag_new_from: list[I32] = integers(
+        3, -32768, 32767, "64 uT", "where the turn of that field was last counted, body", q=14
+    )
     mag_disturbance: I32 = integer(
         0, 1 << 26, "rad^2", "mean square of the magnetic disturbance of the heading", q=26
     )
@@ -224,15 +248,82 @@ class Memory:
     heading_innovation: I32 = integer(
         -THETA_MOST, THETA_MOST, "rad", "what the field says of the heading", q=28
     )
+    heading_noise: I32 = integer(
+        0, 1 << 28, "rad^2", "that of a second, once started and without disturbance", q=26
+    )
+    heading_rejected_us: I32 = integer(
+        0, AGE_MOST_US, "us", "for how long the field has contradicted the heading"
+    )
     log_heading_noise: I32 = integer(-LOG_MOST, LOG_MOST, "log2", "noise of that", q=8)
     gain_h: list[I32] = integers(
         4, -32768, 32767, "", "covariance of theta with the measurement, scaled to 15 digits"
     )
+    gain_variance: I32 = integer(
+        0, 1 << 30, "", "variance of the measured value, as far as theta is the reason, scaled"
+    )
+    gain_scale: I32 = integer(0, 18, "", "digits that the sensitivities have lost")
+    gain_fall: I32 = integer(0, 16, "", "digits that the covariance has lost")
     gain_inverse: I32 = integer(0, 32768, "", "one over the innovation's variance, scaled")
     gain_innovation: I32 = integer(-32768, 32768, "", "innovation over that variance, scaled")
     gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
     gain_p_shift: I32 = integer(0, SHIFT_MOST, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
+    accel_bias: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "2e6 2^-27 g", "bias of the accelerometer, body x and y", q=28
+    )
+    dtilt_accel_n: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt north to that bias", q=28
+    )
+    dtilt_accel_e: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt east to that bias", q=28
+    )
+    dvelocity_accel_n: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity north to it", q=24
+    )
+    dvelocity_accel_e: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity east to it", q=24
+    )
+    p_accel: list[I32] = integers(
+        3, -THETA_MOST, THETA_MOST, "", "its covariance: xx, xy, yy; 0: not yet learnt", q=28
+    )
+    p_accel_x: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias x", q=28
+    )
+    p_accel_y: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias y", q=28
+    )
+    daccel: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "", "correction of that bias that the frame has found", q=28
+    )
+    accel_shows: I32 = integer(
+        0, 1, "", "1: the tilt is as wrong as the accelerometer makes it, from the next frame on"
+    )
+    jacobian_accel: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "how the measured angle depends on that bias", q=28
+    )
+    gain_accel: list[I32] = integers(
+        2, -32768, 32767, "", "covariance of that bias with the measurement, scaled as gain_h"
+    )
+    fix_lag: I32 = integer(0, LATENCY_MOST, "s", "how late fixes are, beyond their stamps", q=30)
+    fix_lag_variance: I32 = integer(
+        0, LATENCY_MOST, "s^2", "variance of that; 0: fixes have never held the filter", q=30
+    )
+    dtilt_lag: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "1/s", "sensitivity of the tilt to it, north and east", q=24
+    )
+    dvelocity_lag: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "", "sensitivity of the velocity to it, north and east", q=24
+    )
+    dfix_lag: I32 = integer(
+        -LATENCY_MOST, LATENCY_MOST, "s", "correction of it that the frame has found", q=30
+    )
+    accel_n: I32 = integer(-32768, 32767, "g", "acceleration of the fix in use, north", q=13)
+    accel_e: I32 = integer(-32768, 32767, "g", "acceleration of the fix in use, east", q=13)
+    gain_lag: I32 = integer(
+        -LATENCY_MOST, LATENCY_MOST, "s^2", "covariance of the latency with an innovation", q=28
+    )
+    gain_digits: I32 = integer(0, 64, "", "digits of the innovation's variance, with what is lost")
+    gain_y_scale: I32 = integer(0, 16, "", "digits that the innovation has lost")
     heading_due: I32 = integer(
         -CORRECTION_MOST,
         CORRECTION_MOST,
@@ -269,6 +360,9 @@ class Gains:
     scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
     heading_scale_noise_m: I32 = integer(0, 32767, "", "the same about the vertical")
     heading_scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
+    jitter_share: I32 = integer(
+        0, 32767, "", "share of the jitter that counts as noise; 828 = 1 where a sample is a step"
+    )
     velocity_floor: I32 = integer(
         1, 1 << 28, "s^3", "least density of the bounded velocity, squared", q=24
     )
@@ -286,6 +380,15 @@ class Gains:
         0, LOG_MOST, "log2", "on the noise of the second stage, measured velocity", q=8
     )
     log_fix_gate: I32 = integer(0, LOG_MOST, "log2", "gate on a fix, squared sigmas", q=8)
+    fix_lag_variance: I32 = integer(
+        0, 1 << 28, "s^2", "start of the variance of the fixes' latency; 0: none is learnt", q=30
+    )
+    accel_variance: I32 = integer(
+        0, THETA_MOST, "", "start and limit of the accelerometer's variance; 0: none", q=28
+    )
+    accel_walk: I32 = integer(0, 1 << 28, "1/s", "density of its walk, squared", q=28)
+    fix_lag_walk: I32 = integer(0, 1 << 24, "s", "density of its walk, squared", q=30)
+    fix_lag_limit: I32 = integer(0, LATENCY_MOST, "s", "largest latency of the fixes", q=30)
     impossible_velocity: I32 = integer(
         1, 1 << 30, "s^2", "innovation that says the tilt is wrong, squared", q=24
     )
@@ -303,6 +406,12 @@ class Gains:
     )
     mag_norm_gate: I32 = integer(0, 32767, "", "gate on the norm of the field, relative", q=15)
     mag_dip_gate: I32 = integer(0, 32767, "", "gate on its dip, sine", q=15)
+    field_silence_us: I32 = integer(
+        0, AGE_MOST_US, "us", "without a field for longer the heading is not learnt"
+    )
+    mag_heading_gate: I32 = integer(
+        0, 10000, "", "gate on the heading innovation, squared sigmas; 0: none"
+    )
     mag_ref_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the reference field")
     mag_new_time_us: I32 = integer(
         1000, 1 << 29, "us", "after this time another field becomes the reference"
@@ -350,5 +459,11 @@ class Sample:
     fix_velocity_e: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "its velocity east", q=24)
     fix_gained_n: I32 = integer(0, GAINED_MASK, "s", "gained_n when the fix was true", q=24)
     fix_gained_e: I32 = integer(0, GAINED_MASK, "s", "gained_e when the fix was true", q=24)
+    fix_accel_n: I32 = integer(
+        -ACCELERATION_MOST, ACCELERATION_MOST, "g", "acceleration north when it was true", q=24
+    )
+    fix_accel_e: I32 = integer(
+        -ACCELERATION_MOST, ACCELERATION_MOST, "g", "acceleration east", q=24
+    )
     fix_variance: I32 = integer(1, 1 << 24, "s^2", "its variance, of either part", q=24)
     fix_period_us: I32 = integer(1, 1 << 22, "us", "time since the fix before")

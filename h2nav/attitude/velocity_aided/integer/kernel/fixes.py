@@ -31,11 +31,15 @@ SUSPECT_TILT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a til
 def note_fix(s: Memory, sample: Sample) -> None:
     """Keeps the innovation of a fix, at the time for which it was true, for its frame.
 
-    Source: docs/filter.md Eq. (15).
+    Source: docs/filter.md Eq. (15), (37).
     """
     gained = ((s.gained_n - sample.fix_gained_n + (1 << 27)) & GAINED_MASK) - (1 << 27)
+    s.fix_accel_n = sample.fix_accel_n >> 11
+    s.fix_accel_e = sample.fix_accel_e >> 11
+    gained += product(s.fix_lag, s.fix_accel_n) >> 4
     s.fix_innovation_n = limited(sample.fix_velocity_n - s.velocity_n + gained, THETA_MOST)
     gained = ((s.gained_e - sample.fix_gained_e + (1 << 27)) & GAINED_MASK) - (1 << 27)
+    gained += product(s.fix_lag, s.fix_accel_e) >> 4
     s.fix_innovation_e = limited(sample.fix_velocity_e - s.velocity_e + gained, THETA_MOST)
     s.fix_variance = sample.fix_variance
     s.fix_period_us = sample.fix_period_us
@@ -48,6 +52,8 @@ def judge_fix(s: Memory, g: Gains) -> I32:
     """
     s.innovation_n = s.fix_innovation_n
     s.innovation_e = s.fix_innovation_e
+    s.accel_n = s.fix_accel_n
+    s.accel_e = s.fix_accel_e
     period_us = s.fix_period_us
     s.fix_span_us = period_us
     s.fix_period_us = 0

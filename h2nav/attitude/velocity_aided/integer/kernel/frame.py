@@ -5,17 +5,52 @@ Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 
 from h2nav.maths.fixedpoint import I32, clamp
 
-from ..memory import FIELD_USED, FRAME, LEVEL_MOST, RESTARTED, RESTING, Gains, Memory, Sample
+from ..memory import (
+    AGE_MOST_US,
+    FIELD_USED,
+    FRAME,
+    LEVEL_MOST,
+    RESTARTED,
+    RESTING,
+    THETA_MOST,
+    Gains,
+    Memory,
+    Sample,
+)
+from .aiding import (
+    apply_accel,
+    apply_lag,
+    fade_accel,
+    fade_lag,
+    find_fix_gain,
+    find_spread_of_all,
+    predict_accel,
+    predict_lag,
+    use_accel_gain,
+    use_lag_gain,
+)
 from .fixes import apply_fix, choose_fix, judge_fix
-from .heading import judge_field, learn_field, learn_latency, prepare_heading, resolve_field
+from .functions import limited, product
+from .heading import (
+    judge_field,
+    judge_heading,
+    learn_field,
+    learn_latency,
+    prepare_heading,
+    resolve_field,
+    weigh_heading,
+)
 from .theta import (
     apply_theta,
     fade,
     fade_tilt_sigma,
     find_gain,
+    find_spread,
     predict_covariance,
     predict_sensitivities,
     use_gain,
+    use_level_gain,
+    weigh_gain,
 )
 from .tilt import ask_force, find_rest_gain, judge_rest
 from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
@@ -42,6 +77,9 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
         predict_covariance(s, g, r)
     elif phase == 1:
         predict_sensitivities(s, r)
+        if s.aided > 0:
+            predict_lag(s, g)
+            predict_accel(s, g, r)
     elif phase == 2:
         return judge_velocity(s, g, sample, r)
     elif s.velocity_use == 1:
@@ -54,20 +92,25 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
 def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Theta from the frame's velocity, or from rest in its place; returns bits."""
     if phase == 4:
-        find_motion_gain(s, g, s.dvelocity_n, s.innovation_n)
+        find_motion_gain(s, g, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
     elif phase == 6:
-        find_motion_gain(s, g, s.dvelocity_e, s.innovation_e)
+        find_motion_gain(s, g, s.dvelocity_e, s.dvelocity_accel_e, s.innovation_e, 1)
     elif phase == 8:
         if s.velocity_use > 0:
             fade(s)
             fade_tilt_sigma(s)
+            if s.velocity_use == 2:
+                fade_lag(s)
+                fade_accel(s)
     elif phase == 9:
+        if s.velocity_use == 2:
+            apply_lag(s, g)
+            apply_accel(s)
         if rests(s, g) > 0:
             return RESTING | apply_theta(s, g)
         return apply_theta(s, g)
     else:
-        if s.velocity_use > 0 or rests(s, g) > 0:
-            use_gain(s)
+        use_motion_gain(s, g, r)
         if phase == 7:
             judge_rest(s, g, sample)
             ask_force(s, g, sample, r)
@@ -83,15 +126,45 @@ def rests(s: Memory, g: Gains) -> I32:
     return 0
 
 
-def find_motion_gain(s: Memory, g: Gains, row: list[I32], innovation: I32) -> None:
+def find_motion_gain(
+    s: Memory, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
+) -> None:
     """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
+
+    Args:
+        s: memory.
+        g: gains.
+        row: how the innovation depends on theta.
+        row_accel: how it depends on the bias of the accelerometer.
+        innovation: north or east.
+        axis: 0: north, 1: east.
 
     Source: docs/filter.md Eq. (18), (20).
     """
     if rests(s, g) > 0:
         find_rest_gain(s, g)
-    elif s.velocity_use > 0:
+    elif s.velocity_use == 2:
+        find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
+    elif s.velocity_use == 1:
         find_gain(s, row, innovation, s.log_noise)
+
+
+def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
+    """Uses the gain that `find_motion_gain` has found.
+
+    A bounded velocity does not teach the heading, nor what moves it, once no field is there.
+    """
+    if rests(s, g) > 0:
+        use_gain(s)
+    elif s.velocity_use == 2:
+        use_gain(s)
+        use_lag_gain(s)
+        use_accel_gain(s, 1)
+    elif s.velocity_use == 1:
+        if s.field_silence_us > g.field_silence_us:
+            use_level_gain(s, r)
+        else:
+            use_gain(s)
 
 
 def use_field(s: Memory, g: Gains, phase: I32) -> I32:
@@ -106,25 +179,50 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
     elif phase == 11:
         if s.mag_frame_us > 0:
             judge_field(s, g)
+            if s.mag_accepted > 0:
+                prepare_heading(s, g)
     elif s.mag_accepted > 0:
-        if phase == 12:
-            learn_field(s, g)
-        elif phase == 13:
-            learn_latency(s)
-            prepare_heading(s, g)
-            s.mag_frame_us = 0
-            return FIELD_USED
-        elif s.mag_accepted == 2:
-            measure_heading(s, phase)
+        if phase == 13:
+            return accept_field(s, g)
+        if s.mag_accepted == 2:
+            measure_heading(s, g, phase)
     return 0
 
 
-def measure_heading(s: Memory, phase: I32) -> None:
-    """Theta from the heading that has been prepared."""
-    if phase == 14:
-        find_gain(s, s.jacobian, s.heading_innovation, s.log_heading_noise)
-    else:
+def measure_heading(s: Memory, g: Gains, phase: I32) -> None:
+    """Theta from the heading that has been prepared, unless both are too far apart.
+
+    Source: docs/filter.md Eq. (25), (39), (40).
+    """
+    if phase == 12:
+        explained = 0
+        if s.aided > 0:
+            explained = find_spread_of_all(s, s.jacobian, s.jacobian_accel)
+        else:
+            explained = find_spread(s, s.jacobian)
+        s.heading_innovation = limited(s.heading_innovation - explained, THETA_MOST)
+        judge_heading(s, g)
+    elif phase == 14:
+        weigh_heading(s, g)
+        weigh_gain(s, s.heading_innovation, s.log_heading_noise)
         use_gain(s)
+        if s.aided > 0:
+            use_accel_gain(s, 0)
+
+
+def accept_field(s: Memory, g: Gains) -> I32:
+    """What is learnt from a field beside the heading; returns bits.
+
+    Source: docs/filter.md Eq. (21), (23), (24).
+    """
+    age_us = s.mag_frame_us
+    s.mag_frame_us = 0
+    s.heading_rejected_us = 0
+    s.field_silence_us = 0
+    if s.mag_accepted < 3:
+        learn_field(s, g, age_us)
+        learn_latency(s, age_us)
+    return FIELD_USED
 
 
 def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
@@ -137,14 +235,27 @@ def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
     s.frame_time = (time_us * 8590 + 32768) >> 16
     share = level_share(s, g, time_us)
     s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MOST), share)
+    close_jitter(s, g, share)
     s.innovation_n = s.innovation_sum_n
     s.innovation_e = s.innovation_sum_e
     s.velocity_use = 1 - sample.aided
     s.frame_us = 0
+    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MOST_US)
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0
     set_ease(s, g)
+
+
+def close_jitter(s: Memory, g: Gains, share: I32) -> None:
+    """Level of what the samples of the rate do not resolve, which is noise of the frame's density.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    density = product(limited(s.jitter_sum, 1 << 25) << 5, s.frame_time)
+    density = limited(product(density, g.jitter_share), 1 << 21) << 8
+    s.gyro_jitter = raised(s.gyro_jitter, density, share)
+    s.jitter_sum = 0
 
 
 def judge_velocity(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:

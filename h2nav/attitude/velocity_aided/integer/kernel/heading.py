@@ -27,6 +27,8 @@ LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: most of a heading that is taken from one field
 LEAST_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
 ERROR_MOST = 4095
+LEAST_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
+EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
@@ -176,6 +178,8 @@ def renew_reference(s: Memory, g: Gains) -> I32:
     if differs_again > 0:
         s.mag_new_us = age
         s.mag_new_turn = 0
+        for i in range(3):
+            s.mag_new_from[i] = s.mag_last[i]
         s.mag_new_horizontal = s.mag_horizontal << 12
         s.mag_new_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
         s.mag_new_norm = s.mag_norm << 12
@@ -188,9 +192,7 @@ def renew_reference(s: Memory, g: Gains) -> I32:
         s.mag_new_down = moved(s.mag_new_down, s.mag_ned[2], share)
         s.mag_new_norm = clamp(moved(s.mag_new_norm, s.mag_norm, share), 0, REF_MOST)
         s.mag_new_us = time
-        # the root of the level of rotation times the time; the level's unit is 1e12 2^-57
-        turn = power2((logarithm(s.turning | 1) >> 1) + logarithm(age | 1) - 3200)
-        s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
+        count_turn(s)
     if s.mag_new_us < g.mag_new_time_us or s.mag_new_turn < g.mag_new_turn:
         return 0
     s.mag_ref_horizontal = s.mag_new_horizontal
@@ -202,6 +204,24 @@ def renew_reference(s: Memory, g: Gains) -> I32:
     s.mag_lag_den = 0
     forget_heading(s, g)
     return 1
+
+
+def count_turn(s: Memory) -> None:
+    """Credits the turn of the field in body axes, once it is more than noise.
+
+    Source: docs/filter.md Eq. (26).
+    """
+    square = 0
+    for i in range(3):
+        part = (s.mag_last[i] - s.mag_new_from[i]) >> 2
+        square += part * part
+    whole = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
+    if square < product(whole, LEAST_TURN_2):
+        return
+    turn = power2(((logarithm(square | 1) - logarithm(whole)) >> 1) + (16 << 8))
+    s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
+    for i in range(3):
+        s.mag_new_from[i] = s.mag_last[i]
 
 
 def forget_heading(s: Memory, g: Gains) -> None:
@@ -218,14 +238,11 @@ def moved(reference: I32, part: I32, share: I32) -> I32:
     return limited(reference + product(value - reference, share), REF_MOST)
 
 
-def learn_field(s: Memory, g: Gains) -> None:
+def learn_field(s: Memory, g: Gains, age: I32) -> None:
     """Level of disturbance and reference from a field that is accepted.
 
     Source: docs/filter.md Eq. (23), (24).
     """
-    if s.heading_reset == 2:
-        return
-    age = s.mag_frame_us
     expected = s.mag_ref_norm >> 12
     norm_error = ratio(abs(s.mag_norm - expected), expected + 1)
     both = (s.mag_norm >> 2) * (expected >> 2)
@@ -249,13 +266,11 @@ def learn_field(s: Memory, g: Gains) -> None:
         s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MOST)
 
 
-def learn_latency(s: Memory) -> None:
+def learn_latency(s: Memory, age: I32) -> None:
     """Latency of the field from how its heading-free parts change with the rotation.
 
     Source: docs/filter.md Eq. (21).
     """
-    if s.heading_reset == 2:
-        return
     north_rate = s.mag_rate[0]
     east_rate = s.mag_rate[1]
     down_rate = s.mag_rate[2]
@@ -278,7 +293,7 @@ def learn_latency(s: Memory) -> None:
     flat = limited(flat, ERROR_MOST)
     down_rate = limited(down_rate, ERROR_MOST)
     flat_rate = limited(flat_rate, ERROR_MOST)
-    weight = s.mag_frame_us >> 10
+    weight = age >> 10
     s.mag_lag_num = limited(
         s.mag_lag_num + ((down * down_rate + flat * flat_rate) >> 6) * weight, 1 << 30
     )
@@ -315,12 +330,14 @@ def turn_heading(s: Memory, g: Gains, angle: I32) -> None:
 
 
 def prepare_heading(s: Memory, g: Gains) -> None:
-    """What a accepted field says of the heading, how that depends on theta, and its noise.
+    """What an accepted field says of the heading, and how that depends on theta.
 
     Source: docs/filter.md Eq. (25).
     """
     error = heading_error(s)
     if s.heading_reset > 0:
+        if s.heading_reset == 2:
+            s.mag_accepted = 3
         turn_heading(s, g, limited(error, TURNED_AT_ONCE))
         if abs(error) <= TURNED_AT_ONCE:
             s.heading_reset = 0
@@ -337,11 +354,55 @@ def prepare_heading(s: Memory, g: Gains) -> None:
         part = (product(s.dtilt_n[i], north) >> 1) + (product(s.dtilt_e[i], east) >> 1)
         s.jacobian[i] = limited(part, 1 << 25) << 4
     s.jacobian[3] += HEADING_UNIT
+    for i in range(2):
+        part = (product(s.dtilt_accel_n[i], north) >> 1) + (product(s.dtilt_accel_e[i], east) >> 1)
+        s.jacobian_accel[i] = limited(part, 1 << 25) << 4
     tilt = limited(power2(((s.log_gyro_noise + s.log_velocity_noise) >> 1) + (26 << 8)), 1 << 29)
     seen = limited(product(tilt, square), 1 << 22) << 7
-    disturbed = limited(product(s.mag_disturbance, g.mag_correlation), 1 << 26) << 3
-    log_noise = logarithm(g.mag_noise + seen + disturbed) - (26 << 8) + s.log_startup_inflation
-    log_noise -= logarithm(s.mag_frame_us | 1) - LOG_SECOND_Q8
-    # row and error are Q28, for `measure` they are Q24 of a unit 2^-4 rad
-    s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)
+    # a disturbance in the heading counts besides
+    s.heading_noise = clamp(g.mag_noise + seen, 0, 1 << 28)
     s.mag_accepted = 2
+
+
+def disturbed(s: Memory, g: Gains) -> I32:
+    """Density of the heading's magnetic disturbance, squared, rad^2 s, Q26.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    return limited(product(s.mag_disturbance, g.mag_correlation), 1 << 26) << 3
+
+
+def judge_heading(s: Memory, g: Gains) -> None:
+    """Refuses a field whose heading is further off than both are expected to be.
+
+    Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (40).
+    """
+    age = s.mag_frame_us
+    s.log_heading_noise = LOG_SECOND_Q8 - logarithm(age | 1)
+    if s.mag_ref_given == 0 or g.mag_heading_gate == 0 or s.log_startup_inflation > EASED:
+        # a reference that was learnt may be the one that is wrong
+        return
+    part = limited(s.heading_innovation >> 13, 46340)
+    shift = clamp(43 - 2 * s.gain_scale - s.gain_fall, 0, 31)
+    expected = limited(s.gain_variance >> shift, 1 << 26) + s.heading_noise
+    expected = limited(expected + disturbed(s, g), 1 << 26) << 4
+    if (part * part) >> 15 <= product(expected, g.mag_heading_gate):
+        return
+    s.mag_accepted = 0
+    s.mag_frame_us = 0
+    s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MOST_US)
+    if s.heading_rejected_us > g.mag_new_time_us:
+        # it has lasted: the heading is what is wrong
+        s.heading_rejected_us = 0
+        s.heading_reset = 2
+
+
+def weigh_heading(s: Memory, g: Gains) -> None:
+    """Noise of the heading that a field shows.
+
+    Source: docs/filter.md Eq. (25).
+    """
+    log_noise = logarithm(s.heading_noise + disturbed(s, g) + 1) - (26 << 8)
+    log_noise += s.log_startup_inflation + s.log_heading_noise
+    # row and error are Q28, for `weigh_gain` they are Q24 of a unit 2^-4 rad
+    s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)

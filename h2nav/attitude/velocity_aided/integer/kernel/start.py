@@ -8,9 +8,10 @@ from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Memory, Sample
+from .aiding import in_force
 from .functions import limited
 from .heading import forget_heading
-from .tilt import ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt, upright
+from .tilt import AIR_TILT_SIGMA, ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt, upright
 from .velocity import begin_frames
 
 FIELD_WAIT_US = 250000
@@ -23,11 +24,13 @@ def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
     That is after clipped samples that may have hidden a turn, and when the low-passed force has
     contradicted the tilt. Source: docs/filter.md Eq. (30), (32).
     """
+    x = in_force(s.accel_bias[0])
+    y = in_force(s.accel_bias[1])
     if s.tilt_suspect == 2:
-        level(s, s.accel_lp[0], s.accel_lp[1], s.accel_lp[2], r)
+        level(s, s.accel_lp[0] - (x << 4), s.accel_lp[1] - (y << 4), s.accel_lp[2], r)
         s.extra_tilt_sigma = LEVEL_SIGMA
     elif s.clipped_angle > ALL_CLIPPED:
-        level(s, sample.accel[0], sample.accel[1], sample.accel[2], r)
+        level(s, sample.accel[0] - x, sample.accel[1] - y, sample.accel[2], r)
     s.clipped_angle = 0
     restart_tilt(s, sample, r)
     begin_frames(s)
@@ -55,12 +58,35 @@ def align(s: Memory, g: Gains, sample: Sample) -> I32:
     if upright(s, sample.accel[0], sample.accel[1], sample.accel[2], north) == 0:
         return 0
     s.heading_reset = 1 - sample.has_mag
-    begin(s, g, sample)
+    begin(s, g, sample, LEVEL_SIGMA)
+    if sample.has_mag > 0:
+        # the attitude is that of magnetic north
+        s.correction[2] = limited(s.declination, MOST_AT_ONCE) * 2
+        if abs(s.declination) > MOST_AT_ONCE:
+            # beside a pole: the fields to come give the rest
+            s.heading_reset = 1
     return ALIGNED | RESTARTED
 
 
-def begin(s: Memory, g: Gains, sample: Sample) -> None:
-    """Everything but bias, its covariance, latency and references starts anew."""
+def resume(s: Memory, g: Gains, sample: Sample) -> I32:
+    """Takes the first sample after a gap; returns bits.
+
+    On the ground the attitude is found anew. In the air a force says less of the tilt than the
+    attitude before the gap, which is kept and doubted, and the next field gives the heading.
+    """
+    if s.age_us < 0 or sample.rest_prior > 0:
+        restart(s)
+        return align(s, g, sample)
+    if s.heading_reset == 0:
+        s.heading_reset = 2
+    s.mag_span_us = 0
+    s.mag_frame_us = 0
+    begin(s, g, sample, AIR_TILT_SIGMA)
+    return RESTARTED
+
+
+def begin(s: Memory, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
+    """Everything but attitude, bias, its covariance, latency and references starts anew."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     rotation(s.q_nb, r)
     restart_tilt(s, sample, r)
@@ -70,23 +96,26 @@ def begin(s: Memory, g: Gains, sample: Sample) -> None:
         s.gyro_lp[i] = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
         s.accel_lp[i] = sample.accel[i] << 4
         s.accel_carry[i] = 0
+        s.gyro_last[i] = s.gyro_lp[i] >> 12
+        s.gyro_step[i] = 0
     for i in range(4):
         s.dtheta[i] = 0
     s.velocity_carry_n = 0
     s.velocity_carry_e = 0
     s.rest_us = 0
     s.clipped_angle = 0
-    s.extra_tilt_sigma = 0
+    s.extra_tilt_sigma = tilt_sigma
+    s.gained_n = 0
+    s.gained_e = 0
     s.aided = 0
     s.fix_period_us = 0
+    s.dfix_lag = 0
+    s.daccel[0] = 0
+    s.daccel[1] = 0
     s.mag_age_us = 0
     s.mag_new_us = 0
-    if sample.has_mag > 0:
-        # the attitude is that of magnetic north
-        s.correction[2] = limited(s.declination, MOST_AT_ONCE) * 2
-        if abs(s.declination) > MOST_AT_ONCE:
-            # beside a pole: the fields to come give the rest
-            s.heading_reset = 1
+    s.heading_rejected_us = 0
+    s.field_silence_us = 0
 
 
 def reset(s: Memory, g: Gains) -> None:

@@ -31,6 +31,7 @@ from ..memory import (
 )
 from .fixes import note_fix
 from .frame import second_stage
+from .functions import limited
 from .heading import take_field
 from .start import align, begin_anew
 from .tilt import MOST_CLIPPED, doubt_rate, watch_rest
@@ -79,7 +80,7 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     w = [0, 0, 0]
     bits = 0
     if sample.aided != s.aided:
-        change_aiding(s, sample, r)
+        change_aiding(s, g, sample, r)
     rates(s, sample, w)
     accelerate(s, sample, r)
     if sample.aided > 0:
@@ -95,17 +96,31 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
 
 
 def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
-    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean.
+    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean, and that of its jitter.
+
+    A rate that is held, as over the parts of a long sample, is not compared with itself.
 
     Source: docs/filter.md Eq. (8).
     """
+    change = [0, 0, 0]
     square = 0
+    jitter = 0
+    moved = 0
     for i in range(3):
         rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
+        change[i] = (rate >> 8) - s.gyro_last[i]
+        s.gyro_last[i] = rate >> 8
+        jolt = (change[i] - s.gyro_step[i] + 8) >> 4
+        jitter += jolt * jolt
+        moved |= change[i]
         w[i] = (rate - (s.gyro_bias[i] >> BIAS_BITS)) >> 10
         square += w[i] * w[i]
-    # at most sixteen samples since the sum was zero
+    # at most sixteen samples since the sums were zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
+    if moved != 0:
+        s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
+        for i in range(3):
+            s.gyro_step[i] = change[i]
 
 
 def drain(s: Memory, r: list[I32]) -> None:

@@ -22,6 +22,7 @@ from .functions import bits_of, limited, logarithm, mantissa, power2, product, r
 
 NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
 MOST_NOISE = 29 << 8
+PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
 
 
 def heading_turn(s: Memory, r: list[I32], turn: list[I32]) -> None:
@@ -47,9 +48,8 @@ def predict_covariance(s: Memory, g: Gains, r: list[I32]) -> None:
     c = heading_of(s.p_xz, s.p_yz, s.p_zz, x, y, z)
     both = heading_of(a, b, c, x, y, z)
     both -= 2 * heading_of(s.p_xh, s.p_yh, s.p_zh, x, y, z)
-    noise = g.gyro_noise + (
-        product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
-    )
+    noise = g.gyro_noise + (s.gyro_jitter >> 3)
+    noise += product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
     both += product(limited(noise, 1 << 30), time) >> 5
     s.p_xh = limited(s.p_xh - a, THETA_MOST)
     s.p_yh = limited(s.p_yh - b, THETA_MOST)
@@ -127,6 +127,14 @@ def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> Non
 
     Source: docs/fixed-point.md Eq. (20), (21).
     """
+    weigh_gain(s, innovation - find_spread(s, row), log_noise)
+
+
+def find_spread(s: Memory, row: list[I32]) -> I32:
+    """H = P a of a row a, and a H; returns what the correction so far explains of the innovation.
+
+    Source: docs/fixed-point.md Eq. (21).
+    """
     scale = clamp(digits_of(row[0], row[1], row[2], row[3]) - 13, 0, 18)
     a = [0, 0, 0, 0]
     for i in range(4):
@@ -141,30 +149,29 @@ def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> Non
     h2 = known(h2 >> fall, -32768, 32767)
     h3 = known(h3 >> fall, -32768, 32767)
     variance = a[0] * h0 + a[1] * h1 + a[2] * h2 + a[3] * h3
-    # what the correction so far explains already
-    explained = row_times(s.dtheta, a)
     s.gain_h[0] = h0
     s.gain_h[1] = h1
     s.gain_h[2] = h2
     s.gain_h[3] = h3
-    y = innovation - limited(shifted(explained, 13 - scale), THETA_MOST)
-    log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
-    weigh_gain(s, clamp(variance, 0, 1 << 30), y, log_noise, scale, fall)
+    s.gain_variance = clamp(variance, 0, 1 << 30)
+    s.gain_scale = scale
+    s.gain_fall = fall
+    return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MOST)
 
 
-def weigh_gain(s: Memory, variance: I32, y: I32, log_noise: I32, scale: I32, fall: I32) -> None:
+def weigh_gain(s: Memory, y: I32, log_noise: I32) -> None:
     """Divides by the variance of the innovation, noise included.
 
     Args:
         s: memory.
-        variance: without noise.
-        y: innovation.
-        log_noise: of the noise, in the unit of the variance.
-        scale: digits that the sensitivities have lost.
-        fall: digits that H has lost.
+        y: innovation without what is explained already, Q24 of the measurement's unit.
+        log_noise: of its variance without the error of theta.
 
     Source: docs/fixed-point.md Eq. (21), (22).
     """
+    scale = s.gain_scale
+    fall = s.gain_fall
+    log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
     # noise that is too large for the unit of the variance: both in a larger one
     excess = 0
     if log_noise > MOST_NOISE:
@@ -173,12 +180,14 @@ def weigh_gain(s: Memory, variance: I32, y: I32, log_noise: I32, scale: I32, fal
         s.gain_inverse = 0
         s.gain_innovation = 0
         return
-    variance = (variance >> excess) + power2(log_noise - (excess << 8)) + 1
+    variance = (s.gain_variance >> excess) + power2(log_noise - (excess << 8)) + 1
     digits = bits_of(variance)
     inverse = reciprocal(mantissa(variance, digits))
     lost = digits + excess
+    s.gain_digits = clamp(lost + 2 * scale + fall, 0, 64)
     y_scale = clamp(bits_of(size_of(y)) - 15, 0, 16)
     s.gain_inverse = inverse
+    s.gain_y_scale = y_scale
     s.gain_innovation = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
     # a step that would need a shift to the left is beyond what theta can be
     s.gain_theta_shift = clamp(lost + scale - 29 - y_scale, 0, 31)
@@ -226,6 +235,40 @@ def use_gain(s: Memory) -> None:
     s.p_zh = lowered(s.p_zh, k * h3 >> shift)
     k = (h3 * inverse + 16384) >> 15
     s.heading_variance = lowered_variance(s.heading_variance, k * h3 >> shift)
+
+
+def use_level_gain(s: Memory, r: list[I32]) -> None:
+    """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
+
+    With c = (vertical part of h, h_4) and k = h - c: D += k e, P <- P - (h h^T - c c^T) / S, in
+    which h h^T - c c^T = k h^T + c k^T.
+
+    Source: docs/filter.md Eq. (39), (41).
+    """
+    h = [0, 0, 0]
+    for i in range(3):
+        h[i] = s.gain_h[i] >> 1
+    h3 = s.gain_h[3] >> 1
+    vertical = (r[6] * h[0] + r[7] * h[1] + r[8] * h[2] + 16384) >> 15
+    c = [0, 0, 0]
+    k = [0, 0, 0]
+    for i in range(3):
+        # Lemma 13
+        c[i] = known((r[6 + i] * vertical + 16384) >> 15, -PART_MOST, PART_MOST)
+        k[i] = known(h[i] - c[i], -PART_MOST, PART_MOST)
+        step = ((k[i] << 1) * s.gain_innovation) >> s.gain_theta_shift
+        s.dtheta[i] = limited(s.dtheta[i] + limited(step, THETA_MOST), THETA_MOST)
+        k[i] = (k[i] * s.gain_inverse + 16384) >> 15
+    shift = clamp(s.gain_p_shift - 2, 0, 31)
+    s.p_xx = lowered_variance(s.p_xx, k[0] * (h[0] + c[0]) >> shift)
+    s.p_xy = lowered(s.p_xy, (k[0] * h[1] + c[0] * k[1]) >> shift)
+    s.p_xz = lowered(s.p_xz, (k[0] * h[2] + c[0] * k[2]) >> shift)
+    s.p_xh = lowered(s.p_xh, k[0] * h3 >> shift)
+    s.p_yy = lowered_variance(s.p_yy, k[1] * (h[1] + c[1]) >> shift)
+    s.p_yz = lowered(s.p_yz, (k[1] * h[2] + c[1] * k[2]) >> shift)
+    s.p_yh = lowered(s.p_yh, k[1] * h3 >> shift)
+    s.p_zz = lowered_variance(s.p_zz, k[2] * (h[2] + c[2]) >> shift)
+    s.p_zh = lowered(s.p_zh, k[2] * h3 >> shift)
 
 
 def lowered(covariance: I32, fall: I32) -> I32:
@@ -326,6 +369,10 @@ def forget_velocity(s: Memory) -> None:
     for i in range(4):
         s.dvelocity_n[i] = 0
         s.dvelocity_e[i] = 0
+    for i in range(2):
+        s.dvelocity_lag[i] = 0
+        s.dvelocity_accel_n[i] = 0
+        s.dvelocity_accel_e[i] = 0
 
 
 def forget_sensitivities(s: Memory) -> None:
@@ -334,6 +381,9 @@ def forget_sensitivities(s: Memory) -> None:
     for i in range(4):
         s.dtilt_n[i] = 0
         s.dtilt_e[i] = 0
+    s.accel_shows = 1
+    for i in range(2):
+        s.dtilt_lag[i] = 0
 
 
 def fade_tilt_sigma(s: Memory) -> None:

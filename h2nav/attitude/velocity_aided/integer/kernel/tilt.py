@@ -25,6 +25,7 @@ from .theta import find_gain, forget_sensitivities, limit_heading
 MOST_CLIPPED = 53687091  # 0.2 rad, Q28: after clipped samples that may have hidden more, start anew
 ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
 LEVEL_SIGMA = 26843546  # 0.1 rad: of a tilt taken from the force alone
+AIR_TILT_SIGMA = 93702386  # 20 deg: of a tilt that was not followed for a while, in flight
 LEVEL_SIZE = 6710886  # 0.1, Q26, of the force's square: 5 % of g
 AIR_COSINE_2 = 24802  # square of 0.87, Q15: a steady turn within 5 % of g banks by 18 deg
 GROUND_COSINE_2 = 31792  # square of 0.985: no steady acceleration on the ground is that large

@@ -19,11 +19,12 @@ from ..memory import (
     Memory,
     Sample,
 )
+from .aiding import in_force
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, ratio
 from .theta import forget_velocity
 from .tilt import restart_tilt
 
-ACCELERATION_MOST = 113600  # three axes at 16 g, Q12
+FORCED_MOST = 113600  # three axes at 16 g, Q12
 Q24 = 24 << 8
 EASE_MOST = 21 << 8
 
@@ -33,8 +34,8 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (5), (13).
     """
-    x = sample.accel[0] + s.accel_carry[0]
-    y = sample.accel[1] + s.accel_carry[1]
+    x = sample.accel[0] + s.accel_carry[0] - in_force(s.accel_bias[0])
+    y = sample.accel[1] + s.accel_carry[1] - in_force(s.accel_bias[1])
     z = sample.accel[2] + s.accel_carry[2]
     s.accel_carry[0] = x & 511
     s.accel_carry[1] = y & 511
@@ -48,8 +49,8 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
     s.velocity_carry_e = east & 8191
     # a turn keeps the length (Lemma 2); 1.0486 us is 2^-20 s
     time = (sample.dt_us * 34360 + 16384) >> 15
-    north = (known(north >> 13, -ACCELERATION_MOST, ACCELERATION_MOST) * time + 128) >> 8
-    east = (known(east >> 13, -ACCELERATION_MOST, ACCELERATION_MOST) * time + 128) >> 8
+    north = (known(north >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
+    east = (known(east >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
     s.velocity_n = limited(s.velocity_n + north, VELOCITY_MOST)
     s.velocity_e = limited(s.velocity_e + east, VELOCITY_MOST)
     if sample.aided > 0:
@@ -60,7 +61,7 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
         s.gained_e = (s.gained_e + east) & GAINED_MASK
 
 
-def change_aiding(s: Memory, sample: Sample, r: list[I32]) -> None:
+def change_aiding(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
     """The velocity before and the one after have nothing to do with each other."""
     forget_velocity(s)
     s.dtilt_n[3] = 0
@@ -73,6 +74,19 @@ def change_aiding(s: Memory, sample: Sample, r: list[I32]) -> None:
     s.tilt_suspect = 0
     s.aided = sample.aided
     s.fix_period_us = 0
+    s.dfix_lag = 0
+    s.accel_shows = 1
+    for i in range(2):
+        s.dtilt_lag[i] = 0
+        s.daccel[i] = 0
+    for i in range(4):
+        s.p_accel_x[i] = 0
+        s.p_accel_y[i] = 0
+    if s.aided > 0 and s.p_accel[0] == 0:
+        s.p_accel[0] = g.accel_variance
+        s.p_accel[2] = g.accel_variance
+    if s.aided > 0 and s.fix_lag_variance == 0:
+        s.fix_lag_variance = g.fix_lag_variance
     begin_frames(s)
 
 
@@ -84,6 +98,7 @@ def begin_frames(s: Memory) -> None:
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0
+    s.jitter_sum = 0
     s.velocity_use = 0
     s.k_tilt_m = 0
     s.k_tilt_s = 0
@@ -199,7 +214,8 @@ def select_set(s: Memory, g: Gains) -> None:
     Source: docs/filter.md Eq. (9), (14).
     """
     turning = product(s.turning << 1, g.scale_noise_m) >> g.scale_noise_s
-    s.log_gyro_noise = logarithm(g.gyro_noise + limited(turning, 1 << 30)) - (33 << 8)
+    noise = g.gyro_noise + (s.gyro_jitter >> 3) + limited(turning, 1 << 29)
+    s.log_gyro_noise = logarithm(noise) - (33 << 8)
     wanted = s.log_gyro_noise - s.log_velocity_noise
     ramp = (g.log_start_factor - logarithm(s.age_us | 1)) << 2
     if wanted < ramp:
