@@ -25,9 +25,13 @@ from h2nav.attitude.samples import (
 )
 from h2nav.attitude.velocity_aided.filter import (
     CONVERGED_S,
+    FIELD_OFFSET,
+    HEADING_SHARE,
     LONGEST_GAP_S,
+    LOST_HEADING_RAD,
     MOST_FIELD_UT,
     REFERENCED_RAD,
+    TILT_SHARE,
     forward_speed_m_s,
     is_plausible,
     rest_prior,
@@ -436,8 +440,10 @@ class IntegerVelocityAidedFilter:
         if s.age_us > CONVERGED_S * 1e6:
             trust |= Trust.CONVERGED
         heading_sigma = HEADING_UNIT_RAD * math.sqrt(s.heading_variance * 2.0**-28)
-        if heading_sigma < REFERENCED_RAD:
+        is_known = heading_sigma < REFERENCED_RAD
+        if is_known:
             trust |= Trust.YAW_REFERENCED
+        is_found = is_known or s.heading_reset == 0
         if s.aided:
             trust |= Trust.VELOCITY_USED
         return AttitudeEstimate(
@@ -448,15 +454,18 @@ class IntegerVelocityAidedFilter:
             innovation_n=self._innovation(),
             sigma_tilt_rad=self._sigma_tilt_rad(),
             trust=trust,
-            sigma_heading_rad=heading_sigma,
+            sigma_heading_rad=self._sigma_heading_rad() if is_found else LOST_HEADING_RAD,
         )
 
     def _gain(self) -> tuple[float, float]:
-        """Gain in use on tilt and velocity, as the filter in floats counts them."""
+        """Gain in use on tilt and velocity, 1/s^2 and 1/s."""
         s = self._memory
         if s.aided:
+            # The gains at a fix are those of a second times its period.
+            period_s = max(s.fix_span_us, 1) * 1e-6
             tilt = s.k_tilt_m * 2.0 ** -(15 + s.k_tilt_s)
-            return tilt, s.k_velocity_m * 2.0 ** -(15 + s.k_velocity_s)
+            velocity = s.k_velocity_m * 2.0 ** -(15 + s.k_velocity_s)
+            return tilt / period_s, velocity / period_s
         number = s.gain_set
         return (
             unpacked(self._g.k_tilt[number]),
@@ -487,5 +496,21 @@ class IntegerVelocityAidedFilter:
             north = s.dtilt_n[axis] * 2.0**-28
             east = s.dtilt_e[axis] * 2.0**-28
             variance += known_to * 2.0**-28 * (north * north + east * east)
+        if s.aided:
+            xx, xy, yy = (part * 2.0**-28 for part in s.p_accel[:])
+            for row_of in (s.dtilt_accel_n, s.dtilt_accel_e):
+                x, y = (part * 2.0**-28 for part in row_of[:])
+                variance += xx * x * x + 2.0 * xy * x * y + yy * y * y
         extra = s.extra_tilt_sigma * 2.0**-28
-        return math.sqrt(variance + extra * extra)
+        return TILT_SHARE * math.sqrt(variance + extra * extra)
+
+    def _sigma_heading_rad(self) -> float:
+        """Predicted one-sigma heading error.
+
+        Source: docs/filter.md Eq. (48), without the slow means of the field.
+        """
+        s = self._memory
+        variance = HEADING_SHARE**2 * HEADING_UNIT_RAD**2 * s.heading_variance * 2.0**-28
+        if s.mag_ref_norm:
+            variance += (FIELD_OFFSET * s.mag_ref_norm / max(s.mag_ref_horizontal, 1)) ** 2
+        return math.sqrt(variance)
