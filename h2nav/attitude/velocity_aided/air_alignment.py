@@ -5,7 +5,7 @@ carrying it there: alpha = int R_0t f dt. In n the same vector is the change of 
 of gravity, beta = dv - g t e_D, and the attitude of the start turns one into the other. A straight
 line through all fixes of the window is the best mean of it; the field adds the heading.
 
-Source: docs/filter.md Eq. (42) - (44); Wu, Pan, "Velocity/position integration formula", 2013.
+Source: docs/filter.md Eq. (43), (44); Wu, Pan, "Velocity/position integration formula", 2013.
 """
 
 import itertools

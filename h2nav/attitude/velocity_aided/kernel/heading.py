@@ -202,7 +202,7 @@ def learn_field(
 def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> float:
     """1 while the heading that a field shows is further off than both are expected to be.
 
-    Source: docs/filter.md Eq. (40).
+    Source: docs/filter.md Eq. (57).
     """
     noise = set_jacobian(s, g)
     if g.mag_heading_gate == 0.0:

@@ -94,7 +94,7 @@ def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) 
 def measure_level(s: Memory, row: list[float], innovation: float, noise: float) -> None:
     """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
 
-    Source: docs/filter.md Eq. (39), (41).
+    Source: docs/filter.md Eq. (39), (58).
     """
     a0 = row[0]
     a1 = row[1]
