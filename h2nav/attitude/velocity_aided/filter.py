@@ -22,6 +22,7 @@ from h2nav.attitude.samples import (
     SensorDelays,
     SensorErrors,
     Trust,
+    Vec3,
     VehicleState,
     VelocityFix,
 )
@@ -226,7 +227,7 @@ class VelocityAidedFilter:
         u.has_mag = 0.0
         if m is not None:
             mag[:] = m
-            u.has_mag = 1.0 if abs(m[0]) + abs(m[1]) + abs(m[2]) < MOST_FIELD_UT else 0.0
+            u.has_mag = 1.0 if is_plausible_field(m) else 0.0
         u.clipped = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
         self._fill_velocity(sample.t_us)
         bits = self._step(s, self._g, u)
@@ -271,7 +272,8 @@ class VelocityAidedFilter:
         s.mag_ref_dip = field.dip_rad
         s.mag_ref_given = 1.0
         s.mag_new_s = 0.0
-        if self._aligned and s.mag_accepted_age_s >= 0.0 and s.aided == 0.0:
+        # A heading that velocities have shown is that of true north already.
+        if self._aligned and s.mag_accepted_age_s >= 0.0 and s.heading_witnessed == 0.0:
             turn_heading(s, self._g, change)
 
     def use_velocity(self, fix: VelocityFix) -> None:
@@ -387,6 +389,12 @@ class VelocityAidedFilter:
         """Collects samples; the first estimate comes from their mean force and field."""
         if sample.clipped or sample.f_b == (0.0, 0.0, 0.0):
             return None
+        a, b = self._memory.accel_bias[:]
+        f_x, f_y, f_z = sample.f_b
+        sample = sample._replace(
+            f_b=(f_x - GRAVITY_M_S2 * a, f_y - GRAVITY_M_S2 * b, f_z),
+            m_b_ut=sample.m_b_ut if is_plausible_field(sample.m_b_ut) else None,
+        )
         if self._window is None or sample.t_us - self._window.t_us > LONGEST_GAP_S * 1e6:
             self._window = alignment.begin(sample)
         else:
@@ -514,6 +522,11 @@ def is_plausible(sample: ImuSample) -> bool:
     )
 
 
+def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
+    """False for what no magnetometer can have measured, and for none."""
+    return m_b_ut is not None and abs(m_b_ut[0]) + abs(m_b_ut[1]) + abs(m_b_ut[2]) < MOST_FIELD_UT
+
+
 def _tilt_sigma_rad(s: Memory, dtilt_n: Sequence[float], dtilt_e: Sequence[float]) -> float:
     """Predicted one-sigma tilt error: of the gain set, the bias through it, and what is beyond.
 
@@ -542,7 +555,8 @@ def _heading_sigma_rad(s: Memory) -> float:
     Source: docs/filter.md Eq. (48).
     """
     hidden = 0.5 * (s.mag_offset_norm**2 + s.mag_offset_dip**2) + FIELD_OFFSET**2
-    return math.sqrt(HEADING_SHARE**2 * s.heading_variance + hidden / math.cos(s.mag_ref_dip) ** 2)
+    sigma = math.sqrt(HEADING_SHARE**2 * s.heading_variance + hidden / math.cos(s.mag_ref_dip) ** 2)
+    return min(sigma, LOST_HEADING_RAD)
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

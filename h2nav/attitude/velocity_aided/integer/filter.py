@@ -379,7 +379,7 @@ class IntegerVelocityAidedFilter:
         s.mag_ref_given = 1
         s.mag_new_us = 0
         referenced = s.age_us >= 0 and s.heading_reset == 0
-        if referenced and not s.aided:
+        if referenced:
             turn_heading(s, self._g, change)
             self._settle()
 
