@@ -43,8 +43,8 @@ VELOCITY_AIDED_INTEGER = KernelFiles(
         *_SHARED,
         *_kernel(
             "velocity_aided/integer",
-            *("functions", "theta", "tilt", "velocity", "fixes", "heading", "start", "frame"),
-            "step",
+            *("functions", "theta", "aiding", "tilt", "velocity", "fixes", "heading", "start"),
+            *("frame", "step"),
         ),
     ),
     "update",

@@ -40,14 +40,17 @@ from h2nav.attitude.samples import (
     ImuSample,
     Quat,
     Trust,
+    Vec3,
     VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.gains import ACCEL_UNIT_G
 from h2nav.io import gain_files
 from h2nav.maths import quaternion
+from h2nav.maths.units import GRAVITY_M_S2
 
 
 class Both(NamedTuple):
@@ -184,6 +187,30 @@ def test_the_latency_of_fixes_is_learnt_as_by_the_floats() -> None:
     assert found.fix_lag * 2.0**-30 == pytest.approx(known.fix_lag_s, abs=0.01)
     assert found.fix_lag * 2.0**-30 == pytest.approx(0.08, abs=0.02)
     assert found.fix_lag_variance * 2.0**-30 == pytest.approx(known.fix_lag_variance, rel=0.4)
+
+
+def test_the_bias_of_the_accelerometer_is_learnt_as_by_the_floats() -> None:
+    """A vehicle that turns about the vertical under fixes, with 0.12 and -0.1 m/s^2 in x and y."""
+
+    def circling(t: float) -> Vec3:
+        return (0.1 * math.cos(1.2 * t), 0.1 * math.cos(0.9 * t + 1.0), 0.5)
+
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats.use_vehicle(FLYING)
+    for number, sample in enumerate(fly(circling, 60.0, 3).samples):
+        x, y, z = sample.f_b
+        biased = sample._replace(f_b=(x + 0.12, y - 0.1, z))
+        for filter_ in (floats, integers):
+            if number % 20 == 3:
+                filter_.use_velocity(standing(sample))
+            filter_.update(biased)
+    known, found = floats.kernel_memory, integers.kernel_memory
+    for i, true_m_s2 in enumerate((0.12, -0.1)):
+        learnt = found.accel_bias[i] * 2.0**-28 * ACCEL_UNIT_G
+        assert learnt == pytest.approx(known.accel_bias[i], abs=0.0015)
+        assert learnt == pytest.approx(true_m_s2 / GRAVITY_M_S2, abs=0.004)
+    variance = found.p_accel[0] * 2.0**-28 * ACCEL_UNIT_G**2
+    assert variance == pytest.approx(known.p_accel[0], rel=0.2)
 
 
 def test_aiding_ends_with_the_fixes() -> None:

@@ -19,6 +19,7 @@ from h2nav.maths.units import GRAVITY_M_S2
 BIAS_WORD_RAD_S = 2e6 / 2.0**53
 # units of theta
 BIAS_UNIT_RAD_S = 2e6 / 2.0**27
+ACCEL_UNIT_G = 2e6 / 2.0**27
 HEADING_UNIT_RAD = 0.5
 # unit of the level of rotation, (rad/s)^2
 TURN_UNIT = 2.0 * (1e6 * 2.0**-29) ** 2
@@ -208,6 +209,9 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     put("log_bias_inflation", _log(g.bias_inflation), "bias_inflation")
     put("log_fix_inflation", _log(g.fix_inflation), "fix_inflation")
     put("log_fix_gate", _log(g.fix_gate), "fix_gate_sigmas")
+    accel2 = ACCEL_UNIT_G**2
+    put("accel_variance", g.accel_variance / accel2 * 2.0**28, "accel_bias_start_m_s2")
+    put("accel_walk", g.accel_walk / accel2 * 2.0**28, "accel_bias_walk_m_s2_rts")
     put("fix_lag_variance", g.fix_lag_variance * 2.0**30, "fix_latency_start_s")
     put("fix_lag_walk", g.fix_lag_walk * 2.0**30, "fix_latency_walk_s_rts")
     put("fix_lag_limit", g.fix_lag_limit * 2.0**30, "fix_latency_limit_s")

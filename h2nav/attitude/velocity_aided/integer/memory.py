@@ -268,6 +268,42 @@ class Memory:
     gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
     gain_p_shift: I32 = integer(0, SHIFT_MOST, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
+    accel_bias: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "2e6 2^-27 g", "bias of the accelerometer, body x and y", q=28
+    )
+    dtilt_accel_n: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt north to that bias", q=28
+    )
+    dtilt_accel_e: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt east to that bias", q=28
+    )
+    dvelocity_accel_n: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity north to it", q=24
+    )
+    dvelocity_accel_e: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity east to it", q=24
+    )
+    p_accel: list[I32] = integers(
+        3, -THETA_MOST, THETA_MOST, "", "its covariance: xx, xy, yy; 0: not yet learnt", q=28
+    )
+    p_accel_x: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias x", q=28
+    )
+    p_accel_y: list[I32] = integers(
+        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias y", q=28
+    )
+    daccel: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "", "correction of that bias that the frame has found", q=28
+    )
+    accel_shows: I32 = integer(
+        0, 1, "", "1: the tilt is as wrong as the accelerometer makes it, from the next frame on"
+    )
+    jacobian_accel: list[I32] = integers(
+        2, -THETA_MOST, THETA_MOST, "rad", "how the measured angle depends on that bias", q=28
+    )
+    gain_accel: list[I32] = integers(
+        2, -32768, 32767, "", "covariance of that bias with the measurement, scaled as gain_h"
+    )
     fix_lag: I32 = integer(0, LATENCY_MOST, "s", "how late fixes are, beyond their stamps", q=30)
     fix_lag_variance: I32 = integer(
         0, LATENCY_MOST, "s^2", "variance of that; 0: fixes have never held the filter", q=30
@@ -347,6 +383,10 @@ class Gains:
     fix_lag_variance: I32 = integer(
         0, 1 << 28, "s^2", "start of the variance of the fixes' latency; 0: none is learnt", q=30
     )
+    accel_variance: I32 = integer(
+        0, THETA_MOST, "", "start and limit of the accelerometer's variance; 0: none", q=28
+    )
+    accel_walk: I32 = integer(0, 1 << 28, "1/s", "density of its walk, squared", q=28)
     fix_lag_walk: I32 = integer(0, 1 << 24, "s", "density of its walk, squared", q=30)
     fix_lag_limit: I32 = integer(0, LATENCY_MOST, "s", "largest latency of the fixes", q=30)
     impossible_velocity: I32 = integer(

@@ -3,11 +3,10 @@
 Source: docs/filter.md Eq. (15), (16), (30).
 """
 
-from h2nav.maths.fixedpoint import I32, clamp, known
+from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import (
     GAINED_MASK,
-    LATENCY_MOST,
     LOG_MOST,
     MOST_REJECTED,
     PERIODS,
@@ -19,13 +18,11 @@ from ..memory import (
     Memory,
     Sample,
 )
-from .functions import bits_of, limited, logarithm, power2, product, shifted
-from .theta import find_gain, forget_velocity, size_of, turn
+from .functions import limited, logarithm, power2, product, shifted
+from .theta import forget_velocity, turn
 from .tilt import raise_tilt_sigma
 from .velocity import Q24, density, level_share, raised, select_set, square_of
 
-LAG_VARIANCE_LEAST = 1024  # (1 ms)^2, Q30
-Q26 = 26 << 8
 LOG_SECOND = 5102  # log2 of 1e6
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
@@ -99,84 +96,6 @@ def choose_fix(s: Memory, g: Gains) -> None:
         -LOG_MOST,
         LOG_MOST,
     )
-
-
-def predict_lag(s: Memory, g: Gains) -> None:
-    """Latency of the fixes over one frame.
-
-    Source: docs/filter.md Eq. (38).
-    """
-    if s.fix_lag_variance < g.fix_lag_variance:
-        walk = (product(g.fix_lag_walk, s.frame_time) >> 2) + 1
-        s.fix_lag_variance = limited(s.fix_lag_variance + walk, LATENCY_MOST)
-    for i in range(2):
-        moved = s.dvelocity_lag[i] + (product(s.dtilt_lag[i], s.frame_time) >> 2)
-        s.dvelocity_lag[i] = limited(moved, THETA_MOST)
-
-
-def find_fix_gain(s: Memory, row: list[I32], innovation: I32, accel: I32, axis: I32) -> None:
-    """Gain for one part of a fix; what its latency adds is noise to theta.
-
-    Source: docs/filter.md Eq. (18), (37) - (39).
-    """
-    row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
-    s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MOST)
-    noise = limited(power2(s.log_noise + Q26), 1 << 29)
-    noise += clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
-    explained = product(s.dfix_lag, row_lag) >> 4
-    find_gain(s, row, limited(innovation - explained, THETA_MOST), logarithm(noise | 1) - Q26)
-
-
-def use_lag_gain(s: Memory) -> None:
-    """The latency's part of a gain, after `use_gain`.
-
-    Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (31).
-    """
-    h = s.gain_lag
-    scale = clamp(bits_of(size_of(h)) - 15, 0, 16)
-    h = known(h >> scale, -32768, 32767)
-    shift = clamp(s.gain_digits - 40 - scale - s.gain_y_scale, -12, 31)
-    step = limited(shifted(h * s.gain_innovation, shift), LATENCY_MOST)
-    s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MOST)
-    part = (h * s.gain_inverse + 16384) >> 15
-    fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
-    if s.fix_lag_variance > 0:
-        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST)
-
-
-def fade_lag(s: Memory) -> None:
-    """The constant gain moves the sensitivities to the latency.
-
-    Source: docs/filter.md Eq. (38).
-    """
-    accel = [0, 0]
-    accel[0] = s.accel_n
-    accel[1] = s.accel_e
-    for i in range(2):
-        part = limited(s.dvelocity_lag[i] - (accel[i] << 11), THETA_MOST)
-        tilt = s.dtilt_lag[i] - shifted(product(part, s.k_tilt_m), s.k_tilt_s)
-        s.dtilt_lag[i] = limited(tilt, THETA_MOST)
-        velocity = s.dvelocity_lag[i] - shifted(product(part, s.k_velocity_m), s.k_velocity_s)
-        s.dvelocity_lag[i] = limited(velocity, THETA_MOST)
-
-
-def apply_lag(s: Memory, g: Gains) -> None:
-    """Moves latency, velocity and tilt by what the frame has found of the latency.
-
-    Source: docs/filter.md Eq. (19), (38).
-    """
-    before = s.fix_lag
-    s.fix_lag = clamp(before + s.dfix_lag, 0, g.fix_lag_limit)
-    change = s.fix_lag - before
-    s.dfix_lag = 0
-    velocity = [0, 0]
-    tilt = [0, 0]
-    for i in range(2):
-        velocity[i] = product(change, limited(s.dvelocity_lag[i] >> 11, 32767)) >> 4
-        tilt[i] = product(change, limited(s.dtilt_lag[i] >> 11, 32767)) << 1
-    s.velocity_n = limited(s.velocity_n + velocity[0], VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + velocity[1], VELOCITY_MOST)
-    turn(s, tilt[0], tilt[1])
 
 
 def accept_fixes(s: Memory) -> None:

@@ -17,16 +17,19 @@ from ..memory import (
     Memory,
     Sample,
 )
-from .fixes import (
-    apply_fix,
+from .aiding import (
+    apply_accel,
     apply_lag,
-    choose_fix,
+    fade_accel,
     fade_lag,
     find_fix_gain,
-    judge_fix,
+    find_spread_of_all,
+    predict_accel,
     predict_lag,
+    use_accel_gain,
     use_lag_gain,
 )
+from .fixes import apply_fix, choose_fix, judge_fix
 from .functions import limited, product
 from .heading import (
     judge_field,
@@ -76,6 +79,7 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
         predict_sensitivities(s, r)
         if s.aided > 0:
             predict_lag(s, g)
+            predict_accel(s, g, r)
     elif phase == 2:
         return judge_velocity(s, g, sample, r)
     elif s.velocity_use == 1:
@@ -88,18 +92,20 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
 def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Theta from the frame's velocity, or from rest in its place; returns bits."""
     if phase == 4:
-        find_motion_gain(s, g, s.dvelocity_n, s.innovation_n, s.accel_n, 0)
+        find_motion_gain(s, g, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
     elif phase == 6:
-        find_motion_gain(s, g, s.dvelocity_e, s.innovation_e, s.accel_e, 1)
+        find_motion_gain(s, g, s.dvelocity_e, s.dvelocity_accel_e, s.innovation_e, 1)
     elif phase == 8:
         if s.velocity_use > 0:
             fade(s)
             fade_tilt_sigma(s)
             if s.velocity_use == 2:
                 fade_lag(s)
+                fade_accel(s)
     elif phase == 9:
         if s.velocity_use == 2:
             apply_lag(s, g)
+            apply_accel(s)
         if rests(s, g) > 0:
             return RESTING | apply_theta(s, g)
         return apply_theta(s, g)
@@ -121,7 +127,7 @@ def rests(s: Memory, g: Gains) -> I32:
 
 
 def find_motion_gain(
-    s: Memory, g: Gains, row: list[I32], innovation: I32, accel: I32, axis: I32
+    s: Memory, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
 ) -> None:
     """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
 
@@ -129,8 +135,8 @@ def find_motion_gain(
         s: memory.
         g: gains.
         row: how the innovation depends on theta.
+        row_accel: how it depends on the bias of the accelerometer.
         innovation: north or east.
-        accel: acceleration at the fix, north or east.
         axis: 0: north, 1: east.
 
     Source: docs/filter.md Eq. (18), (20).
@@ -138,7 +144,7 @@ def find_motion_gain(
     if rests(s, g) > 0:
         find_rest_gain(s, g)
     elif s.velocity_use == 2:
-        find_fix_gain(s, row, innovation, accel, axis)
+        find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
     elif s.velocity_use == 1:
         find_gain(s, row, innovation, s.log_noise)
 
@@ -153,6 +159,7 @@ def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
     elif s.velocity_use == 2:
         use_gain(s)
         use_lag_gain(s)
+        use_accel_gain(s, 1)
     elif s.velocity_use == 1:
         if s.field_silence_us > g.field_silence_us:
             use_level_gain(s, r)
@@ -178,15 +185,29 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
         if phase == 13:
             return accept_field(s, g)
         if s.mag_accepted == 2:
-            if phase == 12:
-                unexplained = s.heading_innovation - find_spread(s, s.jacobian)
-                s.heading_innovation = limited(unexplained, THETA_MOST)
-                judge_heading(s, g)
-            elif phase == 14:
-                weigh_heading(s, g)
-                weigh_gain(s, s.heading_innovation, s.log_heading_noise)
-                use_gain(s)
+            measure_heading(s, g, phase)
     return 0
+
+
+def measure_heading(s: Memory, g: Gains, phase: I32) -> None:
+    """Theta from the heading that has been prepared, unless both are too far apart.
+
+    Source: docs/filter.md Eq. (25), (39), (40).
+    """
+    if phase == 12:
+        explained = 0
+        if s.aided > 0:
+            explained = find_spread_of_all(s, s.jacobian, s.jacobian_accel)
+        else:
+            explained = find_spread(s, s.jacobian)
+        s.heading_innovation = limited(s.heading_innovation - explained, THETA_MOST)
+        judge_heading(s, g)
+    elif phase == 14:
+        weigh_heading(s, g)
+        weigh_gain(s, s.heading_innovation, s.log_heading_noise)
+        use_gain(s)
+        if s.aided > 0:
+            use_accel_gain(s, 0)
 
 
 def accept_field(s: Memory, g: Gains) -> I32:

@@ -354,6 +354,9 @@ def prepare_heading(s: Memory, g: Gains) -> None:
         part = (product(s.dtilt_n[i], north) >> 1) + (product(s.dtilt_e[i], east) >> 1)
         s.jacobian[i] = limited(part, 1 << 25) << 4
     s.jacobian[3] += HEADING_UNIT
+    for i in range(2):
+        part = (product(s.dtilt_accel_n[i], north) >> 1) + (product(s.dtilt_accel_e[i], east) >> 1)
+        s.jacobian_accel[i] = limited(part, 1 << 25) << 4
     tilt = limited(power2(((s.log_gyro_noise + s.log_velocity_noise) >> 1) + (26 << 8)), 1 << 29)
     seen = limited(product(tilt, square), 1 << 22) << 7
     # a disturbance in the heading counts besides

@@ -8,6 +8,7 @@ from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Memory, Sample
+from .aiding import in_force
 from .functions import limited
 from .heading import forget_heading
 from .tilt import AIR_TILT_SIGMA, ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt, upright
@@ -23,11 +24,13 @@ def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
     That is after clipped samples that may have hidden a turn, and when the low-passed force has
     contradicted the tilt. Source: docs/filter.md Eq. (30), (32).
     """
+    x = in_force(s.accel_bias[0])
+    y = in_force(s.accel_bias[1])
     if s.tilt_suspect == 2:
-        level(s, s.accel_lp[0], s.accel_lp[1], s.accel_lp[2], r)
+        level(s, s.accel_lp[0] - (x << 4), s.accel_lp[1] - (y << 4), s.accel_lp[2], r)
         s.extra_tilt_sigma = LEVEL_SIGMA
     elif s.clipped_angle > ALL_CLIPPED:
-        level(s, sample.accel[0], sample.accel[1], sample.accel[2], r)
+        level(s, sample.accel[0] - x, sample.accel[1] - y, sample.accel[2], r)
     s.clipped_angle = 0
     restart_tilt(s, sample, r)
     begin_frames(s)
@@ -107,6 +110,8 @@ def begin(s: Memory, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.aided = 0
     s.fix_period_us = 0
     s.dfix_lag = 0
+    s.daccel[0] = 0
+    s.daccel[1] = 0
     s.mag_age_us = 0
     s.mag_new_us = 0
     s.heading_rejected_us = 0

@@ -371,6 +371,8 @@ def forget_velocity(s: Memory) -> None:
         s.dvelocity_e[i] = 0
     for i in range(2):
         s.dvelocity_lag[i] = 0
+        s.dvelocity_accel_n[i] = 0
+        s.dvelocity_accel_e[i] = 0
 
 
 def forget_sensitivities(s: Memory) -> None:
@@ -379,6 +381,7 @@ def forget_sensitivities(s: Memory) -> None:
     for i in range(4):
         s.dtilt_n[i] = 0
         s.dtilt_e[i] = 0
+    s.accel_shows = 1
     for i in range(2):
         s.dtilt_lag[i] = 0
 

@@ -19,6 +19,7 @@ from ..memory import (
     Memory,
     Sample,
 )
+from .aiding import in_force
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, ratio
 from .theta import forget_velocity
 from .tilt import restart_tilt
@@ -33,8 +34,8 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (5), (13).
     """
-    x = sample.accel[0] + s.accel_carry[0]
-    y = sample.accel[1] + s.accel_carry[1]
+    x = sample.accel[0] + s.accel_carry[0] - in_force(s.accel_bias[0])
+    y = sample.accel[1] + s.accel_carry[1] - in_force(s.accel_bias[1])
     z = sample.accel[2] + s.accel_carry[2]
     s.accel_carry[0] = x & 511
     s.accel_carry[1] = y & 511
@@ -74,8 +75,16 @@ def change_aiding(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
     s.aided = sample.aided
     s.fix_period_us = 0
     s.dfix_lag = 0
+    s.accel_shows = 1
     for i in range(2):
         s.dtilt_lag[i] = 0
+        s.daccel[i] = 0
+    for i in range(4):
+        s.p_accel_x[i] = 0
+        s.p_accel_y[i] = 0
+    if s.aided > 0 and s.p_accel[0] == 0:
+        s.p_accel[0] = g.accel_variance
+        s.p_accel[2] = g.accel_variance
     if s.aided > 0 and s.fix_lag_variance == 0:
         s.fix_lag_variance = g.fix_lag_variance
     begin_frames(s)

@@ -1,0 +1,259 @@
+"""What only measured velocities teach: bias of the accelerometer, latency of the fixes.
+
+Source: docs/fixed-point.md Eq. (31), (32); docs/filter.md Eq. (33) to (39).
+"""
+
+from h2nav.maths.fixedpoint import I32, clamp, known
+
+from ..memory import LATENCY_MOST, THETA_MOST, VELOCITY_MOST, Gains, Memory
+from .functions import bits_of, limited, logarithm, power2, product, shifted
+from .theta import (
+    fade_one,
+    grown,
+    heading_of,
+    heading_turn,
+    lowered,
+    lowered_variance,
+    size_of,
+    times,
+    turn,
+    weigh_gain,
+)
+
+LAG_VARIANCE_LEAST = 1024  # (1 ms)^2, Q30
+Q26 = 26 << 8
+
+
+def predict_accel(s: Memory, g: Gains, r: list[I32]) -> None:
+    """Bias of the accelerometer over one frame.
+
+    Source: docs/filter.md Eq. (34), (35).
+    """
+    if s.accel_shows > 0:
+        # a tilt that a resting accelerometer shows is wrong by the accelerometer's bias
+        s.accel_shows = 0
+        for i in range(2):
+            s.dtilt_accel_n[i] = in_theta(r[i])
+            s.dtilt_accel_e[i] = in_theta(r[3 + i])
+    by_bias = [0, 0, 0]
+    heading_turn(s, r, by_bias)
+    x = by_bias[0]
+    y = by_bias[1]
+    z = by_bias[2]
+    change = heading_of(s.p_accel_x[0], s.p_accel_x[1], s.p_accel_x[2], x, y, z)
+    s.p_accel_x[3] = limited(s.p_accel_x[3] - change, THETA_MOST)
+    change = heading_of(s.p_accel_y[0], s.p_accel_y[1], s.p_accel_y[2], x, y, z)
+    s.p_accel_y[3] = limited(s.p_accel_y[3] - change, THETA_MOST)
+    if g.accel_variance > 0:
+        walk = (product(g.accel_walk, s.frame_time) >> 2) + 1
+        s.p_accel[0] = grown(s.p_accel[0], walk, g.accel_variance)
+        s.p_accel[2] = grown(s.p_accel[2], walk, g.accel_variance)
+    for i in range(2):
+        carry_accel(s.dtilt_accel_n, s.dvelocity_accel_n, i, r[i], s.frame_time)
+        carry_accel(s.dtilt_accel_e, s.dvelocity_accel_e, i, r[3 + i], s.frame_time)
+
+
+def in_theta(part: I32) -> I32:
+    """What one unit of the accelerometer's bias is along an axis of n, Q28."""
+    return (part * 15625) >> 7
+
+
+def in_force(bias: I32) -> I32:
+    """A bias of the accelerometer as part of a sample's force; its unit is 15625 2^-20 g."""
+    return ((bias >> 14) * 15625) >> 14
+
+
+def carry_accel(dtilt: list[I32], dvelocity: list[I32], axis: I32, part: I32, time: I32) -> None:
+    """Sensitivity of a velocity to one bias of the accelerometer."""
+    seen = limited(dtilt[axis] - in_theta(part), THETA_MOST)
+    dvelocity[axis] = limited(dvelocity[axis] + (product(seen, time) >> 6), THETA_MOST)
+
+
+def find_spread_of_all(s: Memory, row: list[I32], row_accel: list[I32]) -> I32:
+    """As `find_spread`, of theta and the accelerometer's bias together.
+
+    Source: docs/fixed-point.md Eq. (21).
+    """
+    size = size_of(row[0]) | size_of(row[1]) | size_of(row[2]) | size_of(row[3])
+    size = size | size_of(row_accel[0]) | size_of(row_accel[1])
+    scale = clamp(bits_of(size) - 13, 0, 18)
+    a = [0, 0, 0, 0]
+    for i in range(4):
+        a[i] = known(row[i] >> scale, -8192, 8191)
+    x = known(row_accel[0] >> scale, -8192, 8191)
+    y = known(row_accel[1] >> scale, -8192, 8191)
+    h_0 = times(s.p_xx, s.p_xy, s.p_xz, s.p_xh, a) + of_accel(s, 0, x, y)
+    h_1 = times(s.p_xy, s.p_yy, s.p_yz, s.p_yh, a) + of_accel(s, 1, x, y)
+    h_2 = times(s.p_xz, s.p_yz, s.p_zz, s.p_zh, a) + of_accel(s, 2, x, y)
+    h_3 = times(s.p_xh, s.p_yh, s.p_zh, s.heading_variance, a) + of_accel(s, 3, x, y)
+    h_x = times(s.p_accel_x[0], s.p_accel_x[1], s.p_accel_x[2], s.p_accel_x[3], a)
+    h_y = times(s.p_accel_y[0], s.p_accel_y[1], s.p_accel_y[2], s.p_accel_y[3], a)
+    h_x += product(s.p_accel[0], x) + product(s.p_accel[1], y)
+    h_y += product(s.p_accel[1], x) + product(s.p_accel[2], y)
+    size = size_of(h_0) | size_of(h_1) | size_of(h_2) | size_of(h_3)
+    fall = clamp(bits_of(size | size_of(h_x) | size_of(h_y)) - 15, 0, 16)
+    h_0 = known(h_0 >> fall, -32768, 32767)
+    h_1 = known(h_1 >> fall, -32768, 32767)
+    h_2 = known(h_2 >> fall, -32768, 32767)
+    h_3 = known(h_3 >> fall, -32768, 32767)
+    h_x = known(h_x >> fall, -32768, 32767)
+    h_y = known(h_y >> fall, -32768, 32767)
+    variance = a[0] * h_0 + a[1] * h_1 + a[2] * h_2 + a[3] * h_3 + x * h_x + y * h_y
+    s.gain_h[0] = h_0
+    s.gain_h[1] = h_1
+    s.gain_h[2] = h_2
+    s.gain_h[3] = h_3
+    s.gain_accel[0] = h_x
+    s.gain_accel[1] = h_y
+    s.gain_variance = clamp(limited(variance, 1 << 30), 0, 1 << 30)
+    s.gain_scale = scale
+    s.gain_fall = fall
+    explained = times(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3], a)
+    explained += product(s.daccel[0], x) + product(s.daccel[1], y)
+    return limited(shifted(explained, 13 - scale), THETA_MOST)
+
+
+def of_accel(s: Memory, i: I32, x: I32, y: I32) -> I32:
+    """Covariance of one of theta with what two numbers of 13 digits make of the bias, over 2^15."""
+    return product(s.p_accel_x[i], x) + product(s.p_accel_y[i], y)
+
+
+def use_accel_gain(s: Memory, learns: I32) -> None:
+    """The accelerometer's part of a gain, after `use_gain`; what is not learnt stays uncertain.
+
+    Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (22).
+    """
+    h_x = s.gain_accel[0]
+    h_y = s.gain_accel[1]
+    k_x = (h_x * s.gain_inverse + 16384) >> 15
+    k_y = (h_y * s.gain_inverse + 16384) >> 15
+    shift = s.gain_p_shift
+    for i in range(4):
+        s.p_accel_x[i] = lowered(s.p_accel_x[i], k_x * s.gain_h[i] >> shift)
+        s.p_accel_y[i] = lowered(s.p_accel_y[i], k_y * s.gain_h[i] >> shift)
+    if learns > 0 and s.p_accel[0] > 0:
+        s.p_accel[0] = lowered_variance(s.p_accel[0], k_x * h_x >> shift)
+        s.p_accel[1] = lowered(s.p_accel[1], k_x * h_y >> shift)
+        s.p_accel[2] = lowered_variance(s.p_accel[2], k_y * h_y >> shift)
+        shift = s.gain_theta_shift
+        s.daccel[0] = limited(s.daccel[0] + (h_x * s.gain_innovation >> shift), THETA_MOST)
+        s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MOST)
+
+
+def fade_accel(s: Memory) -> None:
+    """The constant gain moves the sensitivities to the accelerometer's bias.
+
+    Source: docs/filter.md Eq. (17).
+    """
+    for i in range(2):
+        fade_one(s, s.dtilt_accel_n, s.dvelocity_accel_n, i)
+        fade_one(s, s.dtilt_accel_e, s.dvelocity_accel_e, i)
+
+
+def apply_accel(s: Memory) -> None:
+    """Moves the accelerometer's bias, velocity and tilt by what the frame has found of it.
+
+    Source: docs/filter.md Eq. (19).
+    """
+    scale = clamp(bits_of(size_of(s.daccel[0]) | size_of(s.daccel[1])) - 13, 0, 18)
+    x = known(s.daccel[0] >> scale, -8192, 8191)
+    y = known(s.daccel[1] >> scale, -8192, 8191)
+    for i in range(2):
+        s.accel_bias[i] = limited(s.accel_bias[i] + s.daccel[i], THETA_MOST)
+        s.daccel[i] = 0
+    north = product(s.dvelocity_accel_n[0], x) + product(s.dvelocity_accel_n[1], y)
+    east = product(s.dvelocity_accel_e[0], x) + product(s.dvelocity_accel_e[1], y)
+    s.velocity_n = limited(s.velocity_n + shifted(north, 13 - scale), VELOCITY_MOST)
+    s.velocity_e = limited(s.velocity_e + shifted(east, 13 - scale), VELOCITY_MOST)
+    north = product(s.dtilt_accel_n[0], x) + product(s.dtilt_accel_n[1], y)
+    east = product(s.dtilt_accel_e[0], x) + product(s.dtilt_accel_e[1], y)
+    turn(s, shifted(north, 12 - scale), shifted(east, 12 - scale))
+
+
+def predict_lag(s: Memory, g: Gains) -> None:
+    """Latency of the fixes over one frame.
+
+    Source: docs/filter.md Eq. (38).
+    """
+    if s.fix_lag_variance < g.fix_lag_variance:
+        walk = (product(g.fix_lag_walk, s.frame_time) >> 2) + 1
+        s.fix_lag_variance = limited(s.fix_lag_variance + walk, LATENCY_MOST)
+    for i in range(2):
+        moved = s.dvelocity_lag[i] + (product(s.dtilt_lag[i], s.frame_time) >> 2)
+        s.dvelocity_lag[i] = limited(moved, THETA_MOST)
+
+
+def find_fix_gain(
+    s: Memory, row: list[I32], row_accel: list[I32], innovation: I32, accel: I32, axis: I32
+) -> None:
+    """Gain for one part of a fix; what its latency adds is noise to theta.
+
+    Args:
+        s: memory.
+        row: how the innovation depends on theta.
+        row_accel: how it depends on the accelerometer's bias.
+        innovation: north or east.
+        accel: acceleration when the fix was true, north or east.
+        axis: 0: north, 1: east.
+
+    Source: docs/filter.md Eq. (18), (37) - (39).
+    """
+    row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
+    s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MOST)
+    noise = limited(power2(s.log_noise + Q26), 1 << 29)
+    noise += clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
+    explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread_of_all(s, row, row_accel)
+    y = innovation - limited(explained, THETA_MOST)
+    weigh_gain(s, y, logarithm(noise | 1) - Q26)
+
+
+def use_lag_gain(s: Memory) -> None:
+    """The latency's part of a gain, after `use_gain`.
+
+    Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (31).
+    """
+    h = s.gain_lag
+    scale = clamp(bits_of(size_of(h)) - 15, 0, 16)
+    h = known(h >> scale, -32768, 32767)
+    shift = clamp(s.gain_digits - 40 - scale - s.gain_y_scale, -12, 31)
+    step = limited(shifted(h * s.gain_innovation, shift), LATENCY_MOST)
+    s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MOST)
+    part = (h * s.gain_inverse + 16384) >> 15
+    fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
+    if s.fix_lag_variance > 0:
+        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST)
+
+
+def fade_lag(s: Memory) -> None:
+    """The constant gain moves the sensitivities to the latency.
+
+    Source: docs/filter.md Eq. (38).
+    """
+    accel = [0, 0]
+    accel[0] = s.accel_n
+    accel[1] = s.accel_e
+    for i in range(2):
+        part = limited(s.dvelocity_lag[i] - (accel[i] << 11), THETA_MOST)
+        tilt = s.dtilt_lag[i] - shifted(product(part, s.k_tilt_m), s.k_tilt_s)
+        s.dtilt_lag[i] = limited(tilt, THETA_MOST)
+        velocity = s.dvelocity_lag[i] - shifted(product(part, s.k_velocity_m), s.k_velocity_s)
+        s.dvelocity_lag[i] = limited(velocity, THETA_MOST)
+
+
+def apply_lag(s: Memory, g: Gains) -> None:
+    """Moves latency, velocity and tilt by what the frame has found of the latency.
+
+    Source: docs/filter.md Eq. (19), (38).
+    """
+    before = s.fix_lag
+    s.fix_lag = clamp(before + s.dfix_lag, 0, g.fix_lag_limit)
+    change = s.fix_lag - before
+    s.dfix_lag = 0
+    velocity = [0, 0]
+    tilt = [0, 0]
+    for i in range(2):
+        velocity[i] = product(change, limited(s.dvelocity_lag[i] >> 11, 32767)) >> 4
+        tilt[i] = product(change, limited(s.dtilt_lag[i] >> 11, 32767)) << 1
+    s.velocity_n = limited(s.velocity_n + velocity[0], VELOCITY_MOST)
+    s.velocity_e = limited(s.velocity_e + velocity[1], VELOCITY_MOST)
+    turn(s, tilt[0], tilt[1])
