@@ -39,7 +39,7 @@ STEP = 2.0
 # Velocity fixes come at 10, 5, 2 and 1 Hz.
 FIX_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 assert len(FIX_PERIODS_S) == PERIODS
-FIXED_POINT_FORMAT = "flight-1"
+FIXED_POINT_FORMAT = "flight-2"
 
 _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
 

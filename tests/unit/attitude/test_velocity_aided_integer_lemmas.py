@@ -8,10 +8,12 @@ import pytest
 
 from h2nav.attitude.integer import motion, triad
 from h2nav.attitude.integer.motion import MOST_DT_US
-from h2nav.attitude.record import assign, rows, values
+from h2nav.attitude.record import assign, row, rows, values
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.attitude.velocity_aided.integer.kernel import (
+    aiding,
+    frame,
     functions,
     heading,
     place,
@@ -31,7 +33,9 @@ from h2nav.attitude.velocity_aided.integer.memory import (
 )
 from h2nav.io import gain_files
 
-MODULES = (triad, motion, functions, theta, tilt, velocity, heading, place, step)
+MODULES = (
+    triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, place, start, step
+)  # fmt: skip
 BLOCK = 400
 Maker = Callable[[random.Random, Memory, int], Sample]
 
@@ -41,6 +45,7 @@ def ranges(record_type: type) -> list[tuple[int, int]]:
     return [found.range or (0, 0) for found in rows(record_type) for _ in range(found.length)]
 
 
+ACCEL_RANGE = row(Sample, "fix_accel_n").range or (0, 0)
 SAMPLE_RANGES, GAINS_RANGES = ranges(Sample), ranges(Gains)
 
 
@@ -100,6 +105,8 @@ def aided(rng: random.Random, memory: Memory, number: int) -> Sample:
     u.fix_gained_n = rng.choice((memory.gained_n, rng.randint(0, GAINED_MASK)))
     u.fix_velocity_e = rng.randint(-far, far)
     u.fix_gained_e = rng.choice((memory.gained_e, rng.randint(0, GAINED_MASK)))
+    u.fix_accel_n = rng.choice((0, 1 << 20, rng.choice(ACCEL_RANGE)))
+    u.fix_accel_e = rng.randint(*ACCEL_RANGE)
     u.fix_variance = rng.choice((1, 20000, 1 << 24))
     u.fix_period_us = rng.choice((1, 200000, 1 << 22))
     u.clipped = int(number % 100 > 90)
@@ -195,6 +202,9 @@ def watched_run(rng: random.Random, gains: Gains, count: int) -> None:
         if rng.random() < 0.3:
             north, east, down = (rng.choice((-32768, 0, 6400, 32767)) for _ in range(3))
             place.set_place(memory, gains, north, east, down)
+        for number in range(20):  # gaps
+            start.resume(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))
+            assign(memory, Memory, values(memory, Memory))
         for number in range(20):  # first attitudes from anything
             start.restart(memory)
             take(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))

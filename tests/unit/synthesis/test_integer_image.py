@@ -17,7 +17,7 @@ from h2nav.synthesis.gain_certificate import certified
 
 
 @pytest.mark.parametrize(
-    ("name", "form"), [("mpu9250_100hz", "lean-1"), ("multirotor_200hz", "flight-1")]
+    ("name", "form"), [("mpu9250_100hz", "lean-1"), ("multirotor_200hz", "flight-2")]
 )
 def test_a_shipped_image_is_certified(name, form):
     file = gain_files.load(name)

@@ -82,34 +82,40 @@ def find_spread_of_all(s: Memory, row: list[I32], row_accel: list[I32]) -> I32:
         a[i] = known(row[i] >> scale, -8192, 8191)
     x = known(row_accel[0] >> scale, -8192, 8191)
     y = known(row_accel[1] >> scale, -8192, 8191)
-    h = [0, 0, 0, 0]
-    h[0] = times(s.p_xx, s.p_xy, s.p_xz, s.p_xh, a)
-    h[1] = times(s.p_xy, s.p_yy, s.p_yz, s.p_yh, a)
-    h[2] = times(s.p_xz, s.p_yz, s.p_zz, s.p_zh, a)
-    h[3] = times(s.p_xh, s.p_yh, s.p_zh, s.heading_variance, a)
-    size = 0
-    for i in range(4):
-        h[i] += product(s.p_accel_x[i], x) + product(s.p_accel_y[i], y)
-        size = size | size_of(h[i])
+    h_0 = times(s.p_xx, s.p_xy, s.p_xz, s.p_xh, a) + of_accel(s, 0, x, y)
+    h_1 = times(s.p_xy, s.p_yy, s.p_yz, s.p_yh, a) + of_accel(s, 1, x, y)
+    h_2 = times(s.p_xz, s.p_yz, s.p_zz, s.p_zh, a) + of_accel(s, 2, x, y)
+    h_3 = times(s.p_xh, s.p_yh, s.p_zh, s.heading_variance, a) + of_accel(s, 3, x, y)
     h_x = times(s.p_accel_x[0], s.p_accel_x[1], s.p_accel_x[2], s.p_accel_x[3], a)
     h_y = times(s.p_accel_y[0], s.p_accel_y[1], s.p_accel_y[2], s.p_accel_y[3], a)
     h_x += product(s.p_accel[0], x) + product(s.p_accel[1], y)
     h_y += product(s.p_accel[1], x) + product(s.p_accel[2], y)
+    size = size_of(h_0) | size_of(h_1) | size_of(h_2) | size_of(h_3)
     fall = clamp(bits_of(size | size_of(h_x) | size_of(h_y)) - 15, 0, 16)
+    h_0 = known(h_0 >> fall, -32768, 32767)
+    h_1 = known(h_1 >> fall, -32768, 32767)
+    h_2 = known(h_2 >> fall, -32768, 32767)
+    h_3 = known(h_3 >> fall, -32768, 32767)
     h_x = known(h_x >> fall, -32768, 32767)
     h_y = known(h_y >> fall, -32768, 32767)
-    variance = x * h_x + y * h_y
-    for i in range(4):
-        s.gain_h[i] = known(h[i] >> fall, -32768, 32767)
-        variance += a[i] * s.gain_h[i]
+    variance = a[0] * h_0 + a[1] * h_1 + a[2] * h_2 + a[3] * h_3 + x * h_x + y * h_y
+    s.gain_h[0] = h_0
+    s.gain_h[1] = h_1
+    s.gain_h[2] = h_2
+    s.gain_h[3] = h_3
     s.gain_accel[0] = h_x
     s.gain_accel[1] = h_y
-    s.gain_variance = clamp(variance, 0, 1 << 30)
+    s.gain_variance = clamp(limited(variance, 1 << 30), 0, 1 << 30)
     s.gain_scale = scale
     s.gain_fall = fall
     explained = times(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3], a)
     explained += product(s.daccel[0], x) + product(s.daccel[1], y)
     return limited(shifted(explained, 13 - scale), THETA_MOST)
+
+
+def of_accel(s: Memory, i: I32, x: I32, y: I32) -> I32:
+    """Covariance of one of theta with what two numbers of 13 digits make of the bias, over 2^15."""
+    return product(s.p_accel_x[i], x) + product(s.p_accel_y[i], y)
 
 
 def use_accel_gain(s: Memory, learns: I32) -> None:
