@@ -242,7 +242,7 @@ def _without(matrix: list[list[float]], k: int) -> list[list[float]]:
 def _turn_to_velocity(
     start: Quat, products: list[list[float]], noise: float
 ) -> tuple[float, float]:
-    """The heading by which felt and measured velocity differ, and its deviation.
+    """The angle about the mean force by which felt and measured velocity differ; its deviation.
 
     Args:
         start: attitude of the start, its tilt right.
@@ -264,11 +264,11 @@ def _turn_to_velocity(
     sigma = math.sqrt((max(power - size * size / energy, 0.0) + noise) / energy)
     if not (sigma < KNOWN_RAD and LEAST_RATIO < size / energy < MOST_RATIO):
         return 0.0, math.inf
-    return math.atan2(across, along), sigma
+    # A heading turns about down, and the force points up.
+    return math.atan2(-across, along), sigma
 
 
 def _times(angle: float, axis: Vec3) -> Vec3:
-    # NED turns clockwise from above about down, the force points up
     return (angle * axis[0], angle * axis[1], angle * axis[2])
 
 

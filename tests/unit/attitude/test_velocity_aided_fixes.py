@@ -2,76 +2,15 @@
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
 
 import pytest
 from needs import DEG
-from synthetic_imu import GRAVITY, Disturbance, Flight, fly, rms_deg
+from synthetic_imu import GRAVITY, rms_deg
+from velocity_flights import GAINS, PERIOD, accelerating, follow, surge, tilt_errors
 
-from h2nav.attitude.samples import AttitudeEstimate, Trust, Vec3, VehicleState, VelocityFix
+from h2nav.attitude.samples import Trust, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-from h2nav.io import gain_files
 from h2nav.maths import quaternion
-
-GAINS = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
-PERIOD = 20  # samples between fixes: 5 Hz
-
-
-class Drive(NamedTuple):
-    """A flight with real accelerations and its velocity."""
-
-    flight: Flight
-    v_n: list[Vec3]
-
-
-def surge(t: float) -> Vec3:
-    """Long accelerations of 3 m/s^2 forward and sideways."""
-    return (3.0 * math.sin(0.35 * t), 3.0 * math.cos(0.27 * t), 0.0)
-
-
-def sway(t: float) -> Vec3:
-    return (0.3 * math.cos(0.7 * t), 0.3 * math.cos(0.9 * t), 0.1 * math.sin(0.2 * t))
-
-
-def accelerating(seconds: float, seed: int) -> Drive:
-    flight = fly(sway, seconds, seed, disturbance=Disturbance(force=surge))
-    v: Vec3 = (0.0, 0.0, 0.0)
-    velocities = []
-    for i, q in enumerate(flight.q_nb):
-        a = quaternion.rotate(q, surge(i / 100.0))
-        v = (v[0] + 0.01 * a[0], v[1] + 0.01 * a[1], v[2] + 0.01 * a[2])
-        velocities.append(v)
-    return Drive(flight, velocities)
-
-
-def follow(
-    filter_: VelocityAidedFilter,
-    drive: Drive,
-    latency: int = 15,
-    until: int | None = None,
-    field=True,
-) -> list[AttitudeEstimate | None]:
-    """Fixes of 0.1 s to 0.2 s age, as receivers give them, up to the sample `until`."""
-    filter_.use_vehicle(VehicleState(on_ground=False))
-    found = []
-    for i, sample in enumerate(drive.flight.samples):
-        if i % PERIOD == 0 and i >= latency and (until is None or i < until):
-            at = i - latency
-            v_n = (drive.v_n[at][0], drive.v_n[at][1], math.nan)
-            filter_.use_velocity(VelocityFix(drive.flight.samples[at].t_us, v_n, 0.1))
-        found.append(filter_.update(sample if field else sample._replace(m_b_ut=None)))
-    return found
-
-
-def tilt_errors(drive: Drive, found: list[AttitudeEstimate | None], after: int) -> list[float]:
-    errors = []
-    for q, estimate in list(zip(drive.flight.q_nb, found, strict=True))[after:]:
-        assert estimate is not None
-        down = quaternion.rotate(quaternion.conjugate(q), (0.0, 0.0, 1.0))
-        own = quaternion.rotate(quaternion.conjugate(estimate.q_nb), (0.0, 0.0, 1.0))
-        errors.append(math.dist(down, own))
-    return errors
 
 
 def test_velocity_gives_the_tilt_under_lasting_acceleration() -> None:

@@ -1,0 +1,169 @@
+"""The default filter in flight after gaps, restarts, and a start that knew no heading."""
+
+import math
+
+import pytest
+from needs import DEG
+from synthetic_imu import RateLaw, fly, still
+from velocity_flights import (
+    Drive,
+    accelerating,
+    heading_apart,
+    new_filter,
+    part,
+    surge,
+    sway,
+    tilt_errors,
+    turning,
+    without_samples,
+)
+
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.maths import quaternion
+
+GAP = 3500  # the sample before which nothing comes for a while
+NO_BIAS = (0.0, 0.0, 0.0)
+
+
+def feed(
+    filter_: VelocityAidedFilter, drive: Drive, field: bool = True
+) -> list[AttitudeEstimate | None]:
+    """A fix with every sample of a fifth of a second, whatever is missing between."""
+    found = []
+    for sample, v_n in zip(drive.flight.samples, drive.v_n, strict=True):
+        if sample.t_us % 200_000 == 0:
+            filter_.use_velocity(VelocityFix(sample.t_us, (v_n[0], v_n[1], math.nan), 0.1))
+        found.append(filter_.update(sample if field else sample._replace(m_b_ut=None)))
+    return found
+
+
+# --- gaps and restarts --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("law", "field"), [(sway, True), (sway, False), (turning, True)])
+def test_5_s_after_a_gap_in_a_manoeuvre_the_tilt_is_right(law: RateLaw, field: bool) -> None:
+    drive = without_samples(accelerating(55.0, 41, law=law), GAP, GAP + 400)
+    found = feed(new_filter(), drive, field)
+    errors = tilt_errors(drive, found, GAP)
+    assert errors[0] > 20.0 * DEG
+    assert max(errors[500:]) < 0.5 * DEG
+    after = found[GAP]
+    assert after is not None
+    assert after.trust & Trust.RESTARTED
+
+
+def test_after_a_gap_the_deviation_covers_the_error() -> None:
+    drive = without_samples(accelerating(55.0, 41), GAP, GAP + 400)
+    found = feed(new_filter(), drive)
+    pairs = zip(tilt_errors(drive, found, GAP), found[GAP:], strict=True)
+    assert all(e is not None and error < 3.0 * e.sigma_tilt_rad for error, e in pairs)
+
+
+def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
+    tilted = quaternion.from_euler(20.0 * DEG, 0.0, 50.0 * DEG)
+    before = fly(still, 10.0, 42, bias_b=NO_BIAS)
+    after = fly(still, 4.0, 43, bias_b=NO_BIAS, start=tilted)
+    filter_ = new_filter()
+    filter_.use_vehicle(VehicleState(on_ground=True))
+    for sample in before.samples:
+        filter_.update(sample)
+    late = [sample._replace(t_us=sample.t_us + 14_000_000) for sample in after.samples]
+    found = [filter_.update(sample) for sample in late]
+    assert found[0] is None
+    first = next(estimate for estimate in found if estimate is not None)
+    assert first.trust & Trust.RESTARTED
+    assert quaternion.angle(first.q_nb, tilted) < 1.0 * DEG
+
+
+def test_no_gained_velocity_outlives_a_gap() -> None:
+    """A vehicle that stands after a gap, with a fix that is older than the first sample."""
+
+    def until_gap(law: RateLaw) -> RateLaw:
+        return lambda t: law(t) if t < 0.01 * GAP else NO_BIAS
+
+    drive = accelerating(50.0, 44, force=until_gap(surge), law=until_gap(turning))
+    v_n = [v if i < GAP else NO_BIAS for i, v in enumerate(drive.v_n)]
+    drive = without_samples(drive._replace(v_n=v_n), GAP, GAP + 200)
+    found = feed(new_filter(), drive)
+    assert max(tilt_errors(drive, found, GAP + 200)) < 0.2 * DEG
+    last = found[-1]
+    assert last is not None
+    assert last.trust & Trust.VELOCITY_USED
+
+
+def test_a_restart_in_the_air_keeps_the_attitude_and_one_on_the_ground_does_not() -> None:
+    for on_ground in (False, True):
+        filter_ = new_filter()
+        before = feed(filter_, accelerating(35.0, 45))[-1]
+        filter_.use_vehicle(VehicleState(on_ground=on_ground))
+        filter_.restart()
+        after = filter_.update(accelerating(1.0, 46).flight.samples[0])
+        assert before is not None
+        assert (after is None) == on_ground
+        assert after is None or quaternion.angle(after.q_nb, before.q_nb) < 1e-6
+
+
+# --- a heading that was never known -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [51, 52])
+def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(seed: int) -> None:
+    calm_s = 25.0
+
+    def force(t: float) -> Vec3:
+        since = t - calm_s
+        return (
+            (3.0 * math.sin(1.2 * since), 3.0 * math.cos(0.9 * since), 0.0)
+            if since > 0
+            else NO_BIAS
+        )
+
+    start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
+    drive = accelerating(45.0, seed, force, sway, start, NO_BIAS)
+    found = feed(new_filter(), drive, field=False)
+    for i, estimate in enumerate(found):
+        if estimate is None:
+            continue
+        error = abs(heading_apart(drive.flight.q_nb[i], estimate.q_nb))
+        if i < 100.0 * calm_s:
+            assert error > 100.0 * DEG
+            assert estimate.sigma_heading_rad >= 100.0 * DEG
+        if i >= 100.0 * (calm_s + 10.0):
+            assert error < 3.0 * DEG
+            assert estimate.sigma_heading_rad < 3.0 * DEG
+
+
+# --- memory -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("at", [GAP + 60, GAP + 130, GAP + 299])
+def test_a_state_inside_a_window_in_the_air_goes_on_identically(at: int) -> None:
+    drive = without_samples(accelerating(45.0, 53, law=turning), GAP, GAP + 400)
+    check_split(drive, at)
+
+
+@pytest.mark.parametrize("at", [900, 1801, 2603])
+def test_a_state_with_a_running_witness_goes_on_identically(at: int) -> None:
+    """The heading is off by 120 deg all the time, and found after the split."""
+    start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
+    drive = accelerating(30.0, 54, start=start, bias_b=NO_BIAS)
+    check_split(drive, at)
+
+
+def check_split(drive: Drive, at: int) -> None:
+    """A run that is taken up by another filter in between, without a field."""
+    whole, first, second = new_filter(), new_filter(), new_filter()
+    expected = feed(whole, drive, field=False)
+    halves = part(drive, 0, at), part(drive, at, len(drive.v_n))
+    found = feed(first, halves[0], field=False)
+    second.restore(first.state())
+    found += feed(second, halves[1], field=False)
+    assert found == expected
+    assert second.state() == whole.state()

@@ -1,0 +1,138 @@
+"""The default filter and fields that are not the earth's, or not there."""
+
+import math
+
+import numpy as np
+import pytest
+from needs import DEG
+from synthetic_imu import FIELD, Disturbance, RateLaw, fly, still
+from velocity_flights import (
+    FLYING,
+    accelerating,
+    heading_apart,
+    new_filter,
+    with_samples,
+    with_turned_field,
+)
+
+from h2nav.attitude.samples import ImuSample, Vec3, VehicleState
+
+NO_BIAS = (0.0, 0.0, 0.0)
+
+
+def gentle(t: float) -> Vec3:
+    """Some 10 deg of roll and pitch, 30 deg of yaw."""
+    return (0.2 * math.cos(1.2 * t), 0.25 * math.cos(0.9 * t + 1.0), 0.15 * math.sin(0.3 * t))
+
+
+# --- gate on the heading ------------------------------------------------------------------------
+
+
+def heading_errors_deg(knows_field: bool, field_s: float, at_s: tuple[float, ...]) -> list[float]:
+    """Errors after so many seconds in a field that is 30 deg off, of the right norm and dip."""
+    drive = accelerating(31.0 + max(at_s), 24, force=still, law=gentle, bias_b=NO_BIAS)
+    drive = with_turned_field(drive, 30.0 * DEG, 30.0, 30.0 + field_s)
+    filter_ = new_filter(knows_field)
+    estimates = [filter_.update(sample) for sample in drive.flight.samples]
+    errors = []
+    for t_s in at_s:
+        i = round(100.0 * (30.0 + t_s))
+        estimate = estimates[i]
+        assert estimate is not None
+        errors.append(heading_apart(drive.flight.q_nb[i], estimate.q_nb) / DEG)
+    return errors
+
+
+def test_a_false_heading_that_passes_turns_nothing() -> None:
+    errors = heading_errors_deg(True, 15.0, (1.0, 8.0, 14.9, 16.0, 25.0))
+    assert max(map(abs, errors)) < 1.0
+
+
+def test_a_false_heading_that_lasts_is_taken() -> None:
+    before, after = heading_errors_deg(True, 100.0, (18.0, 22.0))
+    assert abs(before) < 1.0
+    assert after == pytest.approx(-30.0, abs=2.0)
+
+
+def test_without_a_given_reference_the_heading_follows_at_once() -> None:
+    (error,) = heading_errors_deg(False, 100.0, (8.0,))
+    assert error < -10.0
+
+
+# --- another field ------------------------------------------------------------------------------
+
+
+def reference_norm(law: RateLaw, magnet_b: Vec3, scale: float) -> float:
+    """The filter's reference after a minute; 8 s in the earth's field, then another."""
+    drive = accelerating(60.0, 31, force=still, law=law, bias_b=NO_BIAS)
+
+    def change(_i: int, sample: ImuSample) -> ImuSample:
+        if sample.t_us < 8e6 or sample.m_b_ut is None:
+            return sample
+        x, y, z = (scale * m + b for m, b in zip(sample.m_b_ut, magnet_b, strict=True))
+        return sample._replace(m_b_ut=(x, y, z))
+
+    filter_ = new_filter(knows_field=True)
+    for sample in with_samples(drive, change).flight.samples:
+        filter_.update(sample)
+    return filter_.kernel_memory.mag_ref_norm
+
+
+def spun_before(t: float) -> Vec3:
+    """Fast until the other field comes, and then not at all."""
+    return (0.0, 0.0, 5.0 if t < 7.9 else 0.0)
+
+
+@pytest.mark.parametrize("law", [still, spun_before])
+def test_a_magnet_beside_a_vehicle_that_hovers_is_never_the_reference(law: RateLaw) -> None:
+    assert reference_norm(law, (0.0, 15.0, -25.0), 1.0) == FIELD.norm_ut
+
+
+def test_another_field_seen_from_all_sides_becomes_the_reference() -> None:
+    def circling(t: float) -> Vec3:
+        return (0.4 * math.cos(t), 0.0, 0.6)
+
+    assert reference_norm(circling, (0.0, 0.0, 0.0), 0.7) == pytest.approx(34.3, abs=0.3)
+
+
+# --- no field -----------------------------------------------------------------------------------
+
+
+def coloured(seconds: float, seed: int, rate_hz: float, sigma: float, time_s: float) -> list[Vec3]:
+    """Accelerations with a memory of `time_s`."""
+    keep = math.exp(-1.0 / (rate_hz * time_s))
+    now = np.zeros(3)
+    found: list[Vec3] = []
+    for white in np.random.default_rng(seed).normal(size=(int(seconds * rate_hz) + 1, 3)):
+        now = keep * now + sigma * math.sqrt(1.0 - keep * keep) * white
+        found.append((float(now[0]), float(now[1]), float(now[2])))
+    return found
+
+
+def circling_level(t: float) -> Vec3:
+    return (0.0, 0.0, 0.2 if t > 20.0 else 0.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_without_a_field_bounded_motion_leaves_the_vertical_bias_alone(seed: int) -> None:
+    """20 s on the ground with a field; then three minutes in the air without, blown about."""
+    blown = coloured(200.0, seed, 25.0, 2.0, 0.5)
+    force = Disturbance(force=lambda t: blown[round(25.0 * t)] if t > 20.0 else NO_BIAS)
+    flight = fly(circling_level, 200.0, seed, rate_hz=25.0, bias_b=NO_BIAS, disturbance=force)
+    moves, drifts = [], []
+    for filter_ in (new_filter(), new_filter(field_silence_s=1e9)):
+        biases, headings = [], []
+        filter_.use_vehicle(VehicleState(on_ground=True))
+        for sample, q in zip(flight.samples, flight.q_nb, strict=True):
+            if sample.t_us == 20_000_000:
+                filter_.use_vehicle(FLYING)
+            is_silent = sample.t_us >= 20e6
+            estimate = filter_.update(sample._replace(m_b_ut=None) if is_silent else sample)
+            if estimate is not None and sample.t_us > 51e6:
+                biases.append(estimate.bias_b[2])
+                headings.append(heading_apart(q, estimate.q_nb))
+        moves.append(max(biases) - min(biases))
+        drifts.append(max(abs(heading - headings[0]) for heading in headings))
+    assert moves[0] < moves[1] / 3.0
+    assert drifts[0] < drifts[1] / 3.0
+    assert drifts[0] < 3.0 * DEG

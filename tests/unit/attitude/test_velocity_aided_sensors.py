@@ -1,0 +1,181 @@
+"""What velocity fixes teach the default filter of its sensors, and what it predicts of itself."""
+
+import math
+
+import numpy as np
+import pytest
+from needs import DEG
+from synthetic_imu import Flight, RateLaw, brisk, fly, rms_deg, still
+from velocity_flights import (
+    Drive,
+    accelerating,
+    follow,
+    new_filter,
+    part,
+    sway,
+    tilt_errors,
+    turning,
+    with_noise,
+    with_samples,
+)
+
+from h2nav.attitude.samples import ImuSample, Trust, Vec3
+from h2nav.maths import quaternion
+
+FORCE_BIAS = (0.3, -0.3)
+
+
+def with_gyro_noise(drive: Drive, sigma_rad_s: float, seed: int) -> Drive:
+    """White noise on every sample of the rate."""
+    shape = (len(drive.v_n), 3)
+    noise = np.random.default_rng(seed).normal(0.0, sigma_rad_s, shape).tolist()
+
+    def change(i: int, sample: ImuSample) -> ImuSample:
+        (x, y, z), (a, b, c) = sample.w_b, noise[i]
+        return sample._replace(w_b=(x + a, y + b, z + c))
+
+    return with_samples(drive, change)
+
+
+# --- accelerometer ------------------------------------------------------------------------------
+
+
+def with_force_bias(drive: Drive) -> Drive:
+    def change(_i: int, sample: ImuSample) -> ImuSample:
+        x, y, z = sample.f_b
+        return sample._replace(f_b=(x + FORCE_BIAS[0], y + FORCE_BIAS[1], z))
+
+    return with_samples(drive, change)
+
+
+def test_the_bias_of_the_accelerometer_is_learnt_and_no_longer_tilts() -> None:
+    drive = with_force_bias(accelerating(90.0, 21, law=turning))
+    filter_, without = new_filter(), new_filter(accel_variance=0.0)
+    errors = tilt_errors(drive, follow(filter_, drive), 8000)
+    found = filter_.sensor_errors
+    assert found.force_bias_b[:2] == pytest.approx(FORCE_BIAS, abs=0.05)
+    assert max(found.force_variance) < 0.05**2
+    assert max(errors) < 0.3 * DEG
+    blind = tilt_errors(drive, follow(without, drive), 8000)
+    assert rms_deg(blind) > 3.0 * rms_deg(errors)
+    assert without.sensor_errors.force_bias_b == (0.0, 0.0, 0.0)
+
+
+def test_a_step_of_the_gyro_bias_is_not_taken_for_the_accelerometers() -> None:
+    def change(i: int, sample: ImuSample) -> ImuSample:
+        x, y, z = sample.w_b
+        step = 0.5 * DEG if i >= 5000 else 0.0
+        return sample._replace(w_b=(x + step, y + step, z + step))
+
+    drive = with_samples(accelerating(90.0, 21, law=turning), change)
+    filter_ = new_filter()
+    for first in range(0, 9000, 500):
+        follow(filter_, part(drive, first, first + 500))
+        assert max(map(abs, filter_.sensor_errors.force_bias_b)) < 0.05
+
+
+# --- latency ------------------------------------------------------------------------------------
+
+
+def test_fixes_that_are_later_than_their_stamps_are_seen_to_be() -> None:
+    drive = accelerating(90.0, 22, law=turning)
+    late = drive._replace(v_n=[drive.v_n[max(i - 20, 0)] for i in range(len(drive.v_n))])
+    on_time, filter_ = new_filter(), new_filter()
+    follow(on_time, drive)
+    found = follow(filter_, late, latency=0)
+    assert on_time.sensor_errors.fix_latency_s < 0.03
+    assert filter_.sensor_errors.fix_latency_s == pytest.approx(0.2, abs=0.03)
+    assert rms_deg(tilt_errors(late, found, 7000)) < 0.3
+
+
+# --- jitter -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", [still, sway, brisk])
+def test_jitter_is_measured_and_doubted_and_smooth_motion_is_not(law: RateLaw) -> None:
+    smooth = accelerating(15.0, 23, force=still, law=law)
+    rough = with_gyro_noise(smooth, 0.03, 23)
+    density = 0.03**2 * 0.01
+    levels, tilts = [], []
+    for drive in (smooth, rough):
+        filter_ = new_filter(scale_noise=0.0)
+        estimates = [filter_.update(sample) for sample in drive.flight.samples]
+        assert estimates[-1] is not None
+        levels.append(filter_.kernel_memory.gyro_jitter)
+        tilts.append(estimates[-1].sigma_tilt_rad)
+    assert levels[0] < 0.01 * density
+    assert levels[1] == pytest.approx(density, rel=0.2)
+    assert tilts[1] > 1.5 * tilts[0]
+
+
+# --- clipped bursts -----------------------------------------------------------------------------
+
+LIMIT_RAD_S = 8.0
+
+
+def bursts(t: float) -> Vec3:
+    """Every 2 s a jerk of 0.3 s, up to 12 rad/s."""
+    since = t % 2.0
+    rate = 12.0 * math.sin(math.pi * since / 0.3) ** 2 if since < 0.3 and t > 20.0 else 0.0
+    return (rate, 0.2 * math.cos(t), 0.5 * rate)
+
+
+def plateau(t: float) -> Vec3:
+    """One turn of 0.5 s, beyond the range."""
+    return (9.0 if 20.0 < t < 20.5 else 0.0, 0.0, 0.0)
+
+
+def cut(flight: Flight, limit: float, is_flagged: bool) -> list[ImuSample]:
+    """What a gyro of a smaller range gives of it."""
+    samples = []
+    for sample in flight.samples:
+        x, y, z = (min(max(part, -limit), limit) for part in sample.w_b)
+        is_cut = (x, y, z) != sample.w_b
+        samples.append(sample._replace(w_b=(x, y, z), clipped=is_flagged and is_cut))
+    return samples
+
+
+def test_what_short_clipped_bursts_have_hidden_is_made_up_for() -> None:
+    flight = fly(bursts, 40.0, 61, bias_b=(0.0, 0.0, 0.0))
+    rms = []
+    for is_flagged in (True, False):
+        filter_, errors = new_filter(knows_field=True), []
+        samples = cut(flight, LIMIT_RAD_S, is_flagged)
+        for sample, q in zip(samples, flight.q_nb, strict=True):
+            estimate = filter_.update(sample)
+            if estimate is not None and sample.t_us > 20.3e6:
+                errors.append(quaternion.angle(estimate.q_nb, q))
+        rms.append(rms_deg(errors))
+    assert rms[0] < rms[1] / 3.0
+
+
+def test_a_long_clipped_turn_is_doubted_and_not_made_up_for() -> None:
+    limit = 0.5
+    flight = fly(plateau, 21.0, 62, bias_b=(0.0, 0.0, 0.0))
+    filter_ = new_filter(knows_field=True)
+    last = None
+    for sample in cut(flight, limit, is_flagged=True):
+        estimate = filter_.update(sample)
+        if last is not None and not sample.clipped and last.trust & Trust.SATURATED:
+            assert estimate is not None
+            turned = quaternion.angle(estimate.q_nb, last.q_nb)
+            assert turned < 0.01 * limit + 0.1 * DEG
+            assert estimate.sigma_tilt_rad > 5.0 * DEG
+            return
+        last = estimate
+    pytest.fail("nothing was clipped")
+
+
+# --- predicted deviations -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [70, 71, 72])
+def test_the_predicted_deviation_of_the_tilt_is_of_the_size_of_the_error(seed: int) -> None:
+    """White noise on fixes of 5 Hz and on the rates."""
+    drive = with_noise(accelerating(60.0, seed, law=turning), 0.1, seed)
+    drive = with_gyro_noise(drive, 0.03, seed)
+    found = follow(new_filter(), drive)
+    sigmas = [estimate.sigma_tilt_rad for estimate in found[3000:] if estimate is not None]
+    pairs = zip(tilt_errors(drive, found, 3000), sigmas, strict=True)
+    nees = sum((error / sigma) ** 2 for error, sigma in pairs) / len(sigmas)
+    assert 0.1 < nees < 3.0
