@@ -40,7 +40,7 @@ class Leveled(NamedTuple):
 
     Attributes:
         q_nb: attitude, body to NED, now.
-        tilt_sigma_rad: deviation of its tilt, from the noise of the velocities.
+        tilt_sigma_rad: deviation of its tilt, from the noise of velocities and heading.
         heading_sigma_rad: deviation of its heading; infinite: it is the one that was given.
         length_s: of the window.
     """
@@ -156,6 +156,9 @@ class AirAlignment:
             turn, heading_sigma = _turn_to_velocity(
                 start, _without(about_mean, 1), self._sums[0] * sigma_m_s**2
             )
+        # A wrong turn about the mean force tilts by as much as that leans.
+        leaning = math.asin(level / size) * min(heading_sigma, math.sqrt(2.0))
+        tilt_sigma = math.hypot(tilt_sigma, leaning)
         q_now = multiply(exp(_times(turn, wanted)), multiply(start, self._turn))
         return Leveled(q_now, tilt_sigma, heading_sigma, length_s)
 

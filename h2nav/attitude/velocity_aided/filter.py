@@ -294,6 +294,8 @@ class VelocityAidedFilter:
             fix.v_n, fix.earlier, s.heading_turned, fix.period_s, math.sqrt(fix.variance), walk
         )
         s.heading_witnessed = 0.0 if seen is None else 1.0
+        if seen is not None:
+            s.heading_unknown = 0.0
         if seen is not None and seen.contradicts:
             turn_heading(s, self._g, seen.turn_rad)
             s.heading_variance = min(s.heading_variance, (INFLATION * seen.sigma_rad) ** 2)
@@ -410,12 +412,13 @@ class VelocityAidedFilter:
         turned = (math.cos(half), 0.0, 0.0, math.sin(half))
         s.q_nb[:] = multiply(turned, alignment.attitude(window))
         s.mag_accepted_age_s = 0.0 if window.fields else -1.0
-        s.age_s = 0.0
+        s.age_s = s.heading_unknown = 0.0
         return self._begin(sample, LEVEL_SIGMA)
 
     def _resume(self, sample: ImuSample) -> AttitudeEstimate:
         """After a gap in the air: a force of the air says less of the tilt than the last one."""
         self._memory.mag_accepted_age_s = -1.0
+        self._memory.heading_unknown = 1.0
         self._memory.age_s = LONGEST_S
         return self._begin(sample, AIR_TILT_SIGMA)
 
@@ -442,6 +445,7 @@ class VelocityAidedFilter:
         if s.age_s > CONVERGED_S:
             trust |= _CONVERGED
         is_known = s.heading_variance < REFERENCED_RAD * REFERENCED_RAD
+        is_known = is_known and s.heading_unknown == 0.0
         if is_known:
             trust |= _YAW_REFERENCED
         is_found = is_known or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0

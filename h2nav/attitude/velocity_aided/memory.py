@@ -98,6 +98,7 @@ class Memory:
     mag_offset_norm: float = real("", "slow mean of the norm's difference from the reference's")
     mag_offset_dip: float = real("rad", "slow mean of the dip's difference")
     heading_turned: float = real("rad", "sum of all corrections of the heading")
+    heading_unknown: float = real("", "1: after a gap in the air nothing has shown the heading yet")
     heading_witnessed: float = real("", "1: measured velocities show the heading too")
     gyro_last: list[float] = reals(3, "rad/s", "rate of the sample before")
     gyro_step: list[float] = reals(3, "rad/s", "its change from the one before it")

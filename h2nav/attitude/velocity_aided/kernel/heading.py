@@ -57,6 +57,7 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
     if lost > HEADING_LOST:
         learn_field(s, g, norm, dip, flat, age, lag)
     s.mag_accepted_age_s = 0.0
+    s.heading_unknown = 0.0
     if lost < 0.0 and s.heading_witnessed == 0.0:
         turn_heading(s, g, innovation)
         return FIELD_USED

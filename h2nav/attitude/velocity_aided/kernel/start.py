@@ -63,4 +63,5 @@ def find_in_air(
     if heading_sigma * heading_sigma < g.heading_variance:
         s.p_xh = s.p_yh = s.p_zh = 0.0
         s.heading_variance = heading_sigma * heading_sigma
+        s.heading_unknown = 0.0
         s.mag_accepted_age_s = 0.0

@@ -192,7 +192,7 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
 def measure_heading(s: Memory, g: Gains, phase: I32) -> None:
     """Theta from the heading that has been prepared, unless both are too far apart.
 
-    Source: docs/filter.md Eq. (25), (39), (40).
+    Source: docs/filter.md Eq. (25), (39), (57).
     """
     if phase == 12:
         explained = 0

@@ -375,7 +375,7 @@ def disturbed(s: Memory, g: Gains) -> I32:
 def judge_heading(s: Memory, g: Gains) -> None:
     """Refuses a field whose heading is further off than both are expected to be.
 
-    Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (40).
+    Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (57).
     """
     age = s.mag_frame_us
     s.log_heading_noise = LOG_SECOND_Q8 - logarithm(age | 1)

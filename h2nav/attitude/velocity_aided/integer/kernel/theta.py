@@ -243,7 +243,7 @@ def use_level_gain(s: Memory, r: list[I32]) -> None:
     With c = (vertical part of h, h_4) and k = h - c: D += k e, P <- P - (h h^T - c c^T) / S, in
     which h h^T - c c^T = k h^T + c k^T.
 
-    Source: docs/filter.md Eq. (39), (41).
+    Source: docs/filter.md Eq. (39), (58).
     """
     h = [0, 0, 0]
     for i in range(3):
