@@ -104,9 +104,11 @@ def test_without_field_and_acceleration_the_tilt_is_exact_and_no_heading_is_clai
 
 @pytest.mark.parametrize("scale", [0.5, 1.5])
 def test_a_field_of_another_norm_gives_no_heading(scale: float) -> None:
-    """It points elsewhere too; the velocities give the heading as if there were none."""
+    """It points elsewhere, of the right dip; the velocities give the heading instead."""
+    x, y, z = quaternion.rotate(quaternion.from_euler(0.0, 0.0, 1.0), FIELD_N)
+    other = (scale * x, scale * y, scale * z)
     samples = [
-        s._replace(m_b=(scale * s.m_b[1], scale * s.m_b[0], scale * s.m_b[2])) for s in exact(3.0)
+        s._replace(m_b=quaternion.rotate(quaternion.conjugate(s.q_nb), other)) for s in exact(3.0)
     ]
     found = solved(feed(AirAlignment(0), samples), KNOWN, 2)
     assert quaternion.angle(found.q_nb, samples[-1].q_nb) < 1e-3
