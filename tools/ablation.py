@@ -1,56 +1,88 @@
 """What each idea of the default filter is worth: the filter without it, on recorded trials.
 
-    python tools/ablation.py DIR
+    python tools/ablation.py DIR...
 
-DIR holds `.npz` trials; files named broad__* and tumvi__* run as handheld, sitl__* as multirotor,
-*thor* as fixed wing. Prints the Markdown table of docs/filter.md, degrees.
+The folders hold `.npz` trials and telemetry logs of flights with SIMSTATE: files named broad__* and
+tumvi__* run as handheld, sitl__* as multirotor, *thor* as fixed wing, and *.tlog as what flew, with
+and without the velocities of the GPS receiver. Prints the Markdown table of docs/filter.md: degrees
+rms, means over the trials. Logs count from 60 s on, when the declination is known; one whose name
+begins with imu_ is left out, because a sensor that fails is no measure of an idea.
 """
 
+import contextlib
 import statistics
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
+import numpy as np
+
+from h2nav.apps import recorded_trials
+from h2nav.attitude.samples import SensorDelays
+from h2nav.attitude.velocity_aided.air_alignment import AirAlignment
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.heading_witness import HeadingWitness
 from h2nav.attitude.velocity_aided.memory import SETS, Gains
-from h2nav.evaluation.dataset.filters import Conditions, run_shaped
-from h2nav.evaluation.scoring import errors, rms
+from h2nav.evaluation.dataset.filters import Conditions, run_with_gains
+from h2nav.evaluation.flights.scores import SETTLED_S
+from h2nav.evaluation.scoring import Rms, errors, rms
 from h2nav.io import gain_files
-from h2nav.io.trials import read_trial
+from h2nav.io.trials import Told, Trial
 
 Change = Callable[[Gains], None]
-DECLINATION_DEG = 12.69  # of the simulated flights
+PROCESSES = 2
 
 
-class DataSet(NamedTuple):
-    """Trials that share a class and a figure of merit (0 total, 2 inclination)."""
+class Idea(NamedTuple):
+    """How the filter is run without an idea.
+
+    Attributes:
+        change: of the gains.
+        told: of what the filter is told besides the samples.
+        silent: class and method that then finds nothing.
+    """
+
+    change: Change | None = None
+    told: Callable[[Told], Told] | None = None
+    silent: tuple[type, str] | None = None
+
+
+class Run(NamedTuple):
+    """The conditions of a trial that matter here."""
+
+    vehicle_class: str
+    use_gps: bool = False
+
+
+class Column(NamedTuple):
+    """Trials that share their conditions, and the figures that are shown of them."""
 
     title: str
-    pattern: str
-    conditions: Conditions
-    figure: int
+    kind: str
+    run: Run
+    figures: tuple[str, ...]
 
 
-DATA_SETS = (
-    DataSet("BROAD total", "broad__*.npz", Conditions("handheld"), 0),
-    DataSet("BROAD incl.", "broad__*.npz", Conditions("handheld"), 2),
-    DataSet("TUM-VI incl.", "tumvi__*.npz", Conditions("handheld"), 2),
-    DataSet("flights total", "sitl__*.npz", Conditions("multirotor"), 0),
-    DataSet("flights incl.", "sitl__*.npz", Conditions("multirotor"), 2),
-    DataSet(
-        "flights total, GPS", "sitl__*.npz", Conditions("multirotor", True, DECLINATION_DEG), 0
-    ),
-    DataSet("Thor incl.", "*thor*.npz", Conditions("fixed-wing"), 2),
+COLUMNS = (
+    Column("BROAD", "broad", Run("handheld"), ("total", "inclination")),
+    Column("TUM-VI", "tumvi", Run("handheld"), ("inclination",)),
+    Column("Thor", "thor", Run("fixed-wing"), ("inclination",)),
+    Column("copters, field learnt", "sitl", Run("multirotor"), ("total", "inclination")),
+    Column("copters, GPS", "tlog", Run("multirotor", True), ("total", "inclination")),
+    Column("copters", "tlog", Run("multirotor"), ("total", "inclination")),
+    Column("wing, GPS", "tlog", Run("fixed-wing", True), ("total", "inclination")),
+    Column("wing", "tlog", Run("fixed-wing"), ("total", "inclination")),
 )
 
 
-def put(name: str, value: float) -> Change:
+def put(name: str, value: float) -> Idea:
     def change(g: Gains) -> None:
         setattr(g, name, value)
 
-    return change
+    return Idea(change)
 
 
 def one_set(g: Gains) -> None:
@@ -60,53 +92,115 @@ def one_set(g: Gains) -> None:
     g.k_velocity[:] = [g.k_velocity[middle]] * SETS
 
 
-ABLATIONS: dict[str, Change | None] = {
-    "the filter": None,
+def no_prior(told: Told) -> Told:
+    """The field is expected to be as late as the rate."""
+    if isinstance(told.what, SensorDelays):
+        return told._replace(what=told.what._replace(field_s=told.what.gyro_s))
+    return told
+
+
+ABLATIONS: dict[str, Idea] = {
+    "the filter": Idea(),
     "gain blind to rotation": put("scale_noise", 0.0),
     "gain blind to motion": put("velocity_correlation", 0.0),
-    "one gain set": one_set,
+    "one gain set": Idea(one_set),
     "bias from rest and field alone": put("bias_inflation", 1e12),
     "lasting innovations count as motion": put("innovation_mean_time_s", 1e9),
     "no latency of the field": put("mag_lag_limit", 0.0),
+    "no latency prior": Idea(told=no_prior),
     "field noise blind to disturbance": put("mag_correlation", 0.0),
     "no easing into the start": put("startup_time_s", 0.0),
+    "no jitter": put("jitter_share", 0.0),
+    "no accelerometer bias": put("accel_variance", 0.0),
+    "no latency of fixes": put("fix_lag_variance", 0.0),
+    "no heading gate": put("mag_heading_gate", 0.0),
+    "heading drift learnt without field": put("field_silence_s", 1e9),
+    "no window in the air": Idea(silent=(AirAlignment, "solve")),
+    "no heading from velocities": Idea(silent=(HeadingWitness, "take")),
 }
 
 
-def score(path: Path, conditions: Conditions, name: str) -> tuple[float, float, float]:
-    trial = read_trial(path)
-    file = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
+class Known(NamedTuple):
+    """A trial, and the conditions that it is run under."""
+
+    trial: Trial
+    kind: str
+    runs: Sequence[Run]
+
+
+def read(path: Path) -> Known | None:
+    """The trial of a file; None for one that is none of the table's."""
+    kind = "tlog" if path.suffix == ".tlog" else path.name.partition("__")[0]
+    kind = "thor" if "thor" in path.name else kind
+    if kind not in {column.kind for column in COLUMNS} or path.name.startswith("imu_"):
+        return None
+    trial, vehicle_class = recorded_trials.read_with_class(path)
+    if kind == "tlog":
+        trial = trial._replace(mask=trial.mask & (trial.t_us > SETTLED_S * 1e6))
+        if not trial.mask.any() or not any("SIMSTATE" in note for note in trial.notes):
+            return None
+    runs = {c.run for c in COLUMNS if c.kind == kind and vehicle_class in ("", c.run.vehicle_class)}
+    return Known(trial, kind, sorted(runs))
+
+
+def score(trial: Trial, run: Run, idea: Idea) -> Rms:
+    """The errors of a trial without an idea."""
+    file = f"{run.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
     gains = velocity_aided_gains(gain_files.load(file), file)
-    change = ABLATIONS[name]
-    if change is not None:
-        change(gains.kernel)
-    track = run_shaped(trial, conditions, gains)
+    if idea.change is not None:
+        idea.change(gains.kernel)
+    if idea.told is not None:
+        trial = trial._replace(told=tuple(map(idea.told, trial.told)))
+    with contextlib.ExitStack() as stack:
+        if idea.silent is not None:
+            stack.enter_context(mock.patch.object(*idea.silent, return_value=None))
+        track = run_with_gains(trial, Conditions(*run), gains)
     assert trial.q_es is not None
     return rms(errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed), trial.mask)
 
 
-def main(folder: Path) -> None:
-    runs = sorted({(d.pattern, d.conditions) for d in DATA_SETS}, key=str)
-    with ProcessPoolExecutor() as pool:
-        futures = {
-            (pattern, conditions, name): [
-                pool.submit(score, path, conditions, name) for path in sorted(folder.glob(pattern))
-            ]
-            for name in ABLATIONS
-            for pattern, conditions in runs
+Scores = dict[tuple[str, Run, str], Rms]
+
+
+def score_all(path: Path) -> Scores:
+    """The errors of a file without each idea, by kind, conditions and idea."""
+    known = read(path)
+    if known is None:
+        return {}
+    # An idea may end in an attitude that is no number.
+    with np.errstate(invalid="ignore"):
+        return {
+            (known.kind, run, name): score(known.trial, run, idea)
+            for run in known.runs
+            for name, idea in ABLATIONS.items()
         }
-        print("| without | " + " | ".join(d.title for d in DATA_SETS) + " |")
-        print("|---" * (len(DATA_SETS) + 1) + "|")
-        for name in ABLATIONS:
-            cells = []
-            for d in DATA_SETS:
-                scores = [f.result() for f in futures[d.pattern, d.conditions, name]]
-                value = statistics.fmean(s[d.figure] for s in scores) if scores else float("nan")
-                cells.append(f"{value:.2f}")
-            print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+
+
+def cell(found: Iterable[Rms], figures: Sequence[str]) -> str:
+    rows = list(found)
+    if not rows:
+        return ""
+    means = (statistics.fmean(getattr(row, figure) for row in rows) for figure in figures)
+    return " / ".join(f"{mean:.2f}" for mean in means)
+
+
+def main(folders: Sequence[Path]) -> None:
+    paths = [path for folder in folders for path in folder.iterdir()]
+    paths = [path for path in paths if path.suffix in (".npz", ".tlog")]
+    paths.sort(key=lambda path: (path.suffix, path.stat().st_size), reverse=True)
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        scores = list(pool.map(score_all, paths))
+    names = {"total": "total", "inclination": "incl."}
+    titles = [f"{c.title}: {' / '.join(names[f] for f in c.figures)}" for c in COLUMNS]
+    print("| without | " + " | ".join(titles) + " |")
+    print("|---" * (len(COLUMNS) + 1) + "|")
+    for name in ABLATIONS:
+        wanted = [(column, (column.kind, column.run, name)) for column in COLUMNS]
+        cells = [cell((s[key] for s in scores if key in s), c.figures) for c, key in wanted]
+        print(f"| {name} | " + " | ".join(cells) + " |")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
-    main(Path(sys.argv[1]))
+    main([Path(name) for name in sys.argv[1:]])

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import NamedTuple
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import vehicle_class
@@ -18,14 +19,26 @@ from h2nav.io.trials import RECORDING_SUFFIXES, SUFFIX, Trial, read_trial
 from h2nav.service.service import Service, Surroundings
 
 
+class ReadTrial(NamedTuple):
+    """A trial, and what flew: a vehicle class, empty where the file does not tell."""
+
+    trial: Trial
+    vehicle_class: str
+
+
 def read(path: Path) -> Trial:
     """The trial of an `.npz`, of a telemetry log, of raw bytes or of our MCAP.
 
     Raises:
         BadInput: it is none of them, or holds no samples.
     """
+    return read_with_class(path).trial
+
+
+def read_with_class(path: Path) -> ReadTrial:
+    """The trial of a file, and the class of its vehicle; see `read`."""
     if path.suffix == SUFFIX:
-        return read_trial(path)
+        return ReadTrial(read_trial(path), "")
     try:
         recording = open_recording(path)
     except BadInput:
@@ -39,11 +52,9 @@ def read(path: Path) -> Trial:
     service = _listen(recording, listener, reference)
     trial = trial_of(path, listener, reference)
     assert listener.identity is not None  # samples come from a known autopilot only
-    about = (
-        f"{listener.identity.description}, {service.health.imu_message}; its class is "
-        f"{vehicle_class(listener.identity.vehicle_type)}"
-    )
-    return trial._replace(notes=(about, *trial.notes))
+    flown = vehicle_class(listener.identity.vehicle_type)
+    about = f"{listener.identity.description}, {service.health.imu_message}; its class is {flown}"
+    return ReadTrial(trial._replace(notes=(about, *trial.notes)), flown)
 
 
 def _listen(recording: Recording, listener: Listener, reference: Reference) -> Service:

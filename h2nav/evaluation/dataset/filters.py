@@ -1,8 +1,8 @@
 """Our filters, run on a trial for `h2nav evaluate dataset`.
 
-Whole stretches go through the compiled kernels where they are built and can: not while a velocity
-is fused, and not where the insides are to be shown. The estimates are the same bits either way.
-The smoother calls the compiled kernels sample by sample.
+Whole stretches go through the compiled kernels where they are built and can. While a velocity is
+fused, where the insides are to be shown, and in the smoother they are called sample by sample. The
+estimates are the same bits either way.
 """
 
 import math
@@ -67,7 +67,7 @@ class Track(NamedTuple):
     Attributes:
         q_es: (N, 4) attitude, sensor to east-north-up.
         us_per_sample: processor time of the filter's calls alone.
-        backend: what they ran on: native or python.
+        backend: what they ran on: native; native, called per sample; or python.
         bias: (N, 3) gyro bias, rad/s; None where the filter shows none.
         gain_set: (N,) number of the gain set in use; None for other filters.
         field_used: (N,) whether the sample's field passed the gate; None for other filters.
@@ -99,32 +99,41 @@ def run_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
 
 def run_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
     """The same in integers."""
-    gains = _at_cruise(_class_gains(trial, conditions), conditions)
-    return _run(trial, conditions, IntegerVelocityAidedFilter(gains, gains.name))
+    return _run(trial, conditions, _integer_filter(_class_gains(trial, conditions), conditions))
 
 
 def smooth_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
     """The velocity-aided filter forward and backward."""
-    gains = _at_cruise(_class_gains(trial, conditions), conditions)
-    step = native.compiled_step(VELOCITY_AIDED)
-    return _smooth(trial, conditions, lambda: VelocityAidedFilter(gains, step))
+    gains = _class_gains(trial, conditions)
+    return _smooth(trial, conditions, lambda: _float_filter(gains, conditions))
 
 
 def smooth_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
     """The same in integers."""
-    gains = _at_cruise(_class_gains(trial, conditions), conditions)
-    step = native.compiled_step(VELOCITY_AIDED_INTEGER)
-    return _smooth(trial, conditions, lambda: IntegerVelocityAidedFilter(gains, gains.name, step))
+    gains = _class_gains(trial, conditions)
+    return _smooth(trial, conditions, lambda: _integer_filter(gains, conditions))
 
 
 def run_with_gains(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
     """The velocity-aided filter with given gains."""
-    return _run(trial, conditions, VelocityAidedFilter(_at_cruise(gains, conditions)))
+    return _run(trial, conditions, _float_filter(gains, conditions))
 
 
 def _class_gains(trial: Trial, conditions: Conditions) -> VelocityAidedGains:
     name = f"{conditions.vehicle_class}_{gain_files.shipped_rate(trial.rate_hz)}hz"
     return velocity_aided_gains(gain_files.load(name), name)
+
+
+def _float_filter(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAidedFilter:
+    step = native.compiled_step(VELOCITY_AIDED)
+    return VelocityAidedFilter(_at_cruise(gains, conditions), step)
+
+
+def _integer_filter(
+    gains: VelocityAidedGains, conditions: Conditions
+) -> IntegerVelocityAidedFilter:
+    step = native.compiled_step(VELOCITY_AIDED_INTEGER)
+    return IntegerVelocityAidedFilter(_at_cruise(gains, conditions), gains.name, step)
 
 
 def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAidedGains:
@@ -162,6 +171,10 @@ def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
 def _is_compiled(chosen: AttitudeFilter) -> bool:
     is_aided = isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter)
     return is_aided and native.backend() == "native"
+
+
+def _backend_of_samples(chosen: AttitudeFilter) -> str:
+    return "native, called per sample" if _is_compiled(chosen) else "python"
 
 
 def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
@@ -213,7 +226,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
     return Track(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
-        backend="python",
+        backend=_backend_of_samples(chosen),
         bias=np.array([estimate.bias_b for estimate in filled]),
         gain_set=np.array(sets) if sets else None,
         field_used=np.array([bool(estimate.trust & Trust.FIELD_USED) for estimate in filled]),
@@ -231,7 +244,7 @@ def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> Track:
     return Track(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
-        backend="native, called per sample" if _is_compiled(chosen) else "python",
+        backend=_backend_of_samples(chosen),
         bias=np.array([estimate.bias_b for estimate in filled]),
     )
 
