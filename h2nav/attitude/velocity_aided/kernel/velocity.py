@@ -113,7 +113,7 @@ def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
         share = period / time
     s.innovation_power = s.innovation_power + share * (square - s.innovation_power)
     density = g.fix_floor + period * variance + g.fix_correlation * s.innovation_power
-    # Turned by an unknown heading a velocity tilts the wrong way: it must not hold the tilt tightly.
+    # Turned by an unknown heading a velocity tilts the wrong way: it may not hold the tilt tightly.
     if density > g.fix_ceiling or s.heading_unknown > 0.0:
         density = g.fix_ceiling
     s.velocity_noise = density

@@ -55,6 +55,8 @@ from .theta import (
 from .tilt import ask_force, find_rest_gain, judge_rest
 from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
 
+SETTLED_US = 30000000  # ten times the start-up time
+
 
 def second_stage(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """One of the sixteen parts of a frame; returns bits.
@@ -158,8 +160,12 @@ def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
         use_gain(s)
     elif s.velocity_use == 2:
         use_gain(s)
-        use_lag_gain(s)
-        use_accel_gain(s, 1)
+        # before the errors of the start have passed they would look like another's
+        if s.age_us > SETTLED_US:
+            use_lag_gain(s)
+            use_accel_gain(s, 1)
+        else:
+            use_accel_gain(s, 0)
     elif s.velocity_use == 1:
         if s.field_silence_us > g.field_silence_us:
             use_level_gain(s, r)
