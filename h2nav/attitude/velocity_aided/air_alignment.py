@@ -159,7 +159,8 @@ class AirAlignment:
         # A wrong turn about the mean force tilts by as much as that leans.
         leaning = math.asin(level / size) * min(heading_sigma, math.sqrt(2.0))
         tilt_sigma = math.hypot(tilt_sigma, leaning)
-        q_now = multiply(exp(_times(turn, wanted)), multiply(start, self._turn))
+        about: Vec3 = (turn * wanted[0], turn * wanted[1], turn * wanted[2])
+        q_now = multiply(exp(about), multiply(start, self._turn))
         return Leveled(q_now, tilt_sigma, heading_sigma, length_s)
 
     def _matrix(self) -> list[list[float]]:
@@ -269,10 +270,6 @@ def _turn_to_velocity(
         return 0.0, math.inf
     # A heading turns about down, and the force points up.
     return math.atan2(-across, along), sigma
-
-
-def _times(angle: float, axis: Vec3) -> Vec3:
-    return (angle * axis[0], angle * axis[1], angle * axis[2])
 
 
 def _unit(cosine: float) -> float:
