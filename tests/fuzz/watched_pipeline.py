@@ -141,7 +141,7 @@ class WatchedPipeline:
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
         """Every number of an estimate is one; not every filter knows its sigma."""
         for name, value in zip(record._fields, record, strict=True):
-            is_unknown = name == "sigma_tilt_deg" and math.isnan(value)
+            is_unknown = name.startswith("sigma_") and math.isnan(value)
             if isinstance(value, float) and not math.isfinite(value) and not is_unknown:
                 raise InvariantBrokenError(f"estimate: {name} is {value}")
 
