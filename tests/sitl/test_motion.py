@@ -74,7 +74,8 @@ def test_a_camera_gives_twist_and_bias_within_5_s(tmp_path):
         # Of the bias 0.1 deg/s per axis is drawn from the seed.
         bias = [record[f"bias_{axis}_rad_s"] / DEG for axis in "xyz"]
         assert math.dist(bias, BIAS_DEG_S) < 0.7
-    assert len(records(log, "/odometry")) == sent_odometry(log) > 90
+    # What a held-up machine makes late is recorded and not sent.
+    assert len(records(log, "/odometry")) >= sent_odometry(log) > 90
     assert all(r["verdict"] != "pose_jump" for r in records(log, "/pose_measured"))
     assert_replays_exactly(log, ("/estimate", "/twist", "/odometry", "/pose_measured"))
 
@@ -88,7 +89,7 @@ def test_wheels_give_the_way_of_a_rover(tmp_path):
         *("--scenario", "half-circle"),
     )
     sent = records(log, "/odometry")
-    assert len(sent) == sent_odometry(log) > 60
+    assert len(sent) >= sent_odometry(log) > 60
     last = sent[-1]
     north, east, _ = scenario("half-circle").motion(last["t_us"] * 1e-6).p_n
     assert math.hypot(north, east) > 1.0
