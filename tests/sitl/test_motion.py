@@ -47,7 +47,7 @@ def assert_replays_exactly(log, topics):
 
 
 def in_time(log):
-    """How many estimates of motion were not held back: what a busy machine makes late is not sent."""
+    """How many estimates of motion were not held back, as those are that come late."""
     recording = open_recording(log)
     attitudes = [fields for _, fields in recording.records("/estimate")]
     times = [fields["t_us"] for fields in attitudes]
