@@ -10,10 +10,10 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.evaluation.reference import ErrorTable, Reference
+from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recordings import open_recording
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 

@@ -7,8 +7,8 @@ from typing import Any, TextIO
 
 from h2nav.apps.json_output import json_text
 from h2nav.apps.voice import Voice
+from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord, HealthRecord
 
 REFRESH_NS = 200_000_000

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.link_signing import LinkSigning
+from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.foxglove_messages import LogLevel
@@ -15,7 +16,7 @@ from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
 from h2nav.io.signing import without_signature
-from h2nav.service.effects import Effect, Notice, Record, Send, Severity, Used
+from h2nav.service.effects import Effect, Notice, Record, Send, Used
 from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
 from h2nav.wire.readers import READERS, Envelope, Message, message_name

@@ -20,10 +20,10 @@ from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.evaluation.reference import Estimates, Reference
+from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording, open_recording
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 
 ESTIMATE_TOPIC = "/estimate"

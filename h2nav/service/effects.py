@@ -1,20 +1,10 @@
 """What the service wants done; the daemon and the replay carry it out."""
 
-from enum import IntEnum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.integrity.findings import Severity
 from h2nav.wire.outbound import OutMessage
-
-
-class Severity(IntEnum):
-    """MAV_SEVERITY, as far as the service uses it."""
-
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
 
 
 class Send(NamedTuple):

@@ -2,8 +2,9 @@
 
 import math
 
+from h2nav.integrity.findings import Severity
 from h2nav.service.autopilot import Autopilot
-from h2nav.service.effects import Effect, Record, Send, Severity
+from h2nav.service.effects import Effect, Record, Send
 from h2nav.service.motion_records import odometry_line
 from h2nav.service.notices import Tell
 from h2nav.service.outputs import Motion, Outputs

@@ -7,7 +7,8 @@ many wait.
 from collections import OrderedDict, deque
 from typing import Protocol
 
-from h2nav.service.effects import Effect, Notice, Severity
+from h2nav.integrity.findings import Severity
+from h2nav.service.effects import Effect, Notice
 from h2nav.service.limits import SECOND_NS, RateLimit
 from h2nav.wire import outbound
 from h2nav.wire.outbound import OutMessage

@@ -15,11 +15,12 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
+from h2nav.integrity.findings import Severity
 from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.conversation import Conversation
-from h2nav.service.effects import Effect, Record, Send, Severity, Used
+from h2nav.service.effects import Effect, Record, Send, Used
 from h2nav.service.estimation import Estimation, FilterFor
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State

@@ -1,7 +1,8 @@
 """The present state of the service, and the reports of its changes."""
 
+from h2nav.integrity.findings import Severity
 from h2nav.service import health
-from h2nav.service.effects import Effect, Severity
+from h2nav.service.effects import Effect
 from h2nav.service.health import Signs, State, Verdict
 from h2nav.service.notices import Notices
 

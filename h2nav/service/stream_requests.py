@@ -18,7 +18,8 @@ from collections import deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.service.effects import Notice, Severity
+from h2nav.integrity.findings import Severity
+from h2nav.service.effects import Notice
 from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
 from h2nav.service.wished_stream import SHORTEST_LOOK_NS, Phase, Trouble, Wish, WishedStream
 from h2nav.wire import outbound

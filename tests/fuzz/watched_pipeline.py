@@ -19,11 +19,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from fuzz.clean_sessions import CONFIGURATIONS
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 

@@ -10,9 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.evaluation.reference import ATTITUDE, SIMSTATE, Attitudes
 from h2nav.evaluation.rows import Array
+from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 from h2nav.wire.vehicle import heartbeat, landed_state
 

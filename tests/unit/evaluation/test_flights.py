@@ -20,10 +20,10 @@ from h2nav.evaluation.flights.scores import (
     score_flight,
 )
 from h2nav.evaluation.flights.truth import read_truth
+from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer
 from h2nav.maths import quaternion
-from h2nav.service.effects import Severity
 from h2nav.service.records import EstimateRecord
 
 START_S = 1_000.0

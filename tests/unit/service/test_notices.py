@@ -1,4 +1,4 @@
-from h2nav.service.effects import Severity
+from h2nav.integrity.findings import Severity
 from h2nav.service.notices import MOST_CAUSES, NOTICES_AT_ONCE, Notices
 from h2nav.wire.outbound import STATUS_TEXT_SIZE
 

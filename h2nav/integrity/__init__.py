@@ -1,0 +1,1 @@
+"""What is wrong, from when, and how we know: checks of sensors, of our attitude and of another."""

@@ -1,0 +1,50 @@
+"""Innovation test ratios: how far measurements are from what an attitude says, in what may be expected.
+
+A ratio of 1 is where its test fails, as in PX4's `*_test_ratio` and ArduPilot's EKF_STATUS_REPORT.
+"""
+
+import math
+from typing import NamedTuple
+
+
+class InnovationRatios(NamedTuple):
+    """Of one attitude, each over 1 s and 10 s; NaN where nothing was measured.
+
+    Attributes:
+        velocity_1s: change of a measured velocity against the integrated force.
+        velocity_10s: the same.
+        force_10s: the integrated force against a velocity that is merely bounded.
+        field_1s: heading, dip and norm of the field against the earth's.
+        field_10s: the same.
+        turn_1s: turn of the field in space as the gyro has it, which should be none.
+        turn_10s: the same.
+    """
+
+    velocity_1s: float = math.nan
+    velocity_10s: float = math.nan
+    force_10s: float = math.nan
+    field_1s: float = math.nan
+    field_10s: float = math.nan
+    turn_1s: float = math.nan
+    turn_10s: float = math.nan
+
+    @property
+    def of_velocity(self) -> float:
+        """The worse of both; NaN without any."""
+        return _worst(self.velocity_1s, self.velocity_10s)
+
+    @property
+    def of_field(self) -> float:
+        """The worse of both; NaN without any."""
+        return _worst(self.field_1s, self.field_10s)
+
+    @property
+    def of_inertial(self) -> float:
+        """The worst of those that a wrong gyro or accelerometer raises; 0 without any."""
+        worst = _worst(*self[:3], self.turn_1s, self.turn_10s)
+        return 0.0 if math.isnan(worst) else worst
+
+
+def _worst(*ratios: float) -> float:
+    known = [ratio for ratio in ratios if not math.isnan(ratio)]
+    return max(known, default=math.nan)
