@@ -1,4 +1,4 @@
-"""Innovation test ratios: how far measurements are from what an attitude says, in what may be expected.
+"""Innovation test ratios: how far measurements are from what an attitude says, in what is expected.
 
 A ratio of 1 is where its test fails, as in PX4's `*_test_ratio` and ArduPilot's EKF_STATUS_REPORT.
 """
