@@ -1,0 +1,231 @@
+"""Which of two attitudes the velocity of a GPS receiver supports.
+
+The specific force, turned by our attitude and integrated, must give the change of the velocity.
+Turned by the other attitude it gives another one. How much of the difference the velocity demands
+is a number that is 0 where we are right and 1 where the other one is: it is fitted, for heading and
+tilt apart, to windows of the last half minute. The latency of the receiver is fitted along, because
+in a turn it looks like an error of the heading.
+"""
+
+import math
+from collections import deque
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.attitude.samples import ImuSample, VelocityFix
+from h2nav.maths.quaternion import Quat, Vec3, rotate
+
+WINDOW_US = 1_900_000
+LONGEST_WINDOW_US = 4_000_000
+WINDOWS = 15
+LEAST_WINDOWS = 2
+LONGEST_STEP_US = 200_000
+# A difference older than this says nothing of the present.
+STALE_US = 500_000
+# Smooths the acceleration that goes with the latency.
+SMOOTHING_S = 0.1
+# Of a change of velocity: a receiver is hardly better. Where the fit leaves more than the worst,
+# force and velocity contradict each other whatever the attitude.
+LEAST_SIGMA_M_S = 0.1
+WORST_SIGMA_M_S = 1.0
+FIRST_SIGMA_M_S = 0.3
+FITS = 3
+# What is known beforehand: neither attitude is preferred; receivers are late by 0 to 0.2 s.
+EXPECTED = np.array([0.5, 0.5, 0.1])
+EXPECTED_SIGMA = np.array([2.0, 2.0, 0.1])
+# An accelerometer's bias that looks like a tilt.
+FORCE_BIAS_M_S2 = 0.1
+DECIDED = 3.0  # deviations
+# A share that is further outside of 0 to 1 shows that neither attitude fits.
+OUTSIDE = 0.5
+
+
+class Verdict(Enum):
+    """Whose attitude the witnesses support."""
+
+    H2NAV = "h2nav"
+    AUTOPILOT = "autopilot"
+    UNDECIDED = "undecided"
+
+
+class Verdicts(NamedTuple):
+    """One for each part of the attitude."""
+
+    tilt: Verdict = Verdict.UNDECIDED
+    heading: Verdict = Verdict.UNDECIDED
+
+
+class _Window(NamedTuple):
+    """Of horizontal changes of velocity, m/s, (2,) each.
+
+    Attributes:
+        missing: measured, less what our attitude makes of the force.
+        by_tilt: what the other attitude's tilt would add to ours.
+        by_heading: what its heading would add.
+        by_latency: what the receiver would add, per second of its latency.
+    """
+
+    missing: tuple[float, float]
+    by_tilt: tuple[float, float]
+    by_heading: tuple[float, float]
+    by_latency: tuple[float, float]
+
+
+class Integrated:
+    """The specific force turned by our attitude, integrated from sample to sample.
+
+    Attributes:
+        velocity_n: since the beginning, m/s.
+        force_n: smoothed, m/s^2.
+        t_us: of the newest sample; None before the first.
+        breaks: how often the integral was interrupted.
+    """
+
+    def __init__(self) -> None:
+        self.velocity_n: Vec3 = (0.0, 0.0, 0.0)
+        self.force_n: Vec3 = (0.0, 0.0, 0.0)
+        self.t_us: int | None = None
+        self.breaks = 0
+
+    def add(self, sample: ImuSample, q_nb: Quat) -> None:
+        """Takes a sample and our attitude at its time."""
+        step_us = 0 if self.t_us is None else sample.t_us - self.t_us
+        self.t_us = sample.t_us
+        force_n = rotate(q_nb, sample.f_b)
+        if sample.clipped or not 0 < step_us <= LONGEST_STEP_US:
+            self.force_n = force_n
+            self.breaks += 1
+            return
+        step_s = step_us * 1e-6
+        share = min(step_s / SMOOTHING_S, 1.0)
+        v, f = self.velocity_n, self.force_n
+        n, e, d = force_n
+        self.velocity_n = (v[0] + n * step_s, v[1] + e * step_s, v[2] + d * step_s)
+        self.force_n = (
+            f[0] + share * (n - f[0]),
+            f[1] + share * (e - f[1]),
+            f[2] + share * (d - f[2]),
+        )
+
+
+class _Start(NamedTuple):
+    """Of a window."""
+
+    t_us: int
+    breaks: int
+    measured: Vec3
+    velocity_n: Vec3
+    force_n: Vec3
+
+
+class VelocityWitness:
+    """Judges one other attitude.
+
+    Args:
+        integrated: of our attitude.
+
+    Attributes:
+        verdicts: by the windows so far.
+    """
+
+    def __init__(self, integrated: Integrated) -> None:
+        self._integrated = integrated
+        self._start: _Start | None = None
+        self._settled_n = integrated.velocity_n
+        self._turn: tuple[int, Quat, Quat] | None = None
+        self._by_tilt = (0.0, 0.0)
+        self._by_heading = (0.0, 0.0)
+        self._windows: deque[_Window] = deque(maxlen=WINDOWS)
+        self.verdicts = Verdicts()
+
+    def differs(self, t_us: int, turn_n: Quat, heading_rad: float) -> None:
+        """Takes the turn (NED) from our attitude to the other one, and the heading in it."""
+        self._settle()
+        about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
+        self._turn = (t_us, turn_n, about_down)
+
+    def fix(self, fix: VelocityFix) -> None:
+        """Takes a velocity; closes a window that has become long enough."""
+        now = self._integrated
+        if now.t_us is None:
+            return
+        start = self._start
+        is_fresh = self._turn is not None and now.t_us - self._turn[0] <= STALE_US
+        if start is None or start.breaks != now.breaks or not is_fresh:
+            self._begin(now.t_us, fix)
+            return
+        length_us = now.t_us - start.t_us
+        if length_us < WINDOW_US:
+            return
+        self._settle()
+        if length_us <= LONGEST_WINDOW_US:
+            self._close(start, fix)
+        self._begin(now.t_us, fix)
+
+    def _begin(self, t_us: int, fix: VelocityFix) -> None:
+        now = self._integrated
+        self._start = _Start(t_us, now.breaks, fix.v_n, now.velocity_n, now.force_n)
+        self._settled_n = now.velocity_n
+        self._by_tilt = self._by_heading = (0.0, 0.0)
+
+    def _settle(self) -> None:
+        """What the force since the last time becomes by the other attitude."""
+        done, now = self._settled_n, self._integrated.velocity_n
+        self._settled_n = now
+        if self._turn is None:
+            return
+        ours = (now[0] - done[0], now[1] - done[1], now[2] - done[2])
+        _, turn_n, about_down = self._turn
+        whole, headed = rotate(turn_n, ours), rotate(about_down, ours)
+        tilt, heading = self._by_tilt, self._by_heading
+        self._by_tilt = (tilt[0] + whole[0] - headed[0], tilt[1] + whole[1] - headed[1])
+        self._by_heading = (heading[0] + headed[0] - ours[0], heading[1] + headed[1] - ours[1])
+
+    def _close(self, start: _Start, fix: VelocityFix) -> None:
+        now = self._integrated
+        missing = [
+            fix.v_n[i] - start.measured[i] - now.velocity_n[i] + start.velocity_n[i] for i in (0, 1)
+        ]
+        by_latency = [start.force_n[i] - now.force_n[i] for i in (0, 1)]
+        self._windows.append(
+            _Window(
+                (missing[0], missing[1]),
+                self._by_tilt,
+                self._by_heading,
+                (by_latency[0], by_latency[1]),
+            )
+        )
+        self.verdicts = _verdicts(self._windows)
+
+
+def _verdicts(windows: deque[_Window]) -> Verdicts:
+    if len(windows) < LEAST_WINDOWS:
+        return Verdicts()
+    missing = np.array([window.missing for window in windows]).ravel()
+    causes = np.array([window[1:] for window in windows]).transpose(0, 2, 1).reshape(-1, 3)
+    certainty = EXPECTED_SIGMA**-2
+    sigma = FIRST_SIGMA_M_S
+    for _ in range(FITS):
+        information = causes.T @ causes / sigma**2 + np.diag(certainty)
+        covariance = np.linalg.inv(information)
+        found = covariance @ (causes.T @ missing / sigma**2 + certainty * EXPECTED)
+        rest = missing - causes @ found
+        sigma = max(math.sqrt(float(rest @ rest) / len(rest)), LEAST_SIGMA_M_S)
+    if sigma > WORST_SIGMA_M_S:
+        return Verdicts()
+    tilt_m_s = math.sqrt(float(np.mean(np.sum(causes[:, 0].reshape(-1, 2) ** 2, axis=1))))
+    bias_m_s = FORCE_BIAS_M_S2 * WINDOW_US * 1e-6
+    by_bias = bias_m_s / tilt_m_s if tilt_m_s > 0.0 else math.inf
+    return Verdicts(
+        _verdict(found[0], math.hypot(math.sqrt(covariance[0, 0]), by_bias)),
+        _verdict(found[1], math.sqrt(covariance[1, 1])),
+    )
+
+
+def _verdict(share: float, sigma: float) -> Verdict:
+    """By the share of the difference that the velocity demands."""
+    if not -OUTSIDE <= share <= 1.0 + OUTSIDE or abs(share - 0.5) < DECIDED * sigma:
+        return Verdict.UNDECIDED
+    return Verdict.H2NAV if share < 0.5 else Verdict.AUTOPILOT

@@ -1,0 +1,301 @@
+"""The autopilot's attitude against ours, at the same time: how far apart, since when, who is right.
+
+Both are brought to one time on the autopilot's clock and compared in tilt and heading. What lasts
+beyond both deviations becomes an alarm, and the velocity of the GPS receiver says whom it supports
+(`velocity_witness`). Nothing of it goes back into the filter.
+"""
+
+import math
+from collections import deque
+from enum import Enum
+from typing import NamedTuple
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
+from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.velocity_witness import Integrated, VelocityWitness, Verdict, Verdicts
+from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize
+
+CLOCK_WRAP_US = (1 << 32) * 1000
+PAST_US = 1_000_000
+# Attitudes are interpolated over no more than this.
+LONGEST_GAP_US = 100_000
+MOST_WAITING = 8
+COMPARED_WITH = Trust.ALIGNED | Trust.CONVERGED
+BEYOND = 3.0  # deviations
+# Two attitudes that are both right may differ by so much.
+LEAST_RAD = math.radians(3.0)
+# A disagreement is told after the first time, or after the second one if nobody knows who is right
+# and it is not plain.
+LASTING_US = 4_000_000
+UNDECIDED_US = 10_000_000
+PLAIN = 2.0  # limits
+# It is over when it has not been seen for so long.
+PAUSE_US = 1_000_000
+STALE_US = 2_000_000
+
+
+class Source(Enum):
+    """Who reports an attitude; the value is its name in logs and alarms."""
+
+    AUTOPILOT = "autopilot"
+    AHRS2 = "AHRS2"
+
+
+class _Quality(NamedTuple):
+    """What an attitude is good for in flight: deviations of tilt and heading (rad), of time (s)."""
+
+    tilt_rad: float
+    heading_rad: float
+    time_s: float
+
+
+# By the recorded flights against the truth (docs/integrity.md): the main estimators within 0.4 and
+# 1.3 deg where nothing is wrong; AHRS2, often a complementary filter, off by 2 and 5 deg at times.
+QUALITIES = {
+    Source.AUTOPILOT: _Quality(math.radians(0.5), math.radians(1.0), 0.01),
+    Source.AHRS2: _Quality(math.radians(2.0), math.radians(5.0), 0.03),
+}
+
+
+class Comparison(NamedTuple):
+    """Another attitude against ours.
+
+    Attributes:
+        t_us: of both.
+        source: whose it is.
+        tilt_rad: angle between the verticals.
+        heading_rad: the other heading less ours.
+        sigma_tilt_rad: deviation of the difference, both of them together.
+        sigma_heading_rad: the same; NaN where our heading has no reference.
+        verdicts: of the velocity.
+    """
+
+    t_us: int
+    source: Source
+    tilt_rad: float
+    heading_rad: float
+    sigma_tilt_rad: float
+    sigma_heading_rad: float
+    verdicts: Verdicts
+
+
+class _Disagreement:
+    """One part of the attitude of one source."""
+
+    def __init__(self, source: Source, part: str) -> None:
+        self._source = source
+        self._part = part
+        self._since_us: int | None = None
+        self._seen_us = 0
+        self._is_told = False
+        self._alarm: Alarm | None = None
+
+    def alarm(self, t_us: int) -> Alarm | None:
+        """What is wrong at this time; nothing where nobody has reported for a while."""
+        return self._alarm if t_us - self._seen_us <= PAUSE_US else None
+
+    def look(self, t_us: int, difference_rad: float, sigma_rad: float, verdict: Verdict) -> None:
+        """Takes the newest difference; a NaN sigma says nothing."""
+        size_rad = abs(difference_rad)
+        # Whom the velocity has proved right needs no deviation of ours any more.
+        decided = verdict is not Verdict.UNDECIDED and not math.isnan(sigma_rad)
+        limit_rad = LEAST_RAD if decided else max(BEYOND * sigma_rad, LEAST_RAD)
+        if self._source is Source.AHRS2:
+            limit_rad = max(limit_rad, BEYOND * _part_of(QUALITIES[self._source], self._part))
+        if size_rad > limit_rad:
+            self._since_us = t_us if self._since_us is None else self._since_us
+            self._seen_us = t_us
+        elif self._since_us is None or t_us - self._seen_us > PAUSE_US:
+            self._since_us, self._is_told, self._alarm = None, False, None
+            return
+        lasted_us = t_us - self._since_us
+        is_plain = decided or size_rad > PLAIN * limit_rad
+        self._is_told |= lasted_us >= (LASTING_US if is_plain else UNDECIDED_US)
+        if self._is_told:
+            self._alarm = self._told(math.degrees(size_rad), lasted_us * 1e-6, verdict)
+
+    def _told(self, size_deg: float, since_s: float, verdict: Verdict) -> Alarm:
+        source, part = self._source, self._part
+        size = f"{size_deg:.0f} deg"
+        text, whom = {
+            Verdict.H2NAV: (f"{source.value} {part} off {size}, GPS backs us", "agrees with h2nav"),
+            Verdict.AUTOPILOT: (
+                f"our {part} off {size}, GPS backs {source.value}",
+                "agrees with the autopilot",
+            ),
+            Verdict.UNDECIDED: (
+                f"{source.value} {part} differs by {size}",
+                "does not show who is right",
+            ),
+        }[verdict]
+        is_main = source is Source.AUTOPILOT
+        whose = "the autopilot" if is_main else "the autopilot's AHRS2"
+        return Alarm(
+            f"autopilot_{part}",
+            source.value,
+            Severity.WARNING if is_main else Severity.INFO,
+            size_deg,
+            "deg",
+            text,
+            f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
+            since_s=since_s,
+        )
+
+
+def _part_of(quality: _Quality, part: str) -> float:
+    return quality.tilt_rad if part == "tilt" else quality.heading_rad
+
+
+class _Reporter:
+    """All that is known of one source."""
+
+    def __init__(self, source: Source, integrated: Integrated) -> None:
+        self.source = source
+        self.velocity = VelocityWitness(integrated)
+        self.tilt = _Disagreement(source, "tilt")
+        self.heading = _Disagreement(source, "heading")
+
+    def compare(self, ours: AttitudeEstimate, q_nb: Quat) -> Comparison:
+        """Another attitude at the time of ours."""
+        w, x, y, z = turn_n = multiply(q_nb, conjugate(ours.q_nb))
+        if w < 0.0:
+            w, z = -w, -z
+        tilt_rad = 2.0 * math.atan2(math.hypot(x, y), math.hypot(w, z))
+        heading_rad = 2.0 * math.atan2(z, w)
+        self.velocity.differs(ours.t_us, turn_n, heading_rad)
+        quality = QUALITIES[self.source]
+        by_time_rad = math.hypot(*ours.w_b) * quality.time_s
+        referenced = Trust.YAW_REFERENCED in ours.trust
+        own_heading_rad = ours.sigma_heading_rad if referenced else math.nan
+        found = Comparison(
+            ours.t_us,
+            self.source,
+            tilt_rad,
+            heading_rad,
+            math.hypot(ours.sigma_tilt_rad, quality.tilt_rad, by_time_rad),
+            math.hypot(own_heading_rad, quality.heading_rad, by_time_rad),
+            self.velocity.verdicts,
+        )
+        self.tilt.look(found.t_us, tilt_rad, found.sigma_tilt_rad, found.verdicts.tilt)
+        self.heading.look(found.t_us, heading_rad, found.sigma_heading_rad, found.verdicts.heading)
+        return found
+
+
+class Witness:
+    """Compares what the autopilot reports with our past estimates."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Another autopilot, or another clock."""
+        self._past: deque[AttitudeEstimate] = deque()
+        self._waiting: deque[tuple[Source, int, Quat]] = deque(maxlen=MOST_WAITING)
+        self._integrated = Integrated()
+        self._reporters = {source: _Reporter(source, self._integrated) for source in Source}
+        self._latest: Comparison | None = None
+
+    @property
+    def latest(self) -> Comparison | None:
+        """The newest comparison with the autopilot's main estimator; None where none is fresh."""
+        if self._latest is None or not self._past:
+            return None
+        return self._latest if self._past[-1].t_us - self._latest.t_us <= STALE_US else None
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Disagreements that have lasted."""
+        if not self._past:
+            return ()
+        newest_us = self._past[-1].t_us
+        parts = ((reporter.tilt, reporter.heading) for reporter in self._reporters.values())
+        alarms = (part.alarm(newest_us) for pair in parts for part in pair)
+        return tuple(alarm for alarm in alarms if alarm is not None)
+
+    def add(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Comparison]:
+        """Takes our newest estimate; compares what was reported of the time just before.
+
+        Args:
+            sample: that it was made from.
+            estimate: led to the time of the sample; None during an alignment.
+        """
+        if estimate is None or COMPARED_WITH not in estimate.trust:
+            self._past.clear()
+            return []
+        self._integrated.add(sample, estimate.q_nb)
+        past = self._past
+        past.append(estimate)
+        while estimate.t_us - past[0].t_us > PAST_US:
+            past.popleft()
+        found = []
+        while self._waiting and self._waiting[0][1] <= estimate.t_us:
+            found += self._compare(*self._waiting.popleft())
+        return found
+
+    def fix(self, fix: VelocityFix) -> None:
+        """Takes a velocity of the GPS receiver."""
+        if fix.independent:
+            for reporter in self._reporters.values():
+                reporter.velocity.fix(fix)
+
+    def report(self, source: Source, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
+        """Takes an attitude of the autopilot; it waits where ours of its time is not there yet.
+
+        Args:
+            source: whose it is.
+            time_ms: on the clock of our samples; None = that of our newest sample.
+            q_nb: body to NED.
+        """
+        if not self._past:
+            return []
+        newest_us = self._past[-1].t_us
+        t_us = newest_us
+        if time_ms is not None:
+            ahead_us = (time_ms * 1000 - newest_us + CLOCK_WRAP_US // 2) % CLOCK_WRAP_US
+            t_us += ahead_us - CLOCK_WRAP_US // 2
+        if t_us <= newest_us:
+            return self._compare(source, t_us, q_nb)
+        if t_us - newest_us <= LONGEST_GAP_US:
+            self._waiting.append((source, t_us, q_nb))
+        return []
+
+    def _compare(self, source: Source, t_us: int, q_nb: Quat) -> list[Comparison]:
+        ours = self._ours_at(t_us)
+        if ours is None:
+            return []
+        found = self._reporters[source].compare(ours, q_nb)
+        if source is Source.AUTOPILOT:
+            self._latest = found
+        return [found]
+
+    def _ours_at(self, t_us: int) -> AttitudeEstimate | None:
+        """Our estimate of a time; None where none is near."""
+        after: AttitudeEstimate | None = None
+        for before in reversed(self._past):
+            if before.t_us == t_us:
+                return before
+            if before.t_us < t_us:
+                return None if after is None else _between(before, after, t_us)
+            after = before
+        return None
+
+
+def _between(
+    before: AttitudeEstimate, after: AttitudeEstimate, t_us: int
+) -> AttitudeEstimate | None:
+    """The estimate of a time between two; their attitudes differ little."""
+    gap_us = after.t_us - before.t_us
+    if gap_us > LONGEST_GAP_US:
+        return None
+    p, q = before.q_nb, after.q_nb
+    share = (t_us - before.t_us) / gap_us
+    if sum(a * b for a, b in zip(p, q, strict=True)) < 0.0:
+        share = -share
+    rest = 1.0 - abs(share)
+    mixed = (
+        rest * p[0] + share * q[0],
+        rest * p[1] + share * q[1],
+        rest * p[2] + share * q[2],
+        rest * p[3] + share * q[3],
+    )
+    return after._replace(t_us=t_us, q_nb=normalize(mixed))

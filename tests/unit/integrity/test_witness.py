@@ -1,0 +1,272 @@
+"""Another attitude against ours: how far apart, from when on, and who is right."""
+
+import math
+import random
+
+import pytest
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
+from h2nav.integrity.findings import Severity
+from h2nav.integrity.velocity_witness import Verdict, Verdicts
+from h2nav.integrity.witness import CLOCK_WRAP_US, Source, Witness
+from h2nav.maths.quaternion import conjugate, from_euler, multiply, rotate
+from h2nav.maths.units import GRAVITY_M_S2
+
+GOOD = Trust.ALIGNED | Trust.CONVERGED | Trust.YAW_REFERENCED
+STEP_US = 10_000
+REST = (0.0, 0.0, -GRAVITY_M_S2)
+DEG = math.pi / 180.0
+
+
+def estimate(t_us, q_nb, trust=GOOD, w_b=(0.0, 0.0, 0.0)):
+    zero = (0.0, 0.0, 0.0)
+    return AttitudeEstimate(t_us, q_nb, w_b, zero, zero, 0.5 * DEG, trust, 1.5 * DEG)
+
+
+def yaw(degrees):
+    return from_euler(0.0, 0.0, degrees * DEG)
+
+
+class Bench:
+    """Our estimates at 100 Hz, theirs at 10 Hz, both of a vehicle at rest."""
+
+    def __init__(self, trust=GOOD):
+        self.witness = Witness()
+        self.trust = trust
+        self.t_us = 60_000_000
+        self.found = []
+
+    def rests(self, seconds, theirs, source=Source.AUTOPILOT, first_us=0):
+        for count in range(round(seconds * 1e6 / STEP_US)):
+            self.t_us += STEP_US
+            ours = estimate(self.t_us, yaw(0.0), self.trust)
+            self.found += self.witness.add(ImuSample(self.t_us, (0.0, 0.0, 0.0), REST), ours)
+            if count % 10 == 0 and theirs is not None:
+                time_ms = (self.t_us + first_us) // 1000
+                self.found += self.witness.report(source, time_ms, theirs)
+        return self.witness.alarms
+
+
+def test_tilt_and_heading_are_told_apart():
+    bench = Bench()
+    bench.rests(1.0, multiply(yaw(-8.0), from_euler(3.0 * DEG, 0.0, 0.0)))
+    assert len(bench.found) == 10
+    found = bench.found[-1]
+    assert found.tilt_rad == pytest.approx(3.0 * DEG, abs=1e-9)
+    assert found.heading_rad == pytest.approx(-8.0 * DEG, abs=1e-9)
+    assert found.sigma_tilt_rad == pytest.approx(math.hypot(0.5, 0.5) * DEG)
+    assert found.sigma_heading_rad == pytest.approx(math.hypot(1.5, 1.0) * DEG)
+
+
+@pytest.mark.parametrize("offset_ms", [-503, -7, 0, 4])
+def test_both_are_compared_at_the_same_time(offset_ms):
+    """A vehicle that turns at 100 deg/s: 5 ms would be half a degree."""
+    witness, found = Witness(), []
+    for count in range(1, 101):
+        t_us = 60_000_000 + count * STEP_US
+        sample = ImuSample(t_us, (0.0, 0.0, 100.0 * DEG), REST)
+        ours = estimate(t_us, yaw(count), w_b=sample.w_b)
+        found += witness.add(sample, ours)
+        if count == 90:
+            at_ms = t_us // 1000 + offset_ms
+            found += witness.report(Source.AUTOPILOT, at_ms, yaw(90.0 + 0.1 * offset_ms))
+    (only,) = found
+    assert only.t_us == 60_900_000 + offset_ms * 1000
+    assert abs(only.heading_rad) < 1e-6
+
+
+@pytest.mark.parametrize("first_us", [-1_500_000, 150_000, 3_600_000_000])
+def test_another_clock_is_not_compared(first_us):
+    bench = Bench()
+    bench.rests(2.0, yaw(50.0), first_us=first_us)
+    assert bench.found == []
+
+
+def test_the_counter_of_milliseconds_wraps():
+    bench = Bench()
+    bench.t_us += CLOCK_WRAP_US - 61_000_000
+    bench.rests(2.0, yaw(0.0))
+    assert len(bench.found) == 20
+    bench.found.clear()
+    bench.rests(2.0, yaw(0.0), first_us=-CLOCK_WRAP_US)
+    assert len(bench.found) == 20
+
+
+def test_what_does_not_last_is_not_told():
+    bench = Bench()
+    assert bench.rests(5.0, yaw(0.0)) == ()
+    assert bench.rests(3.5, yaw(40.0)) == ()
+    assert bench.rests(5.0, yaw(0.0)) == ()
+    assert bench.rests(3.5, yaw(40.0)) == ()
+
+
+def test_a_plain_disagreement_is_told_after_four_seconds_and_ends():
+    bench = Bench()
+    bench.rests(4.2, yaw(23.0))
+    (alarm,) = bench.witness.alarms
+    assert (alarm.kind, alarm.source) == ("autopilot_heading", "autopilot")
+    assert alarm.severity is Severity.WARNING
+    assert alarm.size == pytest.approx(23.0)
+    assert alarm.text == "autopilot heading differs by 23 deg"
+    assert alarm.evidence == (
+        "heading of the autopilot differs by 23 deg since 4 s; "
+        "GPS velocity does not show who is right"
+    )
+    assert not alarm.degrades
+    assert alarm.since_s == pytest.approx(4.0, abs=0.2)
+    assert bench.rests(1.5, yaw(0.0)) == ()
+
+
+def test_one_that_is_not_plain_is_told_after_ten_seconds():
+    bench = Bench()
+    assert bench.rests(9.5, yaw(8.0)) == ()
+    assert len(bench.rests(1.0, yaw(8.0))) == 1
+
+
+def test_an_autopilot_that_falls_silent_is_no_alarm():
+    bench = Bench()
+    assert bench.rests(5.0, yaw(40.0))
+    assert bench.witness.latest is not None
+    assert bench.rests(2.5, None) == ()
+    assert bench.witness.latest is None
+
+
+def test_three_degrees_are_no_disagreement():
+    assert Bench().rests(30.0, multiply(yaw(2.9), from_euler(0.0, 2.0 * DEG, 0.0))) == ()
+
+
+@pytest.mark.parametrize("trust", [Trust.ALIGNED, Trust(0)])
+def test_nothing_is_compared_before_we_have_converged(trust):
+    bench = Bench(trust)
+    assert bench.rests(20.0, yaw(40.0)) == ()
+    assert bench.found == []
+
+
+def test_a_heading_of_ours_without_reference_accuses_nobody():
+    bench = Bench(Trust.ALIGNED | Trust.CONVERGED)
+    assert bench.rests(20.0, yaw(40.0)) == ()
+    assert math.isnan(bench.found[-1].sigma_heading_rad)
+    bench.rests(5.0, multiply(yaw(40.0), from_euler(20.0 * DEG, 0.0, 0.0)))
+    assert [alarm.kind for alarm in bench.witness.alarms] == ["autopilot_tilt"]
+
+
+def test_the_second_estimator_is_only_a_remark_and_may_be_worse():
+    bench = Bench()
+    assert bench.rests(20.0, yaw(14.0), Source.AHRS2) == ()
+    (alarm,) = bench.rests(20.0, yaw(40.0), Source.AHRS2)
+    assert (alarm.kind, alarm.source) == ("autopilot_heading", "AHRS2")
+    assert alarm.severity is Severity.INFO
+
+
+def test_a_restart_forgets_everything():
+    bench = Bench()
+    bench.rests(5.0, yaw(40.0))
+    bench.witness.restart()
+    assert bench.witness.alarms == ()
+    assert bench.witness.latest is None
+    assert bench.witness.report(Source.AUTOPILOT, bench.t_us // 1000, yaw(0.0)) == []
+
+
+class Flight:
+    """A level vehicle that accelerates to and fro or circles, with the velocity of a receiver.
+
+    Args:
+        our_error: turn (NED) from the truth to our attitude.
+        their_error: the same of the other one.
+        acceleration: time (s) to the horizontal acceleration, m/s^2.
+        velocity: its integral.
+        late_s: latency of the receiver.
+        noise_m_s: of the receiver.
+    """
+
+    def __init__(self, our_error, their_error, acceleration, velocity, late_s=0.15, noise_m_s=0.05):
+        self.witness = Witness()
+        random_numbers = random.Random(1)
+        nose = from_euler(0.05, -0.1, 0.7)
+        for count in range(1, 3001):
+            t_s, t_us = count * 0.01, 60_000_000 + count * STEP_US
+            force_n = (*acceleration(t_s), -GRAVITY_M_S2)
+            sample = ImuSample(t_us, (0.0, 0.0, 0.0), rotate(conjugate(nose), force_n))
+            self.witness.add(sample, estimate(t_us, multiply(our_error, nose)))
+            if count % 10 == 0:
+                theirs = multiply(their_error, nose)
+                found = self.witness.report(Source.AUTOPILOT, t_us // 1000, theirs)
+                self.verdicts = found[-1].verdicts
+            if count % 20 == 0:
+                north, east = (
+                    v + random_numbers.gauss(0, noise_m_s) for v in velocity(t_s - late_s)
+                )
+                self.witness.fix(VelocityFix(t_us, (north, east, 0.0), 0.3))
+
+    @property
+    def text(self):
+        (alarm,) = self.witness.alarms
+        return alarm.text
+
+
+def to_and_fro(t_s):
+    return (2.0 * math.cos(0.8 * t_s), 1.0 * math.cos(0.5 * t_s))
+
+
+def swinging(t_s):
+    return (2.5 * math.sin(0.8 * t_s), 2.0 * math.sin(0.5 * t_s))
+
+
+def circling(t_s):
+    return (-2.0 * math.sin(0.5 * t_s), 2.0 * math.cos(0.5 * t_s))
+
+
+def round_and_round(t_s):
+    return (4.0 * math.cos(0.5 * t_s), 4.0 * math.sin(0.5 * t_s))
+
+
+RIGHT = yaw(0.0)
+SHORT = 50 - len("h2nav: ")
+
+
+def test_the_velocity_shows_that_their_heading_is_wrong():
+    flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging)
+    assert flight.verdicts == Verdicts(heading=Verdict.H2NAV)
+    assert flight.text == "autopilot heading off 12 deg, GPS backs us"
+    assert len(flight.text) <= SHORT
+
+
+def test_the_velocity_shows_that_our_heading_is_wrong():
+    flight = Flight(yaw(-12.0), RIGHT, to_and_fro, swinging)
+    assert flight.verdicts == Verdicts(heading=Verdict.AUTOPILOT)
+    assert flight.text == "our heading off 12 deg, GPS backs autopilot"
+    assert len(flight.text) <= SHORT
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_the_velocity_shows_whose_tilt_is_wrong(wrong):
+    tilted = from_euler(5.0 * DEG, 0.0, 0.0)
+    errors = (tilted, RIGHT) if wrong else (RIGHT, tilted)
+    flight = Flight(*errors, to_and_fro, swinging)
+    assert flight.verdicts.tilt is (Verdict.AUTOPILOT if wrong else Verdict.H2NAV)
+    assert flight.verdicts.heading is Verdict.UNDECIDED
+
+
+def test_a_smaller_error_is_told_where_the_velocity_proves_it():
+    """4 deg are less than three deviations of ours."""
+    assert Flight(RIGHT, yaw(4.0), to_and_fro, swinging).witness.alarms
+    assert not Flight(RIGHT, yaw(4.0), lambda t: (0, 0), lambda t: (0, 0)).witness.alarms
+
+
+def test_a_late_receiver_in_a_circle_looks_like_a_wrong_heading_and_proves_nothing():
+    """0.3 s at 29 deg/s are 8.6 deg."""
+    flight = Flight(RIGHT, yaw(-8.6), circling, round_and_round, late_s=0.3)
+    assert flight.verdicts.heading is not Verdict.AUTOPILOT
+
+
+def test_a_receiver_that_contradicts_both_proves_nothing():
+    flight = Flight(RIGHT, yaw(20.0), to_and_fro, swinging, noise_m_s=4.0)
+    assert flight.verdicts == Verdicts()
+
+
+def test_a_velocity_of_the_autopilots_own_estimator_is_no_witness():
+    bench = Bench()
+    for north in (0.0, 3.0, 0.0, 3.0, 0.0, 3.0):
+        bench.rests(2.0, yaw(20.0))
+        bench.witness.fix(VelocityFix(bench.t_us, (north, 0.0, 0.0), 0.3, independent=False))
+    assert bench.found[-1].verdicts == Verdicts()
