@@ -143,7 +143,7 @@ class StreamRequests:
             self._note_held()
             return
         listened_ns = t_ns - self._listening_since_ns
-        if listened_ns >= SHORTEST_LOOK_NS and not any(map(self._comes, self._streams)):
+        if listened_ns >= SHORTEST_LOOK_NS and not self._any_comes():
             # An autopilot that sends nothing unasked: there is nothing to wait for.
             for stream in self._streams:
                 stream.want_now(t_ns)
@@ -208,9 +208,12 @@ class StreamRequests:
     def _is_silent(self, t_ns: int) -> bool:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
-    def _comes(self, stream: WishedStream) -> bool:
-        """Whether any message of the wish has come."""
-        return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
+    def _any_comes(self) -> bool:
+        """Whether any message has come that is really needed."""
+        needed = (stream.candidates for stream in self._streams if not stream.wish.is_extra)
+        return any(
+            self._meter.since(message_id, 0).messages for ids in needed for message_id in ids
+        )
 
     def _is_waiting(self, t_ns: int) -> bool:
         """Whether the latest request is still open; closes it when it is over."""
@@ -257,6 +260,8 @@ class StreamRequests:
 
     def _tell(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
         """Notes a trouble, once; a rate that is taken away, once in ten minutes."""
+        if stream.wish.is_extra:
+            return
         rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
         key = (stream.message_id, trouble, rate_hz)
         told_ns = self._told_ns.get(key)

@@ -41,11 +41,13 @@ class Wish(NamedTuple):
         message_id: of the message.
         rate_hz: how often.
         alternatives: message ids to ask for instead, in order, where this one is refused.
+        is_extra: not asked for less than `rate_hz`, and nobody has to hear that it does not come.
     """
 
     message_id: int
     rate_hz: float
     alternatives: tuple[int, ...] = ()
+    is_extra: bool = False
 
 
 class Phase(Enum):
@@ -254,7 +256,12 @@ class WishedStream:
         """Asks for less than what came; False where that would be too little to be of use."""
         lower_hz = LOWER_SHARE * achieved_hz if self._cuts == 0 else 0.5 * self.rate_hz
         least_hz = max(LEAST_CUT_HZ, LEAST_CUT_SHARE * self.wish.rate_hz)
-        if self._cuts == CUTS or lower_hz < least_hz or lower_hz <= self._found_hz:
+        if (
+            self.wish.is_extra
+            or self._cuts == CUTS
+            or lower_hz < least_hz
+            or lower_hz <= self._found_hz
+        ):
             return False
         self._cuts += 1
         self.rate_hz = lower_hz

@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.wire import motion, position, questions, vehicle
+from h2nav.wire import attitude, motion, position, questions, vehicle
+from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
@@ -31,6 +32,7 @@ Message = (
     | Heartbeat
     | LandedState
     | ParameterValue
+    | ReportedAttitude
     | StatusText
     | SystemTime
     | Airspeed
@@ -77,6 +79,8 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: vehicle.airspeed,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: vehicle.time_sync,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: vehicle.command_ack,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude.attitude,
+    mavlink.MAVLINK_MSG_ID_AHRS2: attitude.ahrs2,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: position.gps_raw_int,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position.global_position,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: position.origin,
