@@ -32,6 +32,10 @@ IMU_FRAME_BYTES = {
 }
 ATTITUDE_FRAME_BYTES = 40
 ATTITUDE_QUATERNION_FRAME_BYTES = 44
+ATTITUDE_QUATERNION_COV_FRAME_BYTES = 84
+ESTIMATOR_STATUS_FRAME_BYTES = 36  # its last fields are 0, which MAVLink 2 leaves out
+DIFFERENCE_FRAMES_BYTES = 2 * 30
+AHRS2_FRAME_BYTES = 36
 ODOMETRY_FRAME_BYTES = 245
 WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600.0
@@ -341,11 +345,15 @@ def link_load(configuration: Configuration) -> LinkLoad:
     """Estimates the load from the rates that are asked for."""
     asked, output, motion = configuration.autopilot, configuration.output, configuration.motion
     besides = OTHER_TRAFFIC_BYTES_S
+    besides += asked.compare_rate_hz * (ATTITUDE_FRAME_BYTES + 0.5 * AHRS2_FRAME_BYTES)
     if motion.estimator == "wheels":
         besides += motion.wheel_distance_rate_hz * WHEEL_DISTANCE_FRAME_BYTES
     outbound = (
         output.attitude_rate_hz * ATTITUDE_FRAME_BYTES
         + output.attitude_quaternion_rate_hz * ATTITUDE_QUATERNION_FRAME_BYTES
+        + output.attitude_covariance_rate_hz * ATTITUDE_QUATERNION_COV_FRAME_BYTES
+        + output.estimator_status_rate_hz * ESTIMATOR_STATUS_FRAME_BYTES
+        + output.difference_rate_hz * DIFFERENCE_FRAMES_BYTES
     )
     if motion.estimator != "none":
         outbound += motion.odometry_rate_hz * ODOMETRY_FRAME_BYTES

@@ -91,6 +91,9 @@ class Console:
                 f"roll {latest.roll_deg:+7.2f}  pitch {latest.pitch_deg:+7.2f}  "
                 f"yaw {latest.yaw_deg:+7.2f} deg"
             )
+        if health.autopilot_tilt_deg is not None and health.autopilot_heading_deg is not None:
+            tilt_deg, heading_deg = health.autopilot_tilt_deg, health.autopilot_heading_deg
+            parts.append(f"EKF: tilt {tilt_deg:.1f} heading {heading_deg:+.1f} deg")
         if health.imu_message:
             # 0 = not measured yet
             rate = f" {health.imu_rate_hz:.0f} Hz" if health.imu_rate_hz else ""

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.integrity.witness import Witness
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
@@ -105,6 +106,7 @@ class Aiding:
         field: where the earth field comes from.
         autopilot: whose armed and landed state counts.
         estimation: what takes the records.
+        witness: what takes the receiver's velocities, fused or not.
     """
 
     def __init__(
@@ -113,11 +115,13 @@ class Aiding:
         field: FieldOfTheEarth,
         autopilot: Autopilot,
         estimation: Estimation,
+        witness: Witness,
     ) -> None:
         self._settings = settings
         self._field = field
         self._autopilot = autopilot
         self._estimation = estimation
+        self._witness = witness
         self._fixes = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeed_m_s: float | None = None
@@ -178,9 +182,12 @@ class Aiding:
         """A fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
         newest_us = self._estimation.newest_t_us
-        if not self._settings.gps_velocity or newest_us is None:
+        velocity = None if newest_us is None else gps_velocity(fix, newest_us)
+        if velocity is not None:
+            self._witness.fix(velocity)
+        if not self._settings.gps_velocity:
             return effects
-        return effects + self._tell_velocity(t_ns, gps_velocity(fix, newest_us))
+        return effects + self._tell_velocity(t_ns, velocity)
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
         """A velocity of the autopilot's estimator."""

@@ -63,8 +63,8 @@ class Commands:
         wanted = self._offered(command)
         if wanted is None:
             return UNSUPPORTED, []
-        latest = self._outputs.latest(wanted)
-        return (ACCEPTED, [latest]) if latest else (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, [])
+        latest = list(self._outputs.latest(wanted))
+        return ACCEPTED if latest else mavlink.MAV_RESULT_TEMPORARILY_REJECTED, latest
 
     def _request_version(self, command: Command) -> Answer:
         return (ACCEPTED, [_version()]) if command.param1 == 1 else (DENIED, [])

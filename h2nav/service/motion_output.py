@@ -71,10 +71,10 @@ class OdometryOut:
         effects: list[Effect] = []
         self._put_ns = t_ns
         identity = self._autopilot.identity
-        message = self._outputs.due_odometry(motion)
-        if message is not None and identity is not None:
+        messages = self._outputs.due_odometry(motion)
+        if messages and identity is not None:
             if not self._outputs.are_held:
-                effects.append(Send(message, identity.system_id))
+                effects += [Send(message, identity.system_id) for message in messages]
             line = odometry_line(motion.record, motion.quality)
             effects.append(Record("/odometry", line, motion.t_us))
         resets = motion.record.reset_counter

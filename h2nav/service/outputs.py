@@ -1,19 +1,42 @@
 """What we send of an estimate, and how often."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.attitude.samples import AttitudeEstimate, Trust
+from h2nav.integrity.findings import Alarm
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.witness import Comparison
 from h2nav.motion.samples import OdometryRecord
 from h2nav.service.settings import OutputSettings
 from h2nav.wire import outbound
 from h2nav.wire.outbound import OutMessage
 
 MAX_RATE_HZ = 1000.0
+CONVERGED = Trust.ALIGNED | Trust.CONVERGED
+FORCE_ALARMS = ("accelerometer", "imu_frozen", "attitude_gravity")
 # A sample that is due within this share of its period is sent now, not a whole sample later.
 EARLY = 0.25
+
+
+Messages = tuple[OutMessage, ...]
+
+
+class Judgement(NamedTuple):
+    """What is thought of the estimates.
+
+    Attributes:
+        ratios: innovation test ratios of the attitude that we send.
+        alarms: all that is wrong at present.
+        difference: the autopilot's attitude against ours; None where there is no fresh one.
+    """
+
+    ratios: InnovationRatios = InnovationRatios()
+    alarms: tuple[Alarm, ...] = ()
+    difference: Comparison | None = None
 
 
 class Motion(NamedTuple):
@@ -52,23 +75,23 @@ E = TypeVar("E", bound=_Timed)
 
 
 class _Output(Generic[E]):
-    """One message, its rate and when it is due next, on the samples' clock."""
+    """One kind of message, its rate and when it is due next, on the samples' clock."""
 
-    def __init__(self, make: Callable[[E], OutMessage], rate_hz: float) -> None:
+    def __init__(self, make: Callable[[E], Messages], rate_hz: float) -> None:
         self._make = make
         self._latest: E | None = None
         self.default_hz: float = rate_hz
         self.rate_hz: float = rate_hz
         self.due_us: float | None = None
 
-    def take(self, estimate: E) -> OutMessage | None:
-        """The message made of it, where it is due."""
+    def take(self, estimate: E) -> Messages:
+        """What is made of it, where it is due."""
         self._latest = estimate
-        return self._make(estimate) if self._is_due(estimate.t_us) else None
+        return self._make(estimate) if self._is_due(estimate.t_us) else ()
 
-    def latest(self) -> OutMessage | None:
-        """The message made of the latest estimate."""
-        return None if self._latest is None else self._make(self._latest)
+    def latest(self) -> Messages:
+        """What is made of the latest estimate."""
+        return () if self._latest is None else self._make(self._latest)
 
     def forget(self) -> None:
         """The latest estimate is stale."""
@@ -93,6 +116,7 @@ class Outputs:
     Attributes:
         sent: attitude messages, since start.
         are_held: nothing is due, because the estimates are late.
+        judgement: of the newest estimate.
 
     Args:
         settings: the rates; 0 switches a message off.
@@ -100,39 +124,62 @@ class Outputs:
     """
 
     def __init__(self, settings: OutputSettings, odometry_rate_hz: float | None = None) -> None:
-        self._of_attitude = {
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(outbound.attitude, settings.attitude_rate_hz),
+        self._attitudes: dict[int, _Output[AttitudeEstimate]] = {
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(
+                lambda estimate: (outbound.attitude(estimate),), settings.attitude_rate_hz
+            ),
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _Output(
-                outbound.attitude_quaternion, settings.attitude_quaternion_rate_hz
+                lambda estimate: (outbound.attitude_quaternion(estimate),),
+                settings.attitude_quaternion_rate_hz,
+            ),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV: _Output(
+                lambda estimate: (outbound.attitude_quaternion_cov(estimate),),
+                settings.attitude_covariance_rate_hz,
+            ),
+        }
+        self._judgements: dict[int, _Output[AttitudeEstimate]] = {
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Output(
+                lambda estimate: _status(estimate, self.judgement),
+                settings.estimator_status_rate_hz,
+            ),
+            mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(
+                lambda _: _differences(self.judgement.difference),
+                settings.difference_rate_hz,
             ),
         }
         self._odometry: _Output[Motion] = _Output(
-            lambda motion: motion.message, odometry_rate_hz or 0.0
+            lambda motion: (motion.message,), odometry_rate_hz or 0.0
         )
         self._outputs: dict[int, _Output[AttitudeEstimate] | _Output[Motion]] = {
-            **self._of_attitude
+            **self._attitudes,
+            **self._judgements,
         }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self.sent = 0
         self.are_held = False
+        self.judgement = Judgement()
 
     def due(self, estimate: AttitudeEstimate) -> Iterator[OutMessage]:
         """The messages to send for this attitude."""
-        for output in self._of_attitude.values():
-            message = output.take(estimate)
-            if message is not None and not self.are_held:
-                self.sent += 1
-                yield message
+        for output in self._attitudes.values():
+            messages = output.take(estimate)
+            if not self.are_held:
+                self.sent += len(messages)
+                yield from messages
+        for output in self._judgements.values():
+            messages = output.take(estimate)
+            if not self.are_held:
+                yield from messages
 
-    def due_odometry(self, motion: Motion) -> OutMessage | None:
+    def due_odometry(self, motion: Motion) -> Messages:
         """ODOMETRY of this estimate, where it is due."""
         return self._odometry.take(motion)
 
-    def latest(self, message_id: int) -> OutMessage | None:
-        """The message made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
+    def latest(self, message_id: int) -> Messages:
+        """What is made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
         output = self._outputs.get(message_id)
-        return None if output is None or self.are_held else output.latest()
+        return () if output is None or self.are_held else output.latest()
 
     def forget(self) -> None:
         """The latest estimates are stale: they must not be sent any more."""
@@ -160,3 +207,28 @@ class Outputs:
         output = self._outputs[message_id]
         output.rate_hz = min(max(rate_hz, 0.0), MAX_RATE_HZ)
         output.due_us = None
+
+
+def _status(estimate: AttitudeEstimate, judgement: Judgement) -> Messages:
+    """ESTIMATOR_STATUS."""
+    ratios, alarms, _ = judgement
+    flags = 0
+    if CONVERGED in estimate.trust and not any(alarm.degrades for alarm in alarms):
+        flags |= mavlink.ESTIMATOR_ATTITUDE
+    if Trust.VELOCITY_USED in estimate.trust:
+        flags |= mavlink.ESTIMATOR_VELOCITY_HORIZ
+    if any(alarm.source == "GPS" for alarm in alarms):
+        flags |= mavlink.ESTIMATOR_GPS_GLITCH
+    if any(alarm.kind.startswith(FORCE_ALARMS) for alarm in alarms):
+        flags |= mavlink.ESTIMATOR_ACCEL_ERROR
+    return (outbound.estimator_status(estimate.t_us, flags, ratios.of_velocity, ratios.of_field),)
+
+
+def _differences(found: Comparison | None) -> Messages:
+    """NAMED_VALUE_FLOAT of tilt and heading, in degrees."""
+    if found is None:
+        return ()
+    return (
+        outbound.named_value_float(found.t_us, "h2_tiltdif", math.degrees(found.tilt_rad)),
+        outbound.named_value_float(found.t_us, "h2_yaw_dif", math.degrees(found.heading_rad)),
+    )

@@ -16,6 +16,9 @@ from h2nav.wire.questions import ParameterRead, ParameterWrite
 _RATES = {
     "H2_ATT_HZ": mavlink.MAVLINK_MSG_ID_ATTITUDE,
     "H2_ATTQ_HZ": mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+    "H2_ATTC_HZ": mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV,
+    "H2_STAT_HZ": mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+    "H2_DIF_HZ": mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT,
     "H2_ODO_HZ": mavlink.MAVLINK_MSG_ID_ODOMETRY,
 }
 

@@ -96,6 +96,30 @@ def estimate_record(estimate: AttitudeEstimate, late_ns: int = 0) -> EstimateRec
     )
 
 
+class ComparisonRecord(NamedTuple):
+    """The autopilot's attitude against ours, at the same time.
+
+    Attributes:
+        t_us: autopilot time of both.
+        source: autopilot (ATTITUDE) or AHRS2.
+        tilt_deg: angle between the verticals.
+        heading_deg: the autopilot's heading less ours.
+        sigma_tilt_deg: deviation of the difference, both attitudes' together.
+        sigma_heading_deg: the same; empty where our heading has no reference.
+        tilt_verdict: whose tilt the GPS velocity supports: h2nav, autopilot or undecided.
+        heading_verdict: the same of the heading.
+    """
+
+    t_us: int
+    source: str
+    tilt_deg: float
+    heading_deg: float
+    sigma_tilt_deg: float
+    sigma_heading_deg: float
+    tilt_verdict: str
+    heading_verdict: str
+
+
 class HealthRecord(NamedTuple):
     """The state of the service, written at each change and once a second.
 
@@ -112,6 +136,9 @@ class HealthRecord(NamedTuple):
         independent: False where something of the autopilot's own estimator is in the estimate: its
             velocity, or its bias, already removed from the message in use.
         late_ms: how late the newest estimate is, beyond what is usual on this link.
+        autopilot_tilt_deg: angle between the autopilot's vertical and ours; empty where nothing was
+            compared just now.
+        autopilot_heading_deg: the autopilot's heading less ours.
     """
 
     state: str
@@ -125,6 +152,8 @@ class HealthRecord(NamedTuple):
     armed: bool
     independent: bool
     late_ms: float = 0.0
+    autopilot_tilt_deg: float | None = None
+    autopilot_heading_deg: float | None = None
 
     @property
     def summary(self) -> str:

@@ -6,6 +6,7 @@ messages and their arrival times alone, never on timers, so a recording of what 
 reproduces them exactly.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -16,9 +17,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Severity
-from h2nav.service import records
+from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
+from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Record, Send, Used
 from h2nav.service.estimation import Estimation, FilterFor
@@ -29,7 +31,7 @@ from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
-from h2nav.service.outputs import Outputs
+from h2nav.service.outputs import Judgement, Outputs
 from h2nav.service.parameter_request import ParameterRequest
 from h2nav.service.pulse import Pulse
 from h2nav.service.sample_clock import Verdict
@@ -40,6 +42,7 @@ from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
 from h2nav.service.wished_stream import Wish
 from h2nav.wire import outbound
+from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
@@ -118,11 +121,13 @@ class Service:
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         self._notices = Notices(settings.output.status_text)
         self._lateness = Lateness()
+        self._comparing = Comparing()
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
             self._autopilot,
             self._estimation,
+            self._comparing.witness,
         )
         self.motion = motion_for(
             settings,
@@ -170,6 +175,7 @@ class Service:
     def health(self) -> records.HealthRecord:
         """The state as it is logged and shown."""
         row = self._estimation.imu_message
+        difference = self._comparing.witness.latest
         return records.HealthRecord(
             state=self._standing.verdict.state.value,
             reason=self._standing.verdict.reason,
@@ -182,6 +188,8 @@ class Service:
             armed=self._autopilot.is_armed,
             independent=self._estimation.is_independent,
             late_ms=self._lateness.late_ns * 1e-6,
+            autopilot_tilt_deg=difference and math.degrees(difference.tilt_rad),
+            autopilot_heading_deg=difference and math.degrees(difference.heading_rad),
         )
 
     @property
@@ -236,6 +244,8 @@ class Service:
         owned = self._autopilot.owns(sender)
         if owned and self._streams is not None:
             self._streams.arrived(message_id)
+        if message_id in comparing.MESSAGES:
+            return owned and self._comparing.heeds(t_ns, message_id)
         if message_id not in IMU_MESSAGES:
             return message_id in READERS
         if owned:
@@ -258,6 +268,8 @@ class Service:
         owned = self._autopilot.owns(envelope.sender)
         if isinstance(message, TimeSyncMessage):
             return self._on_time_sync(envelope, message, owned)
+        if isinstance(message, ReportedAttitude):
+            return self._comparing.on_report(message) if owned else []
         return self._on_vehicle_message(envelope.t_ns, message) if owned else []
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
@@ -356,10 +368,12 @@ class Service:
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
+            self._outputs.judgement = Judgement(difference=self._comparing.witness.latest)
             effects += self._send_all(self._outputs.due(estimate))
         # Rates and forces are late, and what is computed with them needs the attitude they had.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
         effects.append(Used(sample, estimate, self._lateness.late_ns))
+        effects += self._comparing.on_sample(sample, estimate)
         if not self._units.is_over:
             effects += self._check_units(t_ns, sample)
         if not self._standing.is_active:
@@ -389,6 +403,7 @@ class Service:
         self._lateness.restart()
         self.time_sync.restart()
         self.motion.restart()
+        self._comparing.witness.restart()
         self._outputs.forget()
 
     def _on_vehicle_message(self, t_ns: int, message: Message) -> list[Effect]:
@@ -535,7 +550,8 @@ class Service:
             wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
         if wanted.aiding.autopilot_velocity:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        return (*wishes, *self.motion.wishes)
+        compared = comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
+        return (*wishes, *self.motion.wishes, *compared)
 
     def _imu_rate_hz(self) -> float | None:
         row = self._estimation.imu_message

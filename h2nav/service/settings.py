@@ -31,6 +31,8 @@ class AutopilotSettings:
         component_id: its component id; 0 = the first autopilot that is heard.
         imu_message: the IMU message to use; `auto` = the best one that this autopilot sends.
         imu_rate_hz: how often to ask for it.
+        compare_rate_hz: how often to ask for ATTITUDE, which is compared with ours, and for AHRS2
+            half as often; 0 = compare only what comes by itself.
         request_streams: ask for streams at all (False on a link where another program does).
         simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
             truth.
@@ -43,6 +45,7 @@ class AutopilotSettings:
     component_id: SystemId = 0
     imu_message: Annotated[str, OneOf(IMU_MESSAGE_CHOICES)] = "auto"
     imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
+    compare_rate_hz: Annotated[float, Within(0.0, 10.0)] = 10.0
     request_streams: bool = True
     simulation_truth: bool = False
     gyro_delay_s: Delay = "auto"
@@ -57,6 +60,10 @@ class OutputSettings:
         component_id: our own component id; 191 is MAV_COMP_ID_ONBOARD_COMPUTER.
         attitude_rate_hz: ATTITUDE.
         attitude_quaternion_rate_hz: ATTITUDE_QUATERNION.
+        attitude_covariance_rate_hz: ATTITUDE_QUATERNION_COV.
+        estimator_status_rate_hz: ESTIMATOR_STATUS.
+        difference_rate_hz: NAMED_VALUE_FLOAT `h2_tiltdif` and `h2_yaw_dif`, by how many degrees
+            the autopilot's attitude differs from ours.
         status_text: send STATUSTEXT on state changes.
         allow_remote_changes: obey PARAM_SET and SET_MESSAGE_INTERVAL for our own outputs.
     """
@@ -64,6 +71,9 @@ class OutputSettings:
     component_id: Annotated[int, Within(1, 255)] = 191
     attitude_rate_hz: RateHz = 50.0
     attitude_quaternion_rate_hz: RateHz = 10.0
+    attitude_covariance_rate_hz: RateHz = 0.0
+    estimator_status_rate_hz: RateHz = 1.0
+    difference_rate_hz: RateHz = 0.0
     status_text: bool = True
     allow_remote_changes: bool = False
 

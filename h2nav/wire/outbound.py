@@ -3,6 +3,7 @@
 Times wrap where MAVLink wraps them; every other value is clamped to what its field can hold.
 """
 
+import math
 import struct
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -15,6 +16,10 @@ from h2nav.motion.samples import OdometryRecord, PoseFrame
 UINT32_MASK = 0xFFFF_FFFF
 INT32_END = (1 << 31) - 1
 INT64_END = (1 << 63) - 1
+# Of an angle of which nothing is known: any value is as likely as any other.
+UNKNOWN_ANGLE_VARIANCE = math.pi**2 / 3.0
+# Euler angles have no finite covariance at their poles.
+LEAST_COSINE = 1e-3
 LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 STATUS_TEXT_SIZE = 50
 MAV_FRAMES = {
@@ -48,6 +53,51 @@ def attitude_quaternion(estimate: AttitudeEstimate) -> OutMessage:
     """ATTITUDE_QUATERNION: scalar first, bias-corrected body rates, at the sample's time."""
     return mavlink.MAVLink_attitude_quaternion_message(
         estimate.t_us // 1000 & UINT32_MASK, *estimate.q_nb, *estimate.w_b
+    )
+
+
+def attitude_quaternion_cov(estimate: AttitudeEstimate) -> OutMessage:
+    """ATTITUDE_QUATERNION_COV: what ATTITUDE_QUATERNION says, and how good it is.
+
+    The covariance is that of roll, pitch and yaw, rad^2; an unknown deviation is that of an angle
+    of which nothing is known.
+    """
+    _, pitch, _ = quaternion.to_euler(estimate.q_nb)
+    cosine = max(math.cos(pitch), LEAST_COSINE)
+    tangent = math.sin(pitch) / cosine
+    # The deviation of the tilt is that of both horizontal axes together.
+    horizontal = 0.5 * _variance(estimate.sigma_tilt_rad)
+    roll_yaw = horizontal * tangent / cosine
+    yaw = _variance(estimate.sigma_heading_rad) + horizontal * tangent * tangent
+    covariance = (
+        *(horizontal / (cosine * cosine), 0.0, roll_yaw),
+        *(0.0, horizontal, 0.0),
+        *(roll_yaw, 0.0, yaw),
+    )
+    return mavlink.MAVLink_attitude_quaternion_cov_message(
+        estimate.t_us, estimate.q_nb, *estimate.w_b, covariance
+    )
+
+
+def estimator_status(t_us: int, flags: int, vel_ratio: float, mag_ratio: float) -> OutMessage:
+    """ESTIMATOR_STATUS; what we do not estimate is 0, as from PX4.
+
+    Args:
+        t_us: time of the sample.
+        flags: ESTIMATOR_STATUS_FLAGS.
+        vel_ratio: innovation test ratio of the velocity; NaN = none.
+        mag_ratio: of the field; NaN = none.
+    """
+    vel_ratio, mag_ratio = _known(vel_ratio), _known(mag_ratio)
+    return mavlink.MAVLink_estimator_status_message(
+        t_us, flags, vel_ratio, 0.0, 0.0, mag_ratio, 0.0, 0.0, 0.0, 0.0
+    )
+
+
+def named_value_float(t_us: int, name: str, value: float) -> OutMessage:
+    """NAMED_VALUE_FLOAT; the name has at most 10 characters."""
+    return mavlink.MAVLink_named_value_float_message(
+        t_us // 1000 & UINT32_MASK, name.encode(), _float32(value)
     )
 
 
@@ -157,3 +207,14 @@ def _clamped(value: int, end: int) -> int:
 
 def _float32(value: float) -> float:
     return min(max(value, -LARGEST_FLOAT), LARGEST_FLOAT)
+
+
+def _known(ratio: float) -> float:
+    return 0.0 if math.isnan(ratio) else _float32(ratio)
+
+
+def _variance(sigma_rad: float) -> float:
+    """Of an angle; NaN: it is unknown."""
+    if math.isnan(sigma_rad):
+        return UNKNOWN_ANGLE_VARIANCE
+    return min(sigma_rad, math.pi) ** 2

@@ -59,7 +59,7 @@ def test_odometry_answers_to_requests_like_the_other_outputs():
     flight = twist_flight(motion=MotionSettings("twist", odometry_rate_hz=5.0)).run(6.0)
     assert 25 < len(odometry(flight)) < 32
     outputs = flight.pipeline.service._outputs
-    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY).time_usec > 5_900_000
+    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY)[0].time_usec > 5_900_000
     assert outputs.rate_hz(mavlink.MAVLINK_MSG_ID_ODOMETRY) == 5.0
 
 
@@ -76,14 +76,14 @@ def test_a_silent_camera_stops_odometry_and_its_return_is_a_reset():
     assert_right(flight, 10.5)
     assert {message.reset_counter for _, message in odometry(flight, 0.0, 7.1)} == {0}
     assert odometry(flight)[-1][1].reset_counter == 1
-    assert flight.pipeline.service._outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY) is not None
+    assert flight.pipeline.service._outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY)
 
 
 def test_while_the_camera_is_silent_no_old_odometry_is_handed_out():
     """A stale estimate is not given on request either."""
     flight = twist_flight(change=lambda t_s, m: m if t_s < 4.0 else None).run(7.0)
     assert odometry(flight) != []
-    assert flight.pipeline.service._outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY) is None
+    assert not flight.pipeline.service._outputs.latest(mavlink.MAVLINK_MSG_ID_ODOMETRY)
 
 
 @pytest.mark.parametrize("told", [False, True])

@@ -53,7 +53,7 @@ def test_an_imu_rate_beyond_the_baud_rate_names_the_rate_that_fits(tmp_path):
     text = "link: {url: 'serial:/dev/ttyAMA0:57600'}\nautopilot: {imu_rate_hz: 100}\n"
     (line,) = errors(text, tmp_path)
     assert "autopilot.imu_rate_hz" in line
-    assert "lower it to 70" in line
+    assert "lower it to 62" in line
 
 
 def test_outputs_beyond_the_baud_rate_are_refused(tmp_path):
@@ -71,7 +71,7 @@ def test_a_shorter_imu_message_may_come_more_often(tmp_path):
         "autopilot: {imu_rate_hz: 200, imu_message: SCALED_IMU}\n"
     )
     (line,) = errors(text, tmp_path)
-    assert "lower it to 143" in line
+    assert "lower it to 127" in line
 
 
 def warned(**sections):

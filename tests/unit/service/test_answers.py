@@ -48,6 +48,27 @@ def test_a_message_that_cannot_be_made_yet_is_put_off():
     assert result(messages) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
+@pytest.mark.parametrize(
+    ("message_id", "interval_us"),
+    [
+        (mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV, -1),
+        (mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 1_000_000),
+        (mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, -1),
+    ],
+)
+def test_every_output_can_be_asked_for_and_timed_anew(message_id, interval_us):
+    messages, _ = answers(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, float(message_id))
+    assert messages[1].interval_us == interval_us
+    set_interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    messages, outputs = answers(set_interval, float(message_id), 2e5, may_change=True)
+    assert result(messages) == mavlink.MAV_RESULT_ACCEPTED
+    assert outputs.rate_hz(message_id) == 5.0
+    messages, _ = answers(set_interval, float(message_id), 2e5)
+    assert result(messages) == mavlink.MAV_RESULT_DENIED
+    messages, _ = answers(mavlink.MAV_CMD_REQUEST_MESSAGE, float(message_id))
+    assert result(messages) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
 def test_interval_is_told():
     messages, _ = answers(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, float(ATTITUDE))
     assert messages[1].interval_us == 20_000

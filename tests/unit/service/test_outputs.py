@@ -4,7 +4,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.service.outputs import Outputs
+from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.velocity_witness import Verdicts
+from h2nav.integrity.witness import Comparison, Source
+from h2nav.service.outputs import Judgement, Outputs
 from h2nav.service.settings import OutputSettings
 
 YAW_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -40,21 +44,83 @@ def test_a_rate_above_the_samples_sends_every_sample_once():
 def test_nothing_stale_is_handed_out():
     outputs = Outputs(OutputSettings())
     list(outputs.due(estimate(0)))
-    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is not None
+    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     outputs.forget()
-    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is None
+    assert not outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE)
 
 
 def test_late_estimates_are_held_back_and_not_handed_out():
     outputs = Outputs(OutputSettings(attitude_rate_hz=100.0))
     outputs.are_held = True
     assert list(outputs.due(estimate(0))) == []
-    assert outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE) is None
+    assert not outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     outputs.are_held = False
     assert [m.get_type() for m in outputs.due(estimate(10_000))] == ["ATTITUDE"]
+    assert outputs.sent == 1
 
 
 def test_rates_follow_time_over_an_epoch_change():
     outputs = Outputs(OutputSettings(attitude_rate_hz=50.0, attitude_quaternion_rate_hz=0.0))
     counts(outputs, 100.0, 1.0)
     assert counts(outputs, 100.0, 1.0)[0] == pytest.approx(50, abs=2)
+
+
+def status(trust, **judgement):
+    outputs = Outputs(OutputSettings())
+    outputs.judgement = Judgement(**judgement)
+    (message,) = [
+        message
+        for message in outputs.due(estimate(0)._replace(trust=trust))
+        if message.get_type() == "ESTIMATOR_STATUS"
+    ]
+    return message
+
+
+def alarm(kind, source="IMU", degrades=False):
+    return Alarm(kind, source, Severity.ERROR, 1.0, "deg", "text", "evidence", degrades)
+
+
+CONVERGED = Trust.ALIGNED | Trust.CONVERGED
+
+
+@pytest.mark.parametrize(
+    ("trust", "alarms", "flags"),
+    [
+        (Trust.ALIGNED, (), 0),
+        (CONVERGED, (), mavlink.ESTIMATOR_ATTITUDE),
+        (CONVERGED, (alarm("vibration"),), mavlink.ESTIMATOR_ATTITUDE),
+        (CONVERGED, (alarm("gyro_frozen", degrades=True),), 0),
+        (Trust.VELOCITY_USED, (), mavlink.ESTIMATOR_VELOCITY_HORIZ),
+        (Trust(0), (alarm("attitude_velocity", "GPS"),), mavlink.ESTIMATOR_GPS_GLITCH),
+        (Trust(0), (alarm("accelerometer_frozen"),), mavlink.ESTIMATOR_ACCEL_ERROR),
+    ],
+)
+def test_the_status_says_what_is_known_and_what_is_wrong(trust, alarms, flags):
+    assert status(trust, alarms=alarms).flags == flags
+
+
+def test_the_status_carries_the_ratios_at_one_hertz():
+    message = status(CONVERGED, ratios=InnovationRatios(velocity_1s=0.3, velocity_10s=0.7))
+    assert (message.vel_ratio, message.mag_ratio) == (0.7, 0.0)
+    outputs = Outputs(OutputSettings())
+    sent = [m.get_type() for i in range(1000) for m in outputs.due(estimate(i * 10_000))]
+    assert sent.count("ESTIMATOR_STATUS") == pytest.approx(10, abs=1)
+
+
+def test_the_differences_go_out_when_there_are_any():
+    outputs = Outputs(OutputSettings(difference_rate_hz=10.0))
+    list(outputs.due(estimate(0)))
+    assert outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT) == ()
+    found = Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
+    outputs.judgement = Judgement(difference=found)
+    tilt, heading = outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT)
+    assert (tilt.name, tilt.value) == ("h2_tiltdif", pytest.approx(math.degrees(0.1)))
+    assert (heading.name, heading.value) == ("h2_yaw_dif", pytest.approx(-math.degrees(0.2)))
+
+
+def test_the_covariance_is_off_by_default():
+    asked = OutputSettings(attitude_covariance_rate_hz=5.0)
+    for settings, count in ((OutputSettings(), 0), (asked, 5)):
+        outputs = Outputs(settings)
+        sent = [m.get_type() for i in range(100) for m in outputs.due(estimate(i * 10_000))]
+        assert sent.count("ATTITUDE_QUATERNION_COV") == pytest.approx(count, rel=0.2)

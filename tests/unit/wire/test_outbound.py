@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.io.codec import Encoder, decode
 from h2nav.io.deframer import Deframer
+from h2nav.maths.quaternion import exp, from_euler, multiply, to_euler
 from h2nav.motion.samples import OdometryRecord, PoseFrame
 from h2nav.wire import outbound
 
@@ -36,6 +38,61 @@ def test_attitude_has_the_samples_time_and_bias_corrected_rates():
 
 def test_attitude_quaternion_is_scalar_first():
     assert outbound.attitude_quaternion(estimate(0)).q1 == pytest.approx(math.sqrt(0.5))
+
+
+SIGMAS = st.floats(0.0) | st.just(math.nan)
+
+
+def covariance_of(q_nb, sigma_tilt_rad=0.02, sigma_heading_rad=0.05):
+    sent = estimate(7_000_000, q_nb)._replace(
+        sigma_tilt_rad=sigma_tilt_rad, sigma_heading_rad=sigma_heading_rad
+    )
+    return on_the_wire(outbound.attitude_quaternion_cov(sent)).covariance
+
+
+def test_a_level_attitude_has_the_variances_of_its_deviations():
+    """That of the tilt is shared by roll and pitch."""
+    expected = [2e-4, 0, 0, 0, 2e-4, 0, 0, 0, 25e-4]
+    assert covariance_of(YAW_EAST) == pytest.approx(expected, abs=1e-8)
+
+
+def test_the_covariance_is_that_of_the_euler_angles():
+    """Against many attitudes that are off by as much."""
+    q_nb = from_euler(0.3, 0.9, -2.0)
+    rng = np.random.default_rng(1)
+    errors = rng.normal(size=(20_000, 3)) * (0.02 / math.sqrt(2), 0.02 / math.sqrt(2), 0.05)
+    angles = [to_euler(multiply(exp(tuple(error)), q_nb)) for error in errors.tolist()]
+    expected = np.cov(np.array(angles).T).ravel()
+    assert covariance_of(q_nb) == pytest.approx(expected, rel=0.05, abs=3e-5)
+
+
+def test_an_unknown_deviation_is_that_of_any_angle():
+    assert covariance_of(YAW_EAST, math.nan, math.nan)[8] == pytest.approx(math.pi**2 / 3)
+    assert covariance_of(YAW_EAST, math.inf, math.inf)[8] == pytest.approx(math.pi**2)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-math.pi / 2, math.pi / 2), SIGMAS, SIGMAS)
+@settings(derandomize=True, deadline=None)
+def test_every_covariance_is_finite(roll, pitch, sigma_tilt_rad, sigma_heading_rad):
+    covariance = covariance_of(from_euler(roll, pitch, 1.0), sigma_tilt_rad, sigma_heading_rad)
+    assert all(map(math.isfinite, covariance))
+
+
+@given(st.floats(), st.floats())
+@settings(derandomize=True, deadline=None)
+def test_what_is_unknown_of_the_estimator_is_zero(vel_ratio, mag_ratio):
+    read = on_the_wire(outbound.estimator_status(5, 3, vel_ratio, mag_ratio))
+    assert (read.time_usec, read.flags, read.pos_horiz_ratio) == (5, 3, 0.0)
+    assert math.isfinite(read.vel_ratio)
+    assert math.isfinite(read.mag_ratio)
+    if math.isnan(vel_ratio):
+        assert read.vel_ratio == 0.0
+
+
+@pytest.mark.parametrize("name", ["h2_tiltdif", "h2_yaw_dif"])
+def test_a_named_value_keeps_its_name(name):
+    read = on_the_wire(outbound.named_value_float((1 << 32) * 1000 + 5_000, name, 1.5))
+    assert (read.time_boot_ms, read.name, read.value) == (5, name, 1.5)
 
 
 def test_timesync_carries_its_target():

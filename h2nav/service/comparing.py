@@ -1,0 +1,73 @@
+"""What the autopilot says of its attitude, to the witness; what that finds, to log and outputs."""
+
+import math
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.integrity.witness import Comparison, Source, Witness
+from h2nav.service.effects import Effect, Record
+from h2nav.service.limits import RateLimit
+from h2nav.service.records import ComparisonRecord
+from h2nav.service.wished_stream import Wish
+from h2nav.wire.attitude import ReportedAttitude
+
+# More than this is not looked at, in recordings with faster streams as well.
+MOST_PER_S = 10.0
+AT_ONCE = 2
+MESSAGES = frozenset({mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_AHRS2})
+# AHRS2 comes at half the rate of ATTITUDE.
+AHRS2_SHARE = 0.5
+
+
+def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:
+    """The streams to ask this make of autopilot (MAV_AUTOPILOT) for; a rate of 0 asks for none."""
+    if rate_hz == 0.0:
+        return ()
+    attitude = Wish(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_extra=True)
+    if autopilot != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        return (attitude,)
+    second = Wish(mavlink.MAVLINK_MSG_ID_AHRS2, AHRS2_SHARE * rate_hz, is_extra=True)
+    return attitude, second
+
+
+class Comparing:
+    """The witness of the bound autopilot.
+
+    Attributes:
+        witness: takes the velocities too, and has the alarms.
+    """
+
+    def __init__(self) -> None:
+        self.witness = Witness()
+        self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
+
+    def heeds(self, t_ns: int, message_id: int) -> bool:
+        """Whether this one of `MESSAGES` is worth reading."""
+        return self._limits[message_id].allows(t_ns)
+
+    def on_sample(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Effect]:
+        """Our newest estimate, None during an alignment."""
+        return _records(self.witness.add(sample, estimate))
+
+    def on_report(self, reported: ReportedAttitude) -> list[Effect]:
+        """An attitude of the autopilot."""
+        source = Source.AHRS2 if reported.is_second else Source.AUTOPILOT
+        return _records(self.witness.report(source, reported.time_ms, reported.q_nb))
+
+
+def _records(found: list[Comparison]) -> list[Effect]:
+    return [Record("/comparison", _record(comparison), comparison.t_us) for comparison in found]
+
+
+def _record(found: Comparison) -> ComparisonRecord:
+    return ComparisonRecord(
+        found.t_us,
+        found.source.value,
+        math.degrees(found.tilt_rad),
+        math.degrees(found.heading_rad),
+        math.degrees(found.sigma_tilt_rad),
+        math.degrees(found.sigma_heading_rad),
+        found.verdicts.tilt.value,
+        found.verdicts.heading.value,
+    )
