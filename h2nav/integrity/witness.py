@@ -24,8 +24,8 @@ COMPARED_WITH = Trust.ALIGNED | Trust.CONVERGED
 BEYOND = 3.0  # deviations
 # Two attitudes that are both right may differ by so much.
 LEAST_RAD = math.radians(3.0)
-# A disagreement is told after the first time, or after the second one if nobody knows who is right
-# and it is not plain.
+# A disagreement is told after the first time where it is plain, or where somebody is known to be
+# right; else after the second one.
 LASTING_US = 4_000_000
 UNDECIDED_US = 10_000_000
 PLAIN = 2.0  # limits
@@ -79,38 +79,58 @@ class Comparison(NamedTuple):
     verdicts: Verdicts
 
 
+class _Lasting:
+    """How long something has been so, interruptions of `PAUSE_US` included."""
+
+    def __init__(self) -> None:
+        self._since_us: int | None = None
+        self.seen_us = 0
+
+    def look(self, t_us: int, *, is_so: bool) -> int | None:
+        """For how long, us; None when it is not so."""
+        if is_so:
+            self._since_us = t_us if self._since_us is None else self._since_us
+            self.seen_us = t_us
+        elif t_us - self.seen_us > PAUSE_US:
+            self._since_us = None
+        return None if self._since_us is None else t_us - self._since_us
+
+
 class _Disagreement:
     """One part of the attitude of one source."""
 
     def __init__(self, source: Source, part: str) -> None:
         self._source = source
         self._part = part
-        self._since_us: int | None = None
-        self._seen_us = 0
+        quality = QUALITIES[source]
+        sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
+        self._least_rad = max(BEYOND * sigma_rad, LEAST_RAD)
+        self._lasting, self._beyond, self._plain = _Lasting(), _Lasting(), _Lasting()
         self._is_told = False
         self._alarm: Alarm | None = None
 
     def alarm(self, t_us: int) -> Alarm | None:
         """What is wrong at this time; nothing where nobody has reported for a while."""
-        return self._alarm if t_us - self._seen_us <= PAUSE_US else None
+        return self._alarm if t_us - self._lasting.seen_us <= PAUSE_US else None
 
     def look(self, t_us: int, difference_rad: float, sigma_rad: float, verdict: Verdict) -> None:
         """Takes the newest difference; a NaN sigma says nothing."""
         size_rad = abs(difference_rad)
-        # Whom the velocity has proved right needs no deviation of ours any more.
-        decided = verdict is not Verdict.UNDECIDED and not math.isnan(sigma_rad)
-        limit_rad = LEAST_RAD if decided else max(BEYOND * sigma_rad, LEAST_RAD)
-        if self._source is Source.AHRS2:
-            limit_rad = max(limit_rad, BEYOND * _part_of(QUALITIES[self._source], self._part))
-        if size_rad > limit_rad:
-            self._since_us = t_us if self._since_us is None else self._since_us
-            self._seen_us = t_us
-        elif self._since_us is None or t_us - self._seen_us > PAUSE_US:
-            self._since_us, self._is_told, self._alarm = None, False, None
+        limit_rad = max(self._least_rad, BEYOND * sigma_rad)
+        # Where the velocity has shown who is right, our deviation does not matter any more.
+        is_known = not math.isnan(sigma_rad)
+        decided = is_known and verdict is not Verdict.UNDECIDED
+        lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
+        beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
+        plain_us = self._plain.look(t_us, is_so=is_known and size_rad > PLAIN * limit_rad)
+        if lasted_us is None:
+            self._is_told, self._alarm = False, None
             return
-        lasted_us = t_us - self._since_us
-        is_plain = decided or size_rad > PLAIN * limit_rad
-        self._is_told |= lasted_us >= (LASTING_US if is_plain else UNDECIDED_US)
+        self._is_told |= (
+            (decided and lasted_us >= LASTING_US)
+            or (plain_us or 0) >= LASTING_US
+            or (beyond_us or 0) >= UNDECIDED_US
+        )
         if self._is_told:
             self._alarm = self._told(math.degrees(size_rad), lasted_us * 1e-6, verdict)
 
@@ -140,10 +160,6 @@ class _Disagreement:
             f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
             since_s=since_s,
         )
-
-
-def _part_of(quality: _Quality, part: str) -> float:
-    return quality.tilt_rad if part == "tilt" else quality.heading_rad
 
 
 class _Reporter:

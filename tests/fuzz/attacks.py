@@ -37,7 +37,7 @@ ASKED = frozenset(
 )
 OUR_COMMANDS = (511, 510, 512, 519, 520, 521, 0, 400, 246)
 OUR_OUTPUTS = (30.0, 31.0, 331.0, 148.0, 0.0)
-OUR_PARAMETERS = (b"H2_ATT_HZ", b"H2_ATTQ_HZ", b"H2_ODO_HZ", b"", b"\xff" * 16)
+OUR_PARAMETERS = (b"H2_ATT_HZ", b"H2_STAT_HZ", b"H2_DIF_HZ", b"H2_ODO_HZ", b"", b"\xff" * 16)
 
 
 class Event(NamedTuple):
