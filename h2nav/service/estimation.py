@@ -21,7 +21,7 @@ from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import SampleClock, Verdict
 from h2nav.service.sensor_delays import SensorTiming
-from h2nav.service.sensor_watch import SensorWatch
+from h2nav.integrity.stuck_axis import StuckAxes
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
@@ -84,7 +84,7 @@ class Estimation:
         self._newest_us: int | None = None
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
-        self._watch = SensorWatch()
+        self._watch = StuckAxes()
         self._ends = RangeEnds()
         self._autopilot_kind = 0
         self._fused_dependent = False
@@ -214,7 +214,7 @@ class Estimation:
             self._filter.restart()
         self._newest_us = None
         self.has_estimate = False
-        self._watch = SensorWatch()
+        self._watch = StuckAxes()
         self._fields.restart()
         self.timing.restart()
 
