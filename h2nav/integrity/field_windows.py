@@ -75,7 +75,10 @@ class FieldWindows:
         self.reference: EarthField | None = None
         self.delay_s = 0.0
         self._rows: deque[Row] = deque(maxlen=ROWS)
-        self._begin(None)
+        self._first: Moment | None = None
+        self._sum: Vec3 = (0.0, 0.0, 0.0)
+        self._norms = 0.0
+        self._fields = 0
 
     def restart(self) -> None:
         """The strapdown begins anew."""
@@ -132,6 +135,22 @@ class FieldWindows:
         return self._rows[-1].dip_rad - self.reference.dip_rad
 
     @property
+    def worst_heading_rad(self) -> float:
+        """The heading error that a field with such a heading and dip may have caused."""
+        if self.reference is None:
+            return 0.0
+        level = max(math.cos(self.reference.dip_rad), 0.05)
+        return min(abs(self.heading_error_rad) + abs(self.dip_error_rad) / level, math.pi)
+
+    @property
+    def is_plausible(self) -> bool:
+        """Dip and norm of the latest row are the earth's: its heading says something."""
+        if self.reference is None or not self._rows:
+            return False
+        _, along, norm = self._parts(self._rows[-1])
+        return max(along, norm) < 1.0
+
+    @property
     def norm_share(self) -> float:
         """The norm of the latest row over the earth's; 1 where it cannot be said."""
         if self.reference is None or not self._rows:
@@ -165,7 +184,7 @@ class FieldWindows:
 
     def _begin(self, now: Moment | None) -> None:
         self._first = now
-        self._sum: Vec3 = (0.0, 0.0, 0.0)
+        self._sum = (0.0, 0.0, 0.0)
         self._norms = 0.0
         self._fields = 0
 
@@ -195,6 +214,10 @@ class FieldWindows:
         return norm < GATE * NORM_SIGMA and angle < LARGEST_LEAN_RAD
 
     def _ratio(self, row: Row) -> float:
+        return max(self._parts(row))
+
+    def _parts(self, row: Row) -> tuple[float, float, float]:
+        """Test ratios of heading, dip and norm."""
         assert self.reference is not None
         dip = self.reference.dip_rad
         level = max(math.cos(dip), 0.05)
@@ -202,7 +225,7 @@ class FieldWindows:
         sideways = math.hypot(DIRECTION_SIGMA_RAD, math.sin(dip) * row.sigma_tilt_rad) / level
         heading = math.hypot(row.sigma_heading_rad, sideways)
         along = math.hypot(DIRECTION_SIGMA_RAD, row.sigma_tilt_rad)
-        return max(
+        return (
             abs(row.heading_rad) / (GATE * heading),
             abs(row.dip_rad - dip) / (GATE * along),
             abs(row.norm_ut / self.reference.norm_ut - 1.0) / (GATE * NORM_SIGMA),

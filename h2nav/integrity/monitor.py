@@ -21,13 +21,14 @@ from h2nav.attitude.samples import (
 )
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import SensorChecks, Use
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_windows import (
     GATE,
+    LENGTHS_S,
     LONG_S,
-    SHORT_S,
     VelocityWindows,
     Window,
     change_of_velocity,
@@ -35,10 +36,11 @@ from h2nav.integrity.velocity_windows import (
 )
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-# A test has to fail for so long before it is told, and to hold for so long before that is over.
-RAISE_US = 2_000_000
-CLEAR_US = 4_000_000
-CLEAR_RATIO = 0.8
+# Errors that measurements show open the deviations from this ratio on, and for so long after.
+OPEN_RATIO = 0.5
+OPEN_S = 10.0
+# So long gyro and field have to agree after a velocity began to contradict: two of their rows.
+BLAME_S = 2.5
 # Velocities that are not measured: on the ground, and of any vehicle up and down.
 GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
@@ -48,7 +50,7 @@ CONFIRMED_RAD = 15.0 * DEG
 # ... or by 10 s of a field that is the earth's beyond doubt.
 CONFIRMED_RATIO = 0.5
 # A field that went into the heading so recently holds it.
-FIELD_HOLDS_US = 5_000_000
+FIELD_HOLDS_US = 1_000_000
 
 
 class Speeds(NamedTuple):
@@ -58,37 +60,12 @@ class Speeds(NamedTuple):
     vertical_m_s: float = CLIMB_SPEED_M_S
 
 
-class _Lasting:
-    """A test ratio that has to be above 1 for a while, and below for a while."""
-
-    def __init__(self) -> None:
-        self.is_raised = False
-        self._turned_us: int | None = None
-        self._since_us = 0
-        self.worst = 0.0
-
-    def take(self, t_us: int, ratio: float) -> None:
-        """The ratio of now; NaN says nothing."""
-        if math.isnan(ratio):
-            ratio = 0.0
-        wants = ratio > (CLEAR_RATIO if self.is_raised else 1.0)
-        if wants == self.is_raised:
-            self._turned_us = None
-            return
-        if self._turned_us is None:
-            self._turned_us = t_us
-        if t_us - self._turned_us >= (RAISE_US if wants else CLEAR_US):
-            self.is_raised = wants
-            self._since_us = self._turned_us
-            self._turned_us = None
-
-    def since_s(self, t_us: int) -> float:
-        """For how long it has been raised."""
-        return (t_us - self._since_us) * 1e-6
-
-
 class Monitor:
     """Watches one filter and its IMU.
+
+    For each sample: `check` it, give the filter what `Use` allows, `add` what came of it (`restart`
+    where nothing did). Velocities, field, vehicle and delays come as they come to the filter; a
+    velocity is not given to the filter while `velocity_is_false`.
 
     Args:
         name: of the IMU, for people.
@@ -107,10 +84,11 @@ class Monitor:
         self._vehicle = VehicleState()
         self._forces_us = 0
         self._force_tilt_rad = 0.0
-        self._windows: dict[float, Window] = {}
+        self._windows: list[Window] = []
+        self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
-        self._tests = {name: _Lasting() for name in ("velocity", "force", "field", "turn")}
+        self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
         self.ratios = InnovationRatios()
 
     def check(self, sample: ImuSample) -> Use:
@@ -134,24 +112,29 @@ class Monitor:
             self.ratios = InnovationRatios()
         if estimate.trust & Trust.FIELD_USED:
             self._field_used_us = sample.t_us
-        if self._field.add(sample):
+        if self.field_is_frozen:
+            self._field.restart()
+            self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
+        elif self._field.add(sample):
             self._judge_field()
         if sample.t_us - self._forces_us >= FORCE_PERIOD_US:
             self._forces_us = sample.t_us
             self._judge_force(sample.t_us)
             self._forget_stale(sample.t_us)
             self._judge(sample.t_us)
+            self._open(FORCE_PERIOD_US * 1e-6)
 
     def fix(self, fix: VelocityFix) -> None:
         """Takes a velocity over ground."""
         if not self._velocity.take(fix):
             return
-        long, short = self._velocity.window(LONG_S), self._velocity.window(SHORT_S)
-        self._windows = {w: found for w, found in ((LONG_S, long), (SHORT_S, short)) if found}
+        windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
+        self._windows = [window for window in windows if window is not None]
+        of_1s, of_3s, of_10s = (math.nan if window is None else window.ratio for window in windows)
         self.ratios = self.ratios._replace(
-            velocity_1s=math.nan if short is None else short.ratio,
-            velocity_10s=math.nan if long is None else long.ratio,
+            velocity_1s=of_1s, velocity_3s=of_3s, velocity_10s=of_10s
         )
+        long = windows[-1]
         if long is not None and long.ratio < 1.0:
             shown = GATE * long.sigma_m_s / max(long.change_m_s, 0.1)
             self._is_confirmed |= shown < CONFIRMED_RAD
@@ -169,11 +152,11 @@ class Monitor:
         self._field.delay_s = max(delays.field_s - delays.gyro_s, 0.0)
 
     def restart(self) -> None:
-        """Forgets what was gained so far; what is wrong stays wrong until it is seen to be right."""
+        """Forgets what was gained; what is wrong stays so until it is seen to be right."""
         self._strapdown.restart()
         self._velocity.restart()
         self._field.restart()
-        self._windows = {}
+        self._windows = []
         self.ratios = InnovationRatios()
 
     def velocity_window(self, length_s: float, q_ns: Quat | None = None) -> Window | None:
@@ -192,22 +175,43 @@ class Monitor:
 
     @property
     def tilt_error_rad(self) -> float:
-        """The tilt error that the measurements show; 0 while no test fails."""
-        shown = [0.0]
-        if self._tests["velocity"].is_raised:
-            shown += [window.tilt_rad for window in self._windows.values() if window.ratio > 1.0]
-        if self._tests["force"].is_raised:
-            shown.append(self._force_tilt_rad)
-        if self._tests["turn"].is_raised:
-            shown.append(self._field.turn(10)[0])
-        return min(max(shown), math.pi)
+        """The tilt error that measurements show, or have shown a moment ago."""
+        return self._tilt_rad
 
     @property
     def heading_error_rad(self) -> float:
-        """The heading error that the measurements show; 0 while no test fails."""
-        turned = self._field.turn(10)[0] if self._tests["turn"].is_raised else 0.0
-        shown = abs(self._field.heading_error_rad) if self._field_matters else 0.0
-        return max(turned, shown)
+        """The heading error that measurements show, or have shown a moment ago."""
+        return self._heading_rad
+
+    @property
+    def velocity_is_false(self) -> bool:
+        """The velocity has contradicted the IMU for a while, and gyro and field agree.
+
+        Such a velocity must not be fused: it would bend the attitude.
+        """
+        test, now = self._tests["velocity"], self._strapdown.newest
+        if not test.is_raised or now is None or test.since_s(now.t_us) < BLAME_S:
+            return False
+        return self.ratios.of_turn < OPEN_RATIO
+
+    def _open(self, dt_s: float) -> None:
+        """Takes the errors that measurements show now."""
+        ratios, field = self.ratios, self._field
+        tilts = [window.tilt_rad for window in self._windows if window.ratio > OPEN_RATIO]
+        headings = []
+        if ratios.force_10s > OPEN_RATIO:
+            tilts.append(self._force_tilt_rad)
+        if ratios.of_turn > OPEN_RATIO:
+            turn = field.turn(10)[0]
+            tilts.append(turn)
+            headings.append(turn)
+        if self._field_matters:
+            headings.append(field.worst_heading_rad)
+        elif field.is_plausible and ratios.field_1s > OPEN_RATIO:
+            headings.append(0.5 * abs(field.heading_error_rad))
+        keep = math.exp(-dt_s / OPEN_S)
+        self._tilt_rad = min(max(*tilts, 0.0, keep * self._tilt_rad, 0.0), math.pi)
+        self._heading_rad = min(max(*headings, 0.0, keep * self._heading_rad, 0.0), math.pi)
 
     @property
     def _field_matters(self) -> bool:
@@ -233,11 +237,17 @@ class Monitor:
         return tuple(found)
 
     def _velocity_alarm(self, since_s: float) -> Alarm:
-        window = max(self._windows.values(), key=lambda w: w.ratio, default=None)
+        window = max(self._windows, key=lambda w: w.ratio, default=None)
         length_s, size, tilt = 0.0, 0.0, 0.0
         if window is not None:
             length_s, tilt = window.length_s, window.tilt_rad / DEG
             size = math.hypot(*window.residual_m_s)
+        evidence = (
+            f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, "
+            f"as {tilt:.0f} deg of tilt would"
+        )
+        if self.velocity_is_false:
+            evidence += "; gyro and field agree, so the velocity is false and is not used"
         return Alarm(
             "attitude_velocity",
             "GPS",
@@ -245,7 +255,7 @@ class Monitor:
             tilt,
             "deg",
             "attitude contradicts velocity",
-            f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s: {tilt:.0f} deg",
+            evidence,
             degrades=True,
             since_s=since_s,
         )
@@ -299,7 +309,7 @@ class Monitor:
         ratios, tests = self.ratios, self._tests
         tests["velocity"].take(t_us, ratios.of_velocity)
         tests["force"].take(t_us, ratios.force_10s)
-        tests["turn"].take(t_us, _worst(ratios.turn_1s, ratios.turn_10s))
+        tests["turn"].take(t_us, ratios.of_turn)
         tests["field"].take(t_us, ratios.of_field)
 
     def _judge_field(self) -> None:
@@ -334,14 +344,12 @@ class Monitor:
 
     def _forget_stale(self, t_us: int) -> None:
         if self._velocity.is_stale(t_us):
-            self.ratios = self.ratios._replace(velocity_1s=math.nan, velocity_10s=math.nan)
-            self._windows = {}
+            self.ratios = self.ratios._replace(
+                velocity_1s=math.nan, velocity_3s=math.nan, velocity_10s=math.nan
+            )
+            self._windows = []
         if self._field.is_stale(t_us):
             nothing = math.nan
             self.ratios = self.ratios._replace(
                 field_1s=nothing, field_10s=nothing, turn_1s=nothing, turn_10s=nothing
             )
-
-
-def _worst(one: float, other: float) -> float:
-    return max((r for r in (one, other) if not math.isnan(r)), default=math.nan)

@@ -15,9 +15,11 @@ from h2nav.integrity.stuck_axis import StuckAxes
 from h2nav.maths.units import GRAVITY_M_S2
 
 FROZEN_US = 300_000
+# Of floats, which never repeat: so that a fast turn does not go on for long.
+FROZEN_FINE_US = 80_000
 # Of integers, where only the flight itself is the sign of motion.
 FROZEN_IN_FLIGHT_US = 1_000_000
-COMPASS_FROZEN_US = 2_000_000
+COMPASS_FROZEN_US = 1_000_000
 # Rates below this may be the dead zone of truncated integers.
 DEAD_ZONE_RAD_S = 0.02
 GYRO_COUNT_RAD_S = 1e-3
@@ -30,6 +32,8 @@ MOVED_M_S2 = 1.0
 WINDOW_US = 1_000_000
 VIBRATION_M_S2 = 30.0
 CLIPPED_SHARE = 0.02
+# A burst can be made up for; a second with so many clipped samples cannot.
+LOST_SHARE = 0.2
 
 
 class Use(Enum):
@@ -47,6 +51,7 @@ class _Triple:
         self._count = count
         self._values: Vec3 | None = None
         self._since_us = 0
+        self._repeats = 0
         self._flying_us: int | None = None
         self._low, self._high = 0.0, 0.0
         self.turned_rad = 0.0
@@ -64,6 +69,8 @@ class _Triple:
         if values != self._values:
             self._values, self._since_us, self.turned_rad = values, t_us, 0.0
             self._flying_us = None
+            self._repeats = -1
+        self._repeats += 1
         if not is_flying:
             self._flying_us = None
         elif self._flying_us is None:
@@ -79,6 +86,10 @@ class _Triple:
     def flown_us(self, t_us: int) -> int:
         """For how long the values have been the same in flight."""
         return 0 if self._flying_us is None else t_us - self._flying_us
+
+    def repeats_fine(self, t_us: int) -> bool:
+        """Values that show every noise have come at least four times."""
+        return self._repeats >= 3 and self.still_us(t_us) >= FROZEN_FINE_US and self.is_fine
 
     @property
     def has_moved(self) -> bool:
@@ -144,88 +155,37 @@ class SensorChecks:
 
     def alarms(self) -> list[Alarm]:
         """What is wrong at present."""
-        found = [
-            self._alarm(
-                f"{sensor}_frozen",
-                Severity.ERROR,
-                still_us * 1e-6,
-                f"{'whole IMU' if sensor == 'imu' else sensor} is frozen",
-                "the same values in every sample, while the vehicle moves",
-                since_s=still_us * 1e-6,
-            )
-            for sensor, still_us in self._frozen.items()
-        ]
-        if self._axes.complaint and not self._frozen:
-            found.append(
-                self._alarm(
-                    "axis_stuck",
-                    Severity.ERROR,
-                    1.0,
-                    self._axes.complaint,
-                    "one value in every sample, while the other axes move",
-                    since_s=1.0,
-                )
-            )
-        if self.field_is_frozen:
-            text = "compass is frozen"
-            evidence = "the same field in every sample, while the vehicle turns"
-            found.append(
-                self._alarm("compass_frozen", Severity.WARNING, 0.0, text, evidence, degrades=False)
-            )
-        return found + self._level_alarms()
-
-    def _level_alarms(self) -> list[Alarm]:
-        levels = self._levels
         found = []
-        if levels.vibration_m_s2 > VIBRATION_M_S2:
-            text = f"vibration {levels.vibration_m_s2:.0f} m/s2"
-            evidence = f"rms of 1 s; {VIBRATION_M_S2:.0f} disturb an autopilot"
-            found.append(
-                Alarm(
-                    "vibration",
-                    self._name,
-                    Severity.WARNING,
-                    levels.vibration_m_s2,
-                    "m/s2",
-                    text,
-                    evidence,
-                )
-            )
-        if levels.clipped_share > CLIPPED_SHARE:
-            text = f"{levels.clipped_share:.0%} of samples are clipped"
-            evidence = "values at the end of the sensor's range"
-            found.append(
-                Alarm(
-                    "clipping",
-                    self._name,
-                    Severity.WARNING,
-                    100.0 * levels.clipped_share,
-                    "%",
-                    text,
-                    evidence,
-                )
-            )
-        return found
+        for sensor, still_us in self._frozen.items():
+            text = f"{'whole IMU' if sensor == 'imu' else sensor} is frozen"
+            evidence = "the same values in every sample, while the vehicle moves"
+            found.append(self._standstill(f"{sensor}_frozen", text, evidence, still_us * 1e-6))
+        if self._axes.complaint and not self._frozen:
+            evidence = "one value in every sample, while the other axes move"
+            found.append(self._standstill("axis_stuck", self._axes.complaint, evidence, 1.0))
+        if self.field_is_frozen:
+            evidence = "the same field in every sample, while the vehicle turns"
+            still = self._standstill("compass_frozen", "compass is frozen", evidence, 1.0)
+            found.append(still._replace(severity=Severity.WARNING, degrades=False))
+        return found + self._levels.alarms(self._name)
 
-    def _alarm(
-        self,
-        kind: str,
-        severity: Severity,
-        size_s: float,
-        text: str,
-        evidence: str,
-        *,
-        degrades: bool = True,
-        since_s: float = 0.0,
-    ) -> Alarm:
+    def _standstill(self, kind: str, text: str, evidence: str, still_s: float) -> Alarm:
         return Alarm(
-            kind, self._name, severity, size_s, "s", text, evidence, degrades, since_s
+            kind,
+            self._name,
+            Severity.ERROR,
+            still_s,
+            "s",
+            text,
+            evidence,
+            degrades=True,
+            since_s=still_s,
         )
 
     def _gyro_is_frozen(self, t_us: int) -> bool:
         gyro = self._gyro
         if gyro.still_us(t_us) < FROZEN_US:
-            return False
+            return gyro.repeats_fine(t_us)
         if gyro.is_fine or gyro.largest > DEAD_ZONE_RAD_S:
             return True
         return gyro.flown_us(t_us) >= FROZEN_IN_FLIGHT_US and gyro.has_moved
@@ -233,7 +193,7 @@ class SensorChecks:
     def _force_is_frozen(self, t_us: int) -> bool:
         force = self._force
         if force.still_us(t_us) < FROZEN_US:
-            return False
+            return force.repeats_fine(t_us)
         if force.is_fine or force.turned_rad > TURNED_FORCE_RAD:
             return True
         return force.flown_us(t_us) >= FROZEN_IN_FLIGHT_US
@@ -280,3 +240,21 @@ class _Levels:
             self._squares = [0.0, 0.0, 0.0]
             self._samples = self._clipped = 0
             self._since_us = sample.t_us
+
+    def alarms(self, name: str) -> list[Alarm]:
+        """What is too much, of the IMU of this name."""
+        found = []
+        if self.vibration_m_s2 > VIBRATION_M_S2:
+            size, severity = self.vibration_m_s2, Severity.WARNING
+            text = f"vibration {size:.0f} m/s2"
+            evidence = f"rms of 1 s; {VIBRATION_M_S2:.0f} disturb an autopilot"
+            found.append(Alarm("vibration", name, severity, size, "m/s2", text, evidence))
+        if self.clipped_share > CLIPPED_SHARE:
+            text = f"{self.clipped_share:.0%} of samples are clipped"
+            evidence = "values at the end of the sensor's range"
+            lost, size = self.clipped_share > LOST_SHARE, 100.0 * self.clipped_share
+            severity = Severity.ERROR if lost else Severity.WARNING
+            found.append(
+                Alarm("clipping", name, severity, size, "%", text, evidence, degrades=lost)
+            )
+        return found

@@ -1,4 +1,4 @@
-"""Whether an attitude agrees with measured velocities, over 1 s and 10 s.
+"""Whether an attitude agrees with measured velocities, over 1, 3 and 10 s.
 
 The specific force of a window, turned by the attitude of its beginning, and gravity make the change
 of velocity. A tilt error e shows as g e T, a heading error as the share of the change that it turns
@@ -15,8 +15,8 @@ from h2nav.integrity.strapdown import Moment, Strapdown
 from h2nav.maths.quaternion import rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-SHORT_S = 1.0
-LONG_S = 10.0
+LENGTHS_S = (1.0, 3.0, 10.0)
+LONG_S = LENGTHS_S[-1]
 # A window is judged from this share of its length on.
 LEAST_SHARE = 0.8
 SPACING_US = 180_000
@@ -28,8 +28,9 @@ GATE = 3.0
 LEAST_SIGMA_M_S = 0.15
 # How late a fix may be beyond what is known of it: receivers have 0.1 to 0.3 s.
 LAG_SIGMA_S = 0.15
-# Data sheets: accelerometer 20 mg, gyro 0.05 deg/s after alignment and 0.5 % of scale.
-FORCE_SIGMA_M_S2 = 0.02 * GRAVITY_M_S2
+# What the start of a window does not know yet: of an accelerometer whose error turns with the
+# vehicle 10 mg, of a gyro 0.05 deg/s after its alignment and 0.5 % of scale.
+FORCE_SIGMA_M_S2 = 0.01 * GRAVITY_M_S2
 RATE_SIGMA_RAD_S = 0.05 * DEG
 SCALE_SIGMA = 0.005
 

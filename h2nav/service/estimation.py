@@ -14,6 +14,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
+from h2nav.integrity.stuck_axis import StuckAxes
 from h2nav.service.autopilot import Identity
 from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
@@ -21,7 +22,6 @@ from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import SampleClock, Verdict
 from h2nav.service.sensor_delays import SensorTiming
-from h2nav.integrity.stuck_axis import StuckAxes
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 

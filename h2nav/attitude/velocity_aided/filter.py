@@ -206,9 +206,9 @@ class VelocityAidedFilter:
 
         A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
         is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
-        force of exactly zero, which is none, or a clipped sample is integrated but corrects nothing;
-        the rate of a clipped one is doubted. A sample that
-        is not later than the one before changes nothing: the estimate before it comes again.
+        force of exactly zero, which is none, or a clipped sample is integrated but corrects
+        nothing; the rate of a clipped one is doubted. A sample that is not later than the one
+        before changes nothing: the estimate before it comes again.
         """
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(self._t_us, 0) if self._aligned else None
