@@ -214,7 +214,7 @@ class FieldWindows:
         return norm < GATE * NORM_SIGMA and angle < LARGEST_LEAN_RAD
 
     def _ratio(self, row: Row) -> float:
-        return max(self._parts(row))
+        return math.hypot(*self._parts(row))
 
     def _parts(self, row: Row) -> tuple[float, float, float]:
         """Test ratios of heading, dip and norm."""
