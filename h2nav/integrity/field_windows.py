@@ -26,6 +26,8 @@ NORM_SIGMA = 0.07
 NOISE_RAD = 1.0 * DEG
 DELAY_SIGMA_S = 0.02
 SCALE_SIGMA = 0.01
+# So small a turn is none, whatever field and force do.
+NO_TURN_RATIO = 0.5
 # A gyro turns field and force together: shares of the turn, and of the norm, that they may differ.
 RIGID_SHARE = 0.5
 RIGID_NORM = 0.1
@@ -160,18 +162,12 @@ class FieldWindows:
     def turn(self, rows: int) -> tuple[float, float]:
         """How far the field has turned in space in so many seconds: rad, and its test ratio.
 
-        The ratio is 0 where the field itself has changed, and NaN where there are no rows.
+        The ratio is NaN where the field itself may have turned, and where there are no rows.
         """
         if len(self._rows) <= rows:
             return 0.0, math.nan
         first, last = self._rows[-1 - rows], self._rows[-1]
         turn_rad = _angle(first.field_s, last.field_s)
-        changed = abs(last.force_angle_rad - first.force_angle_rad)
-        norm = abs(last.norm_ut / first.norm_ut - 1.0)
-        if changed > RIGID_SHARE * turn_rad or norm > RIGID_NORM:
-            return turn_rad, 0.0
-        if not (self._is_of_earth(first) and self._is_of_earth(last)):
-            return turn_rad, 0.0
         path = last.path_rad - first.path_rad
         variance = (
             2.0 * (DIRECTION_SIGMA_RAD * min(path, 1.0)) ** 2
@@ -180,7 +176,18 @@ class FieldWindows:
             + (SCALE_SIGMA * path) ** 2
             + (DELAY_SIGMA_S * path / rows) ** 2
         )
-        return turn_rad, turn_rad / (GATE * math.sqrt(variance))
+        ratio = turn_rad / (GATE * math.sqrt(variance))
+        if ratio < NO_TURN_RATIO or self._is_rigid(first, last, turn_rad):
+            return turn_rad, ratio
+        return turn_rad, math.nan
+
+    def _is_rigid(self, first: Row, last: Row, turn_rad: float) -> bool:
+        """Whether the field has turned as what a wrong gyro turns does: with the force."""
+        changed = abs(last.force_angle_rad - first.force_angle_rad)
+        norm = abs(last.norm_ut / first.norm_ut - 1.0)
+        if changed > RIGID_SHARE * turn_rad or norm > RIGID_NORM:
+            return False
+        return self._is_of_earth(first) and self._is_of_earth(last)
 
     def _begin(self, now: Moment | None) -> None:
         self._first = now

@@ -24,6 +24,8 @@ COMPASS_FROZEN_US = 1_000_000
 DEAD_ZONE_RAD_S = 0.02
 GYRO_COUNT_RAD_S = 1e-3
 FORCE_COUNT_M_S2 = 1e-3 * GRAVITY_M_S2
+# Less may be the gyro's bias.
+TURNING_RAD_S = 0.05
 # How far a vehicle has turned, by the gyro, that cannot have kept one force, or one field.
 TURNED_FORCE_RAD = 0.1
 TURNED_FIELD_RAD = 0.5
@@ -134,7 +136,8 @@ class SensorChecks:
         t_us = sample.t_us
         dt_s = 0.0 if self._t_us is None else min((t_us - self._t_us) * 1e-6, 0.1)
         self._t_us = t_us
-        turn_rad = dt_s * math.hypot(*sample.w_b)
+        rate = math.hypot(*sample.w_b)
+        turn_rad = dt_s * rate if rate > TURNING_RAD_S else 0.0
         force = math.hypot(*sample.f_b)
         self._gyro.add(t_us, sample.w_b, turn_rad, force, is_flying)
         self._force.add(t_us, sample.f_b, turn_rad, force, is_flying)
