@@ -9,6 +9,7 @@ from h2nav.validation import AutoOrWithin, OneOf, Within
 RateHz = Annotated[float, Within(0.0, 1000.0)]
 SystemId = Annotated[int, Within(0, 255)]
 Delay = Annotated[float | str, AutoOrWithin(0.0, 0.2)]
+Lanes = Annotated[int | str, OneOf(("auto", 1, 2, 3))]
 
 IMU_MESSAGE_CHOICES = (
     "auto",
@@ -33,6 +34,9 @@ class AutopilotSettings:
         imu_rate_hz: how often to ask for it.
         compare_rate_hz: how often to ask for ATTITUDE, which is compared with ours, and for AHRS2
             half as often; 0 = compare only what comes by itself.
+        lanes: how many IMUs are followed, each by a filter of its own; `auto` = as many as the link
+            carries, but one where `imu_message` chooses. With 1 the autopilot decides what
+            HIGHRES_IMU holds.
         request_streams: ask for streams at all (False on a link where another program does).
         simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
             truth.
@@ -46,6 +50,7 @@ class AutopilotSettings:
     imu_message: Annotated[str, OneOf(IMU_MESSAGE_CHOICES)] = "auto"
     imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
     compare_rate_hz: Annotated[float, Within(0.0, 10.0)] = 10.0
+    lanes: Lanes = "auto"
     request_streams: bool = True
     simulation_truth: bool = False
     gyro_delay_s: Delay = "auto"
