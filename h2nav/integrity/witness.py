@@ -105,7 +105,7 @@ class _Disagreement:
         quality = QUALITIES[source]
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
         self._least_rad = max(BEYOND * sigma_rad, LEAST_RAD)
-        self._lasting, self._beyond, self._plain = _Lasting(), _Lasting(), _Lasting()
+        self._lasting, self._beyond = _Lasting(), _Lasting()
         self._is_told = False
         self._alarm: Alarm | None = None
 
@@ -122,15 +122,13 @@ class _Disagreement:
         decided = is_known and verdict is not Verdict.UNDECIDED
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
         beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
-        plain_us = self._plain.look(t_us, is_so=is_known and size_rad > PLAIN * limit_rad)
         if lasted_us is None:
             self._is_told, self._alarm = False, None
             return
-        self._is_told |= (
-            (decided and lasted_us >= LASTING_US)
-            or (plain_us or 0) >= LASTING_US
-            or (beyond_us or 0) >= UNDECIDED_US
-        )
+        beyond_us = beyond_us or 0
+        is_plain = size_rad > PLAIN * limit_rad and beyond_us >= LASTING_US
+        is_proved = decided and lasted_us >= LASTING_US
+        self._is_told |= is_plain or is_proved or beyond_us >= UNDECIDED_US
         if self._is_told:
             self._alarm = self._told(math.degrees(size_rad), lasted_us * 1e-6, verdict)
 
