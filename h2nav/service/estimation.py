@@ -147,8 +147,7 @@ class Estimation:
 
     def considers(self, t_ns: int, message_id: int) -> bool:
         """Whether this message could be of use now, before it is even read."""
-        # Every lane has to hear of it.
-        return any([lane.considers(t_ns, message_id) for lane in self._lanes])  # noqa: C419
+        return any(lane.considers(t_ns, message_id) for lane in self._lanes)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
@@ -196,7 +195,8 @@ class Estimation:
 
     def hears(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
-        return any([lane.timing.hears(parameter) for lane in self._lanes])  # noqa: C419
+        changed = [lane.timing.hears(parameter) for lane in self._lanes]
+        return any(changed)
 
     # --- which lane is sent -------------------------------------------------------------------
 
@@ -297,7 +297,7 @@ def _reason(lane: Lane, cause: Cause) -> str:
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
-    """Tilt and heading between both, as of the lane that is sent, rad; NaN where unknown."""
+    """Tilt and heading between both at the time of the sent one, rad; NaN where unknown."""
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan
