@@ -42,7 +42,8 @@ class Use(Enum):
     """What may be done with a sample."""
 
     ALL = "all"
-    NO_LEARNING = "no_learning"  # its rates turn the vehicle, and nothing is learnt from it
+    RATES = "rates"  # there is no force
+    DOUBTED = "doubted"  # one of its axes is wrong: as if it were clipped
     NONE = "none"  # it says nothing of the motion
 
 
@@ -154,7 +155,9 @@ class SensorChecks:
         if gyro:
             return Use.NONE
         is_stuck = self._axes.suspects(sample)
-        return Use.NO_LEARNING if accel or is_stuck else Use.ALL
+        if accel:
+            return Use.RATES
+        return Use.DOUBTED if is_stuck else Use.ALL
 
     def alarms(self) -> list[Alarm]:
         """What is wrong at present."""

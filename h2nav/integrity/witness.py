@@ -216,7 +216,6 @@ class Witness:
             return None
         return self._latest if self._past[-1].t_us - self._latest.t_us <= STALE_US else None
 
-    @property
     def alarms(self) -> tuple[Alarm, ...]:
         """Disagreements that have lasted."""
         if not self._past:

@@ -24,10 +24,10 @@ def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:
     """The streams to ask this make of autopilot (MAV_AUTOPILOT) for; a rate of 0 asks for none."""
     if rate_hz == 0.0:
         return ()
-    attitude = Wish(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_extra=True)
+    attitude = Wish(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_optional=True)
     if autopilot != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return (attitude,)
-    second = Wish(mavlink.MAVLINK_MSG_ID_AHRS2, AHRS2_SHARE * rate_hz, is_extra=True)
+    second = Wish(mavlink.MAVLINK_MSG_ID_AHRS2, AHRS2_SHARE * rate_hz, is_optional=True)
     return attitude, second
 
 

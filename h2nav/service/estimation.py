@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.integrity.findings import Alarm
+from h2nav.integrity.ratios import InnovationRatios
 from h2nav.maths.quaternion import conjugate, log, multiply, rotate
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
@@ -120,6 +122,15 @@ class Estimation:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.objections(t_ns) if self._sent else ()
 
+    def alarms(self) -> list[Alarm]:
+        """What is wrong with the attitude that is sent, and with the sensors of every IMU."""
+        return [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
+
+    @property
+    def ratios(self) -> InnovationRatios:
+        """Innovation test ratios of the attitude that is sent."""
+        return self._sent.monitor.ratios if self._sent else InnovationRatios()
+
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None where none came."""
         return self._sent.why_no_samples(t_ns) if self._sent else None
@@ -142,7 +153,7 @@ class Estimation:
 
     def considers(self, t_ns: int, message_id: int) -> bool:
         """Whether this message could be of use now, before it is even read."""
-        return any([lane.considers(t_ns, message_id) for lane in self._lanes])
+        return any(lane.considers(t_ns, message_id) for lane in self._lanes)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
@@ -190,7 +201,8 @@ class Estimation:
 
     def hears(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
-        return any([lane.timing.hears(parameter) for lane in self._lanes])
+        changed = [lane.timing.hears(parameter) for lane in self._lanes]
+        return any(changed)
 
     # --- which lane is sent -------------------------------------------------------------------
 
@@ -291,7 +303,7 @@ def _reason(lane: Lane, cause: Cause) -> str:
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
-    """Tilt and heading between both at the time of the lane that is sent, rad; NaN where unknown."""
+    """Tilt and heading between both at the time of the sent one, rad; NaN where unknown."""
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan

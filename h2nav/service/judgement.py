@@ -44,6 +44,11 @@ class Judgement:
         return self._findings.all
 
     @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """What is wrong at present."""
+        return self._findings.open
+
+    @property
     def objections(self) -> tuple[Objection, ...]:
         """What makes the attitude that is sent untrustworthy now."""
         wrong = [alarm for alarm in self._findings.open if alarm.degrades]

@@ -25,7 +25,7 @@ EARLY = 0.25
 Messages = tuple[OutMessage, ...]
 
 
-class Judgement(NamedTuple):
+class Assessment(NamedTuple):
     """What is thought of the estimates.
 
     Attributes:
@@ -116,7 +116,7 @@ class Outputs:
     Attributes:
         sent: attitude messages, since start.
         are_held: nothing is due, because the estimates are late.
-        judgement: of the newest estimate.
+        assessment: of the newest estimate.
 
     Args:
         settings: the rates; 0 switches a message off.
@@ -137,13 +137,13 @@ class Outputs:
                 settings.attitude_covariance_rate_hz,
             ),
         }
-        self._judgements: dict[int, _Output[AttitudeEstimate]] = {
+        self._assessments: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Output(
-                lambda estimate: _status(estimate, self.judgement),
+                lambda estimate: _status(estimate, self.assessment),
                 settings.estimator_status_rate_hz,
             ),
             mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(
-                lambda _: _differences(self.judgement.difference),
+                lambda _: _differences(self.assessment.difference),
                 settings.difference_rate_hz,
             ),
         }
@@ -152,13 +152,13 @@ class Outputs:
         )
         self._outputs: dict[int, _Output[AttitudeEstimate] | _Output[Motion]] = {
             **self._attitudes,
-            **self._judgements,
+            **self._assessments,
         }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self.sent = 0
         self.are_held = False
-        self.judgement = Judgement()
+        self.assessment = Assessment()
 
     def due(self, estimate: AttitudeEstimate) -> Iterator[OutMessage]:
         """The messages to send for this attitude."""
@@ -167,7 +167,7 @@ class Outputs:
             if not self.are_held:
                 self.sent += len(messages)
                 yield from messages
-        for output in self._judgements.values():
+        for output in self._assessments.values():
             messages = output.take(estimate)
             if not self.are_held:
                 yield from messages
@@ -209,9 +209,9 @@ class Outputs:
         output.due_us = None
 
 
-def _status(estimate: AttitudeEstimate, judgement: Judgement) -> Messages:
+def _status(estimate: AttitudeEstimate, assessment: Assessment) -> Messages:
     """ESTIMATOR_STATUS."""
-    ratios, alarms, _ = judgement
+    ratios, alarms, _ = assessment
     flags = 0
     if CONVERGED in estimate.trust and not any(alarm.degrades for alarm in alarms):
         flags |= mavlink.ESTIMATOR_ATTITUDE

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Severity
 from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
@@ -26,13 +26,14 @@ from h2nav.service.effects import Effect, Record, Send, Used
 from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
-from h2nav.service.imu_choice import preference
+from h2nav.service.imu_choice import lanes_wanted, preference
+from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
 from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
-from h2nav.service.outputs import Judgement, Outputs
+from h2nav.service.outputs import Assessment, Outputs
 from h2nav.service.parameter_request import ParameterRequest
 from h2nav.service.pulse import Pulse
 from h2nav.service.sample_clock import Verdict
@@ -121,8 +122,9 @@ class Service:
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot)
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         self._notices = Notices(settings.output.status_text)
-        self._lateness = Lateness()
         self._comparing = Comparing()
+        self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
+        self._lateness = Lateness()
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -192,6 +194,16 @@ class Service:
             autopilot_tilt_deg=difference and math.degrees(difference.tilt_rad),
             autopilot_heading_deg=difference and math.degrees(difference.heading_rad),
         )
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found to be wrong so far."""
+        return self._judgement.findings
+
+    @property
+    def state_s(self) -> dict[str, float]:
+        """How long each state has lasted so far, s."""
+        return {name: lasted_ns * 1e-9 for name, lasted_ns in self._standing.lasted_ns.items()}
 
     @property
     def rejected(self) -> dict[str, int]:
@@ -358,7 +370,7 @@ class Service:
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         t_ns = envelope.t_ns
         outcome = self._estimation.take(t_ns, envelope.message_id, reading)
-        effects: list[Effect] = []
+        effects = self._judgement.look(t_ns)
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
@@ -371,7 +383,9 @@ class Service:
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
-            self._outputs.judgement = Judgement(difference=self._comparing.witness.latest)
+            self._outputs.assessment = Assessment(
+                self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
+            )
             effects += self._send_all(self._outputs.due(estimate))
         # Rates and forces are late, and what is computed with them needs the attitude they had.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
@@ -504,6 +518,8 @@ class Service:
         if identity is None or self._streams is None or self._link_error is not None:
             return []
         self._streams.measure(t_ns)
+        for message_id in self._estimation.useless_streams():
+            self._streams.give_up(t_ns, message_id)
         if not self._settings.autopilot.request_streams:
             return []
         request = self._streams.next_request(t_ns, identity.address)
@@ -554,8 +570,13 @@ class Service:
             wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
         if wanted.aiding.autopilot_velocity:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        compared = comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
-        return (*wishes, *self.motion.wishes, *compared)
+        lanes = lanes_wanted(autopilot, wanted.autopilot)[1:]
+        optional = [
+            Wish(lane.message_ids[0], wanted.autopilot.imu_rate_hz, is_optional=True)
+            for lane in lanes
+        ]
+        optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
+        return (*wishes, *self.motion.wishes, *optional)
 
     def _imu_rate_hz(self) -> float | None:
         row = self._estimation.imu_message
@@ -586,7 +607,11 @@ class Service:
             no_imu=self._why_no_imu(t_ns),
             has_estimate=self._estimation.has_estimate,
             late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
-            objections=(*units, *self._estimation.objections(t_ns)),
+            objections=(
+                *units,
+                *self._estimation.objections(t_ns),
+                *self._judgement.objections,
+            ),
             rate_hz=self._imu_rate_hz(),
             granted_rate_hz=self._granted_rate_hz(),
         )

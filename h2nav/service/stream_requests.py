@@ -32,6 +32,8 @@ MINUTE_NS = 60_000_000_000
 REPEAT_NS = 10 * MINUTE_NS
 MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
+# So long after an optional stream was given up, what others lack may still be its doing.
+SPARED_NS = 20_000_000_000
 
 # MAV_DATA_STREAM group that carries a message, for autopilots without SET_MESSAGE_INTERVAL.
 DATA_STREAMS = {
@@ -80,6 +82,7 @@ class StreamRequests:
         self._unanswered = 0
         self._listening_since_ns: int | None = None
         self._most_hz = math.inf
+        self._blames_until_ns = 0
 
     def restart(self) -> None:
         """All streams may be gone (reboot, new link): listen and ask from the beginning."""
@@ -119,6 +122,9 @@ class StreamRequests:
         if stream is None or self._refused_waiting:
             return
         self._unanswered = 0
+        if stream.phase is Phase.GIVEN_UP:
+            self._waiting = None
+            return
         if result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             self._waiting = None
             stream.unanswered(t_ns, at_once=False)
@@ -143,14 +149,34 @@ class StreamRequests:
             self._note_held()
             return
         listened_ns = t_ns - self._listening_since_ns
-        if listened_ns >= SHORTEST_LOOK_NS and not self._any_comes():
+        if listened_ns >= SHORTEST_LOOK_NS and not any(map(self._comes, self._streams)):
             # An autopilot that sends nothing unasked: there is nothing to wait for.
             for stream in self._streams:
                 stream.want_now(t_ns)
         for stream in self._streams:
             trouble = stream.review(t_ns, self._meter)
-            if trouble is not None and self._unanswered == 0:
+            if trouble is not None and stream.wish.is_optional:
+                if trouble is not Trouble.CUT or not stream.is_enough:
+                    stream.give_up(t_ns)
+            elif trouble is not None and self._unanswered == 0 and t_ns >= self._blames_until_ns:
                 self._tell(t_ns, stream, trouble)
+        self._spare_the_needed(t_ns)
+
+    def _spare_the_needed(self, t_ns: int) -> None:
+        """Where a needed stream does not come, an optional one may be the cause."""
+        asked = [s for s in self._streams if s.wish.is_optional and not s.is_untouched]
+        if asked:
+            self._blames_until_ns = t_ns + SPARED_NS
+        needed = self._needed
+        if needed[0].phase is not Phase.HELD or any(stream.is_short for stream in needed):
+            for stream in asked:
+                stream.give_up(t_ns)
+
+    def give_up(self, t_ns: int, message_id: int) -> None:
+        """An optional stream has turned out to be of no use."""
+        for stream in self._streams:
+            if stream.wish.is_optional and stream.message_id == message_id:
+                stream.give_up(t_ns)
 
     # --- what is asked ------------------------------------------------------------------------
 
@@ -166,7 +192,12 @@ class StreamRequests:
         if len(self._asked_ns) == MOST_PER_MINUTE and t_ns - self._asked_ns[0] < MINUTE_NS:
             return None
         for stream in self._streams:
-            if stream.is_due(t_ns):
+            if stream.is_to_be_left:
+                self._asked_ns.append(t_ns)
+                stream.left(t_ns)
+                self._waiting = stream
+                return outbound.set_message_interval(target, stream.message_id, 0.0)
+            if stream.is_due(t_ns) and self._may_ask(stream):
                 self._asked_ns.append(t_ns)
                 return self._ask(t_ns, stream, target)
         return None
@@ -205,15 +236,24 @@ class StreamRequests:
 
     # --- the rest -----------------------------------------------------------------------------
 
+    @property
+    def _needed(self) -> list[WishedStream]:
+        return [stream for stream in self._streams if not stream.wish.is_optional]
+
     def _is_silent(self, t_ns: int) -> bool:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
-    def _any_comes(self) -> bool:
-        """Whether any message has come that is really needed."""
-        needed = (stream.candidates for stream in self._streams if not stream.wish.is_extra)
-        return any(
-            self._meter.since(message_id, 0).messages for ids in needed for message_id in ids
-        )
+    def _may_ask(self, stream: WishedStream) -> bool:
+        """What is optional waits for the others; a request for a group would not help it."""
+        if not stream.wish.is_optional:
+            return True
+        needed = self._needed
+        comes = needed[0].phase is Phase.HELD and all(other.is_decided for other in needed)
+        return comes and self._unanswered == 0
+
+    def _comes(self, stream: WishedStream) -> bool:
+        """Whether any message of the wish has come."""
+        return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
 
     def _is_waiting(self, t_ns: int) -> bool:
         """Whether the latest request is still open; closes it when it is over."""
@@ -225,11 +265,11 @@ class StreamRequests:
             is_px4 = self._autopilot == mavlink.MAV_AUTOPILOT_PX4
             is_unknown = is_px4 or stream.message_id in self._unknown_ids
             trouble = stream.refused(t_ns, is_unknown)
-            if trouble is not None:
+            if trouble is not None and not stream.wish.is_optional:
                 self._tell(t_ns, stream, trouble)
         elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
             return True
-        else:
+        elif stream.phase is not Phase.GIVEN_UP:
             self._unanswered += 1
             stream.unanswered(t_ns, at_once=self._unanswered <= UNANSWERED_BEFORE_FALLBACK)
         self._waiting = None
@@ -246,7 +286,10 @@ class StreamRequests:
 
     def _granted(self, t_ns: int, stream: WishedStream) -> None:
         trouble = stream.granted(t_ns)
-        if trouble is Trouble.LOWERED:
+        if stream.wish.is_optional:
+            if not stream.is_enough:
+                stream.give_up(t_ns)
+        elif trouble is Trouble.LOWERED:
             # What limits one message limits all of them.
             self._most_hz = min(self._most_hz, stream.rate_hz)
             self._tell(t_ns, stream, trouble)
@@ -260,8 +303,6 @@ class StreamRequests:
 
     def _tell(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
         """Notes a trouble, once; a rate that is taken away, once in ten minutes."""
-        if stream.wish.is_extra:
-            return
         rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
         key = (stream.message_id, trouble, rate_hz)
         told_ns = self._told_ns.get(key)

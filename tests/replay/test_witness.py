@@ -24,7 +24,8 @@ class Watched(Replayed):
         found = witness.latest
         if found is not None and found not in self.compared[-1:]:
             self.compared.append(found)
-            self.told += self._ledger.update(found.t_us * 1e-6, witness.alarms)
+            begun, _ = self._ledger.update(found.t_us * 1e-6, witness.alarms())
+            self.told += begun
 
 
 def test_a_magnet_that_turns_the_autopilots_heading_is_told_and_the_velocity_supports_us():

@@ -53,7 +53,7 @@ def test_a_healthy_imu_has_no_alarm():
     [
         (("w_b", "f_b"), "imu_frozen", Use.NONE),
         (("w_b",), "gyro_frozen", Use.NONE),
-        (("f_b",), "accelerometer_frozen", Use.NO_LEARNING),
+        (("f_b",), "accelerometer_frozen", Use.RATES),
     ],
 )
 @pytest.mark.parametrize(("convert", "within"), [(list, 10), (integers, 31)])

@@ -8,7 +8,7 @@ from h2nav.integrity.findings import Alarm, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.velocity_witness import Verdicts
 from h2nav.integrity.witness import Comparison, Source
-from h2nav.service.outputs import Judgement, Outputs
+from h2nav.service.outputs import Assessment, Outputs
 from h2nav.service.settings import OutputSettings
 
 YAW_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -65,9 +65,9 @@ def test_rates_follow_time_over_an_epoch_change():
     assert counts(outputs, 100.0, 1.0)[0] == pytest.approx(50, abs=2)
 
 
-def status(trust, **judgement):
+def status(trust, **assessment):
     outputs = Outputs(OutputSettings())
-    outputs.judgement = Judgement(**judgement)
+    outputs.assessment = Assessment(**assessment)
     (message,) = [
         message
         for message in outputs.due(estimate(0)._replace(trust=trust))
@@ -112,7 +112,7 @@ def test_the_differences_go_out_when_there_are_any():
     list(outputs.due(estimate(0)))
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT) == ()
     found = Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
-    outputs.judgement = Judgement(difference=found)
+    outputs.assessment = Assessment(difference=found)
     tilt, heading = outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT)
     assert (tilt.name, tilt.value) == ("h2_tiltdif", pytest.approx(math.degrees(0.1)))
     assert (heading.name, heading.value) == ("h2_yaw_dif", pytest.approx(-math.degrees(0.2)))
