@@ -65,15 +65,15 @@ class SensorFaults:
         self._of_axes = [name for name in AXIS_FAULTS if name in schedule]
         self._freezing = [name for name in FROZEN_AXES if name in schedule]
         self._sticks = "stuck" in schedule
+        self._disturbs = "hard-iron" in schedule or "vibration" in schedule
         self._held: dict[str, float] = {}
 
     def disturbance(self, t_s: float) -> Disturbance:
         """What the surroundings add at `t_s`."""
-        iron = self._schedule.number("hard-iron", t_s)
-        vibration = self._schedule.number("vibration", t_s)
-        if iron is None and vibration is None:
+        if not self._disturbs:
             return CALM
-        return Disturbance((iron or 0.0, 0.0, 0.0), vibration or 0.0)
+        iron = self._schedule.number("hard-iron", t_s) or 0.0
+        return Disturbance((iron, 0.0, 0.0), self._schedule.number("vibration", t_s) or 0.0)
 
     def apply(self, t_s: float, sample: ImuSample) -> ImuSample:
         """The sample as the faulty sensor gives it."""

@@ -100,7 +100,7 @@ class Vehicle:
         self._start_ns: int | None = None
         self._boot_ns = 0
         self._t_ns: int | None = None
-        self._motion: Motion | None = None
+        self._motions: dict[float, Motion] = {}
         self._samples: dict[int, ImuSample] = {}
         self.t_s = 0.0  # of the scenario; continues through a reboot
         self.boot_us = 0
@@ -123,7 +123,7 @@ class Vehicle:
         self.t_s = (t_ns - self._start_ns) * 1e-9
         self.boot_us = (t_ns - self._boot_ns) // 1000
         self._stamp_us = None
-        self._motion = None
+        self._motions.clear()
         self._samples.clear()
 
     @property
@@ -161,9 +161,14 @@ class Vehicle:
     @property
     def motion(self) -> Motion:
         """The truth."""
-        if self._motion is None:
-            self._motion = self.scenario.motion(self.t_s)
-        return self._motion
+        return self._past(0.0)
+
+    def _past(self, age_s: float) -> Motion:
+        """The truth of so long ago, which costs more than all that is made of it."""
+        motion = self._motions.get(age_s)
+        if motion is None:
+            motion = self._motions[age_s] = self.scenario.motion(self.t_s - age_s)
+        return motion
 
     @property
     def is_armed(self) -> bool:
@@ -202,11 +207,13 @@ class Vehicle:
         """The sample of an IMU, 0 being the first."""
         sample = self._samples.get(index)
         if sample is None:
-            shown = self.scenario.motion(self.t_s - self._ages.rates_s)
-            field_q_nb = self.scenario.motion(self.t_s - self._ages.field_s).q_nb
             faults = self._faults[index]
-            disturbance = faults.disturbance(self.t_s)
-            sample = self._imus[index].sample(self.boot_us, shown, disturbance, field_q_nb)
+            sample = self._imus[index].sample(
+                self.boot_us,
+                self._past(self._ages.rates_s),
+                faults.disturbance(self.t_s),
+                self._past(self._ages.field_s).q_nb,
+            )
             sample = self._samples[index] = faults.apply(self.t_s, sample)
         return sample
 
@@ -226,7 +233,7 @@ class Vehicle:
     def gps(self) -> GpsReading:
         """What the receiver measures, without its noise."""
         lag_s = self._schedule.number("gps-lag", self.t_s)
-        motion = self.scenario.motion(self.t_s - lag_s) if lag_s else self.motion
+        motion = self._past(lag_s or 0.0)
         return faulty_gps(self._schedule, self.t_s, GpsReading(True, motion.p_n, motion.v_n))
 
     def gyro_bias(self, index: int) -> Vec3:
