@@ -17,7 +17,7 @@ from h2nav.io.deframer import Deframer
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
-from h2nav.service.estimation import FilterFor
+from h2nav.service.lane import FilterFor
 from h2nav.service.service import Service, Surroundings
 
 TICK_NS = 100_000_000

@@ -8,7 +8,6 @@ from h2nav.io.recordings import open_recording
 
 # Ours, by name: fuses the GPS velocity. The first one hears what the autopilot says.
 ESTIMATORS = {"h2nav": True, "h2nav_no_gps": False}
-STATE_EVERY_NS = 100_000_000
 
 
 def play(path: Path, wished: Wishes) -> HeardFlight:
@@ -30,13 +29,8 @@ def play(path: Path, wished: Wishes) -> HeardFlight:
         own = inputs._replace(configuration=fusing_gps(inputs.configuration, fuses_gps))
         pipelines.append(pipeline_for(recording, own, None, runs[name]))
     playback = Playback(recording, whole_frames=inputs.whole_frames)
-    next_ns = t_ns = 0
     for t_ns in playback.through(*pipelines):
         autopilot.time(t_ns)
-        if t_ns >= next_ns:
-            next_ns = t_ns + STATE_EVERY_NS
-            for run, pipeline in zip(runs.values(), pipelines, strict=True):
-                run.state(t_ns, pipeline.service.health.state)
     for run, pipeline in zip(runs.values(), pipelines, strict=True):
-        run.state(t_ns, pipeline.service.health.state)
+        run.state_s = pipeline.service.state_s
     return HeardFlight(autopilot, runs)

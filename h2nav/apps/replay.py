@@ -20,7 +20,7 @@ from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.evaluation.reference import Estimates, Reference
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording, open_recording
@@ -180,6 +180,9 @@ def _result(
         "compared": table.compared,
         "rms_deg": table.as_mapping(),
         "rejected": {**pipeline.service.rejected, **damaged},
+        "states": {name: round(s, 3) for name, s in pipeline.service.state_s.items()},
+        "honesty": watcher.reference.honesty(),
+        "findings": [as_mapping(finding) for finding in pipeline.service.findings],
     }
     if watcher.compares:
         result["estimates_compared"] = watcher.compared
@@ -201,6 +204,11 @@ def _show(result: dict[str, Any]) -> None:
         print("the recording holds neither SIMSTATE nor ATTITUDE to compare with")
     rejected = {reason: count for reason, count in result["rejected"].items() if count}
     print(f"refused: {rejected or 'nothing'}")
+    states = "  ".join(f"{name} {lasted_s:.1f} s" for name, lasted_s in result["states"].items())
+    print(f"states: {states}")
+    for finding in result["findings"]:
+        span = f"{finding['from_s']:.1f} to {finding['to_s']:.1f} s"
+        print(f"{span}: {finding['source']}: {finding['text']} ({finding['evidence']})")
     if "estimates_compared" in result:
         print(f"estimates equal: {result['estimates_equal']} of {result['estimates_compared']}")
     if result["log"]:

@@ -18,7 +18,7 @@ class ImuSample(NamedTuple):
     Attributes:
         t_us: autopilot time of the sample, unwrapped, never decreasing inside one epoch.
         w_b: angular rate, rad/s, gyro bias still in it.
-        f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level.
+        f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level, (0, 0, 0) where there is none.
         m_b_ut: magnetic field, microtesla; None when this sample brings no new field.
         clipped: a sensor stands at the end of its range, or is stuck: the values are no measure of
             the motion, and nothing may be learnt from them.

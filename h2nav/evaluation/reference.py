@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.evaluation.rows import Array, from_euler, wrapped
-from h2nav.evaluation.scoring import errors, root_mean_square
+from h2nav.evaluation.scoring import errors, honesty, root_mean_square
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
 
@@ -41,6 +41,14 @@ class EulerRecord(Protocol):
     @property
     def yaw_deg(self) -> float:
         """The same."""
+
+    @property
+    def sigma_tilt_deg(self) -> float:
+        """Predicted one-sigma tilt error; NaN where there is no figure."""
+
+    @property
+    def sigma_heading_deg(self) -> float:
+        """Predicted one-sigma heading error; NaN where there is no figure."""
 
 
 class ErrorTable(NamedTuple):
@@ -108,6 +116,7 @@ class Estimates:
     def __init__(self) -> None:
         self._attitudes = Attitudes()  # by arrival
         self._boot_us = array("q")  # of the same
+        self._sigmas = array("d")
 
     def add(self, t_ns: int, record: EulerRecord) -> None:
         """Takes an estimate of a sample that arrived at this host time."""
@@ -115,6 +124,12 @@ class Estimates:
         roll, pitch, yaw = map(math.radians, angles)
         self._attitudes.add(t_ns // 1000, roll, pitch, yaw)
         self._boot_us.append(record.t_us)
+        self._sigmas.extend((record.sigma_tilt_deg, record.sigma_heading_deg))
+
+    @property
+    def sigmas_deg(self) -> Array:
+        """(N, 2) predicted deviations of tilt and heading."""
+        return np.array(self._sigmas).reshape(-1, 2)
 
     def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
         """(N,) times of arrival, us, (N,) autopilot times, us, (N, 3) roll, pitch, yaw, rad."""
@@ -162,6 +177,22 @@ class Reference:
         if not len(pairs.rows):
             return ErrorTable("", 0)
         return _table(pairs.reference, angles[pairs.rows], pairs.angles)
+
+    def honesty(self) -> dict[str, float | None]:
+        """How honest the predicted deviations are, by the simulator's truth; None without it.
+
+        Keys: see `h2nav.evaluation.scoring.honesty`, of tilt and heading.
+        """
+        arrived_us, boot_us, angles = self._estimates.arrays()
+        pairs = self.pairs(arrived_us, boot_us)
+        rows, sigmas = pairs.rows, self._estimates.sigmas_deg
+        if pairs.reference != "SIMSTATE":
+            rows, pairs = rows[:0], pairs._replace(angles=pairs.angles[:0])
+        mask = np.ones(len(rows), dtype=bool)
+        found = errors(from_euler(angles[rows]), from_euler(pairs.angles), mask, True)
+        return honesty("tilt", found.inclination, sigmas[rows, 0]) | honesty(
+            "heading", found.heading, sigmas[rows, 1]
+        )
 
     def pairs(
         self, arrived_us: NDArray[np.int64], boot_us: NDArray[np.int64], skip_s: float = 0.0

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from h2nav.evaluation.rows import Array, product, wrapped
 
 _DEG = 180.0 / np.pi
+BEYOND = 3.0
 
 
 class Errors(NamedTuple):
@@ -66,3 +67,26 @@ def rms(found: Errors, mask: npt.NDArray[np.bool_]) -> Rms:
 def root_mean_square(values: Array) -> float:
     """Of all the values."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def honesty(name: str, error_deg: Array, sigma_deg: Array) -> dict[str, float | None]:
+    """How honest predicted deviations are: ``nees_NAME`` and ``NAME_beyond_3_sigma``.
+
+    The first is the mean of (error / deviation) squared, 1 for an honest prediction and more where
+    it is too good; the second is the share of samples beyond three deviations. None where nothing
+    is predicted. The predicted tilt deviation is that of both axes together (docs/filter.md Eq.
+    (27)), so the square of the whole angle is expected to be its square, as for the heading.
+
+    Args:
+        name: of the error.
+        error_deg: (N,) errors.
+        sigma_deg: (N,) predicted deviations; NaN where there is none.
+    """
+    is_told = np.isfinite(sigma_deg) & (sigma_deg > 0.0)
+    if not is_told.any():
+        return {f"nees_{name}": None, f"{name}_beyond_3_sigma": None}
+    ratio = np.abs(error_deg[is_told]) / sigma_deg[is_told]
+    return {
+        f"nees_{name}": float(np.mean(ratio**2)),
+        f"{name}_beyond_3_sigma": float(np.mean(ratio > BEYOND)),
+    }

@@ -49,6 +49,23 @@ class Alarm(NamedTuple):
     degrades: bool = False
     since_s: float = 0.0
 
+    @property
+    def told(self) -> str:
+        """The text, with the number of the IMU where one is concerned."""
+        return f"{self.source}: {self.text}" if self.source.startswith("IMU ") else self.text
+
+
+class Change(NamedTuple):
+    """What has changed since the update before.
+
+    Attributes:
+        begun: what was not wrong before.
+        news: findings that have just begun or ended.
+    """
+
+    begun: list[Alarm]
+    news: list["Finding"]
+
 
 class Finding(NamedTuple):
     """An alarm with its beginning and its end.
@@ -99,18 +116,22 @@ class Findings:
         """What is wrong at present."""
         return self._open
 
-    def update(self, t_s: float, alarms: Iterable[Alarm]) -> list[Alarm]:
-        """Takes everything that is wrong now; returns what was not so before.
+    def update(self, t_s: float, alarms: Iterable[Alarm]) -> Change:
+        """Takes everything that is wrong now.
 
         Args:
             t_s: time since the start of the run.
             alarms: at most one of each kind and source.
         """
+        before = {_key(alarm) for alarm in self._open}
         self._open = tuple(alarms)
-        return [alarm for alarm in self._open if self._note(t_s, alarm)]
+        now = {_key(alarm) for alarm in self._open}
+        begun = [alarm for alarm in self._open if self._note(t_s, alarm)]
+        changed = [self._latest[key] for key in before ^ now if key in self._latest]
+        return Change(begun, [self._found[place] for place in sorted(changed)])
 
     def _note(self, t_s: float, alarm: Alarm) -> bool:
-        key = alarm.kind, alarm.source
+        key = _key(alarm)
         place = self._latest.get(key)
         if place is not None and t_s - self._found[place].to_s <= PAUSE_S:
             self._found[place] = _extended(self._found[place], t_s, alarm)
@@ -126,6 +147,10 @@ class Findings:
         return True
 
 
+def _key(alarm: Alarm) -> tuple[str, str]:
+    return alarm.kind, alarm.source
+
+
 def _extended(finding: Finding, t_s: float, alarm: Alarm) -> Finding:
     severity = min(finding.severity, alarm.severity)
     if alarm.size <= finding.size:
@@ -137,3 +162,11 @@ def _extended(finding: Finding, t_s: float, alarm: Alarm) -> Finding:
         text=alarm.text,
         evidence=alarm.evidence,
     )
+
+
+def as_mapping(finding: Finding) -> dict[str, object]:
+    """For JSON: times to the millisecond, the severity by its name."""
+    rounded = finding._replace(
+        from_s=round(finding.from_s, 3), to_s=round(finding.to_s, 3), size=round(finding.size, 3)
+    )
+    return {**rounded._asdict(), "severity": finding.severity.name.lower()}

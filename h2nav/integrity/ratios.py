@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 
 class InnovationRatios(NamedTuple):
-    """Of one attitude, each over 1 s and 10 s; NaN where nothing was measured.
+    """Of one attitude, each over 1 s and 10 s, some over 3 s; NaN where nothing was measured.
 
     Attributes:
         velocity_1s: change of a measured velocity against the integrated force.
+        velocity_3s: the same.
         velocity_10s: the same.
         force_10s: the integrated force against a velocity that is merely bounded.
         field_1s: heading, dip and norm of the field against the earth's.
@@ -21,6 +22,7 @@ class InnovationRatios(NamedTuple):
     """
 
     velocity_1s: float = math.nan
+    velocity_3s: float = math.nan
     velocity_10s: float = math.nan
     force_10s: float = math.nan
     field_1s: float = math.nan
@@ -30,8 +32,8 @@ class InnovationRatios(NamedTuple):
 
     @property
     def of_velocity(self) -> float:
-        """The worse of both; NaN without any."""
-        return _worst(self.velocity_1s, self.velocity_10s)
+        """The worst; NaN without any."""
+        return _worst(self.velocity_1s, self.velocity_3s, self.velocity_10s)
 
     @property
     def of_field(self) -> float:
@@ -39,9 +41,14 @@ class InnovationRatios(NamedTuple):
         return _worst(self.field_1s, self.field_10s)
 
     @property
+    def of_turn(self) -> float:
+        """The worse of both; NaN without any."""
+        return _worst(self.turn_1s, self.turn_10s)
+
+    @property
     def of_inertial(self) -> float:
         """The worst of those that a wrong gyro or accelerometer raises; 0 without any."""
-        worst = _worst(*self[:3], self.turn_1s, self.turn_10s)
+        worst = _worst(self.of_velocity, self.force_10s, self.of_turn)
         return 0.0 if math.isnan(worst) else worst
 
 

@@ -1,248 +1,300 @@
-"""From IMU readings to estimates: choose, time, filter; nothing non-finite passes."""
+"""From IMU readings to estimates: one lane for every IMU, and which of them is sent."""
 
+import itertools
 import math
 from collections import Counter
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Iterator
 
-from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.lead import led
-from h2nav.attitude.samples import (
-    AttitudeEstimate,
-    EarthField,
-    ImuSample,
-    VehicleState,
-    VelocityFix,
-)
+from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.maths.quaternion import conjugate, log, multiply, rotate
 from h2nav.service.autopilot import Identity
-from h2nav.service.field_source import FieldSource
 from h2nav.service.health import Objection
-from h2nav.service.imu_choice import ImuChoice, preference
-from h2nav.service.range_end import RangeEnds
-from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.imu_choice import lanes_wanted
+from h2nav.service.lane import NO_SAMPLE, SILENT_NS, FilterFor, Lane, Outcome
+from h2nav.service.lane_selection import Cause, LaneSelection, Switch
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.records import LaneRecord
 from h2nav.service.sensor_delays import SensorTiming
-from h2nav.service.sensor_watch import SensorWatch
 from h2nav.service.settings import AutopilotSettings
-from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
+from h2nav.service.twins import Twins
+from h2nav.wire.imu import ImuMessage, ImuReading
+from h2nav.wire.vehicle import ParameterValue
 
-FilterFor = Callable[[Identity], AttitudeFilter]
-# Two clocks under one identity are an objection for so long.
-CONTESTED_NS = 5_000_000_000
-# Why no sample comes, by what became of the readings of the last moments.
-REFUSAL_TEXTS = {
-    "non_finite": "IMU messages hold NaN or infinity",
-    "zero_force": "the accelerometer reads exactly zero",
-    "rate_out_of_range": "the gyro's values are beyond any gyro's range",
-    "force_out_of_range": "the accelerometer's values are beyond any accelerometer's range",
-    "time_out_of_range": "the time stamps of the IMU messages are no times",
-    Verdict.DUPLICATE.value: "the time stamps of the IMU messages stand still",
-    Verdict.LATE.value: "the time stamps of the IMU messages run backwards",
-    Verdict.STRAY.value: "the time stamps of the IMU messages jump",
-}
-RECENT_NS = 1_000_000_000
-
-
-class Outcome(NamedTuple):
-    """What resulted from an IMU reading.
-
-    Attributes:
-        sample: the sample that was used; None when the reading was refused or lent its field only.
-        estimate: of the time of the sample.
-        unled: as the filter made it: of the time at which the sample's values were true.
-        event: REBOOT or NEW_EPOCH when the sample began a new epoch.
-    """
-
-    sample: ImuSample | None = None
-    estimate: AttitudeEstimate | None = None
-    unled: AttitudeEstimate | None = None
-    event: Verdict | None = None
-
-
-NO_SAMPLE = Outcome()
+LOOK_NS = 50_000_000
+# A new epoch reaches every lane within this time.
+EPOCH_NS = 10 * SECOND_NS
 
 
 class Estimation:
-    """One filter and everything between it and the wire boundary.
+    """The lanes of one autopilot.
 
     Args:
-        filter_for: makes the filter for a vehicle once it is known.
-        settings: the message to use, and what is known of its delays.
+        filter_for: makes the filters for a vehicle once it is known.
+        settings: the messages to use, and what is known of their delays.
 
     Attributes:
-        timing: how late the sensors are.
+        rejected: readings that could not be used, by reason; those of other lanes than the first
+            do not count, because they are optional.
+        used: samples of the lanes that were sent.
     """
 
     def __init__(self, filter_for: FilterFor, settings: AutopilotSettings) -> None:
         self._filter_for = filter_for
-        self._imu_message = settings.imu_message
-        self.timing = SensorTiming(settings)
-        self._filter: AttitudeFilter | None = None
-        self._choice: ImuChoice | None = None
-        self._fields = FieldSource(0, lends=False)
-        self._clock: SampleClock | None = None
-        self._clock_of: int | None = None
-        self._newest_us: int | None = None
+        self._settings = settings
+        self._lanes: tuple[Lane, ...] = ()
+        self._sent: Lane | None = None
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
-        self._watch = SensorWatch()
-        self._ends = RangeEnds()
-        self._autopilot_kind = 0
-        self._fused_dependent = False
-        self._refusal = ""
-        self._refused_ns = 0
-        self._second_line = False
-        self._contested_ns: int | None = None
-        self.rejected: Counter[str] = Counter()
+        self._selection = LaneSelection()
+        self._twins: list[tuple[Lane, Lane, Twins]] = []
+        self._looked_ns = 0
+        self._epoch_ns: int | None = None
+        self._begin_epoch()
         self.used = 0
-        self.last_used_ns: int | None = None
-        self.has_estimate = False
+        self.rejected: Counter[str] = Counter()
 
     def begin(self, identity: Identity) -> None:
-        """The vehicle is known (or is another one now): its filter and its messages."""
-        self._filter = self._filter_for(identity)
-        self._choice = ImuChoice(preference(identity.autopilot, self._imu_message))
-        self._fields = FieldSource(identity.autopilot, lends=self._imu_message == "auto")
-        self.timing.begin(identity)
-        self._autopilot_kind = identity.autopilot
-        self._clock = None
-        self._newest_us = None
-        self._ends = RangeEnds()
-        self._contested_ns = None
-        self.has_estimate = False
-        if self._field is not None:
-            self._filter.use_field(self._field)
-        if self._vehicle is not None:
-            self._filter.use_vehicle(self._vehicle)
+        """The vehicle is known (or is another one now): its filters and its messages."""
+        self._lanes = tuple(
+            Lane(
+                messages,
+                self._filter_for(identity),
+                identity,
+                self._settings,
+                Counter() if number else self.rejected,
+            )
+            for number, messages in enumerate(lanes_wanted(identity.autopilot, self._settings))
+        )
+        self._sent = self._lanes[0]
+        self._selection = LaneSelection()
+        self._twins = [
+            (one, other, Twins()) for one, other in itertools.combinations(self._lanes, 2)
+        ]
+        self._epoch_ns = None
+        self._begin_epoch()
+        for lane in self._lanes:
+            if self._field is not None:
+                lane.use_field(self._field)
+            if self._vehicle is not None:
+                lane.use_vehicle(self._vehicle)
+
+    def _begin_epoch(self) -> None:
+        self._newest: tuple[int, int] | None = None
+        self._has_sent = False
+        self._first_ns: int | None = None
+
+    # --- what is known of the lane that is sent -----------------------------------------------
+
+    @property
+    def timing(self) -> SensorTiming:
+        """How late the sensors are."""
+        return self._lane.timing
 
     @property
     def imu_message(self) -> ImuMessage | None:
         """The message in use."""
-        return self._choice.chosen if self._choice else None
+        return self._sent.imu_message if self._sent else None
 
     @property
     def is_independent(self) -> bool:
         """Nothing of the autopilot's own estimator has gone into the estimate."""
-        row = self.imu_message
-        biased = row is not None and self._autopilot_kind in row.bias_removed_by
-        return not (self._fused_dependent or biased or self._fields.has_lent)
+        return self._sent is None or self._sent.is_independent
 
     @property
     def dependent_source(self) -> str:
         """What has brought something of the autopilot's own estimator."""
-        row = self.imu_message
-        if row is not None and self._autopilot_kind in row.bias_removed_by:
-            return row.name
-        return "its velocity" if self._fused_dependent else "the field of HIGHRES_IMU"
+        return self._lane.dependent_source
+
+    @property
+    def has_estimate(self) -> bool:
+        """There is an attitude."""
+        return self._sent is not None and self._sent.estimate is not None
 
     @property
     def newest_t_us(self) -> int | None:
         """Time of the newest sample used."""
-        return self._newest_us
+        return self._newest[0] if self._newest else None
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
-        found = []
-        if self._watch.complaint:
-            found.append(Objection(self._watch.complaint, self._watch.complaint))
-        if self._contested_ns is not None and t_ns - self._contested_ns < CONTESTED_NS:
-            found.append(Objection("two senders", "two senders use the autopilot's identity"))
-        return tuple(found)
+        return self._sent.objections(t_ns) if self._sent else ()
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None where none came."""
-        if not self._refusal or t_ns - self._refused_ns > RECENT_NS:
-            return None
-        return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
+        return self._sent.why_no_samples(t_ns) if self._sent else None
+
+    def useless_streams(self) -> Iterator[int]:
+        """Messages that were asked for as lanes, and are none."""
+        for lane in self._lanes:
+            if lane.is_resting and lane.imu_message is not None:
+                yield lane.imu_message.message_id
+
+    def lane_records(self) -> list[LaneRecord]:
+        """How the lanes are; none where there is only one."""
+        sent = self._sent
+        lanes = [lane for lane in self._lanes if lane.newest is not None]
+        if sent is None or len(lanes) < 2:
+            return []
+        return [self._record(lane, sent) for lane in lanes]
+
+    # --- readings -----------------------------------------------------------------------------
 
     def considers(self, t_ns: int, message_id: int) -> bool:
         """Whether this message could be of use now, before it is even read."""
-        choice = self._choice
-        if choice is None:
-            return False
-        return choice.considers(message_id, t_ns) or self._fields.wants(message_id, choice.chosen)
+        return any([lane.considers(t_ns, message_id) for lane in self._lanes])
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
-        assert self._choice is not None
-        if not self._choice.considers(message_id, t_ns):
-            self._fields.hears(t_ns, reading.m_b_ut)
-            return NO_SAMPLE
-        self._choice.takes(message_id, t_ns)
-        if self._clock is None or self._clock_of != message_id:
-            unit_us = IMU_MESSAGES[message_id].time_unit_us
-            self._clock = SampleClock(unit_us, self._newest_us, self.last_used_ns)
-            self._clock_of = message_id
-        verdict, t_us = self._clock.advance(t_ns, reading.time)
-        if verdict is Verdict.NEXT:
-            if self._second_line:
-                self._second_line, self._contested_ns = False, t_ns
-            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), None)
-        if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
-            self._second_line = False
-            self.restart()
-            return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), verdict)
-        self._second_line |= verdict is Verdict.SECOND_SENDER
-        self.refuse(t_ns, verdict.value)
-        return NO_SAMPLE
+        outcomes = {}
+        if self._first_ns is None:
+            self._first_ns = t_ns
+        goes_on = self._newest if self._has_sent else None
+        for lane in self._lanes:
+            if lane.considers(t_ns, message_id):
+                outcome = lane.take(t_ns, message_id, reading, goes_on)
+                if outcome.sample is not None:
+                    outcomes[lane.imu] = outcome
+        told = ""
+        if len(self._lanes) > 1:
+            self._find_twins(t_ns)
+            told = self._look(t_ns)
+        outcome = self._sendable(t_ns, outcomes.get(self._lane.imu, NO_SAMPLE))
+        return outcome._replace(switched=told) if told else outcome
 
-    def refuse(self, t_ns: int, reason: str) -> None:
+    def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
-        self.rejected[reason] += 1
-        self._refusal, self._refused_ns = reason, t_ns
+        for lane in self._lanes:
+            if lane.considers(t_ns, message_id):
+                lane.refuse(t_ns, reason)
+                if lane.is_refused and lane is not self._sent:
+                    lane.rest(t_ns)
+                return
 
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
         self._field = field
-        if self._filter is not None:
-            self._filter.use_field(field)
+        for lane in self._lanes:
+            lane.use_field(field)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Passes the vehicle's state on, now and to any later filter."""
         self._vehicle = vehicle
-        if self._filter is not None:
-            self._filter.use_vehicle(vehicle)
+        for lane in self._lanes:
+            lane.use_vehicle(vehicle)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks the estimate as dependent from then on."""
-        if self._filter is not None and self._newest_us is not None:
-            self._fused_dependent |= not fix.independent
-            self._filter.use_velocity(fix)
+        """Passes a velocity on; a dependent one marks the estimates as dependent from then on."""
+        for lane in self._lanes:
+            lane.use_velocity(fix)
 
-    def restart(self) -> None:
-        """The autopilot's time starts again: the filter aligns again and keeps the learnt bias."""
-        if self._filter is not None:
-            self._filter.restart()
-        self._newest_us = None
-        self.has_estimate = False
-        self._watch = SensorWatch()
-        self._fields.restart()
-        self.timing.restart()
+    def hears(self, parameter: ParameterValue) -> bool:
+        """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
+        return any([lane.timing.hears(parameter) for lane in self._lanes])
 
-    def _sample(self, t_ns: int, t_us: int, message_id: int, reading: ImuReading) -> ImuSample:
-        return self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading).at(t_us)
+    # --- which lane is sent -------------------------------------------------------------------
 
-    def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
-        assert self._filter is not None
-        self._newest_us = sample.t_us
+    @property
+    def _lane(self) -> Lane:
+        assert self._sent is not None
+        return self._sent
+
+    def _sendable(self, t_ns: int, outcome: Outcome) -> Outcome:
+        """What is sent of an outcome of the lane that is sent: its times only grow."""
+        sample, lane = outcome.sample, self._lane
+        if sample is None:
+            return outcome
+        event, lane.event = lane.event, None
+        if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
+            event = None if outcome.event is None else event
+        if event is not None:
+            self._epoch_ns = t_ns
+            self._begin_epoch()
+            self._first_ns = t_ns
+        if self._newest is not None and sample.t_us <= self._newest[0]:
+            return NO_SAMPLE
+        self._newest = sample.t_us, t_ns
+        self._has_sent |= outcome.estimate is not None
         self.used += 1
-        self.last_used_ns = t_ns
-        is_stuck, is_at_end = self._watch.suspects(sample), self._ends.holds(sample)
-        if is_stuck or is_at_end:
-            sample = sample._replace(clipped=True)
-        if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
-            self._filter.use_delays(self.timing.delays)
-        try:
-            unled = self._filter.update(sample)
-        except ArithmeticError:
-            # A filter must not raise; if one does, the vehicle still needs the next attitude.
-            self.restart()
-            self.rejected["filter_error"] += 1
-            return Outcome(sample, event=event)
-        if unled is not None and not all(map(math.isfinite, unled.q_nb + unled.w_b)):
-            self.restart()
-            self.rejected["non_finite_estimate"] += 1
-            unled = None
-        self.has_estimate = unled is not None
-        if unled is None:
-            return Outcome(sample, event=event)
-        return Outcome(sample, led(unled, self.timing.delays.gyro_s), unled, event)
+        return outcome._replace(event=event)
+
+    def _look(self, t_ns: int) -> str:
+        """Judges all lanes; tells of a change."""
+        if t_ns - self._looked_ns < LOOK_NS:
+            return ""
+        self._looked_ns = t_ns
+        for lane in self._lanes:
+            lane.judge(t_ns)
+        if not self._has_sent:
+            self._sent = self._first_lane(t_ns)
+            return ""
+        self._help_spoilt(t_ns)
+        sent = self._lane
+        is_silent = sent.is_silent(t_ns)
+        switch = self._selection.look(
+            t_ns,
+            sent.imu,
+            {lane.imu: lane.condition(t_ns, is_only_one=is_silent) for lane in self._lanes},
+        )
+        return self._switched(switch) if switch is not None else ""
+
+    def _first_lane(self, t_ns: int) -> Lane:
+        """The first one that brings samples; the very first is waited for a little."""
+        assert self._first_ns is not None
+        for lane in self._lanes:
+            heard_ns = self._first_ns if lane.last_used_ns is None else lane.last_used_ns
+            if t_ns - max(heard_ns, self._first_ns) <= SILENT_NS:
+                return lane
+        return self._lane
+
+    def _find_twins(self, t_ns: int) -> None:
+        for one, other, twins in self._twins:
+            if one.newest is not None and other.newest is not None:
+                twins.compare(one.newest, other.newest)
+                if twins.are_one:
+                    twins.are_one = False
+                    (one if other is self._sent else other).rest(t_ns)
+
+    def _help_spoilt(self, t_ns: int) -> None:
+        sent = self._lane
+        for lane in self._lanes:
+            if lane is not sent and lane.may_begin_anew(t_ns):
+                is_sound = not sent.is_bad and not sent.is_spoilt and not sent.is_silent(t_ns)
+                lane.begin_as(sent if is_sound else None)
+
+    def _switched(self, switch: Switch) -> str:
+        before = self._lane
+        (self._sent,) = (lane for lane in self._lanes if lane.imu == switch.lane)
+        return f"{self._lane.name} instead of {before.imu + 1}: {_reason(before, switch.cause)}"
+
+    def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
+        row = lane.imu_message
+        tilt, heading = _apart(lane, sent)
+        return LaneRecord(
+            lane.imu + 1,
+            row.name if row else "",
+            lane.rate_hz,
+            lane.ratio,
+            lane.monitor.ratios.of_field,
+            math.degrees(tilt),
+            math.degrees(heading),
+            lane is sent,
+        )
+
+
+def _reason(lane: Lane, cause: Cause) -> str:
+    if cause is Cause.SILENT:
+        return "no samples"
+    if cause is Cause.BAD:
+        return next((alarm.text for alarm in lane.faults()), "sensor bad")
+    return "its compass is off" if cause is Cause.COMPASS else "its gyro or force is off"
+
+
+def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
+    """Tilt and heading between both at the time of the lane that is sent, rad; NaN where unknown."""
+    one, other = lane.estimate, sent.estimate
+    if one is None or other is None:
+        return math.nan, math.nan
+    q, p = led(one, (other.t_us - one.t_us) * 1e-6).q_nb, other.q_nb
+    down = rotate(multiply(q, conjugate(p)), (0.0, 0.0, 1.0))
+    return math.atan2(math.hypot(down[0], down[1]), down[2]), log(multiply(q, conjugate(p)))[2]

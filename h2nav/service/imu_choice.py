@@ -1,8 +1,11 @@
-"""Which of the IMU messages that arrive feeds the filter."""
+"""Which of the IMU messages that arrive feeds which filter."""
+
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuMessage
+from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, MOST_IMUS, ImuMessage
 
 # Best first. PX4 never sends RAW_IMU; its HIGHRES_IMU has the estimator's bias already removed,
 # which makes the second opinion depend on the first, so SCALED_IMU comes before it.
@@ -22,6 +25,43 @@ def preference(autopilot: int, chosen: str) -> tuple[int, ...]:
     is_px4 = autopilot == mavlink.MAV_AUTOPILOT_PX4
     names = _PREFERENCE_PX4 if is_px4 else _PREFERENCE_OTHERS
     return tuple(IDS_BY_NAME[name] for name in names)
+
+
+class LaneMessages(NamedTuple):
+    """The messages that may feed one filter.
+
+    Attributes:
+        imu: number of the IMU, from 0.
+        message_ids: best first.
+        others_too: it takes what HIGHRES_IMU holds of another IMU, because it is the only filter.
+    """
+
+    imu: int
+    message_ids: tuple[int, ...]
+    others_too: bool = False
+
+
+def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessages, ...]:
+    """The filters that there may be, one per IMU, that of the best message first.
+
+    Args:
+        autopilot: MAV_AUTOPILOT of the heartbeat.
+        settings: how many, and the message to use; a chosen one is used alone.
+    """
+    ranked = preference(autopilot, settings.imu_message)
+    first = IMU_MESSAGES[ranked[0]].imu
+    many = settings.lanes
+    if isinstance(many, str):
+        many = MOST_IMUS if settings.imu_message == "auto" else 1
+    if many == 1:
+        return (LaneMessages(first, ranked, others_too=True),)
+    lanes = [LaneMessages(first, tuple(i for i in ranked if IMU_MESSAGES[i].imu == first))]
+    for imu in range(MOST_IMUS):
+        if imu != first and len(lanes) < many:
+            own = [row.message_id for row in IMU_MESSAGES.values() if row.imu == imu]
+            borrowed = [] if imu == 0 else [IDS_BY_NAME["HIGHRES_IMU"]]
+            lanes.append(LaneMessages(imu, (*own, *borrowed)))
+    return tuple(lanes)
 
 
 class ImuChoice:

@@ -133,6 +133,30 @@ class HealthRecord(NamedTuple):
         return ", ".join(filter(None, (self.state, self.reason, source)))
 
 
+class LaneRecord(NamedTuple):
+    """One IMU and its filter, written once a second where there are several.
+
+    Attributes:
+        imu: number of the IMU, from 1.
+        message: that its samples come from.
+        rate_hz: of its samples.
+        ratio: of the tests of its gyro and accelerometer; 1 = they fail, empty = known to be bad.
+        field_ratio: the same of its compass.
+        tilt_apart_deg: between the verticals of its attitude and of the one that is sent.
+        heading_apart_deg: its heading less the one that is sent.
+        sent: this attitude is sent.
+    """
+
+    imu: int
+    message: str
+    rate_hz: float
+    ratio: float
+    field_ratio: float
+    tilt_apart_deg: float
+    heading_apart_deg: float
+    sent: bool
+
+
 class RejectionRecord(NamedTuple):
     """How many samples or messages were refused so far, for one reason.
 

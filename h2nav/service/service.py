@@ -21,10 +21,11 @@ from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Record, Send, Used
-from h2nav.service.estimation import Estimation, FilterFor
+from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import preference
+from h2nav.service.lane import FilterFor
 from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
@@ -266,7 +267,7 @@ class Service:
             return self.motion.on_refusal(envelope, reason)
         if self._autopilot.owns(envelope.sender):
             if envelope.message_id in IMU_MESSAGES:
-                self._estimation.refuse(envelope.t_ns, reason)
+                self._estimation.refuse(envelope.t_ns, envelope.message_id, reason)
             else:
                 self._refused[reason] += 1
         return []
@@ -348,6 +349,8 @@ class Service:
         effects: list[Effect] = []
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
+        if outcome.switched:
+            effects += self._notices.tell(t_ns, Severity.WARNING, outcome.switched)
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
@@ -425,7 +428,7 @@ class Service:
 
     def _on_parameter(self, t_ns: int, parameter: ParameterValue) -> list[Effect]:
         self._parameter.heard(parameter.name)
-        if not self._estimation.timing.hears(parameter):
+        if not self._estimation.hears(parameter):
             return []
         late_ms = 1e3 * (self._estimation.timing.ages().rates_s or 0.0)
         text = f"{parameter.name} {parameter.value:g} Hz: rates {late_ms:.1f} ms late"
@@ -503,6 +506,7 @@ class Service:
 
     def _report(self, t_ns: int) -> list[Effect]:
         effects: list[Effect] = [Record("/health", self.health)]
+        effects += [Record("/lanes", record) for record in self._estimation.lane_records()]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
         for notice in self._streams.notices() if self._streams else ():

@@ -9,6 +9,7 @@ from h2nav.validation import AutoOrWithin, OneOf, Within
 RateHz = Annotated[float, Within(0.0, 1000.0)]
 SystemId = Annotated[int, Within(0, 255)]
 Delay = Annotated[float | str, AutoOrWithin(0.0, 0.2)]
+Lanes = Annotated[int | str, OneOf(("auto", 1, 2, 3))]
 
 IMU_MESSAGE_CHOICES = (
     "auto",
@@ -31,6 +32,9 @@ class AutopilotSettings:
         component_id: its component id; 0 = the first autopilot that is heard.
         imu_message: the IMU message to use; `auto` = the best one that this autopilot sends.
         imu_rate_hz: how often to ask for it.
+        lanes: how many IMUs are followed, each by a filter of its own; `auto` = as many as the link
+            carries, but one where `imu_message` chooses. With 1 the autopilot decides what
+            HIGHRES_IMU holds.
         request_streams: ask for streams at all (False on a link where another program does).
         simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
             truth.
@@ -43,6 +47,7 @@ class AutopilotSettings:
     component_id: SystemId = 0
     imu_message: Annotated[str, OneOf(IMU_MESSAGE_CHOICES)] = "auto"
     imu_rate_hz: Annotated[float, Within(5.0, 1000.0)] = 100.0
+    lanes: Lanes = "auto"
     request_streams: bool = True
     simulation_truth: bool = False
     gyro_delay_s: Delay = "auto"

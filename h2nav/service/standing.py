@@ -19,12 +19,15 @@ class Standing:
 
     Attributes:
         verdict: the present state.
+        lasted_ns: how long each state has lasted so far, by its name.
     """
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
         self._told = health.AT_START[:2]
         self.verdict: Verdict = health.AT_START
+        self.lasted_ns: dict[str, int] = {}
+        self._judged_ns: int | None = None
 
     @property
     def is_active(self) -> bool:
@@ -34,6 +37,10 @@ class Standing:
     def judge(self, t_ns: int, signs: Signs) -> bool:
         """Looks at the state; True where it, or its cause, has changed."""
         before, self.verdict = self.verdict, health.judge(signs, t_ns)
+        lasted_ns = 0 if self._judged_ns is None else max(t_ns - self._judged_ns, 0)
+        name = before.state.value
+        self.lasted_ns[name] = self.lasted_ns.get(name, 0) + lasted_ns
+        self._judged_ns = t_ns
         return self.verdict[:2] != before[:2]
 
     def tell(self, t_ns: int, *, is_starting: bool) -> list[Effect]:

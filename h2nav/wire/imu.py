@@ -36,6 +36,7 @@ ABSURD_FIELD_UT = 1e6
 HIGHRES_FIELD_FAULT = 1e6
 HIGHRES_MAG_BITS = 0x1C0
 HIGHRES_MOTION_BITS = 0x3F
+MOST_IMUS = 3
 
 
 class ImuReading(NamedTuple):
@@ -47,6 +48,7 @@ class ImuReading(NamedTuple):
         f_b: specific force, m/s^2; never exactly zero.
         m_b_ut: magnetic field, microtesla; None where the message carries no field.
         clipped: a value stands at the end of its message's or of any usual sensor's range.
+        imu: number of the IMU, from 0, where the message says it; None where its name does.
     """
 
     time: int
@@ -54,6 +56,7 @@ class ImuReading(NamedTuple):
     f_b: Vec3
     m_b_ut: Vec3 | None
     clipped: bool
+    imu: int | None = None
 
     def at(self, t_us: int) -> ImuSample:
         """The sample at its unwrapped time."""
@@ -107,7 +110,10 @@ def _highres_imu(m: Any) -> ImuReading:
         or max(force) >= CLIPPED_FORCE_M_S2
         or min(force) <= -CLIPPED_FORCE_M_S2
     )
-    return ImuReading(need_time("time_out_of_range", m.time_usec), rate, force, field, clipped)
+    time = need_time("time_out_of_range", m.time_usec)
+    # MAVLink 1 has no number, and what is beyond any IMU is none.
+    imu = m.id if m.id < MOST_IMUS else 0
+    return ImuReading(time, rate, force, field, clipped, imu)
 
 
 def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
@@ -134,6 +140,7 @@ class ImuMessage(NamedTuple):
         read: its fields to a reading; raises `Refused`.
         bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
         raw_field_of: autopilots that put the field of the sensor into it, not calibrated.
+        imu: number of its IMU, from 0; of HIGHRES_IMU as a rule, see `ImuReading.imu`.
     """
 
     name: str
@@ -142,6 +149,7 @@ class ImuMessage(NamedTuple):
     read: Callable[[Any], ImuReading]
     bias_removed_by: frozenset[int] = frozenset()
     raw_field_of: frozenset[int] = frozenset()
+    imu: int = 0
 
 
 _PX4 = frozenset({mavlink.MAV_AUTOPILOT_PX4})
@@ -158,11 +166,13 @@ IMU_MESSAGES: dict[int, ImuMessage] = {
         ),
         ImuMessage("RAW_IMU", mavlink.MAVLINK_MSG_ID_RAW_IMU, 1, _raw_imu),
         *(
-            ImuMessage(name, message_id, 1000, _scaled_imu, raw_field_of=_PX4)
-            for name, message_id in (
-                ("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU),
-                ("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2),
-                ("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3),
+            ImuMessage(name, message_id, 1000, _scaled_imu, raw_field_of=_PX4, imu=imu)
+            for imu, (name, message_id) in enumerate(
+                (
+                    ("SCALED_IMU", mavlink.MAVLINK_MSG_ID_SCALED_IMU),
+                    ("SCALED_IMU2", mavlink.MAVLINK_MSG_ID_SCALED_IMU2),
+                    ("SCALED_IMU3", mavlink.MAVLINK_MSG_ID_SCALED_IMU3),
+                )
             )
         ),
     )

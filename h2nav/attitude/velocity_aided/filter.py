@@ -206,8 +206,9 @@ class VelocityAidedFilter:
 
         A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
         is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
-        force of exactly zero or a clipped sample is integrated but corrects nothing. A sample that
-        is not later than the one before changes nothing: the estimate before it comes again.
+        force of exactly zero, which is none, or a clipped sample is integrated but corrects
+        nothing; the rate of a clipped one is doubted. A sample that is not later than the one
+        before changes nothing: the estimate before it comes again.
         """
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(self._t_us, 0) if self._aligned else None
@@ -228,7 +229,7 @@ class VelocityAidedFilter:
         if m is not None:
             mag[:] = m
             u.has_mag = 1.0 if is_plausible_field(m) else 0.0
-        u.clipped = 1.0 if sample.clipped or sample.f_b == (0.0, 0.0, 0.0) else 0.0
+        u.clipped = clipping(sample)
         self._fill_velocity(sample.t_us)
         bits = self._step(s, self._g, u)
         self._t_us = sample.t_us
@@ -515,6 +516,13 @@ def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float
     if speed is None or not math.isfinite(speed):
         speed = gains.cruise_speed_m_s
     return -speed if vehicle.is_backward else speed
+
+
+def clipping(sample: ImuSample) -> float:
+    """What the kernel may believe of a sample: all, its rate with a doubt, or its rate alone."""
+    if sample.clipped:
+        return 1.0
+    return memory.FORCE_LOST if sample.f_b == (0.0, 0.0, 0.0) else 0.0
 
 
 def is_plausible(sample: ImuSample) -> bool:

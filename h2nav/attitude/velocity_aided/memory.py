@@ -14,6 +14,7 @@ from h2nav.attitude.record import real, reals
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
 MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+FORCE_LOST = 2.0  # in `Sample.clipped`: the rate is sure, and there is no force
 HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, whatever its dip
 
 # bits of a step's result
@@ -134,7 +135,7 @@ class Sample:
     accel: list[float] = reals(3, "m/s^2", "specific force")
     mag: list[float] = reals(3, "field", "magnetic field")
     has_mag: float = real("", "1: the field counts")
-    clipped: float = real("", "1: the rate counts, force and field do not")
+    clipped: float = real("", "1: the rate counts, force and field do not; 2: the rate is sure")
     rest_prior: float = real("", "0: not at rest, 1: the signals decide, 2: on the ground")
     forward_speed: float = real("m/s", "velocity along the nose that holds a filter without fixes")
     aided: float = real("", "1: velocity fixes come; no bounded velocity is assumed")

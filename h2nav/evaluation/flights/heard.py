@@ -1,7 +1,6 @@
 """What is heard while a flight is played: from the autopilot, and from our service."""
 
 from array import array
-from collections import defaultdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -131,18 +130,17 @@ class FromService:
 
     Attributes:
         notices: time of arrival (us), severity, text.
-        state_us: how long each state of the service lasted.
+        state_s: how long each state of the service lasted.
     """
 
     def __init__(self, autopilot: FromAutopilot, *, listens: bool) -> None:
         self.message_ids = autopilot.message_ids if listens else frozenset[int]()
         self.notices: list[tuple[int, Severity, str]] = []
-        self.state_us: dict[str, int] = defaultdict(int)
+        self.state_s: dict[str, float] = {}
         self._autopilot = autopilot
         self._arrived_us = array("q")
         self._boot_us = array("q")
         self._rows = array("d")
-        self._state: tuple[int, str] | None = None
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Hands a frame on."""
@@ -159,13 +157,6 @@ class FromService:
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """Keeps a notice."""
         self.notices.append((t_ns // 1000, severity, text))
-
-    def state(self, t_ns: int, state: str) -> None:
-        """Takes the state of the service now, which has lasted since the last time."""
-        t_us = t_ns // 1000
-        if self._state is not None:
-            self.state_us[self._state[1]] += t_us - self._state[0]
-        self._state = (t_us, state)
 
     def estimates(self) -> Estimates:
         """All so far."""

@@ -9,8 +9,9 @@ import numpy as np
 from h2nav.evaluation import pictures
 from h2nav.evaluation.flights.events import PHASE, Event
 from h2nav.evaluation.flights.scores import Flight
-from h2nav.evaluation.flights.tracks import BEYOND, Track
+from h2nav.evaluation.flights.tracks import Track
 from h2nav.evaluation.rows import Array
+from h2nav.evaluation.scoring import BEYOND
 
 # Errors are shown as the rms over so long: a sample's own would be a carpet.
 BIN_S = 0.5

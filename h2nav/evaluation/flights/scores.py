@@ -214,7 +214,7 @@ def document(flight: Flight) -> Document:
         "phases": phases,
         "best": {span: _best(spans[span]) for span in SPANS if spans[span]},
         "states": {
-            name: {state: round(t_us * 1e-6, 3) for state, t_us in run.state_us.items()}
+            name: {state: round(lasted_s, 3) for state, lasted_s in run.state_s.items()}
             for name, run in flight.runs.items()
         },
         "notices": {

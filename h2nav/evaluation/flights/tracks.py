@@ -9,10 +9,9 @@ from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
 from h2nav.evaluation.flights.truth import EPOCH_US, Truth, pairs
 from h2nav.evaluation.reference import Attitudes
 from h2nav.evaluation.rows import Array, from_euler
-from h2nav.evaluation.scoring import errors, root_mean_square
+from h2nav.evaluation.scoring import errors, honesty, root_mean_square
 
 Mask = NDArray[np.bool_]
-BEYOND = 3.0  # deviations
 
 
 class Track(NamedTuple):
@@ -108,19 +107,6 @@ def figures(track: Track, mask: Mask) -> dict[str, Any] | None:
         found[f"worst_{name}"] = float(np.abs(column).max())
     for name, sigma in (("tilt", track.sigma_tilt), ("heading", track.sigma_heading)):
         if sigma is not None:
-            found |= _honesty(name, columns[name], sigma[mask])
+            found |= honesty(name, columns[name], sigma[mask])
     found["estimates"] = int(mask.sum())
     return found
-
-
-def _honesty(name: str, error: Array, sigma: Array) -> dict[str, float | None]:
-    # The predicted tilt deviation is that of both axes together (docs/filter.md Eq. (27)), so the
-    # square of the whole angle is expected to be its square, as for the one angle of the heading.
-    is_told = np.isfinite(sigma) & (sigma > 0.0)
-    if not is_told.any():
-        return {f"nees_{name}": None, f"{name}_beyond_3_sigma": None}
-    ratio = np.abs(error[is_told]) / sigma[is_told]
-    return {
-        f"nees_{name}": float(np.mean(ratio**2)),
-        f"{name}_beyond_3_sigma": float(np.mean(ratio > BEYOND)),
-    }

@@ -32,6 +32,7 @@ from h2nav.attitude.velocity_aided.filter import (
     MOST_FIELD_UT,
     REFERENCED_RAD,
     TILT_SHARE,
+    clipping,
     forward_speed_m_s,
     is_plausible,
     rest_prior,
@@ -96,7 +97,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
         gyro[i] = _GYRO.fixed(sample.w_b[i] * 1e-6)
         accel[i] = _ACCEL.fixed(sample.f_b[i] / GRAVITY_M_S2)
         mag[i] = _MAG.fixed(m[i] / field_unit) if m is not None and u.has_mag else 0
-    u.clipped = int(sample.clipped or sample.f_b == (0.0, 0.0, 0.0))
+    u.clipped = int(clipping(sample))
     u.aided = u.has_fix = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
     u.fix_accel_n = u.fix_accel_e = 0

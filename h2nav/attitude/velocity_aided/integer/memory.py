@@ -19,6 +19,7 @@ FRAME = 16  # samples per frame of the second stage
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
 MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+FORCE_LOST = 2  # in `Sample.clipped`: the rate is sure, and there is no force
 
 # bits of a step's result
 FORCE_USED = 1
@@ -448,7 +449,9 @@ class Sample:
     mag: list[I32] = integers(3, -32768, 32767, "64 uT", "magnetic field", q=14)
     has_mag: I32 = integer(0, 1, "", "1: the field counts")
     dt_us: I32 = integer(0, MOST_DT_US, "us", "time since the sample before")
-    clipped: I32 = integer(0, 1, "", "1: the rate counts, force and field do not")
+    clipped: I32 = integer(
+        0, 2, "", "1: the rate counts, force and field do not; 2: the rate is sure"
+    )
     rest_prior: I32 = integer(0, 2, "", "0: it flies, 1: the sensors decide, 2: on the ground")
     forward_speed: I32 = integer(
         -32767, 32767, "s", "velocity along the nose; the airspeed of an aeroplane", q=11

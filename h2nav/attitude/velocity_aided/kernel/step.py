@@ -3,7 +3,7 @@
 Equations: docs/filter.md.
 """
 
-from ..memory import SATURATED, Gains, Memory, Sample
+from ..memory import FORCE_LOST, SATURATED, Gains, Memory, Sample
 from .heading import use_field
 from .prediction import predict_attitude, predict_velocity
 from .rest import use_rest
@@ -25,7 +25,8 @@ def step(s: Memory, g: Gains, sample: Sample) -> int:
     if s.mag_accepted_age_s >= 0.0:
         s.mag_accepted_age_s = s.mag_accepted_age_s + dt
     if sample.clipped > 0.0:
-        doubt_rate(s, sample)
+        if sample.clipped < FORCE_LOST:
+            doubt_rate(s, sample)
         bits = SATURATED
     else:
         if s.clipped_s > 0.0:

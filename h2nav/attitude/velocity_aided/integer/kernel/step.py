@@ -21,6 +21,7 @@ from ..memory import (
     AGE_MOST_US,
     CORRECTION_MOST,
     FIELD_MOST_US,
+    FORCE_LOST,
     FORCE_USED,
     FRAME_MOST_US,
     RESTARTED,
@@ -60,7 +61,8 @@ def step(s: Memory, g: Gains, sample: Sample) -> I32:
     s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MOST_US)
     s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MOST_US)
     if sample.clipped > 0:
-        doubt_rate(s, g, sample)
+        if sample.clipped < FORCE_LOST:
+            doubt_rate(s, g, sample)
         met[0] = 1
     elif s.clipped_angle > MOST_CLIPPED or s.tilt_suspect == 2:
         begin_anew(s, sample, r)

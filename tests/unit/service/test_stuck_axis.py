@@ -1,7 +1,7 @@
 import math
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.service.sensor_watch import SensorWatch
+from h2nav.integrity.stuck_axis import StuckAxes
 
 
 def samples(seconds, gyro_x=None, moving=True):
@@ -13,7 +13,7 @@ def samples(seconds, gyro_x=None, moving=True):
 
 
 def first_suspicion(stream):
-    watch = SensorWatch()
+    watch = StuckAxes()
     for sample in stream:
         if watch.suspects(sample):
             return sample.t_us, watch.complaint
@@ -39,7 +39,7 @@ def test_truncated_integers_near_zero_are_not_suspected():
 
 
 def test_a_sensor_that_comes_back_is_trusted_again():
-    watch = SensorWatch()
+    watch = StuckAxes()
     for sample in samples(3.0, gyro_x=0.5):
         watch.suspects(sample)
     assert watch.complaint

@@ -53,7 +53,7 @@ class _Axes:
         return found
 
 
-class SensorWatch:
+class StuckAxes:
     """Watches gyro and accelerometer of one stream of samples."""
 
     def __init__(self) -> None:

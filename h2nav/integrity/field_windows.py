@@ -1,0 +1,244 @@
+"""Whether the magnetic field agrees with an attitude, and whether the gyro agrees with the field.
+
+Every second the mean of the field in the strapdown's frame is one row. By the attitude it has to
+have the heading, dip and norm of the earth's field. From row to row it has to stand still: where it
+does not, but keeps its norm and its angle to the force, which no gyro has a part in, the gyro has
+turned the frame.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from h2nav.attitude.samples import EarthField, ImuSample, Vec3
+from h2nav.integrity.strapdown import Moment, Strapdown
+from h2nav.integrity.velocity_windows import GATE, RATE_SIGMA_RAD_S
+from h2nav.maths.quaternion import exp, multiply, rotate
+from h2nav.maths.units import DEG
+
+ROW_US = 1_000_000
+ROWS = 11
+FEWEST_FIELDS = 3
+# A calibrated compass: 3 deg of direction, 7 % of norm.
+DIRECTION_SIGMA_RAD = 3.0 * DEG
+NORM_SIGMA = 0.07
+# Noise of a mean of 1 s, delay of the field beyond what is known of it, scale of the gyro.
+NOISE_RAD = 1.0 * DEG
+DELAY_SIGMA_S = 0.02
+SCALE_SIGMA = 0.01
+# So small a turn is none, whatever field and force do.
+NO_TURN_RATIO = 0.5
+# A gyro turns field and force together: shares of the turn, and of the norm, that they may differ.
+RIGID_SHARE = 0.5
+RIGID_NORM = 0.1
+# Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
+LARGEST_LEAN_RAD = 15.0 * DEG
+
+
+class Row(NamedTuple):
+    """Means of one second.
+
+    Attributes:
+        t_us: its end.
+        field_s: direction of the field, strapdown's frame.
+        norm_ut: of the field.
+        force_angle_rad: between field and specific force.
+        heading_rad: of the field by the attitude, less its declination.
+        dip_rad: of the field by the attitude.
+        sigma_tilt_rad: of the attitude.
+        sigma_heading_rad: of the attitude.
+        path_rad: turned through until its end.
+    """
+
+    t_us: int
+    field_s: Vec3
+    norm_ut: float
+    force_angle_rad: float
+    heading_rad: float
+    dip_rad: float
+    sigma_tilt_rad: float
+    sigma_heading_rad: float
+    path_rad: float
+
+
+class FieldWindows:
+    """Follows the field beside a strapdown.
+
+    Args:
+        strapdown: of the IMU.
+
+    Attributes:
+        reference: the earth's field; None where it is not known.
+        delay_s: how late the field is against the rates.
+    """
+
+    def __init__(self, strapdown: Strapdown) -> None:
+        self._strapdown = strapdown
+        self.reference: EarthField | None = None
+        self.delay_s = 0.0
+        self._rows: deque[Row] = deque(maxlen=ROWS)
+        self._first: Moment | None = None
+        self._sum: Vec3 = (0.0, 0.0, 0.0)
+        self._norms = 0.0
+        self._fields = 0
+
+    def restart(self) -> None:
+        """The strapdown begins anew."""
+        self._rows.clear()
+        self._begin(None)
+
+    def add(self, sample: ImuSample) -> bool:
+        """Takes a sample that the strapdown has taken; True where it completes a row."""
+        now = self._strapdown.newest
+        assert now is not None
+        if self._first is None:
+            self._begin(now)
+            return False
+        if sample.m_b_ut is not None:
+            x, y, z = self._strapdown.rate_b
+            back = -self.delay_s
+            then = multiply(now.q_sb, exp((back * x, back * y, back * z)))
+            m_x, m_y, m_z = rotate(then, sample.m_b_ut)
+            s_x, s_y, s_z = self._sum
+            self._sum = (s_x + m_x, s_y + m_y, s_z + m_z)
+            self._norms += math.hypot(m_x, m_y, m_z)
+            self._fields += 1
+        if now.t_us - self._first.t_us < ROW_US:
+            return False
+        is_row = self._fields >= FEWEST_FIELDS
+        if is_row:
+            self._rows.append(self._row(self._first, now))
+        else:
+            self._rows.clear()
+        self._begin(now)
+        return is_row
+
+    def is_stale(self, t_us: int) -> bool:
+        """Whether no field is known at present."""
+        return not self._rows or t_us - self._rows[-1].t_us > 2 * ROW_US
+
+    def field_ratio(self, rows: int) -> float:
+        """Test ratio of the mean of so many rows against the earth's field; NaN without them."""
+        if self.reference is None or len(self._rows) < rows:
+            return math.nan
+        # The worst that lasts through all rows: one bad second is none of ten.
+        return min(self._ratio(row) for row in list(self._rows)[-rows:])
+
+    @property
+    def heading_error_rad(self) -> float:
+        """By how much the latest row would turn the heading; 0 without one."""
+        return self._rows[-1].heading_rad if self._rows else 0.0
+
+    @property
+    def dip_error_rad(self) -> float:
+        """By how much the dip of the latest row differs; 0 where it cannot be said."""
+        if self.reference is None or not self._rows:
+            return 0.0
+        return self._rows[-1].dip_rad - self.reference.dip_rad
+
+    @property
+    def worst_heading_rad(self) -> float:
+        """The heading error that a field with such a heading and dip may have caused."""
+        if self.reference is None:
+            return 0.0
+        level = max(math.cos(self.reference.dip_rad), 0.05)
+        return min(abs(self.heading_error_rad) + abs(self.dip_error_rad) / level, math.pi)
+
+    @property
+    def is_plausible(self) -> bool:
+        """Dip and norm of the latest row are the earth's: its heading says something."""
+        if self.reference is None or not self._rows:
+            return False
+        _, along, norm = self._parts(self._rows[-1])
+        return max(along, norm) < 1.0
+
+    @property
+    def norm_share(self) -> float:
+        """The norm of the latest row over the earth's; 1 where it cannot be said."""
+        if self.reference is None or not self._rows:
+            return 1.0
+        return self._rows[-1].norm_ut / self.reference.norm_ut
+
+    def turn(self, rows: int) -> tuple[float, float]:
+        """How far the field has turned in space in so many seconds: rad, and its test ratio.
+
+        The ratio is NaN where the field itself may have turned, and where there are no rows.
+        """
+        if len(self._rows) <= rows:
+            return 0.0, math.nan
+        first, last = self._rows[-1 - rows], self._rows[-1]
+        turn_rad = _angle(first.field_s, last.field_s)
+        path = last.path_rad - first.path_rad
+        variance = (
+            2.0 * (DIRECTION_SIGMA_RAD * min(path, 1.0)) ** 2
+            + 2.0 * NOISE_RAD**2
+            + (RATE_SIGMA_RAD_S * rows) ** 2
+            + (SCALE_SIGMA * path) ** 2
+            + (DELAY_SIGMA_S * path / rows) ** 2
+        )
+        ratio = turn_rad / (GATE * math.sqrt(variance))
+        if ratio < NO_TURN_RATIO or self._is_rigid(first, last, turn_rad):
+            return turn_rad, ratio
+        return turn_rad, math.nan
+
+    def _is_rigid(self, first: Row, last: Row, turn_rad: float) -> bool:
+        """Whether the field has turned as what a wrong gyro turns does: with the force."""
+        changed = abs(last.force_angle_rad - first.force_angle_rad)
+        norm = abs(last.norm_ut / first.norm_ut - 1.0)
+        if changed > RIGID_SHARE * turn_rad or norm > RIGID_NORM:
+            return False
+        return self._is_of_earth(first) and self._is_of_earth(last)
+
+    def _begin(self, now: Moment | None) -> None:
+        self._first = now
+        self._sum = (0.0, 0.0, 0.0)
+        self._norms = 0.0
+        self._fields = 0
+
+    def _row(self, first: Moment, last: Moment) -> Row:
+        north, east, down = rotate(last.q_ns, self._sum)
+        a, b = first.gained_s, last.gained_s
+        force = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+        declination = 0.0 if self.reference is None else self.reference.declination_rad
+        return Row(
+            last.t_us,
+            self._sum,
+            self._norms / self._fields,
+            _angle(self._sum, force),
+            math.remainder(math.atan2(east, north) - declination, math.tau),
+            math.atan2(down, math.hypot(north, east)),
+            last.sigma_tilt_rad,
+            last.sigma_heading_rad,
+            last.path_rad,
+        )
+
+    def _is_of_earth(self, row: Row) -> bool:
+        """Whether norm and angle to the force, which no attitude has a part in, are the earth's."""
+        if self.reference is None:
+            return True
+        norm = abs(row.norm_ut / self.reference.norm_ut - 1.0)
+        angle = abs(row.force_angle_rad - 0.5 * math.pi - self.reference.dip_rad)
+        return norm < GATE * NORM_SIGMA and angle < LARGEST_LEAN_RAD
+
+    def _ratio(self, row: Row) -> float:
+        return math.hypot(*self._parts(row))
+
+    def _parts(self, row: Row) -> tuple[float, float, float]:
+        """Test ratios of heading, dip and norm."""
+        assert self.reference is not None
+        dip = self.reference.dip_rad
+        level = max(math.cos(dip), 0.05)
+        # What is wrong with the field, and a tilt across it, turns the heading by 1 / cos(dip).
+        sideways = math.hypot(DIRECTION_SIGMA_RAD, math.sin(dip) * row.sigma_tilt_rad) / level
+        heading = math.hypot(row.sigma_heading_rad, sideways)
+        along = math.hypot(DIRECTION_SIGMA_RAD, row.sigma_tilt_rad)
+        return (
+            abs(row.heading_rad) / (GATE * heading),
+            abs(row.dip_rad - dip) / (GATE * along),
+            abs(row.norm_ut / self.reference.norm_ut - 1.0) / (GATE * NORM_SIGMA),
+        )
+
+
+def _angle(a: Vec3, b: Vec3) -> float:
+    cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return math.atan2(math.hypot(*cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

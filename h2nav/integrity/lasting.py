@@ -1,0 +1,51 @@
+"""A test that has to fail for a while before it counts, and to hold for a while."""
+
+import math
+
+# What the excess of the ratio, integrated over time, has to reach: a ratio of 2 counts after 1 s.
+RAISE_S = 1.0
+# A ratio counts no more than this: one absurd value is no proof.
+MOST_RATIO = 5.0
+CLEAR_RATIO = 0.8
+CLEAR_S = 4.0
+# A raised test of which nothing is heard any more.
+FORGET_S = 60.0
+
+
+class Lasting:
+    """Follows a test ratio.
+
+    Attributes:
+        is_raised: the test has failed for long enough.
+    """
+
+    def __init__(self) -> None:
+        self.is_raised = False
+        self._excess_s = 0.0
+        self._fine_s = 0.0
+        self._silent_s = 0.0
+        self._failed_us = 0
+        self._t_us: int | None = None
+
+    def take(self, t_us: int, ratio: float) -> None:
+        """Takes the ratio of now; NaN says nothing."""
+        dt_s = 0.0 if self._t_us is None else max((t_us - self._t_us) * 1e-6, 0.0)
+        self._t_us = t_us
+        if math.isnan(ratio):
+            self._silent_s += dt_s
+            self.is_raised &= self._silent_s < FORGET_S
+            return
+        self._silent_s = 0.0
+        if self._excess_s == 0.0 and not self.is_raised:
+            self._failed_us = t_us
+        excess_s = self._excess_s + dt_s * (min(ratio, MOST_RATIO) - 1.0)
+        self._excess_s = min(max(excess_s, 0.0), RAISE_S)
+        self._fine_s = self._fine_s + dt_s if ratio < CLEAR_RATIO else 0.0
+        if self._excess_s >= RAISE_S:
+            self.is_raised = True
+        elif self._fine_s >= CLEAR_S:
+            self.is_raised = False
+
+    def since_s(self, t_us: int) -> float:
+        """For how long it has failed."""
+        return (t_us - self._failed_us) * 1e-6

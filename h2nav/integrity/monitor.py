@@ -1,0 +1,355 @@
+"""One attitude watched: its sensors, and what velocity, field and gravity say of it.
+
+The monitor sees what the filter sees and what the filter makes of it, and has an arithmetic of its
+own; nothing of it goes back into the filter. It tells when the filter's own deviations deny an
+error that others show, and by how much they have to be opened.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Quat,
+    SensorDelays,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.integrity.field_windows import FieldWindows
+from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.lasting import Lasting
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.sensor_checks import SensorChecks, Use
+from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.velocity_windows import (
+    GATE,
+    LENGTHS_S,
+    LONG_S,
+    VelocityWindows,
+    Window,
+    change_of_velocity,
+    inertial_variance,
+)
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+# Errors that measurements show open the deviations from this ratio on, and for so long after.
+OPEN_RATIO = 0.5
+OPEN_S = 10.0
+# So long gyro and field have to agree after a velocity began to contradict: two of their rows.
+BLAME_S = 2.5
+# Velocities that are not measured: on the ground, and of any vehicle up and down.
+GROUND_SPEED_M_S = 1.5
+CLIMB_SPEED_M_S = 3.0
+FORCE_PERIOD_US = 200_000
+# A heading is confirmed by velocities that would have shown an error of this.
+CONFIRMED_RAD = 15.0 * DEG
+# ... or by 10 s of a field that is the earth's beyond doubt.
+CONFIRMED_RATIO = 0.5
+# A field that went into the heading so recently holds it.
+FIELD_HOLDS_US = 1_000_000
+
+
+class Speeds(NamedTuple):
+    """How fast a vehicle is as a rule where nobody measures it, m/s, one sigma."""
+
+    horizontal_m_s: float
+    vertical_m_s: float = CLIMB_SPEED_M_S
+
+
+class Monitor:
+    """Watches one filter and its IMU.
+
+    For each sample: `check` it, give the filter what `Use` allows, `add` what came of it (`restart`
+    where nothing did). Velocities, field, vehicle and delays come as they come to the filter; a
+    velocity is not given to the filter while `velocity_is_false`.
+
+    Args:
+        name: of the IMU, for people.
+        speeds: of the vehicle.
+
+    Attributes:
+        ratios: test ratios, as of the latest sample.
+    """
+
+    def __init__(self, name: str, speeds: Speeds) -> None:
+        self._speeds = speeds
+        self._checks = SensorChecks(name)
+        self._strapdown = Strapdown()
+        self._velocity = VelocityWindows(self._strapdown)
+        self._field = FieldWindows(self._strapdown)
+        self._vehicle = VehicleState()
+        self._forces_us = 0
+        self._force_tilt_rad = 0.0
+        self._windows: list[Window] = []
+        self._tilt_rad = self._heading_rad = 0.0
+        self._field_used_us: int | None = None
+        self._is_confirmed = False
+        self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
+        self.ratios = InnovationRatios()
+
+    def check(self, sample: ImuSample) -> Use:
+        """Takes a sample before the filter does; what the filter may do with it."""
+        return self._checks.add(sample, self._vehicle.on_ground is False)
+
+    @property
+    def field_is_frozen(self) -> bool:
+        """The compass says nothing of the heading."""
+        return self._checks.field_is_frozen
+
+    def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
+        """Takes a sample and what the filter has made of it, not led."""
+        if sample.clipped:
+            # What its windows would show is known already.
+            self.restart()
+            return
+        if not self._strapdown.add(sample, estimate):
+            self._velocity.restart()
+            self._field.restart()
+            self.ratios = InnovationRatios()
+        if estimate.trust & Trust.FIELD_USED:
+            self._field_used_us = sample.t_us
+        if self.field_is_frozen:
+            self._field.restart()
+            self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
+        elif self._field.add(sample):
+            self._judge_field()
+        if sample.t_us - self._forces_us >= FORCE_PERIOD_US:
+            self._forces_us = sample.t_us
+            self._judge_force(sample.t_us)
+            self._forget_stale(sample.t_us)
+            self._judge(sample.t_us)
+            self._open(FORCE_PERIOD_US * 1e-6)
+
+    def fix(self, fix: VelocityFix) -> None:
+        """Takes a velocity over ground."""
+        if not self._velocity.take(fix):
+            return
+        windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
+        self._windows = [window for window in windows if window is not None]
+        of_1s, of_3s, of_10s = (math.nan if window is None else window.ratio for window in windows)
+        self.ratios = self.ratios._replace(
+            velocity_1s=of_1s, velocity_3s=of_3s, velocity_10s=of_10s
+        )
+        long = windows[-1]
+        if long is not None and long.ratio < 1.0:
+            shown = GATE * long.sigma_m_s / max(long.change_m_s, 0.1)
+            self._is_confirmed |= shown < CONFIRMED_RAD
+
+    def use_field(self, field: EarthField) -> None:
+        """The earth's field is known."""
+        self._field.reference = field
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """What the autopilot says of the vehicle."""
+        self._vehicle = vehicle
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """How late the sensors are."""
+        self._field.delay_s = max(delays.field_s - delays.gyro_s, 0.0)
+
+    def restart(self) -> None:
+        """Forgets what was gained; what is wrong stays so until it is seen to be right."""
+        self._strapdown.restart()
+        self._velocity.restart()
+        self._field.restart()
+        self._windows = []
+        self.ratios = InnovationRatios()
+
+    def velocity_window(self, length_s: float, q_ns: Quat | None = None) -> Window | None:
+        """Compares the filter's attitude, or another one, with the velocities of a window."""
+        return self._velocity.window(length_s, q_ns)
+
+    @property
+    def strapdown(self) -> Strapdown:
+        """The dead reckoning, for comparisons of other attitudes."""
+        return self._strapdown
+
+    @property
+    def start(self) -> Callable[[float], object]:
+        """Where a window begins; see `VelocityWindows.start`."""
+        return self._velocity.start
+
+    @property
+    def tilt_error_rad(self) -> float:
+        """The tilt error that measurements show, or have shown a moment ago."""
+        return self._tilt_rad
+
+    @property
+    def heading_error_rad(self) -> float:
+        """The heading error that measurements show, or have shown a moment ago."""
+        return self._heading_rad
+
+    @property
+    def velocity_is_false(self) -> bool:
+        """The velocity has contradicted the IMU for a while, and gyro and field agree.
+
+        Such a velocity must not be fused: it would bend the attitude.
+        """
+        test, now = self._tests["velocity"], self._strapdown.newest
+        if not test.is_raised or now is None or test.since_s(now.t_us) < BLAME_S:
+            return False
+        return self.ratios.of_turn < OPEN_RATIO
+
+    def _open(self, dt_s: float) -> None:
+        """Takes the errors that measurements show now."""
+        ratios, field = self.ratios, self._field
+        tilts = [window.tilt_rad for window in self._windows if window.ratio > OPEN_RATIO]
+        headings = []
+        if ratios.force_10s > OPEN_RATIO:
+            tilts.append(self._force_tilt_rad)
+        if ratios.of_turn > OPEN_RATIO:
+            turn = field.turn(10)[0]
+            tilts.append(turn)
+            headings.append(turn)
+        if self._field_matters:
+            headings.append(field.worst_heading_rad)
+        elif field.is_plausible and ratios.field_1s > OPEN_RATIO:
+            headings.append(0.5 * abs(field.heading_error_rad))
+        keep = math.exp(-dt_s / OPEN_S)
+        self._tilt_rad = min(max(*tilts, 0.0, keep * self._tilt_rad, 0.0), math.pi)
+        self._heading_rad = min(max(*headings, 0.0, keep * self._heading_rad, 0.0), math.pi)
+
+    @property
+    def _field_matters(self) -> bool:
+        """A field that contradicts is used, or was never confirmed by anything else."""
+        if not self._tests["field"].is_raised:
+            return False
+        now, used_us = self._strapdown.newest, self._field_used_us
+        holds = now is not None and used_us is not None and now.t_us - used_us < FIELD_HOLDS_US
+        return holds or not self._is_confirmed
+
+    def alarms(self, t_us: int) -> tuple[Alarm, ...]:
+        """What is wrong at this time."""
+        found = self._checks.alarms()
+        for name, make in (
+            ("velocity", self._velocity_alarm),
+            ("force", self._force_alarm),
+            ("turn", self._turn_alarm),
+            ("field", self._field_alarm),
+        ):
+            test = self._tests[name]
+            if test.is_raised:
+                found.append(make(test.since_s(t_us)))
+        return tuple(found)
+
+    def _velocity_alarm(self, since_s: float) -> Alarm:
+        window = max(self._windows, key=lambda w: w.ratio, default=None)
+        length_s, size, tilt = 0.0, 0.0, 0.0
+        if window is not None:
+            length_s, tilt = window.length_s, window.tilt_rad / DEG
+            size = math.hypot(*window.residual_m_s)
+        evidence = (
+            f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, "
+            f"as {tilt:.0f} deg of tilt would"
+        )
+        if self.velocity_is_false:
+            evidence += "; gyro and field agree, so the velocity is false and is not used"
+        return Alarm(
+            "attitude_velocity",
+            "GPS",
+            Severity.ERROR,
+            tilt,
+            "deg",
+            "attitude contradicts velocity",
+            evidence,
+            degrades=True,
+            since_s=since_s,
+        )
+
+    def _force_alarm(self, since_s: float) -> Alarm:
+        tilt = self._force_tilt_rad / DEG
+        return Alarm(
+            "attitude_gravity",
+            "IMU",
+            Severity.ERROR,
+            tilt,
+            "deg",
+            "attitude contradicts gravity",
+            f"the force of 10 s would move the vehicle away: {tilt:.0f} deg",
+            degrades=True,
+            since_s=since_s,
+        )
+
+    def _turn_alarm(self, since_s: float) -> Alarm:
+        turn = self._field.turn(10)[0] / DEG
+        return Alarm(
+            "gyro_field",
+            "gyro",
+            Severity.ERROR,
+            turn,
+            "deg",
+            "gyro contradicts field and gravity",
+            f"by the gyro, both have turned by {turn:.0f} deg in space in 10 s",
+            degrades=True,
+            since_s=since_s,
+        )
+
+    def _field_alarm(self, since_s: float) -> Alarm:
+        field = self._field
+        heading, dip = field.heading_error_rad / DEG, field.dip_error_rad / DEG
+        matters = self._field_matters
+        return Alarm(
+            "compass_field",
+            "compass",
+            Severity.ERROR if matters else Severity.WARNING,
+            max(abs(heading), abs(dip)),
+            "deg",
+            "attitude contradicts field" if matters else "compass disturbed",
+            f"heading {heading:+.0f} deg, dip {dip:+.0f} deg, norm {field.norm_share:.0%} of the "
+            f"earth's",
+            degrades=matters,
+            since_s=since_s,
+        )
+
+    def _judge(self, t_us: int) -> None:
+        ratios, tests = self.ratios, self._tests
+        tests["velocity"].take(t_us, ratios.of_velocity)
+        tests["force"].take(t_us, ratios.force_10s)
+        tests["turn"].take(t_us, ratios.of_turn)
+        tests["field"].take(t_us, ratios.of_field)
+
+    def _judge_field(self) -> None:
+        field = self._field
+        self.ratios = self.ratios._replace(
+            field_1s=field.field_ratio(1),
+            field_10s=field.field_ratio(10),
+            turn_1s=field.turn(1)[1],
+            turn_10s=field.turn(10)[1],
+        )
+        self._is_confirmed |= self.ratios.field_10s < CONFIRMED_RATIO
+
+    def _judge_force(self, t_us: int) -> None:
+        """The force of 10 s against a velocity that nobody measures, but that has its limits."""
+        last = self._strapdown.newest
+        first = self._strapdown.at(t_us - round(LONG_S * 1e6))
+        if last is None or first is None or not self._velocity.is_stale(t_us):
+            self.ratios = self.ratios._replace(force_10s=math.nan)
+            return
+        on_ground = self._vehicle.on_ground is True
+        level, climb = (GROUND_SPEED_M_S, GROUND_SPEED_M_S) if on_ground else self._speeds
+        north, east, down = change_of_velocity(first, last, first.q_ns)
+        inertial = inertial_variance(first, last)
+        horizontal = math.hypot(north, east)
+        self._force_tilt_rad = horizontal / (GRAVITY_M_S2 * LONG_S)
+        self.ratios = self.ratios._replace(
+            force_10s=max(
+                horizontal / (GATE * math.sqrt(2.0 * level * level + inertial)),
+                abs(down) / (GATE * math.sqrt(2.0 * climb * climb + inertial)),
+            )
+        )
+
+    def _forget_stale(self, t_us: int) -> None:
+        if self._velocity.is_stale(t_us):
+            self.ratios = self.ratios._replace(
+                velocity_1s=math.nan, velocity_3s=math.nan, velocity_10s=math.nan
+            )
+            self._windows = []
+        if self._field.is_stale(t_us):
+            nothing = math.nan
+            self.ratios = self.ratios._replace(
+                field_1s=nothing, field_10s=nothing, turn_1s=nothing, turn_10s=nothing
+            )

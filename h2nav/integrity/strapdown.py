@@ -1,0 +1,119 @@
+"""Dead reckoning of turn and force, which any attitude can be compared with afterwards.
+
+The gyro carries a frame ``s`` that stands still in space, and the specific force is integrated in
+it: gained = int R_sb f dt. Where an attitude q_nb was true at a time, R_ns = R_nb R_bs turns what
+was gained from then on into north, east, down. So one integration, a few dozen operations per
+sample, serves windows of every length and the attitude of every estimator.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, Vec3
+from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, normalize, rotate
+
+SPACING_US = 50_000
+LENGTH_US = 12_000_000
+# After a gap of more nobody knows what the sensors would have shown.
+LONGEST_GAP_US = 300_000
+
+
+class Moment(NamedTuple):
+    """Where dead reckoning was at a time.
+
+    Attributes:
+        t_us: time of the sample.
+        q_sb: turn since the start.
+        gained_s: integral of the specific force, m/s, in the axes of the start.
+        q_ns: frame of the start in north, east, down, by the estimate of this time.
+        sigma_tilt_rad: of that estimate.
+        sigma_heading_rad: of that estimate.
+        path_rad: angle turned through, whatever its direction.
+    """
+
+    t_us: int
+    q_sb: Quat
+    gained_s: Vec3
+    q_ns: Quat
+    sigma_tilt_rad: float
+    sigma_heading_rad: float
+    path_rad: float
+
+
+class Strapdown:
+    """Follows one IMU, with the gyro's bias as its filter knows it.
+
+    Attributes:
+        newest: the latest moment; None before the first, and after a gap.
+        rate_b: the latest rate, bias removed.
+    """
+
+    def __init__(self) -> None:
+        self.newest: Moment | None = None
+        self.rate_b: Vec3 = (0.0, 0.0, 0.0)
+        self._past: deque[Moment] = deque()
+
+    def restart(self) -> None:
+        """Begins anew: nothing of before may be compared with what comes."""
+        self.newest = None
+        self._past.clear()
+
+    def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> bool:
+        """Takes a sample and the estimate that it made; False where everything begins anew."""
+        before = self.newest
+        if before is None or not 0 < sample.t_us - before.t_us <= LONGEST_GAP_US:
+            self.restart()
+            self.newest = _moment(sample.t_us, IDENTITY, (0.0, 0.0, 0.0), estimate, 0.0)
+            self._past.append(self.newest)
+            return False
+        dt_s = (sample.t_us - before.t_us) * 1e-6
+        x, y, z = self.rate_b = estimate.w_b
+        half = exp((0.5 * dt_s * x, 0.5 * dt_s * y, 0.5 * dt_s * z))
+        middle = multiply(before.q_sb, half)
+        f_x, f_y, f_z = rotate(middle, sample.f_b)
+        g_x, g_y, g_z = before.gained_s
+        self.newest = _moment(
+            sample.t_us,
+            normalize(multiply(middle, half)),
+            (g_x + dt_s * f_x, g_y + dt_s * f_y, g_z + dt_s * f_z),
+            estimate,
+            before.path_rad + dt_s * (x * x + y * y + z * z) ** 0.5,
+        )
+        if sample.t_us - self._past[-1].t_us >= SPACING_US:
+            self._past.append(self.newest)
+            while self._past[0].t_us < sample.t_us - LENGTH_US:
+                self._past.popleft()
+        return True
+
+    def at(self, t_us: int) -> Moment | None:
+        """The moment of a time, what was gained interpolated; None where it is not remembered."""
+        newest = self.newest
+        if newest is None or not self._past or t_us < self._past[0].t_us:
+            return None
+        after = newest
+        for moment in reversed(self._past):
+            if moment.t_us <= t_us:
+                return _between(moment, after, t_us)
+            after = moment
+        return None
+
+
+def _moment(
+    t_us: int, q_sb: Quat, gained_s: Vec3, estimate: AttitudeEstimate, path_rad: float
+) -> Moment:
+    q_ns = multiply(estimate.q_nb, conjugate(q_sb))
+    sigmas = estimate.sigma_tilt_rad, estimate.sigma_heading_rad
+    return Moment(t_us, q_sb, gained_s, q_ns, *sigmas, path_rad)
+
+
+def _between(before: Moment, after: Moment, t_us: int) -> Moment:
+    """`before`, at a later time up to that of `after`."""
+    span_us = after.t_us - before.t_us
+    share = min((t_us - before.t_us) / span_us, 1.0) if span_us > 0 else 0.0
+    a, b = before.gained_s, after.gained_s
+    gained: Vec3 = (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+    )
+    return before._replace(t_us=t_us, gained_s=gained)

@@ -1,0 +1,178 @@
+"""Whether an attitude agrees with measured velocities, over 1, 3 and 10 s.
+
+The specific force of a window, turned by the attitude of its beginning, and gravity make the change
+of velocity. A tilt error e shows as g e T, a heading error as the share of the change that it turns
+aside. What the filter has done with the same velocities meanwhile does not matter: the window goes
+by the gyro alone, so that a filter which follows a false velocity is seen to turn against the gyro.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from h2nav.attitude.samples import Quat, Vec3, VelocityFix
+from h2nav.integrity.strapdown import Moment, Strapdown
+from h2nav.maths.quaternion import rotate
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+LENGTHS_S = (1.0, 3.0, 10.0)
+LONG_S = LENGTHS_S[-1]
+# A window is judged from this share of its length on.
+LEAST_SHARE = 0.8
+SPACING_US = 180_000
+# Without a newer fix nothing is known any more.
+STALE_US = 3_000_000
+# Standard deviations at which a test fails.
+GATE = 3.0
+# What a good receiver does not do better, m/s.
+LEAST_SIGMA_M_S = 0.15
+# How late a fix may be beyond what is known of it: receivers have 0.1 to 0.3 s.
+LAG_SIGMA_S = 0.15
+# What the start of a window does not know yet: of an accelerometer whose error turns with the
+# vehicle 10 mg, of a gyro 0.05 deg/s after its alignment and 0.5 % of scale.
+FORCE_SIGMA_M_S2 = 0.01 * GRAVITY_M_S2
+RATE_SIGMA_RAD_S = 0.05 * DEG
+SCALE_SIGMA = 0.005
+
+Level = tuple[float, float]
+
+
+class Mark(NamedTuple):
+    """A fix and where dead reckoning was then.
+
+    Attributes:
+        moment: of the fix.
+        v_n: north and east, m/s.
+        sigma_m_s: of each.
+        accel_n: acceleration since the mark before, m/s^2, north and east.
+    """
+
+    moment: Moment
+    v_n: Level
+    sigma_m_s: float
+    accel_n: Level
+
+
+class Window(NamedTuple):
+    """The comparison of one window.
+
+    Attributes:
+        length_s: of the window.
+        residual_m_s: measured change of velocity less that of the attitude, north and east.
+        sigma_m_s: expected of either.
+        change_m_s: horizontal change of velocity that was measured.
+    """
+
+    length_s: float
+    residual_m_s: Level
+    sigma_m_s: float
+    change_m_s: float
+
+    @property
+    def ratio(self) -> float:
+        """Test ratio."""
+        return math.hypot(*self.residual_m_s) / (GATE * self.sigma_m_s)
+
+    @property
+    def tilt_rad(self) -> float:
+        """The tilt error that would explain it."""
+        return math.hypot(*self.residual_m_s) / (GRAVITY_M_S2 * self.length_s)
+
+
+class VelocityWindows:
+    """Follows the fixes beside a strapdown.
+
+    Args:
+        strapdown: of the IMU.
+    """
+
+    def __init__(self, strapdown: Strapdown) -> None:
+        self._strapdown = strapdown
+        self._marks: deque[Mark] = deque()
+
+    def restart(self) -> None:
+        """The strapdown begins anew."""
+        self._marks.clear()
+
+    def take(self, fix: VelocityFix) -> bool:
+        """Takes a fix; whether it made a mark."""
+        moment = self._strapdown.at(fix.t_us)
+        if moment is None:
+            return False
+        last = self._marks[-1] if self._marks else None
+        if last is not None and moment.t_us - last.moment.t_us < SPACING_US:
+            return False
+        accel_n = (0.0, 0.0) if last is None else _acceleration(last.moment, moment)
+        sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
+        self._marks.append(Mark(moment, (fix.v_n[0], fix.v_n[1]), sigma_m_s, accel_n))
+        while self._marks[0].moment.t_us < moment.t_us - 1.1e6 * LONG_S:
+            self._marks.popleft()
+        return True
+
+    def is_stale(self, t_us: int) -> bool:
+        """Whether no velocity is known at present."""
+        return not self._marks or t_us - self._marks[-1].moment.t_us > STALE_US
+
+    def start(self, length_s: float) -> Mark | None:
+        """The mark at which a window of this length begins that ends now; None without one."""
+        if not self._marks:
+            return None
+        newest_us = self._marks[-1].moment.t_us
+        for mark in self._marks:
+            age_s = (newest_us - mark.moment.t_us) * 1e-6
+            if age_s <= 1.05 * length_s:
+                return mark if age_s >= LEAST_SHARE * length_s else None
+        return None
+
+    def window(self, length_s: float, q_ns: Quat | None = None) -> Window | None:
+        """Compares over a window that ends now.
+
+        Args:
+            length_s: of the window.
+            q_ns: strapdown's frame by another attitude than the filter's, at `start`.
+
+        Returns:
+            None where the marks do not reach back.
+        """
+        start = self.start(length_s)
+        if start is None:
+            return None
+        end = self._marks[-1]
+        first, last = start.moment, end.moment
+        t_s = (last.t_us - first.t_us) * 1e-6
+        predicted = change_of_velocity(first, last, first.q_ns if q_ns is None else q_ns)
+        measured = (end.v_n[0] - start.v_n[0], end.v_n[1] - start.v_n[1])
+        residual = (measured[0] - predicted[0], measured[1] - predicted[1])
+        change_m_s = math.hypot(predicted[0], predicted[1])
+        jerk = math.dist(start.accel_n, end.accel_n)
+        variance = (
+            start.sigma_m_s**2
+            + end.sigma_m_s**2
+            + (LAG_SIGMA_S * jerk) ** 2
+            + inertial_variance(first, last)
+            + (min(first.sigma_heading_rad, math.pi) * change_m_s) ** 2
+        )
+        return Window(t_s, residual, math.sqrt(variance), math.hypot(*measured))
+
+
+def change_of_velocity(first: Moment, last: Moment, q_ns: Quat) -> Vec3:
+    """What the force between two moments makes of a velocity, NED, m/s."""
+    a, b = first.gained_s, last.gained_s
+    north, east, down = rotate(q_ns, (b[0] - a[0], b[1] - a[1], b[2] - a[2]))
+    return north, east, down + GRAVITY_M_S2 * (last.t_us - first.t_us) * 1e-6
+
+
+def inertial_variance(first: Moment, last: Moment) -> float:
+    """Of either horizontal axis of `change_of_velocity`, by tilt, sensors and scale, (m/s)^2."""
+    t_s = (last.t_us - first.t_us) * 1e-6
+    tilt = GRAVITY_M_S2 * t_s * first.sigma_tilt_rad
+    force = FORCE_SIGMA_M_S2 * t_s
+    rate = 0.5 * GRAVITY_M_S2 * RATE_SIGMA_RAD_S * t_s * t_s
+    scale = GRAVITY_M_S2 * t_s * SCALE_SIGMA * (last.path_rad - first.path_rad)
+    return tilt * tilt + force * force + rate * rate + scale * scale
+
+
+def _acceleration(first: Moment, last: Moment) -> Level:
+    t_s = (last.t_us - first.t_us) * 1e-6
+    north, east, _ = change_of_velocity(first, last, first.q_ns)
+    return north / t_s, east / t_s

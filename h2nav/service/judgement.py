@@ -1,0 +1,66 @@
+"""What is wrong, as people and the state get to know it: findings, notices, objections.
+
+Findings depend on messages and their times alone, so a replay finds the same.
+"""
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from h2nav.integrity.findings import Alarm, Finding, Findings
+from h2nav.service.effects import Effect, Record
+from h2nav.service.health import Objection
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.notices import Tell
+
+PERIOD_NS = SECOND_NS // 5
+TOPIC = "/finding"
+
+
+class Judged(Protocol):
+    """Something that has alarms."""
+
+    def alarms(self) -> Iterable[Alarm]:
+        """What is wrong now."""
+
+
+class Judgement:
+    """Asks what is wrong a few times a second, and reports what is new.
+
+    Args:
+        tell: reports to people.
+        judged: who has alarms; each kind and source comes from one of them only.
+    """
+
+    def __init__(self, tell: Tell, *judged: Judged) -> None:
+        self._tell = tell
+        self._judged = judged
+        self._findings = Findings()
+        self._start_ns: int | None = None
+        self._looked_ns = 0
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All so far."""
+        return self._findings.all
+
+    @property
+    def objections(self) -> tuple[Objection, ...]:
+        """What makes the attitude that is sent untrustworthy now."""
+        wrong = [alarm for alarm in self._findings.open if alarm.degrades]
+        return tuple(Objection(f"{alarm.kind} {alarm.source}", alarm.told) for alarm in wrong)
+
+    def look(self, t_ns: int) -> list[Effect]:
+        """A message has come; reports what is wrong since it."""
+        if self._start_ns is None:
+            self._start_ns = t_ns
+        if t_ns - self._looked_ns < PERIOD_NS:
+            return []
+        self._looked_ns = t_ns
+        alarms = [alarm for one in self._judged for alarm in one.alarms()]
+        begun, news = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
+        effects: list[Effect] = [Record(TOPIC, finding) for finding in news]
+        for alarm in begun:
+            if not alarm.degrades:  # the state tells of those that do
+                cause = f"{alarm.kind} {alarm.source}"
+                effects += self._tell(t_ns, alarm.severity, alarm.told, cause)
+        return effects

@@ -1,0 +1,116 @@
+"""Which lane is sent: the first one, until it is silent, bad, or clearly worse than another.
+
+There is no way back without a cause: every change is a step in what is sent, and a lane that took
+over has shown itself to be as good.
+"""
+
+import math
+from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
+
+CLEARLY = 0.5  # the other's ratio, of the ratio of the sent one
+LASTING_NS = 500_000_000
+# A field may be disturbed in passing, and its filter lives on its gyro meanwhile.
+FIELD_LASTING_NS = 2_000_000_000
+GOOD_FIELD = 0.5
+
+
+class Cause(Enum):
+    """Why another lane is sent."""
+
+    SILENT = "silent"
+    BAD = "bad"
+    WORSE = "worse"
+    COMPASS = "compass"
+
+
+class Condition(NamedTuple):
+    """What is known of a lane.
+
+    Attributes:
+        may_follow: it has an attitude that is trusted, and brings enough samples.
+        is_silent: no sample has come for a while.
+        ratio: of the tests of gyro and accelerometer; 1 = they fail, infinite = known to be bad.
+        field_ratio: the same of the compass; NaN where nothing is known.
+    """
+
+    may_follow: bool
+    is_silent: bool
+    ratio: float
+    field_ratio: float = math.nan
+
+
+class Switch(NamedTuple):
+    """Another lane is to be sent.
+
+    Attributes:
+        lane: the other one.
+        cause: what is wrong with the present one.
+    """
+
+    lane: int
+    cause: Cause
+
+
+class LaneSelection:
+    """Looks at all lanes again and again, and says when another one is better."""
+
+    def __init__(self) -> None:
+        self._cause: Cause | None = None
+        self._since_ns = 0
+
+    def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
+        """Judges the lanes.
+
+        Args:
+            t_ns: host time.
+            sent: the lane that is sent.
+            lanes: all of them.
+        """
+        present = lanes[sent]
+        others = {
+            lane: found
+            for lane, found in lanes.items()
+            if lane != sent and found.may_follow and not found.is_silent and found.ratio < 1.0
+        }
+        cause = _cause(present, others)
+        if cause is None:
+            self._cause = None
+            return None
+        if cause is not self._cause:
+            self._cause, self._since_ns = cause, t_ns
+        if t_ns - self._since_ns < _PATIENCE_NS[cause]:
+            return None
+        self._cause = None
+        if cause is Cause.COMPASS:
+            others = {lane: found for lane, found in others.items() if _sees_north(found)}
+            return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
+        return Switch(min(others, key=lambda lane: (others[lane].ratio, lane)), cause)
+
+
+_PATIENCE_NS = {
+    Cause.SILENT: 0,
+    Cause.BAD: 0,
+    Cause.WORSE: LASTING_NS,
+    Cause.COMPASS: FIELD_LASTING_NS,
+}
+
+
+def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
+    if not others:
+        return None
+    if present.is_silent:
+        return Cause.SILENT
+    if math.isinf(present.ratio):
+        return Cause.BAD
+    best = min(found.ratio for found in others.values())
+    if present.ratio > 1.0 and best < CLEARLY * present.ratio:
+        return Cause.WORSE
+    if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
+        return Cause.COMPASS
+    return None
+
+
+def _sees_north(lane: Condition) -> bool:
+    return lane.field_ratio < GOOD_FIELD

@@ -1,0 +1,129 @@
+"""The monitor beside the real filter: it is silent on honest sensors and names wrong ones."""
+
+import math
+
+import pytest
+from needs import DEG
+from synthetic_imu import FIELD
+from velocity_flights import (
+    FLYING,
+    PERIOD,
+    accelerating,
+    new_filter,
+    turning,
+    with_noise,
+    with_samples,
+    with_turned_field,
+)
+
+from h2nav.attitude.samples import VelocityFix
+from h2nav.integrity.monitor import Monitor, Speeds
+from h2nav.integrity.sensor_checks import Use
+from h2nav.maths import quaternion
+
+FAULT_S = 40.0
+END_S = 70.0
+
+
+def flight(seed=7):
+    return with_noise(accelerating(END_S, seed, law=turning), 0.2, seed)
+
+
+def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
+    """(time, alarms, tilt error, opened deviation) five times a second."""
+    filter_, monitor = new_filter(knows_field=True), Monitor("IMU 1", Speeds(10.0))
+    monitor.use_vehicle(FLYING)
+    monitor.use_field(FIELD)
+    rows = []
+    for i, sample in enumerate(drive.flight.samples):
+        t_s = sample.t_us * 1e-6
+        if gps and i % PERIOD == 0:
+            fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
+            if not monitor.velocity_is_false:
+                filter_.use_velocity(fix)
+            monitor.fix(fix)
+        if monitor.check(sample) is Use.NONE:
+            rows.append((t_s, monitor.alarms(sample.t_us), 0.0, math.pi))
+            continue
+        estimate = filter_.update(sample)
+        if estimate is None:
+            continue
+        monitor.add(sample, estimate)
+        if i % PERIOD == 0:
+            error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(drive.flight.q_nb[i]))
+            down = quaternion.rotate(error, (0.0, 0.0, 1.0))
+            tilt = math.atan2(math.hypot(down[0], down[1]), down[2])
+            opened = math.hypot(estimate.sigma_tilt_rad, monitor.tilt_error_rad)
+            rows.append((t_s, monitor.alarms(sample.t_us), tilt, opened))
+    return rows
+
+
+def first_alarm(rows, kind):
+    """Seconds from the fault to the first alarm of a kind; None without one."""
+    times = [t_s for t_s, alarms, _, _ in rows if any(a.kind == kind for a in alarms)]
+    return times[0] - FAULT_S if times else None
+
+
+def from_fault(change):
+    """A drive whose samples are changed from the fault on."""
+    return with_samples(
+        flight(), lambda i, sample: change(sample) if sample.t_us >= FAULT_S * 1e6 else sample
+    )
+
+
+@pytest.mark.parametrize("gps", [True, False])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_honest_sensors_raise_nothing(gps, seed):
+    assert all(not alarms for _, alarms, _, _ in watched(flight(seed), gps=gps))
+
+
+@pytest.mark.parametrize("gps", [True, False])
+def test_swapped_axes_are_a_gyro_that_contradicts(gps):
+    rows = watched(from_fault(lambda s: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2]))), gps=gps)
+    assert 0.0 <= first_alarm(rows, "gyro_field") < 12.0
+    if gps:
+        assert 0.0 <= first_alarm(rows, "attitude_velocity") < 5.0
+
+
+def test_a_gyro_step_is_told_and_the_deviation_opens():
+    step = 10.0 * DEG
+    rows = watched(from_fault(lambda s: s._replace(w_b=(s.w_b[0] + step, *s.w_b[1:]))))
+    told_s = first_alarm(rows, "attitude_velocity")
+    assert 0.0 <= told_s < 5.0
+    beyond = [tilt > 3.0 * opened for t_s, _, tilt, opened in rows if t_s > FAULT_S]
+    assert sum(beyond) < 0.1 * len(beyond)
+
+
+def test_a_ramp_of_the_velocity_is_told_blamed_and_not_used():
+    def ramp(t_s, v_n):
+        return (v_n[0] + 3.0 * max(t_s - FAULT_S, 0.0), *v_n[1:])
+
+    rows = watched(flight(), ramp)
+    assert 0.0 <= first_alarm(rows, "attitude_velocity") < 4.0
+    evidence = [a.evidence for _, alarms, _, _ in rows for a in alarms]
+    assert any("velocity is false" in text for text in evidence)
+    assert max(tilt for t_s, _, tilt, _ in rows if t_s > FAULT_S) < 4.0 * DEG
+
+
+def test_a_turned_field_is_the_compass_and_not_the_gyro():
+    rows = watched(with_turned_field(flight(), 50.0 * DEG, FAULT_S, END_S))
+    assert 0.0 <= first_alarm(rows, "compass_field") < 5.0
+    assert first_alarm(rows, "attitude_velocity") is None
+
+
+def test_a_reversed_field_does_not_degrade_a_heading_that_was_confirmed():
+    rows = watched(from_fault(lambda s: s._replace(m_b_ut=tuple(-m for m in s.m_b_ut))))
+    assert 0.0 <= first_alarm(rows, "compass_field") < 3.0
+    compass = [a for _, alarms, _, _ in rows for a in alarms if a.kind == "compass_field"]
+    assert not any(alarm.degrades for alarm in compass)
+
+
+def test_an_accelerometer_of_twice_the_scale_is_found_without_velocities():
+    rows = watched(from_fault(lambda s: s._replace(f_b=tuple(2.0 * f for f in s.f_b))), gps=False)
+    assert 0.0 <= first_alarm(rows, "attitude_gravity") < 12.0
+
+
+def test_a_frozen_imu_is_told_at_once():
+    held = flight().flight.samples[4000]
+    rows = watched(from_fault(lambda s: s._replace(w_b=held.w_b, f_b=held.f_b)))
+    assert 0.0 <= first_alarm(rows, "imu_frozen") < 0.2

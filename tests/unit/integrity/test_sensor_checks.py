@@ -1,0 +1,118 @@
+"""What sensors show by their own values: frozen, stuck, shaking, clipped."""
+
+import math
+
+import numpy as np
+import pytest
+
+from h2nav.attitude.samples import ImuSample
+from h2nav.integrity.sensor_checks import SensorChecks, Use
+
+LEVEL = (0.0, 0.0, -9.81)
+STILL = (0.0, 0.0, -9.80665)  # whole milli-g
+
+
+def floats(count, seed=1, first=0):
+    """Samples of 100 Hz in flight, as HIGHRES_IMU has them."""
+    rng = np.random.default_rng(seed)
+    gyro, force = rng.normal(0.0, 0.05, (count, 3)), rng.normal(0.0, 0.3, (count, 3)) + LEVEL
+    return [
+        ImuSample((first + i) * 10_000, tuple(w), tuple(f))
+        for i, (w, f) in enumerate(zip(gyro.tolist(), force.tolist(), strict=True))
+    ]
+
+
+def integers(samples):
+    """The same in mrad/s and milli-g."""
+    unit = 9.80665e-3
+    return [
+        s._replace(
+            w_b=tuple(round(x * 1e3) * 1e-3 for x in s.w_b),
+            f_b=tuple(round(x / unit) * unit for x in s.f_b),
+        )
+        for s in samples
+    ]
+
+
+def found(samples, is_flying=True):
+    """Kinds of alarm at the end, and what may be done with the last sample."""
+    checks = SensorChecks("IMU 1")
+    use = Use.ALL
+    for sample in samples:
+        use = checks.add(sample, is_flying)
+    return [alarm.kind for alarm in checks.alarms()], use
+
+
+def test_a_healthy_imu_has_no_alarm():
+    assert found(floats(2000)) == ([], Use.ALL)
+    assert found(integers(floats(2000))) == ([], Use.ALL)
+
+
+@pytest.mark.parametrize(
+    ("parts", "kind", "use"),
+    [
+        (("w_b", "f_b"), "imu_frozen", Use.NONE),
+        (("w_b",), "gyro_frozen", Use.NONE),
+        (("f_b",), "accelerometer_frozen", Use.NO_LEARNING),
+    ],
+)
+@pytest.mark.parametrize(("convert", "within"), [(list, 10), (integers, 31)])
+def test_a_frozen_sensor_is_found(parts, kind, use, convert, within):
+    samples = floats(300)
+    held = samples[-1]._replace(w_b=(0.4123, -0.2117, 0.1009))
+    more = floats(within, seed=2, first=300)
+    frozen = [s._replace(**{part: getattr(held, part) for part in parts}) for s in more]
+    # An accelerometer in counts is only found out by a turn.
+    moving = [
+        s._replace(w_b=(s.w_b[0] + 0.5, *s.w_b[1:])) if "w_b" not in parts else s for s in frozen
+    ]
+    assert found(convert([*samples, *moving])) == ([kind], use)
+
+
+def test_integers_at_rest_repeat_rightly():
+    still = [ImuSample(i * 10_000, (0.001, 0.0, -0.002), STILL) for i in range(6000)]
+    assert found(still, is_flying=False) == ([], Use.ALL)
+
+
+def test_a_gyro_of_zeros_is_found_in_flight():
+    samples = [s._replace(w_b=(0.0, 0.0, 0.0)) for s in integers(floats(300))]
+    assert found(samples[:90])[0] == []
+    assert found(samples)[0] == ["gyro_frozen"]
+    assert found(samples, is_flying=False)[0] == []
+
+
+def test_a_gentle_landing_is_no_frozen_accelerometer():
+    """0.42 s with one triple of milli-g, as in a recording."""
+    samples = integers(floats(300))
+    gentle = [ImuSample((300 + i) * 10_000, (0.001, 0.002, 0.0), STILL) for i in range(42)]
+    assert found([*samples, *gentle])[0] == []
+
+
+def test_a_frozen_compass_is_found_by_a_turn():
+    field = (20.1, 3.0, 42.0)
+    turn = [
+        s._replace(w_b=(0.01 * (i % 7), 0.0, 1.0), m_b_ut=field) for i, s in enumerate(floats(200))
+    ]
+    assert "compass_frozen" in found(turn)[0]
+    calm = [s._replace(m_b_ut=field) for s in floats(200)]
+    assert found(calm)[0] == []
+
+
+def test_vibration_and_clipping_are_measured():
+    rng = np.random.default_rng(5)
+    shaken = [
+        s._replace(f_b=tuple(np.add(s.f_b, rng.normal(0.0, 40.0, 3)).tolist())) for s in floats(300)
+    ]
+    assert found(shaken)[0] == ["vibration"]
+    clipped = [s._replace(clipped=i % 20 == 0) for i, s in enumerate(floats(300))]
+    assert found(clipped)[0] == ["clipping"]
+
+
+def test_a_lasting_clipping_degrades():
+    checks = SensorChecks("IMU 1")
+    for i, sample in enumerate(floats(300)):
+        checks.add(sample._replace(clipped=i % 3 == 0), True)
+    (alarm,) = checks.alarms()
+    assert alarm.degrades
+    assert alarm.size == pytest.approx(100.0 / 3.0, abs=1.0)
+    assert math.isfinite(alarm.size)

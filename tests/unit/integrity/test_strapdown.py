@@ -1,0 +1,56 @@
+"""Dead reckoning against exact motions."""
+
+import math
+
+import pytest
+from needs import DEG
+from velocity_flights import accelerating
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
+from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.velocity_windows import change_of_velocity
+from h2nav.maths import quaternion
+
+
+def told(sample, q_nb, bias_b=(0.0, 0.0, 0.0)):
+    """An estimate that knows the truth."""
+    w_b = tuple(w - b for w, b in zip(sample.w_b, bias_b, strict=True))
+    return AttitudeEstimate(
+        sample.t_us, q_nb, w_b, bias_b, (0.0, 0.0, 0.0), 0.3 * DEG, Trust.ALIGNED, 2.0 * DEG
+    )
+
+
+def test_the_force_of_a_window_is_its_change_of_velocity():
+    drive = accelerating(20.0, seed=3)
+    flight = drive.flight
+    strapdown, moments = Strapdown(), []
+    for sample, q_nb in zip(flight.samples, flight.q_nb, strict=True):
+        strapdown.add(sample, told(sample, q_nb, flight.bias_b))
+        moments.append(strapdown.newest)
+    for first, last in ((100, 200), (500, 1500), (900, 1900)):
+        found = change_of_velocity(moments[first], moments[last], moments[first].q_ns)
+        true = [b - a for a, b in zip(drive.v_n[first], drive.v_n[last], strict=True)]
+        assert math.dist(found, true) < 0.08
+
+
+def test_a_moment_between_is_interpolated_and_an_old_one_forgotten():
+    strapdown = Strapdown()
+    for i in range(1500):
+        sample = ImuSample(i * 10_000, (0.0, 0.0, 0.0), (1.0, 0.0, -9.80665))
+        strapdown.add(sample, told(sample, quaternion.IDENTITY))
+    assert strapdown.at(12_345_678).gained_s[0] == pytest.approx(12.345678, abs=1e-6)
+    assert strapdown.at(14_990_000).gained_s[0] == pytest.approx(14.99)
+    assert strapdown.at(20_000_000).gained_s[0] == pytest.approx(14.99)
+    assert strapdown.at(1_000_000) is None
+
+
+def test_a_gap_begins_anew():
+    strapdown = Strapdown()
+    for t_us in (0, 10_000, 20_000):
+        sample = ImuSample(t_us, (0.0, 0.0, 0.1), (0.0, 0.0, -9.8))
+        begun = strapdown.add(sample, told(sample, quaternion.IDENTITY))
+    assert begun
+    late = ImuSample(1_000_000, (0.0, 0.0, 0.1), (0.0, 0.0, -9.8))
+    assert not strapdown.add(late, told(late, quaternion.IDENTITY))
+    assert strapdown.newest.gained_s == (0.0, 0.0, 0.0)
+    assert strapdown.at(20_000) is None
