@@ -24,10 +24,11 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService
-from h2nav.evaluation.flights.tracks import Track, figures, track_of, tracks_of_autopilot
+from h2nav.evaluation.flights.tracks import Mask, Track, figures, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import Truth, truth_of
 from h2nav.evaluation.parallel import results
 from h2nav.evaluation.rows import from_euler
+from h2nav.evaluation.scoring import BEYOND
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
@@ -45,11 +46,11 @@ START_NS = 1_000 * SECOND_NS
 UNIX_S = 1_795_000_000.0
 GRID_NS = 10_000_000
 LOOK_NS = 50_000_000
-BEGIN_S, LENGTH_S, AFTER_S = 60.0, 60.0, 20.0
+BEGIN_S, LENGTH_S = 40.0, 60.0
 SIMULATED = Configuration(autopilot=AutopilotSettings(simulation_truth=True))
 # Of whatever recovers from a fault, before silence is expected of us again.
 RECOVERY_S = 60.0
-ALARM_FLIGHT_S = 600.0
+ALARM_FLIGHT_S = 300.0
 # ArduPilot's FS_EKF_THRESH: at this its failsafe acts.
 EKF_LIMIT = 0.8
 ARDUPILOT_STATUS = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
@@ -292,6 +293,21 @@ def states_between(flight: Flight, from_s: float, to_s: float) -> dict[str, floa
     return {state: round(s, 1) for state, s in lasted.most_common()}
 
 
+def deceived_share(flight: Flight, inside: Mask) -> float | None:
+    """Share of a part in which all was called well, while tilt or heading was beyond 3 sigma."""
+    if not inside.any():
+        return None
+    since_s = [flight.since_start_s(t_us) for t_us, _ in flight.heard.changes]
+    is_well = np.array([False, *(state == "active" for _, state in flight.heard.changes)])
+    wrong = is_well[np.searchsorted(since_s, flight.ours.t_s, side="right")]
+    track = flight.ours
+    beyond = np.zeros(len(wrong), dtype=bool)
+    for error, sigma in ((track.tilt, track.sigma_tilt), (track.heading, track.sigma_heading)):
+        if sigma is not None:
+            beyond |= np.abs(error) > BEYOND * sigma
+    return float(np.mean((wrong & beyond)[inside]))
+
+
 def worst(track: Track | None, from_s: float, to_s: float) -> dict[str, float] | None:
     """The largest total error and tilt, deg, of a time; None where there is nothing."""
     if track is None:
@@ -332,6 +348,7 @@ def effect(flight: Flight, from_s: float, to_s: float) -> dict[str, Any]:
         "worst_before": worst(flight.ours, from_s, to_s if told_s is None else told_s),
         "worst_after": None if told_s is None else worst(flight.ours, told_s, to_s),
         "worst_sigma": sigma,
+        "deceived_share": deceived_share(flight, inside),
         **{key: value for key, value in found.items() if any(name in key for name in honesty)},
     }
 
@@ -348,7 +365,7 @@ def fault_row(task: Task) -> dict[str, Any]:
     case, imus = task
     faults = tuple(parse_fault(text) for text in case.texts(imus))
     options = AutopilotOptions(scenario(case.flown), ARDUPILOT, 1, faults, imus=imus)
-    flight = simulated(options, BEGIN_S + LENGTH_S + AFTER_S)
+    flight = simulated(options, BEGIN_S + LENGTH_S)
     row = {"input": case.name, "flown": case.flown, "imus": imus}
     return row | effect(flight, BEGIN_S, BEGIN_S + LENGTH_S)
 
@@ -462,14 +479,18 @@ def _figure(value: float | None) -> str:
 
 def _shared_cells(row: dict[str, Any]) -> list[str]:
     told = row["told_after_s"]
-    beyond = [row.get(f"{name}_beyond_3_sigma") for name in ("tilt", "heading")]
+    shares = ("tilt_beyond_3_sigma", "heading_beyond_3_sigma", "deceived_share")
+    tilt, heading, deceived = (
+        "-" if row.get(name) is None else f"{100.0 * row[name]:.1f}" for name in shares
+    )
     return [
         "never" if told is None else f"{told:.1f}",
         row["told"][0]["text"] if row["told"] else "-",
         ", ".join(f"{state} {s:g}" for state, s in row["states_s"].items()),
         f"{both(row['worst_before'])} / {both(row['worst_after'])}",
         both(row["worst_sigma"], ("tilt", "heading")),
-        " (".join("-" if share is None else f"{100.0 * share:.0f}" for share in beyond) + ")",
+        f"{tilt} ({heading})",
+        deceived,
         both(row, ("nees_tilt", "nees_heading")),
     ]
 
@@ -477,7 +498,7 @@ def _shared_cells(row: dict[str, Any]) -> list[str]:
 SHARED_HEADINGS = (
     "told after, s", "text", "state, s", "worst error before / after: total (tilt), deg",
     "worst sigma: tilt (heading), deg", "beyond 3 sigma: tilt (heading), %",
-    "NEES: tilt (heading)",
+    "beyond and active, %", "NEES: tilt (heading)",
 )  # fmt: skip
 
 
@@ -501,7 +522,10 @@ def faults(_args: argparse.Namespace) -> list[dict[str, Any]]:
 def recordings(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Recorded failures, and all that is said at other times."""
     paths = [args.flights / f"{name}.tlog" for name in RECORDINGS]
-    found = list(results(recording_rows, [path for path in paths if path.exists()]))
+    paths = [path for path in paths if path.exists()]
+    if not paths:
+        raise SystemExit(f"{args.flights}: none of the recordings; name their folder by --flights")
+    found = list(results(recording_rows, paths))
     rows = [row for flight in found for row in flight["failures"]]
     cells = []
     for row in rows:

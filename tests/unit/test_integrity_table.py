@@ -58,7 +58,14 @@ def test_what_a_fault_does_is_measured_in_its_time_alone(tool):
     assert found["worst_after"] == {"total": 10.0, "tilt": 8.0}
     assert found["worst_sigma"] == {"tilt": 2.0, "heading": 1.0}
     assert found["tilt_beyond_3_sigma"] == 0.5  # 8 deg of tilt at 2 stated: 20 of 40 s
+    assert found["deceived_share"] == 0.0  # the state says degraded from 40 to 60 s
     assert found["nees_tilt"] == pytest.approx(0.5 * (4.0**2 + 0.4**2))
+
+
+def test_an_error_that_is_called_well_deceives(tool):
+    wrong = flight(tool)
+    wrong.heard.changes[1:] = [(50_000_000, "degraded"), (65_000_000, "active")]
+    assert tool.effect(wrong, 30.0, 70.0)["deceived_share"] == 0.125  # 5 of 40 s
 
 
 def test_silence_is_called_never(tool):
