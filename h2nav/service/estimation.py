@@ -142,7 +142,7 @@ class Estimation:
 
     def considers(self, t_ns: int, message_id: int) -> bool:
         """Whether this message could be of use now, before it is even read."""
-        return any([lane.considers(t_ns, message_id) for lane in self._lanes])
+        return any(lane.considers(t_ns, message_id) for lane in self._lanes)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
@@ -190,7 +190,8 @@ class Estimation:
 
     def hears(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
-        return any([lane.timing.hears(parameter) for lane in self._lanes])
+        changed = [lane.timing.hears(parameter) for lane in self._lanes]
+        return any(changed)
 
     # --- which lane is sent -------------------------------------------------------------------
 
@@ -291,7 +292,7 @@ def _reason(lane: Lane, cause: Cause) -> str:
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
-    """Tilt and heading between both at the time of the lane that is sent, rad; NaN where unknown."""
+    """Tilt and heading between both at the time of the sent one, rad; NaN where unknown."""
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan

@@ -24,7 +24,7 @@ from h2nav.service.effects import Effect, Record, Send, Used
 from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
-from h2nav.service.imu_choice import preference
+from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.lane import FilterFor
 from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
@@ -489,6 +489,8 @@ class Service:
         if identity is None or self._streams is None or self._link_error is not None:
             return []
         self._streams.measure(t_ns)
+        for message_id in self._estimation.useless_streams():
+            self._streams.give_up(t_ns, message_id)
         if not self._settings.autopilot.request_streams:
             return []
         request = self._streams.next_request(t_ns, identity.address)
@@ -539,7 +541,12 @@ class Service:
             wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
         if wanted.aiding.autopilot_velocity:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        return (*wishes, *self.motion.wishes)
+        lanes = lanes_wanted(autopilot, wanted.autopilot)[1:]
+        optional = [
+            Wish(lane.message_ids[0], wanted.autopilot.imu_rate_hz, is_optional=True)
+            for lane in lanes
+        ]
+        return (*wishes, *self.motion.wishes, *optional)
 
     def _imu_rate_hz(self) -> float | None:
         row = self._estimation.imu_message

@@ -119,6 +119,9 @@ class StreamRequests:
         if stream is None or self._refused_waiting:
             return
         self._unanswered = 0
+        if stream.phase is Phase.GIVEN_UP:
+            self._waiting = None
+            return
         if result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             self._waiting = None
             stream.unanswered(t_ns, at_once=False)
@@ -149,8 +152,25 @@ class StreamRequests:
                 stream.want_now(t_ns)
         for stream in self._streams:
             trouble = stream.review(t_ns, self._meter)
-            if trouble is not None and self._unanswered == 0:
+            if trouble is not None and stream.wish.is_optional:
+                if trouble is not Trouble.CUT or not stream.is_enough:
+                    stream.give_up(t_ns)
+            elif trouble is not None and self._unanswered == 0:
                 self._tell(t_ns, stream, trouble)
+        if self._streams[0].phase is not Phase.HELD:
+            self._spare_the_first(t_ns)
+
+    def _spare_the_first(self, t_ns: int) -> None:
+        """The most important stream does not come: what is optional may be the cause."""
+        for stream in self._streams:
+            if stream.wish.is_optional and not stream.is_untouched:
+                stream.give_up(t_ns)
+
+    def give_up(self, t_ns: int, message_id: int) -> None:
+        """An optional stream has turned out to be of no use."""
+        for stream in self._streams:
+            if stream.wish.is_optional and stream.message_id == message_id:
+                stream.give_up(t_ns)
 
     # --- what is asked ------------------------------------------------------------------------
 
@@ -166,7 +186,12 @@ class StreamRequests:
         if len(self._asked_ns) == MOST_PER_MINUTE and t_ns - self._asked_ns[0] < MINUTE_NS:
             return None
         for stream in self._streams:
-            if stream.is_due(t_ns):
+            if stream.is_to_be_left:
+                self._asked_ns.append(t_ns)
+                stream.left(t_ns)
+                self._waiting = stream
+                return outbound.set_message_interval(target, stream.message_id, 0.0)
+            if stream.is_due(t_ns) and self._may_ask(stream):
                 self._asked_ns.append(t_ns)
                 return self._ask(t_ns, stream, target)
         return None
@@ -208,6 +233,12 @@ class StreamRequests:
     def _is_silent(self, t_ns: int) -> bool:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
+    def _may_ask(self, stream: WishedStream) -> bool:
+        """What is optional waits for the first stream; a request for a group would not help it."""
+        if not stream.wish.is_optional:
+            return True
+        return self._streams[0].phase is Phase.HELD and self._unanswered == 0
+
     def _comes(self, stream: WishedStream) -> bool:
         """Whether any message of the wish has come."""
         return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
@@ -222,11 +253,11 @@ class StreamRequests:
             is_px4 = self._autopilot == mavlink.MAV_AUTOPILOT_PX4
             is_unknown = is_px4 or stream.message_id in self._unknown_ids
             trouble = stream.refused(t_ns, is_unknown)
-            if trouble is not None:
+            if trouble is not None and not stream.wish.is_optional:
                 self._tell(t_ns, stream, trouble)
         elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
             return True
-        else:
+        elif stream.phase is not Phase.GIVEN_UP:
             self._unanswered += 1
             stream.unanswered(t_ns, at_once=self._unanswered <= UNANSWERED_BEFORE_FALLBACK)
         self._waiting = None
@@ -243,7 +274,10 @@ class StreamRequests:
 
     def _granted(self, t_ns: int, stream: WishedStream) -> None:
         trouble = stream.granted(t_ns)
-        if trouble is Trouble.LOWERED:
+        if stream.wish.is_optional:
+            if not stream.is_enough:
+                stream.give_up(t_ns)
+        elif trouble is Trouble.LOWERED:
             # What limits one message limits all of them.
             self._most_hz = min(self._most_hz, stream.rate_hz)
             self._tell(t_ns, stream, trouble)

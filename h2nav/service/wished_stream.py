@@ -32,6 +32,7 @@ TRIALS_BEFORE_CUT = 2
 CUTS = 2
 LEAST_CUT_HZ = 5.0
 LEAST_CUT_SHARE = 0.2
+LEAST_OPTIONAL_SHARE = 0.5
 
 
 class Wish(NamedTuple):
@@ -41,11 +42,14 @@ class Wish(NamedTuple):
         message_id: of the message.
         rate_hz: how often.
         alternatives: message ids to ask for instead, in order, where this one is refused.
+        is_optional: it is asked for once the others come, silently, and given up where it does not
+            come at half of that rate, or where another one suffers.
     """
 
     message_id: int
     rate_hz: float
     alternatives: tuple[int, ...] = ()
+    is_optional: bool = False
 
 
 class Phase(Enum):
@@ -57,6 +61,7 @@ class Phase(Enum):
     GRANTED = "granted"
     HELD = "held"
     REFUSED = "refused"
+    GIVEN_UP = "given up"
 
 
 class Trouble(Enum):
@@ -127,7 +132,34 @@ class WishedStream:
         elif self.phase is Phase.REFUSED and t_ns - self.since_ns >= REFUSED_REST_NS:
             self._take_candidate(0)
             self._want(t_ns, t_ns)
+        elif self.phase is Phase.GIVEN_UP and t_ns - self.since_ns >= REFUSED_REST_NS:
+            self.restart()
         return None
+
+    @property
+    def is_untouched(self) -> bool:
+        """Nothing has been asked for."""
+        return self._is_untouched
+
+    @property
+    def is_enough(self) -> bool:
+        """The rate is worth an optional stream."""
+        return self.rate_hz >= LEAST_OPTIONAL_SHARE * self.wish.rate_hz
+
+    @property
+    def is_to_be_left(self) -> bool:
+        """It was given up, and the autopilot still has to hear of it."""
+        return self.phase is Phase.GIVEN_UP and not self._is_untouched
+
+    def give_up(self, t_ns: int) -> None:
+        """It is not wanted for a long rest; what was asked for is to have its former rate again."""
+        if self.phase not in (Phase.GIVEN_UP, Phase.REFUSED):
+            self.phase, self.since_ns = Phase.GIVEN_UP, t_ns
+
+    def left(self, t_ns: int) -> None:
+        """Its former rate is being asked for."""
+        self._take_candidate(0)
+        self.since_ns = t_ns
 
     def want_now(self, t_ns: int) -> None:
         """There is nothing to listen to."""

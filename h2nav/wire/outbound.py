@@ -118,14 +118,14 @@ def autopilot_version(major: int, minor: int, patch: int) -> OutMessage:
 
 
 def set_message_interval(target: Address, message_id: int, rate_hz: float) -> OutMessage:
-    """COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL."""
+    """COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL; a rate of 0 is the default one."""
     nothing = (0.0,) * 5
     return mavlink.MAVLink_command_long_message(
         *target,
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
         0,
         float(message_id),
-        1e6 / rate_hz,
+        1e6 / rate_hz if rate_hz > 0.0 else 0.0,
         *nothing,
     )
 

@@ -15,6 +15,7 @@ GPS = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
 LANDED = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
 CLOCK = mavlink.MAVLINK_MSG_ID_SYSTEM_TIME
 SPEED = mavlink.MAVLINK_MSG_ID_VFR_HUD
+SECOND_IMU = mavlink.MAVLINK_MSG_ID_SCALED_IMU2
 ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 PX4 = mavlink.MAV_AUTOPILOT_PX4
 DENIED, FAILED, OK = (
@@ -117,7 +118,12 @@ class Talk:
     def _answer(self, message):
         if self.mute or self.off or message.get_type() != "COMMAND_LONG":
             return
-        message_id, rate_hz = int(message.param1), 1e6 / message.param2
+        message_id = int(message.param1)
+        if message.param2 == 0.0:
+            self.hz.pop(message_id, None)
+            self.requests.acknowledged(self.t_ns, OK)
+            return
+        rate_hz = 1e6 / message.param2
         if message_id in self.unknown:
             result = FAILED if self.make == PX4 else DENIED
             if self.make == ARDUPILOT and self.tells:
@@ -420,3 +426,52 @@ def test_every_message_is_measured_whether_wished_or_not():
         requests.measure(i * STEP_NS)
     assert requests.measured_hz(RAW) == pytest.approx(10.0, rel=0.1)
     assert requests.granted_hz(RAW) is None
+
+
+# --- what is optional -----------------------------------------------------------------------------
+
+WITH_SECOND_IMU = (*USUAL, Wish(SECOND_IMU, 100.0, is_optional=True))
+
+
+def test_an_optional_stream_is_asked_for_after_the_first_one_has_come():
+    talk = Talk(WITH_SECOND_IMU).run(60.0)
+    assert talk.ids_asked() == [HIGHRES, GPS, LANDED, CLOCK, SPEED, SECOND_IMU]
+    assert talk.asked[-1][0] > 2.0
+    assert talk.requests.measured_hz(SECOND_IMU) == pytest.approx(100.0, rel=0.03)
+    assert talk.notices == []
+
+
+@pytest.mark.parametrize("autopilot", [{"unknown": (SECOND_IMU,)}, {"most_hz": 120.0}])
+def test_an_optional_stream_that_cannot_be_had_is_not_mentioned(autopilot):
+    wishes = (*USUAL, Wish(SECOND_IMU, 300.0, is_optional=True))
+    talk = Talk(wishes, **autopilot).run(120.0)
+    assert talk.requests.measured_hz(HIGHRES) == pytest.approx(100.0, rel=0.03)
+    assert not talk.requests.measured_hz(SECOND_IMU)
+    assert talk.notices == []
+
+
+def test_an_optional_stream_never_costs_the_first_one():
+    """On a link for 150 messages a second there is no room for both."""
+    talk = Talk(WITH_SECOND_IMU, most_messages_s=150.0).run(120.0)
+    assert [m.param2 for _, m in talk.asked if int(m.param1) == SECOND_IMU][-1] == 0.0
+    assert SECOND_IMU not in talk.hz
+    assert talk.requests.measured_hz(HIGHRES) == pytest.approx(100.0, rel=0.05)
+    assert talk.requests.granted_hz(HIGHRES) == 100.0
+    assert talk.notices == []
+
+
+def test_an_optional_stream_of_no_use_is_left_once():
+    talk = Talk(WITH_SECOND_IMU).run(20.0)
+    for until_s in range(21, 60):
+        talk.requests.give_up(talk.t_ns, SECOND_IMU)
+        talk.run(float(until_s))
+    assert [m.param2 for _, m in talk.asked if int(m.param1) == SECOND_IMU] == [10_000.0, 0.0]
+    assert SECOND_IMU not in talk.hz
+
+
+def test_an_optional_stream_that_comes_by_itself_is_left_alone():
+    sends = {SECOND_IMU: 100.0, HIGHRES: 100.0}
+    talk = Talk(WITH_SECOND_IMU, sends=sends).run(20.0)
+    talk.requests.give_up(talk.t_ns, SECOND_IMU)
+    talk.run(40.0)
+    assert SECOND_IMU not in talk.ids_asked()

@@ -8,7 +8,7 @@ from h2nav.wire.refused import Refused
 
 RawImu = namedtuple("RawImu", "time_usec xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag")
 Highres = namedtuple(
-    "Highres", "time_usec xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag fields_updated"
+    "Highres", "time_usec xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag fields_updated id"
 )
 RAW, HIGHRES = IDS_BY_NAME["RAW_IMU"], IDS_BY_NAME["HIGHRES_IMU"]
 
@@ -19,7 +19,7 @@ def raw_imu(**changes):
 
 
 def highres(**changes):
-    level = Highres(1_000_000, 0.0, 0.0, -9.8, 0.01, 0.0, 0.0, 0.224, 0.08, -0.528, 0x1FF)
+    level = Highres(1_000_000, 0.0, 0.0, -9.8, 0.01, 0.0, 0.0, 0.224, 0.08, -0.528, 0x1FF, 0)
     return IMU_MESSAGES[HIGHRES].read(level._replace(**changes))
 
 
@@ -93,3 +93,9 @@ def test_what_is_no_sample_is_refused_by_name(changes, reason):
 def test_an_imu_with_nothing_but_a_compass_is_refused():
     with pytest.raises(Refused, match="zero_force"):
         raw_imu(xacc=0, yacc=0, zacc=0)
+
+
+def test_highres_says_which_imu_it_holds():
+    assert highres(id=1).imu == 1
+    assert highres(id=200).imu == 0  # no IMU has this number
+    assert raw_imu().imu is None

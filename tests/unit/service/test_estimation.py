@@ -1,0 +1,243 @@
+"""Lanes: several IMUs, one filter each, one of them sent."""
+
+import itertools
+import random
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.attitude.samples import VehicleState
+from h2nav.service.autopilot import Identity
+from h2nav.service.estimation import Estimation
+from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.imu import IDS_BY_NAME, ImuReading
+
+ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+HIGHRES, RAW = IDS_BY_NAME["HIGHRES_IMU"], IDS_BY_NAME["RAW_IMU"]
+SECOND, THIRD = IDS_BY_NAME["SCALED_IMU2"], IDS_BY_NAME["SCALED_IMU3"]
+UNIT_US = {HIGHRES: 1, RAW: 1, SECOND: 1000, THIRD: 1000}
+START_US = 20_000_000
+GYRO = (0.001, -0.002, 0.001)
+CONFIGURATION = Configuration()
+FILTERS = FilterFactory.shipped(CONFIGURATION.filter, 100.0)
+
+
+class Flight:
+    """A vehicle that hovers, with noise of each sensor's own, and what is sent of it.
+
+    Args:
+        lanes: how many are wanted.
+        sends: the messages that come, in their order within a tick.
+    """
+
+    def __init__(self, lanes="auto", sends=(HIGHRES, RAW, SECOND)):
+        self.estimation = Estimation(FILTERS.filter_for, AutopilotSettings(lanes=lanes))
+        self.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+        self.estimation.use_vehicle(VehicleState(on_ground=False))
+        self.sends = sends
+        self.tick = 0
+        self.highres_holds = 0
+        self.frozen = set()
+        self.biases = {}
+        self.outcomes = []
+        self.texts = []
+        self._random = random.Random(1)
+        self._values = {}
+
+    def run(self, seconds):
+        """Goes on for so long; what was sent."""
+        first = len(self.outcomes)
+        for _ in range(round(100 * seconds)):
+            self.tick += 1
+            for message_id in self.sends:
+                self._arrives(message_id)
+        return self.outcomes[first:]
+
+    def _arrives(self, message_id):
+        t_ns = self.tick * 10_000_000 + self.sends.index(message_id) * 10_000
+        noise = [self._random.gauss(0.0, 0.01) for _ in range(6)]
+        bias = self.biases.get(message_id, (0.0, 0.0, 0.0))
+        values = (
+            tuple(w + n + b for w, n, b in zip(GYRO, noise, bias, strict=False)),
+            (5.0 * noise[3], 5.0 * noise[4], -9.8 + 5.0 * noise[5]),
+        )
+        if message_id in self.frozen:
+            values = self._values[message_id]
+        self._values[message_id] = values
+        if not self.estimation.considers(t_ns, message_id):
+            return
+        t_us = START_US + self.tick * 10_000 + 400
+        imu = self.highres_holds if message_id == HIGHRES else None
+        reading = ImuReading(
+            t_us // UNIT_US[message_id], *values, (22.0, 0.0, -42.0), clipped=False, imu=imu
+        )
+        outcome = self.estimation.take(t_ns, message_id, reading)
+        if outcome.switched:
+            self.texts.append(outcome.switched)
+        if outcome.sample is not None:
+            self.outcomes.append(outcome)
+
+    @property
+    def message(self):
+        return self.estimation.imu_message.message_id
+
+    @property
+    def records(self):
+        return {record.imu: record for record in self.estimation.lane_records()}
+
+
+def test_a_second_lane_changes_nothing_of_the_first():
+    """Bit for bit the estimates of a service that follows one IMU."""
+
+    def estimates(sends, lanes):
+        flight = Flight(lanes, sends)
+        flight.biases = {SECOND: (0.0, 0.0, 0.0)}
+        values = random.Random(5)
+        flight._random = values
+        state = {}
+        original = flight._arrives
+
+        def arrives(message_id):
+            # Each message draws its own numbers, whatever else is sent.
+            flight._random = state.setdefault(message_id, random.Random(message_id))
+            original(message_id)
+
+        flight._arrives = arrives
+        return [outcome.estimate for outcome in flight.run(10.0)]
+
+    alone = estimates((HIGHRES,), 1)
+    beside = estimates((SECOND, HIGHRES, THIRD), "auto")
+    assert len(alone) == 1000
+    assert beside == alone
+
+
+def test_both_lanes_are_followed_and_the_first_one_is_sent():
+    flight = Flight()
+    flight.run(10.0)
+    assert flight.message == HIGHRES
+    assert {imu: record.sent for imu, record in flight.records.items()} == {1: True, 2: False}
+    assert flight.records[2].message == "SCALED_IMU2"
+    assert flight.records[2].rate_hz == pytest.approx(100.0, rel=0.05)
+    assert flight.records[2].tilt_apart_deg < 1.0
+
+
+def test_a_frozen_sensor_is_left_and_told_once_and_times_only_grow():
+    flight = Flight()
+    flight.run(10.0)
+    flight.frozen = {HIGHRES, RAW}
+    flight.run(5.0)
+    assert flight.message == SECOND
+    assert len(flight.texts) == 1
+    assert flight.texts[0].startswith("IMU 2 instead of 1: ")
+    flight.frozen = set()
+    flight.run(60.0)
+    assert flight.message == SECOND  # there is no way back without a cause
+    assert len(flight.texts) == 1
+    times = [outcome.sample.t_us for outcome in flight.outcomes]
+    assert all(later > earlier for earlier, later in itertools.pairwise(times))
+
+
+def test_a_silent_lane_is_left():
+    flight = Flight()
+    flight.run(10.0)
+    flight.sends = (SECOND,)
+    sent = flight.run(1.0)
+    assert flight.texts == ["IMU 2 instead of 1: no samples"]
+    assert len(sent) >= 75
+
+
+def test_highres_of_another_imu_does_not_enter_the_filter():
+    flight = Flight()
+    flight.run(10.0)
+    flight.highres_holds = 1
+    flight.biases = {HIGHRES: (1.0, 0.0, 0.0)}
+    sent = flight.run(5.0)
+    assert all(abs(outcome.sample.w_b[0]) < 0.2 for outcome in sent)
+    assert flight.message == RAW
+    assert flight.records[2].message == "SCALED_IMU2"
+    assert flight.texts == []
+
+
+def test_highres_of_another_imu_feeds_its_lane_where_nothing_else_does():
+    flight = Flight(sends=(HIGHRES,))
+    flight.run(10.0)
+    flight.highres_holds = 1
+    flight.run(5.0)
+    assert flight.texts == ["IMU 2 instead of 1: no samples"]
+    assert flight.estimation.has_estimate
+
+
+def test_with_one_lane_the_autopilot_decides_what_highres_holds():
+    flight = Flight(lanes=1)
+    flight.run(5.0)
+    flight.highres_holds = 1
+    assert len(flight.run(5.0)) == 500
+    assert flight.message == HIGHRES
+    assert flight.records == {}
+
+
+def test_a_slow_stream_is_no_lane():
+    flight = Flight()
+    flight.run(5.0)
+    for _ in range(50):
+        flight.sends = (HIGHRES, RAW)
+        flight.run(0.03)
+        flight.sends = (HIGHRES, RAW, SECOND)
+        flight.run(0.01)
+    flight.frozen = {HIGHRES, RAW}
+    for _ in range(50):
+        flight.sends = (HIGHRES, RAW)
+        flight.run(0.03)
+        flight.sends = (HIGHRES, RAW, SECOND)
+        flight.run(0.01)
+        if flight.texts:
+            break
+    assert flight.records[2].rate_hz < 50.0
+    assert not any("frozen" in text for text in flight.texts)
+
+
+def test_a_stream_of_zeros_is_given_up_and_does_not_count():
+    flight = Flight()
+    flight.run(1.0)
+    for number in range(150):
+        t_ns = 2_000_000_000 + number * 10_000_000
+        if flight.estimation.considers(t_ns, THIRD):
+            flight.estimation.refuse(t_ns, THIRD, "zero_force")
+    assert not flight.estimation.considers(t_ns, THIRD)
+    assert flight.estimation.rejected == {}
+
+
+def test_a_message_that_repeats_the_first_imu_is_no_lane():
+    flight = Flight()
+    original = flight._arrives
+
+    def arrives(message_id):
+        if message_id == SECOND:
+            flight._values[SECOND] = flight._values[HIGHRES]
+        original(message_id)
+
+    flight._arrives = arrives
+    flight.frozen = {SECOND}
+    flight.run(5.0)
+    assert list(flight.estimation.useless_streams()) == [SECOND]
+    assert flight.records == {}
+
+
+def test_a_lane_that_recovers_takes_the_attitude_and_keeps_its_own_bias():
+    flight = Flight()
+    flight.biases = {HIGHRES: (0.02, 0.0, 0.0), RAW: (0.02, 0.0, 0.0)}
+    flight.estimation.use_vehicle(VehicleState(on_ground=True))
+    flight.run(30.0)
+    flight.estimation.use_vehicle(VehicleState(on_ground=False))
+    flight.run(10.0)
+    flight.frozen = {HIGHRES, RAW}
+    flight.run(20.0)
+    flight.frozen = set()
+    flight.run(3.0)
+    first = flight.records[1]
+    assert first.tilt_apart_deg < 1.0
+    assert abs(first.heading_apart_deg) < 1.0
+    lane = flight.estimation._lanes[0]
+    assert lane.estimate.bias_b[0] == pytest.approx(0.021, abs=0.004)

@@ -1,0 +1,78 @@
+"""Which lane is sent: hysteresis, and what is no cause."""
+
+import math
+
+import pytest
+
+from h2nav.service.lane_selection import Cause, Condition, LaneSelection, Switch
+
+STEP_NS = 50_000_000
+GOOD = Condition(True, False, 0.1, 0.1)
+BAD = Condition(True, False, math.inf, 0.1)
+SILENT = Condition(True, True, 0.1, 0.1)
+
+
+def first_switch(*lanes, until_s=60.0):
+    """When the lanes, always so, lead to a switch, and to which; None for none."""
+    selection = LaneSelection()
+    conditions = dict(enumerate(lanes))
+    for t_ns in range(0, round(until_s * 1e9), STEP_NS):
+        switch = selection.look(t_ns, 0, conditions)
+        if switch is not None:
+            return t_ns * 1e-9, switch
+    return None
+
+
+@pytest.mark.parametrize(("present", "cause"), [(BAD, Cause.BAD), (SILENT, Cause.SILENT)])
+def test_a_bad_or_silent_lane_is_left_at_once(present, cause):
+    assert first_switch(present, GOOD) == (0.0, Switch(1, cause))
+
+
+def test_a_failing_test_has_to_last():
+    at_s, switch = first_switch(GOOD._replace(ratio=1.5), GOOD)
+    assert switch == Switch(1, Cause.WORSE)
+    assert at_s == pytest.approx(0.5)
+
+
+def test_a_ratio_that_comes_and_goes_is_no_cause():
+    selection = LaneSelection()
+    for number in range(1000):
+        ratio = 3.0 if number % 10 < 9 else 0.5
+        lanes = {0: GOOD._replace(ratio=ratio), 1: GOOD}
+        assert selection.look(number * STEP_NS, 0, lanes) is None
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        GOOD._replace(ratio=0.8),
+        GOOD._replace(ratio=1.1),
+        GOOD._replace(may_follow=False),
+        SILENT,
+        BAD,
+    ],
+)
+def test_one_that_is_not_clearly_better_or_not_there_does_not_take_over(other):
+    assert first_switch(GOOD._replace(ratio=1.5), other) is None
+
+
+def test_a_better_lane_is_no_cause_by_itself():
+    assert first_switch(GOOD._replace(ratio=0.9), GOOD._replace(ratio=0.0)) is None
+
+
+def test_the_best_of_the_others_takes_over():
+    _, switch = first_switch(BAD, GOOD._replace(ratio=0.4), GOOD)
+    assert switch.lane == 2
+
+
+def test_a_compass_that_is_off_is_left_for_one_that_sees_north():
+    disturbed = GOOD._replace(field_ratio=1.5)
+    at_s, switch = first_switch(disturbed, GOOD._replace(field_ratio=0.8), GOOD)
+    assert switch == Switch(2, Cause.COMPASS)
+    assert at_s == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("field_ratio", [1.4, 0.6, math.nan])
+def test_a_disturbance_that_all_compasses_see_is_no_cause(field_ratio):
+    disturbed = GOOD._replace(field_ratio=1.5)
+    assert first_switch(disturbed, GOOD._replace(field_ratio=field_ratio)) is None
