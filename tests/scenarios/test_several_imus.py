@@ -1,4 +1,4 @@
-"""A vehicle with three IMUs, flown by the service on one of them."""
+"""A vehicle with three IMUs: the service is flown on one of them, or on whichever is well."""
 
 import pytest
 from simulated_flight import SIMULATED, SimulatedFlight
@@ -30,3 +30,14 @@ def test_a_gyro_that_reads_zero_shows_in_the_attitude():
     """So the faults reach the samples that the service uses."""
     flight = SimulatedFlight("flight", faults=("gyro-zero@15",), configuration=SIMULATED)
     assert flight.run(25.0).errors().total > 5.0
+
+
+@pytest.mark.parametrize("fault", ["accel-fixed", "imu-frozen"])
+def test_the_service_goes_on_with_another_imu_and_says_so_once(fault):
+    flight = SimulatedFlight("flight", faults=(f"{fault}@15",), imus=3).run(25.0)
+    switches = [text for _, _, text in flight.seen.notices if "instead of" in text]
+    assert len(switches) == 1
+    assert switches[0].startswith("IMU 2 instead of 1: ")
+    assert flight.health.imu_message == "SCALED_IMU2"
+    assert flight.health.state == "active"
+    assert flight.errors().total < 1.0
