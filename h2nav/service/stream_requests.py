@@ -32,6 +32,8 @@ MINUTE_NS = 60_000_000_000
 REPEAT_NS = 10 * MINUTE_NS
 MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
+# So long after an optional stream was given up, what others lack may still be its doing.
+SPARED_NS = 20_000_000_000
 
 # MAV_DATA_STREAM group that carries a message, for autopilots without SET_MESSAGE_INTERVAL.
 DATA_STREAMS = {
@@ -80,6 +82,7 @@ class StreamRequests:
         self._unanswered = 0
         self._listening_since_ns: int | None = None
         self._most_hz = math.inf
+        self._blames_until_ns = 0
 
     def restart(self) -> None:
         """All streams may be gone (reboot, new link): listen and ask from the beginning."""
@@ -155,15 +158,18 @@ class StreamRequests:
             if trouble is not None and stream.wish.is_optional:
                 if trouble is not Trouble.CUT or not stream.is_enough:
                     stream.give_up(t_ns)
-            elif trouble is not None and self._unanswered == 0:
+            elif trouble is not None and self._unanswered == 0 and t_ns >= self._blames_until_ns:
                 self._tell(t_ns, stream, trouble)
-        if self._streams[0].phase is not Phase.HELD:
-            self._spare_the_first(t_ns)
+        self._spare_the_needed(t_ns)
 
-    def _spare_the_first(self, t_ns: int) -> None:
-        """The most important stream does not come: what is optional may be the cause."""
-        for stream in self._streams:
-            if stream.wish.is_optional and not stream.is_untouched:
+    def _spare_the_needed(self, t_ns: int) -> None:
+        """Where a needed stream does not come, an optional one may be the cause."""
+        asked = [s for s in self._streams if s.wish.is_optional and not s.is_untouched]
+        if asked:
+            self._blames_until_ns = t_ns + SPARED_NS
+        needed = self._needed
+        if needed[0].phase is not Phase.HELD or any(stream.is_short for stream in needed):
+            for stream in asked:
                 stream.give_up(t_ns)
 
     def give_up(self, t_ns: int, message_id: int) -> None:
@@ -230,14 +236,20 @@ class StreamRequests:
 
     # --- the rest -----------------------------------------------------------------------------
 
+    @property
+    def _needed(self) -> list[WishedStream]:
+        return [stream for stream in self._streams if not stream.wish.is_optional]
+
     def _is_silent(self, t_ns: int) -> bool:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
     def _may_ask(self, stream: WishedStream) -> bool:
-        """What is optional waits for the first stream; a request for a group would not help it."""
+        """What is optional waits for the others; a request for a group would not help it."""
         if not stream.wish.is_optional:
             return True
-        return self._streams[0].phase is Phase.HELD and self._unanswered == 0
+        needed = self._needed
+        comes = needed[0].phase is Phase.HELD and all(other.is_decided for other in needed)
+        return comes and self._unanswered == 0
 
     def _comes(self, stream: WishedStream) -> bool:
         """Whether any message of the wish has come."""

@@ -142,6 +142,16 @@ class WishedStream:
         return self._is_untouched
 
     @property
+    def is_decided(self) -> bool:
+        """It comes, or it has been found that it does not."""
+        return self.phase in (Phase.HELD, Phase.REFUSED) or self._misses >= TRIALS_BEFORE_CUT
+
+    @property
+    def is_short(self) -> bool:
+        """It was asked for and came, and it does not any more."""
+        return self.phase is not Phase.HELD and self._has_held
+
+    @property
     def is_enough(self) -> bool:
         """The rate is worth an optional stream."""
         return self.rate_hz >= LEAST_OPTIONAL_SHARE * self.wish.rate_hz
