@@ -231,11 +231,10 @@ class Estimation:
             return ""
         self._help_spoilt(t_ns)
         sent = self._lane
-        is_silent = sent.is_silent(t_ns)
         switch = self._selection.look(
             t_ns,
             sent.imu,
-            {lane.imu: lane.condition(t_ns, is_only_one=is_silent) for lane in self._lanes},
+            {lane.imu: lane.condition(t_ns, sent) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
 

@@ -193,14 +193,15 @@ class Lane:
         """Whether no sample has come for a while."""
         return self.last_used_ns is None or t_ns - self.last_used_ns > SILENT_NS
 
-    def condition(self, t_ns: int, is_only_one: bool) -> Condition:
+    def condition(self, t_ns: int, sent: "Lane") -> Condition:
         """What decides whether this lane is sent.
 
         Args:
             t_ns: host time.
-            is_only_one: none that is better is left, so that any rate will do.
+            sent: the lane that is sent; where it is silent, any rate will do.
         """
-        has_rate = is_only_one or self.rate_hz >= ENOUGH_RATE * self._wanted_hz
+        enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
+        has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
         may_follow = self.estimate is not None and not self.is_spoilt and has_rate
         return Condition(
             may_follow, self.is_silent(t_ns), self.ratio, self._monitor.ratios.of_field
