@@ -54,6 +54,7 @@ class SimulatedFlight:
         configuration: of the daemon.
         seed: of sensors and line.
         sensor: the kind of IMU on board.
+        imus: how many of them.
         extra_streams: messages of other components that the autopilot forwards.
         field_at: the field model.
         line_bytes_per_s: capacity of the autopilot's serial line; None = anything.
@@ -69,6 +70,7 @@ class SimulatedFlight:
         configuration: Configuration = SIMULATED,
         seed: int = 1,
         sensor: ImuParameters = MPU_9250,
+        imus: int = 1,
         extra_streams: tuple[Stream, ...] = (),
         field_at: EarthFieldAt = earth_field_at,
         line_bytes_per_s: float | None = None,
@@ -80,6 +82,7 @@ class SimulatedFlight:
             seed,
             tuple(parse_fault(text) for text in faults),
             sensor,
+            imus,
             extra_streams,
             line_bytes_per_s=line_bytes_per_s,
         )

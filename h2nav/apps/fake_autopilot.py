@@ -18,7 +18,7 @@ from h2nav.io.server_links import open_server_link
 from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
 from h2nav.io.signing_keys import read_signing_key
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
-from h2nav.sim.faults import FAULT_KINDS, parse_fault
+from h2nav.sim.faults import FAULT_KINDS, FaultKind, parse_fault
 from h2nav.sim.imu_model import MPU_9250
 from h2nav.sim.personalities import PERSONALITIES, personality
 from h2nav.sim.scenarios import SCENARIOS, scenario
@@ -57,8 +57,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fault",
         action="append",
         default=[],
-        metavar="NAME[=ARG]@START[+DURATION]",
+        metavar="NAME[=ARG]@START[+DURATION][/IMU]",
         help="a fault to simulate, times in seconds; may be repeated",
+    )
+    parser.add_argument(
+        "--imus", type=int, default=1, choices=(1, 2, 3), help="IMUs on board (default: 1)"
     )
     parser.add_argument(
         "--baud", type=float, metavar="BAUD", help="as slow as a serial line of this speed"
@@ -168,6 +171,10 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         raise BadInput("--baud: expected a number from 300 to 12000000")
     if not all(abs(bias) <= MOST_BIAS_DEG_S for bias in args.gyro_bias_deg_s):
         raise BadInput(f"--gyro-bias-deg-s: expected three numbers within +-{MOST_BIAS_DEG_S:g}")
+    faults = tuple(parse_fault(text) for text in args.fault)
+    for text, fault in zip(args.fault, faults, strict=True):
+        if fault.imu > args.imus:
+            raise BadInput(f"fault {text!r}: there is no IMU {fault.imu}; use --imus {fault.imu}")
     vision: tuple[Stream, ...] = ()
     if args.vision is not None:
         source = VisionOptions(
@@ -178,8 +185,9 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         scenario=scenario(args.scenario),
         personality=personality(args.autopilot),
         seed=args.seed,
-        faults=tuple(parse_fault(text) for text in args.fault),
+        faults=faults,
         sensor=MPU_9250._replace(gyro_bias_deg_s=tuple(args.gyro_bias_deg_s)),
+        imus=args.imus,
         extra_streams=vision,
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
@@ -195,11 +203,19 @@ def _signing(key_file: Path) -> AutopilotSigning:
 def _tables() -> str:
     """The names that --help lists."""
     scenarios = "".join(f"  {item.name:18}{item.summary}\n" for item in SCENARIOS.values())
-    faults = ""
-    for name, kind in FAULT_KINDS.items():
-        default = "" if kind.default in (None, "") else f" (default {kind.default})"
-        faults += f"  {name:18}{kind.summary}{default}\n"
+    of_imus, others = (
+        "".join(_fault_line(name, kind) for name, kind in FAULT_KINDS.items() if kind.of_imu is so)
+        for so in (True, False)
+    )
     return (
-        f"scenarios:\n{scenarios}\nfaults, such as drop=0.2@10+5 or reboot@8:\n{faults}\n"
+        f"scenarios:\n{scenarios}\n"
+        "faults of the first IMU, such as gyro-zero@30+5, or of another, gyro-zero@30+5/2:\n"
+        f"{of_imus}\n"
+        f"other faults, such as drop=0.2@10+5 or reboot@8:\n{others}\n"
         f"autopilots: {', '.join(PERSONALITIES)}\n"
     )
+
+
+def _fault_line(name: str, kind: FaultKind) -> str:
+    default = "" if kind.default in (None, "") else f" (default {kind.default})"
+    return f"  {name:18}{kind.summary}{default}\n"

@@ -102,7 +102,7 @@ class Monitor:
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes a sample and what the filter has made of it, not led."""
-        if sample.clipped:
+        if sample.clipped or not any(sample.f_b):
             # What its windows would show is known already.
             self.restart()
             return
@@ -177,6 +177,15 @@ class Monitor:
     def tilt_error_rad(self) -> float:
         """The tilt error that measurements show, or have shown a moment ago."""
         return self._tilt_rad
+
+    def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
+        """The estimate with deviations that do not deny what the measurements show."""
+        if self._tilt_rad == 0.0 and self._heading_rad == 0.0:
+            return estimate
+        return estimate._replace(
+            sigma_tilt_rad=math.hypot(estimate.sigma_tilt_rad, self._tilt_rad),
+            sigma_heading_rad=math.hypot(estimate.sigma_heading_rad, self._heading_rad),
+        )
 
     @property
     def heading_error_rad(self) -> float:

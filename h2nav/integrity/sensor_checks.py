@@ -2,8 +2,8 @@
 
 A sensor of three axes that gives the same three values again and again is frozen, where its message
 has the resolution to show its noise. Floats do: in eight flights no triple came twice. Integers of
-1 mrad/s and 1 mg do not: gyros gave the same triple for 43 s on the ground, accelerometers for 0.4
-s in the air. So integers count as frozen only beside a sign of motion.
+1 mrad/s and 1 mg do not: gyros gave the same triple for 43 s on the ground, accelerometers for
+1.65 s in the air. So integers count as frozen only beside a sign of motion.
 """
 
 import math
@@ -17,8 +17,9 @@ from h2nav.maths.units import GRAVITY_M_S2
 FROZEN_US = 300_000
 # Of floats, which never repeat: so that a fast turn does not go on for long.
 FROZEN_FINE_US = 80_000
-# Of integers, where only the flight itself is the sign of motion.
-FROZEN_IN_FLIGHT_US = 1_000_000
+# Of integers, where only the flight itself is the sign of motion: 1.65 s were seen in a calm hover
+# of a simulator.
+FROZEN_IN_FLIGHT_US = 3_000_000
 COMPASS_FROZEN_US = 1_000_000
 # Rates below this may be the dead zone of truncated integers.
 DEAD_ZONE_RAD_S = 0.02
@@ -42,7 +43,8 @@ class Use(Enum):
     """What may be done with a sample."""
 
     ALL = "all"
-    NO_LEARNING = "no_learning"  # its rates turn the vehicle, and nothing is learnt from it
+    RATES = "rates"  # there is no force
+    DOUBTED = "doubted"  # one of its axes is wrong: as if it were clipped
     NONE = "none"  # it says nothing of the motion
 
 
@@ -154,7 +156,9 @@ class SensorChecks:
         if gyro:
             return Use.NONE
         is_stuck = self._axes.suspects(sample)
-        return Use.NO_LEARNING if accel or is_stuck else Use.ALL
+        if accel:
+            return Use.RATES
+        return Use.DOUBTED if is_stuck else Use.ALL
 
     def alarms(self) -> list[Alarm]:
         """What is wrong at present."""

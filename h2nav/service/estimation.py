@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.integrity.findings import Alarm
 from h2nav.maths.quaternion import conjugate, log, multiply, rotate
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
@@ -119,6 +120,10 @@ class Estimation:
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.objections(t_ns) if self._sent else ()
+
+    def alarms(self) -> list[Alarm]:
+        """What is wrong with the attitude that is sent, and with the sensors of every IMU."""
+        return [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None where none came."""

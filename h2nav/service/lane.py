@@ -38,6 +38,7 @@ CONTESTED_NS = 5 * SECOND_NS
 # Why no sample comes, by what became of the readings of the last moments.
 REFUSAL_TEXTS = {
     "non_finite": "IMU messages hold NaN or infinity",
+    "frozen": "the gyro repeats its values: it is frozen",
     "zero_force": "the accelerometer reads exactly zero",
     "rate_out_of_range": "the gyro's values are beyond any gyro's range",
     "force_out_of_range": "the accelerometer's values are beyond any accelerometer's range",
@@ -141,6 +142,7 @@ class Lane:
         self._good_ns: int | None = None
         # What the rate has more of bias than the filter knows, since it took another's memory.
         self._offset = NO_VEC3
+        self._is_frozen = False
         self._biases: list[tuple[int, Vec3]] = []
         self._counted_ns, self._counted = 0, 0
         self._rejected = rejected
@@ -207,18 +209,24 @@ class Lane:
             may_follow, self.is_silent(t_ns), self.ratio, self._monitor.ratios.of_field
         )
 
+    def alarms(self, is_sent: bool) -> list[Alarm]:
+        """What is wrong; of a lane that is not sent, only with its sensors."""
+        t_us = 0 if self._newest_us is None else self._newest_us
+        found = self._monitor.alarms(t_us)
+        if is_sent:
+            return list(found)
+        return [alarm._replace(degrades=False) for alarm in found if alarm.source == self.name]
+
     def faults(self) -> list[Alarm]:
         """Sensors of this IMU that are known to be bad now."""
-        t_us = 0 if self._newest_us is None else self._newest_us
-        alarms = self._monitor.alarms(t_us)
+        alarms = self.alarms(is_sent=True)
         return [alarm for alarm in alarms if alarm.degrades and alarm.source == self.name]
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
-        """Lasting objections to the samples, such as a stuck axis."""
-        found = [Objection(alarm.text, alarm.text) for alarm in self.faults()]
-        if self._contested_ns is not None and t_ns - self._contested_ns < CONTESTED_NS:
-            found.append(Objection("two senders", "two senders use the autopilot's identity"))
-        return tuple(found)
+        """Lasting objections to the samples."""
+        if self._contested_ns is None or t_ns - self._contested_ns >= CONTESTED_NS:
+            return ()
+        return (Objection("two senders", "two senders use the autopilot's identity"),)
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None where none came."""
@@ -305,7 +313,8 @@ class Lane:
         """Passes a velocity on; a dependent one marks the estimate as dependent from then on."""
         if self._newest_us is not None:
             self._fused_dependent |= not fix.independent
-            self._filter.use_velocity(fix)
+            if not self._monitor.velocity_is_false:
+                self._filter.use_velocity(fix)
             self._monitor.fix(fix)
 
     def restart(self) -> None:
@@ -368,13 +377,22 @@ class Lane:
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         self._newest_us = sample.t_us
+        self.newest = sample
+        use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
+        if use is Use.NONE:
+            self._is_frozen = True
+            self.refuse(t_ns, "frozen")
+            return NO_SAMPLE
+        if self._is_frozen:
+            self._is_frozen = False
+            self._filter.restart()
+            self._monitor.restart()
         self._counted += 1
         self._refusals = 0
         self.last_used_ns = t_ns
-        self.newest = sample
-        use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
-        if use is not Use.ALL or is_at_end:
-            sample = sample._replace(clipped=True)
+        sample = _usable(
+            sample, use, is_at_end=is_at_end, has_field=not self._monitor.field_is_frozen
+        )
         if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
             self._filter.use_delays(self.timing.delays)
             self._monitor.use_delays(self.timing.delays)
@@ -389,10 +407,12 @@ class Lane:
             self.restart()
             self._rejected["non_finite_estimate"] += 1
             unled = None
-        self.estimate = None if unled is None else led(unled, self.timing.delays.gyro_s)
         if unled is None:
+            self.estimate = None
             return Outcome(sample, event=event)
         self._monitor.add(sample, unled)
+        unled = self._monitor.opened(unled)
+        self.estimate = led(unled, self.timing.delays.gyro_s)
         return Outcome(sample, self.estimate, unled, event)
 
     def _updated(self, sample: ImuSample) -> AttitudeEstimate | None:
@@ -404,3 +424,12 @@ class Lane:
             return None
         u, v, w = unled.bias_b
         return unled._replace(bias_b=(u + a, v + b, w + c))
+
+
+def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) -> ImuSample:
+    """The sample without what its sensors' checks say is none."""
+    if use is Use.RATES:
+        sample = sample._replace(f_b=NO_VEC3)
+    if use is Use.DOUBTED or is_at_end:
+        sample = sample._replace(clipped=True)
+    return sample if has_field else sample._replace(m_b_ut=None)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Severity
 from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
@@ -25,6 +25,7 @@ from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import lanes_wanted, preference
+from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
 from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
@@ -118,6 +119,7 @@ class Service:
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot)
         self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
         self._notices = Notices(settings.output.status_text)
+        self._judgement = Judgement(self._notices.tell, self._estimation)
         self._lateness = Lateness()
         self._aiding = Aiding(
             settings.aiding,
@@ -184,6 +186,16 @@ class Service:
             independent=self._estimation.is_independent,
             late_ms=self._lateness.late_ns * 1e-6,
         )
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found to be wrong so far."""
+        return self._judgement.findings
+
+    @property
+    def state_s(self) -> dict[str, float]:
+        """How long each state has lasted so far, s."""
+        return {name: lasted_ns * 1e-9 for name, lasted_ns in self._standing.lasted_ns.items()}
 
     @property
     def rejected(self) -> dict[str, int]:
@@ -346,7 +358,7 @@ class Service:
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         t_ns = envelope.t_ns
         outcome = self._estimation.take(t_ns, envelope.message_id, reading)
-        effects: list[Effect] = []
+        effects = self._judgement.look(t_ns)
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
@@ -577,7 +589,11 @@ class Service:
             no_imu=self._why_no_imu(t_ns),
             has_estimate=self._estimation.has_estimate,
             late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
-            objections=(*units, *self._estimation.objections(t_ns)),
+            objections=(
+                *units,
+                *self._estimation.objections(t_ns),
+                *self._judgement.objections,
+            ),
             rate_hz=self._imu_rate_hz(),
             granted_rate_hz=self._granted_rate_hz(),
         )

@@ -52,7 +52,7 @@ class UnitsCheck:
 
     def add(self, sample: ImuSample) -> bool:
         """Takes a sample; True at a sample that completes a window."""
-        if self.is_over or math.hypot(*sample.w_b) > REST_RATE_RAD_S:
+        if self.is_over or math.hypot(*sample.w_b) > REST_RATE_RAD_S or not any(sample.f_b):
             return False
         self._samples += 1
         self._force_sum += math.hypot(*sample.f_b)

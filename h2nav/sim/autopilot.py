@@ -42,6 +42,7 @@ class AutopilotOptions:
         seed: of all random numbers.
         faults: what goes wrong and when.
         sensor: the kind of IMU on board.
+        imus: how many of them, each with a compass.
         extra_streams: messages of other components that it forwards.
         boot_text: show the text that a serial port shows at power-on.
         line_bytes_per_s: capacity of a serial line; None = no limit.
@@ -52,6 +53,7 @@ class AutopilotOptions:
     seed: int = 0
     faults: tuple[Fault, ...] = ()
     sensor: ImuParameters = MPU_9250
+    imus: int = 1
     extra_streams: tuple[Stream, ...] = ()
     boot_text: bool = False
     line_bytes_per_s: float | None = None
@@ -85,7 +87,7 @@ class FakeAutopilot:
         self.schedule = FaultSchedule(options.faults)
         self.vehicle = Vehicle(
             options.scenario,
-            options.sensor,
+            (options.sensor,) * options.imus,
             self.schedule,
             options.seed,
             options.personality.stamp_jitter_us,

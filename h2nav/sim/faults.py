@@ -1,4 +1,4 @@
-"""What can go wrong with the fake autopilot, and when: ``NAME[=ARGUMENT]@START[+DURATION]``."""
+"""What can go wrong with the fake autopilot, and when, as in ``gyro-scale=1.02@10+5/2``."""
 
 import math
 import re
@@ -13,7 +13,9 @@ AXES = tuple(f"{sensor}-{axis}" for sensor in ("gyro", "accel", "mag") for axis 
 MESSAGE_NAMES = frozenset(message.msgname for message in mavlink.mavlink_map.values())
 _FORM = re.compile(
     r"(?P<name>[a-z-]+)(=(?P<value>[^@]+))?@(?P<start>[\d.]+)(\+(?P<length>[\d.]+))?"
+    r"(/(?P<imu>[1-3]))?"
 )
+_FORM_IN_WORDS = "NAME[=ARGUMENT]@START[+DURATION][/IMU], times in seconds, IMU 1, 2 or 3"
 
 
 class FaultKind(NamedTuple):
@@ -26,6 +28,7 @@ class FaultKind(NamedTuple):
         choices: the words allowed as argument; empty = a number.
         low: smallest number.
         high: largest number.
+        of_imu: it is a fault of one IMU or its compass, the first unless another one is named.
     """
 
     summary: str
@@ -33,6 +36,18 @@ class FaultKind(NamedTuple):
     choices: tuple[str, ...] = ()
     low: float = 0.0
     high: float = 1e6
+    of_imu: bool = False
+
+
+def _of_imu(
+    summary: str,
+    default: float | str = "",
+    choices: tuple[str, ...] = (),
+    low: float = 0.0,
+    high: float = 1e6,
+) -> FaultKind:
+    """A fault of one IMU; without a number or axis to choose unless there is a default."""
+    return FaultKind(summary, default, ("",) if default == "" else choices, low, high, of_imu=True)
 
 
 FAULT_KINDS: dict[str, FaultKind] = {
@@ -43,17 +58,43 @@ FAULT_KINDS: dict[str, FaultKind] = {
     ),
     "delay": FaultKind("hold frames back by up to this many milliseconds, in order", 50.0),
     "garbage": FaultKind("this many random bytes before every frame", 64.0, high=65536.0),
-    "stuck": FaultKind("a sensor axis repeats its value", "gyro-x", AXES),
-    "saturate": FaultKind("a sensor axis stands at the end of its range", "gyro-x", AXES),
-    "nan": FaultKind(
-        "a sensor axis is not a number (HIGHRES_IMU; integers show 0)", "gyro-x", AXES
-    ),
-    "zero-accel": FaultKind("the accelerometer reads exactly zero", "", ("",)),
-    "no-mag": FaultKind("the magnetometer reads exactly zero", "", ("",)),
-    "hard-iron": FaultKind("a magnet of this many microtesla along the nose", 30.0, low=-4000.0),
-    "vibration": FaultKind("the accelerometer shakes by this many m/s^2", 20.0),
+    "stuck": _of_imu("a sensor axis repeats its value", "gyro-x", AXES),
+    "imu-frozen": _of_imu("gyro, accelerometer and compass repeat their values"),
+    "gyro-frozen": _of_imu("the gyro repeats its values"),
+    "accel-frozen": _of_imu("the accelerometer repeats its values"),
+    "compass-frozen": _of_imu("the compass repeats its values"),
+    "saturate": _of_imu("a sensor axis stands at the end of its range", "gyro-x", AXES),
+    "nan": _of_imu("a sensor axis is not a number (HIGHRES_IMU; integers show 0)", "gyro-x", AXES),
+    "gyro-zero": _of_imu("the gyro reads exactly zero"),
+    "gyro-scale": _of_imu("the gyro's rates are this many times too large", 1.02, high=100.0),
+    "gyro-swap": _of_imu("the gyro's x and y axes are exchanged"),
+    "gyro-deg": _of_imu("the gyro's rates are in deg/s where rad/s are expected"),
+    "gyro-bias": _of_imu("this many deg/s more about the nose", 10.0, low=-2000.0, high=2000.0),
+    "zero-accel": _of_imu("the accelerometer reads exactly zero"),
+    "accel-fixed": _of_imu("the accelerometer reads this many m/s^2 on every axis", 2.0, low=-1e3),
+    "accel-bias": _of_imu("this many m/s^2 more along the nose", 0.3, low=-1e3, high=1e3),
+    "accel-scale": _of_imu("the accelerometer's values are this many times too large", 1.02),
+    "clipping": _of_imu("the accelerometer's range ends at this many g", 1.2),
+    "vibration": _of_imu("the accelerometer shakes by this many m/s^2", 20.0),
+    "no-mag": _of_imu("the magnetometer reads exactly zero"),
+    "hard-iron": _of_imu("a magnet of this many microtesla along the nose", 30.0, low=-4000.0),
+    "compass-reversed": _of_imu("the compass is mounted the wrong way round: the field negated"),
     "mag-million": FaultKind(
         "HIGHRES_IMU's field is 10^6 too large (ArduPilot before 2026-02)", "", ("",)
+    ),
+    "gps-lag": FaultKind("the receiver is this many seconds late", 0.4, high=10.0),
+    "gps-ramp": FaultKind(
+        "the receiver's velocity drifts north by this many m/s^2", 3.0, low=-100.0, high=100.0
+    ),
+    "gps-step": FaultKind(
+        "the receiver's velocity is this many m/s too far north", 5.0, low=-300.0, high=300.0
+    ),
+    "gps-lost": FaultKind("the receiver has no fix", "", ("",)),
+    "autopilot-heading": FaultKind(
+        "the heading of ATTITUDE is this many deg too large", 20.0, low=-180.0, high=180.0
+    ),
+    "autopilot-tilt": FaultKind(
+        "the roll of ATTITUDE is this many deg too large", 10.0, low=-90.0, high=90.0
     ),
     "deny": FaultKind("the named message cannot be had", None),
     "rate": FaultKind("another station sets all running streams to this rate, Hz", 4.0, low=0.1),
@@ -70,23 +111,28 @@ FAULT_KINDS: dict[str, FaultKind] = {
 
 
 class Fault(NamedTuple):
-    """A fault and its time, in seconds since the simulator started."""
+    """A fault and its time, in seconds since the simulator started, and the IMU that has it."""
 
     name: str
     argument: float | str
     start_s: float
     length_s: float = math.inf
+    imu: int = 1
+
+    def acts(self, t_s: float) -> bool:
+        """Whether it is there at `t_s`."""
+        return self.start_s <= t_s < self.start_s + self.length_s
 
 
 def parse_fault(text: str) -> Fault:
-    """Reads ``NAME[=ARGUMENT]@START[+DURATION]``, such as ``drop=0.2@10+5``.
+    """Reads ``NAME[=ARGUMENT]@START[+DURATION][/IMU]``, such as ``drop=0.2@10+5``.
 
     Raises:
         BadInput: it is not of this form, or the fault or its argument is not known.
     """
     match = _FORM.fullmatch(text)
     if match is None:
-        raise BadInput(f"fault {text!r}: expected NAME[=ARGUMENT]@START[+DURATION], in seconds")
+        raise BadInput(f"fault {text!r}: expected {_FORM_IN_WORDS}")
     name = match["name"]
     if name not in FAULT_KINDS:
         raise BadInput(f"fault {text!r}: {name} is not known; one of {', '.join(FAULT_KINDS)}")
@@ -94,7 +140,10 @@ def parse_fault(text: str) -> Fault:
         start_s, length_s = float(match["start"]), float(match["length"] or "inf")
     except ValueError:
         raise BadInput(f"fault {text!r}: START and DURATION are seconds") from None
-    return Fault(name, _argument(text, name, match["value"]), start_s, length_s)
+    if match["imu"] and not FAULT_KINDS[name].of_imu:
+        raise BadInput(f"fault {text!r}: {name} is not of an IMU; leave out /{match['imu']}")
+    argument = _argument(text, name, match["value"])
+    return Fault(name, argument, start_s, length_s, int(match["imu"] or 1))
 
 
 def _argument(text: str, name: str, value: str | None) -> float | str:
@@ -133,24 +182,27 @@ class FaultSchedule:
         """Whether a fault acts at any time at all."""
         return name in self._faults
 
+    def of_imu(self, imu: int) -> "FaultSchedule":
+        """The faults of one IMU, 1 being the first."""
+        every = (fault for faults in self._faults.values() for fault in faults)
+        return FaultSchedule(f for f in every if FAULT_KINDS[f.name].of_imu and f.imu == imu)
+
+    def acting(self, name: str, t_s: float) -> list[Fault]:
+        """The faults of this name that act at `t_s`."""
+        return [fault for fault in self._faults.get(name, ()) if fault.acts(t_s)]
+
     def acts(self, name: str, t_s: float) -> bool:
         """Whether the fault acts at `t_s`."""
-        return name in self._faults and bool(self.words(name, t_s))
+        return name in self._faults and bool(self.acting(name, t_s))
 
     def number(self, name: str, t_s: float) -> float | None:
         """The argument of the fault if it acts at `t_s`, else None."""
-        for fault in self._faults.get(name, ()):
-            if fault.start_s <= t_s < fault.start_s + fault.length_s:
-                return float(fault.argument)
-        return None
+        acting = self.acting(name, t_s)
+        return float(acting[0].argument) if acting else None
 
     def words(self, name: str, t_s: float) -> list[str]:
         """The arguments of all faults of this name that act at `t_s`."""
-        return [
-            str(fault.argument)
-            for fault in self._faults.get(name, ())
-            if fault.start_s <= t_s < fault.start_s + fault.length_s
-        ]
+        return [str(fault.argument) for fault in self.acting(name, t_s)]
 
     def starts(self, name: str) -> list[Fault]:
         """The faults of this name in the order of their start."""

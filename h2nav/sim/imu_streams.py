@@ -41,24 +41,28 @@ def scaled_imu(vehicle: Vehicle) -> Any:
     return mavlink.MAVLink_scaled_imu_message(vehicle.stamp_ms, *values, TEMPERATURE_CDEG)
 
 
-def scaled_imu2(vehicle: Vehicle) -> Any:
-    """The second IMU."""
+def scaled_imu2(vehicle: Vehicle) -> Any | None:
+    """The second IMU, where there is one."""
+    if vehicle.imus < 2:
+        return None
     values = _integers(vehicle.imu(1))
     return mavlink.MAVLink_scaled_imu2_message(vehicle.stamp_ms, *values, TEMPERATURE_CDEG)
 
 
-def scaled_imu3(vehicle: Vehicle) -> Any:
-    """A third compass on a board with two IMUs: accelerometer and gyro are all zero."""
-    mag = _integers(vehicle.imu(1))[6:]
-    return mavlink.MAVLink_scaled_imu3_message(
-        vehicle.stamp_ms, 0, 0, 0, 0, 0, 0, *mag, TEMPERATURE_CDEG
-    )
+def scaled_imu3(vehicle: Vehicle) -> Any | None:
+    """The third IMU; on a board with two a third compass: accelerometer and gyro are all zero."""
+    if vehicle.imus < 2:
+        return None
+    has_third = vehicle.imus > 2
+    values = _integers(vehicle.imu(2)) if has_third else (0,) * 6 + _integers(vehicle.imu(1))[6:]
+    return mavlink.MAVLink_scaled_imu3_message(vehicle.stamp_ms, *values, TEMPERATURE_CDEG)
 
 
 def highres_imu_ardupilot(vehicle: Vehicle) -> Any:
-    """SI and gauss, no bias removed."""
-    sample = vehicle.imu(0)
-    return _highres(vehicle, vehicle.stamp_usec, sample.w_b, sample)
+    """SI and gauss, no bias removed; gyro and accelerometer of the first IMU that has new data."""
+    gyro, accel = vehicle.gyro_in_use, vehicle.accel_in_use
+    sample = vehicle.imu(0)._replace(w_b=vehicle.imu(gyro).w_b, f_b=vehicle.imu(accel).f_b)
+    return _highres(vehicle, vehicle.stamp_usec, sample.w_b, sample, accel)
 
 
 def highres_imu_px4(vehicle: Vehicle) -> Any:
@@ -69,10 +73,10 @@ def highres_imu_px4(vehicle: Vehicle) -> Any:
     wx, wy, wz = sample.w_b
     bx, by, bz = vehicle.gyro_bias(0)
     corrected = (wx - known * bx, wy - known * by, wz - known * bz)
-    return _highres(vehicle, vehicle.stamp_usec, corrected, sample)
+    return _highres(vehicle, vehicle.stamp_usec, corrected, sample, 0)
 
 
-def _highres(vehicle: Vehicle, t_usec: int, w_b: Vec3, sample: ImuSample) -> Any:
+def _highres(vehicle: Vehicle, t_usec: int, w_b: Vec3, sample: ImuSample, imu: int) -> Any:
     gauss_per_ut = 0.01
     if vehicle.has_fault("mag-million"):
         gauss_per_ut *= _UNSCALED_FIELD
@@ -88,7 +92,7 @@ def _highres(vehicle: Vehicle, t_usec: int, w_b: Vec3, sample: ImuSample) -> Any
         altitude_m,
         TEMPERATURE_CDEG * 0.01,
         _ALL_UPDATED,
-        0,
+        imu,
     )
 
 

@@ -13,7 +13,7 @@ from h2nav.sim.imu_streams import (
     highres_imu_px4,
     raw_imu,
 )
-from h2nav.sim.streams import ALL_AUTOPILOTS, Stream
+from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2
 from h2nav.sim.vehicle import Ages
 
 MS_NS = 1_000_000
@@ -90,6 +90,7 @@ ARDUPILOT = Personality(
         Stream(raw_imu, mavlink.MAVLink_raw_imu_message, group=RAW_SENSORS),
         *INTEGER_IMUS,
         Stream(highres_imu_ardupilot, mavlink.MAVLink_highres_imu_message),
+        Stream(ahrs2, mavlink.MAVLink_ahrs2_message, group=mavlink.MAV_DATA_STREAM_EXTRA1),
         *ALL_AUTOPILOTS,
     ),
     interval_ns=_ardupilot_interval(COPTER_LOOP_HZ),

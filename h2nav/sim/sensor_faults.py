@@ -1,24 +1,72 @@
-"""Faults of the sensors themselves: what they do to one sample of the first IMU."""
+"""Faults of the sensors themselves: what they do to a sample of an IMU, or to a fix of the GPS."""
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Vec3
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.faults import AXES, FaultSchedule
 from h2nav.sim.imu_model import CALM, Disturbance
 
 # Beyond what any message can say, so that integers stand at their ends.
 _BEYOND_RANGE = 1e9
-_NAMES = {"stuck", "saturate", "nan", "zero-accel", "no-mag"}
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+def _scaled(v: Vec3, factor: float) -> Vec3:
+    return (v[0] * factor, v[1] * factor, v[2] * factor)
+
+
+def _limited(v: Vec3, limit: float) -> Vec3:
+    x, y, z = (min(max(component, -limit), limit) for component in v)
+    return (x, y, z)
+
+
+# What each fault makes of a sample, given its argument; those that act are applied in this order.
+SAMPLE_FAULTS: dict[str, Callable[[ImuSample, float], ImuSample]] = {
+    "gyro-bias": lambda s, x: s._replace(w_b=(s.w_b[0] + x * DEG, s.w_b[1], s.w_b[2])),
+    "gyro-scale": lambda s, x: s._replace(w_b=_scaled(s.w_b, x)),
+    "gyro-swap": lambda s, _: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2])),
+    "gyro-deg": lambda s, _: s._replace(w_b=_scaled(s.w_b, 1.0 / DEG)),
+    "gyro-zero": lambda s, _: s._replace(w_b=ZERO),
+    "accel-bias": lambda s, x: s._replace(f_b=(s.f_b[0] + x, s.f_b[1], s.f_b[2])),
+    "accel-scale": lambda s, x: s._replace(f_b=_scaled(s.f_b, x)),
+    "clipping": lambda s, x: s._replace(f_b=_limited(s.f_b, x * GRAVITY_M_S2)),
+    "accel-fixed": lambda s, x: s._replace(f_b=(x, x, x)),
+    "zero-accel": lambda s, _: s._replace(f_b=ZERO),
+    "compass-reversed": lambda s, _: s._replace(m_b_ut=_scaled(s.m_b_ut or ZERO, -1.0)),
+    "no-mag": lambda s, _: s._replace(m_b_ut=ZERO),
+}
+# What each fault makes of the axis that is its argument.
+AXIS_FAULTS: dict[str, Callable[[float], float]] = {
+    "saturate": lambda value: math.copysign(_BEYOND_RANGE, value),
+    "nan": lambda _: math.nan,
+}
+# The axes that repeat the values of when the fault began.
+FROZEN_AXES = {
+    "imu-frozen": AXES,
+    "gyro-frozen": AXES[0:3],
+    "accel-frozen": AXES[3:6],
+    "compass-frozen": AXES[6:9],
+}
 
 
 class SensorFaults:
-    """Applies the scheduled sensor faults to samples, in the order of their times."""
+    """Applies the scheduled faults of one IMU to its samples, in the order of their times.
+
+    Args:
+        schedule: the faults of this IMU.
+    """
 
     def __init__(self, schedule: FaultSchedule) -> None:
         self._schedule = schedule
-        self._acts = any(name in schedule for name in _NAMES)
+        self._of_samples = [name for name in SAMPLE_FAULTS if name in schedule]
+        self._of_axes = [name for name in AXIS_FAULTS if name in schedule]
+        self._freezing = [name for name in FROZEN_AXES if name in schedule]
+        self._sticks = "stuck" in schedule
         self._disturbs = "hard-iron" in schedule or "vibration" in schedule
-        self._stuck: dict[str, float] = {}
+        self._held: dict[str, float] = {}
 
     def disturbance(self, t_s: float) -> Disturbance:
         """What the surroundings add at `t_s`."""
@@ -29,24 +77,77 @@ class SensorFaults:
 
     def apply(self, t_s: float, sample: ImuSample) -> ImuSample:
         """The sample as the faulty sensor gives it."""
-        if not self._acts or sample.m_b_ut is None:
+        for name in self._of_samples:
+            for fault in self._schedule.acting(name, t_s):
+                sample = SAMPLE_FAULTS[name](sample, float(fault.argument or 0.0))
+        if not (self._freezing or self._sticks or self._of_axes):
             return sample
-        values = [*sample.w_b, *sample.f_b, *sample.m_b_ut]
-        if self._schedule.acts("zero-accel", t_s):
-            values[3:6] = (0.0, 0.0, 0.0)
-        if self._schedule.acts("no-mag", t_s):
-            values[6:9] = (0.0, 0.0, 0.0)
-        for axis in self._schedule.words("saturate", t_s):
-            values[AXES.index(axis)] = math.copysign(_BEYOND_RANGE, values[AXES.index(axis)])
-        stuck = self._schedule.words("stuck", t_s)
-        self._stuck = {axis: self._stuck.get(axis, values[AXES.index(axis)]) for axis in stuck}
-        for axis, value in self._stuck.items():
+        values = [*sample.w_b, *sample.f_b, *(sample.m_b_ut or ZERO)]
+        for name in self._of_axes:
+            for axis in self._schedule.words(name, t_s):
+                values[AXES.index(axis)] = AXIS_FAULTS[name](values[AXES.index(axis)])
+        self._held = {
+            axis: self._held.get(axis, values[AXES.index(axis)]) for axis in self._frozen(t_s)
+        }
+        for axis, value in self._held.items():
             values[AXES.index(axis)] = value
-        for axis in self._schedule.words("nan", t_s):
-            values[AXES.index(axis)] = math.nan
         return sample._replace(
             w_b=_triple(values, 0), f_b=_triple(values, 3), m_b_ut=_triple(values, 6)
         )
+
+    def has_gyro_data(self, t_s: float) -> bool:
+        """Whether the gyro has new values, as far as the autopilot notices."""
+        return not self._acts(("imu-frozen", "gyro-frozen"), t_s)
+
+    def has_accel_data(self, t_s: float) -> bool:
+        """Whether the accelerometer has new values, as far as the autopilot notices."""
+        return not self._acts(("imu-frozen", "accel-frozen"), t_s)
+
+    def _acts(self, names: tuple[str, ...], t_s: float) -> bool:
+        return any(self._schedule.acts(name, t_s) for name in names)
+
+    def _frozen(self, t_s: float) -> list[str]:
+        """The axes that stand still at `t_s`."""
+        frozen = self._schedule.words("stuck", t_s)
+        for name in self._freezing:
+            if self._schedule.acts(name, t_s):
+                frozen += FROZEN_AXES[name]
+        return frozen
+
+
+class GpsReading(NamedTuple):
+    """What a receiver measures.
+
+    Attributes:
+        has_fix: whether it knows where it is.
+        p_n: position, NED, m from the place where the scenario starts.
+        v_n: velocity, NED, m/s.
+    """
+
+    has_fix: bool
+    p_n: Vec3
+    v_n: Vec3
+
+
+def faulty_gps(schedule: FaultSchedule, t_s: float, reading: GpsReading) -> GpsReading:
+    """The reading with the receiver's faults at `t_s`, but for ``gps-lag``.
+
+    An error of the velocity is one of the position as well, as of a receiver that is led astray.
+    """
+    (north_m, east_m, down_m), (north_m_s, east_m_s, down_m_s) = reading.p_n, reading.v_n
+    for fault in schedule.acting("gps-step", t_s):
+        speed_m_s = float(fault.argument)
+        north_m_s += speed_m_s
+        north_m += speed_m_s * (t_s - fault.start_s)
+    for fault in schedule.acting("gps-ramp", t_s):
+        drift_m_s2, since_s = float(fault.argument), t_s - fault.start_s
+        north_m_s += drift_m_s2 * since_s
+        north_m += 0.5 * drift_m_s2 * since_s**2
+    return GpsReading(
+        reading.has_fix and not schedule.acts("gps-lost", t_s),
+        (north_m, east_m, down_m),
+        (north_m_s, east_m_s, down_m_s),
+    )
 
 
 def _triple(values: list[float], first: int) -> Vec3:

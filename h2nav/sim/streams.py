@@ -63,15 +63,28 @@ def attitude_quaternion(vehicle: Vehicle) -> Any:
     return mavlink.MAVLink_attitude_quaternion_message(vehicle.boot_ms, *q_nb, *own.w_b)
 
 
-def gps_raw_int(vehicle: Vehicle) -> Any:
-    """A position fix with metre noise and a velocity with the noise of a good receiver."""
+def ahrs2(vehicle: Vehicle) -> Any:
+    """The estimate that ArduPilot keeps beside its own."""
+    second = vehicle.second_estimate
     latitude, longitude, altitude_m = vehicle.geographic()
+    return mavlink.MAVLink_ahrs2_message(
+        second.roll, second.pitch, second.yaw, altitude_m, latitude, longitude
+    )
+
+
+def gps_raw_int(vehicle: Vehicle) -> Any:
+    """A position fix with metre noise and a velocity with the noise of a good receiver.
+
+    A receiver that has lost its fix goes on with its last idea of both, as ArduPilot's was seen to.
+    """
+    measured = vehicle.gps
+    latitude, longitude, altitude_m = vehicle.geographic(measured.p_n)
     noise = vehicle.random.gauss
-    north, east = (v + noise(0.0, 0.05) for v in vehicle.motion.v_n[:2])
+    north, east = (v + noise(0.0, 0.05) for v in measured.v_n[:2])
     course_deg = math.atan2(east, north) / DEG % 360.0
     return mavlink.MAVLink_gps_raw_int_message(
         vehicle.time_usec,
-        mavlink.GPS_FIX_TYPE_RTK_FIXED,
+        mavlink.GPS_FIX_TYPE_RTK_FIXED if measured.has_fix else mavlink.GPS_FIX_TYPE_NO_FIX,
         latitude + round(noise(0.0, 50.0)),
         longitude + round(noise(0.0, 50.0)),
         round((altitude_m + noise(0.0, 1.0)) * 1e3),
@@ -79,7 +92,7 @@ def gps_raw_int(vehicle: Vehicle) -> Any:
         200,
         min(int(math.hypot(north, east) * 100.0), UNKNOWN_U16 - 1),
         int(course_deg * 100.0),
-        10,
+        10 if measured.has_fix else 3,
         round(altitude_m * 1e3),
         300,
         300,

@@ -2,16 +2,17 @@
 
 import math
 import random
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.sim.faults import FaultSchedule
-from h2nav.sim.imu_model import CALM, GyroSampling, ImuModel, ImuParameters
+from h2nav.sim.imu_model import GyroSampling, ImuModel, ImuParameters
 from h2nav.sim.rigid_motion import Motion
 from h2nav.sim.scenarios import Scenario
-from h2nav.sim.sensor_faults import SensorFaults
+from h2nav.sim.sensor_faults import GpsReading, SensorFaults, faulty_gps
 
 
 class Place(NamedTuple):
@@ -36,7 +37,10 @@ EARTH_RADIUS_M = 6_371_000.0
 WRAP = 1 << 32
 # Of the gyro bias that is left after the calibration at power-on, per axis.
 LEFT_BIAS_DEG_S = 0.1
-BOTH_IMUS = (0, 1)
+# Deviations of roll, pitch and yaw of the autopilot's estimators, rad: of the one that it flies on,
+# and of the one that it keeps beside it.
+OWN_ERROR: Vec3 = (0.1 * DEG, 0.1 * DEG, 0.4 * DEG)
+SECOND_ERROR: Vec3 = (0.4 * DEG, 0.4 * DEG, 1.2 * DEG)
 
 
 class Ages(NamedTuple):
@@ -65,7 +69,7 @@ class Vehicle:
 
     Args:
         scenario: the flight.
-        sensor: every IMU on board is of this kind.
+        sensors: of what kind each IMU on board is; each has a compass.
         schedule: faults of the sensors and of the clock.
         seed: of all random numbers.
         stamp_jitter_us: the largest delay between a sample and its time stamp.
@@ -76,7 +80,7 @@ class Vehicle:
     def __init__(
         self,
         scenario: Scenario,
-        sensor: ImuParameters,
+        sensors: Sequence[ImuParameters],
         schedule: FaultSchedule,
         seed: int,
         stamp_jitter_us: int,
@@ -87,15 +91,16 @@ class Vehicle:
         self.random = random.Random(f"vehicle {seed}")
         self._schedule = schedule
         self._ages = ages
-        self._imus = [self._new_imu(sensor, seed, index) for index in BOTH_IMUS]
-        self._faults = SensorFaults(schedule)
-        self._own_error = _SlowError(random.Random(f"estimate {seed}"))
+        self._imus = [self._new_imu(sensor, seed, index) for index, sensor in enumerate(sensors)]
+        self._faults = [SensorFaults(schedule.of_imu(index + 1)) for index in range(len(sensors))]
+        self._own_error = _SlowError(random.Random(f"estimate {seed}"), OWN_ERROR)
+        self._second_error = _SlowError(random.Random(f"second estimate {seed}"), SECOND_ERROR)
         self._has_short_clock = any(f.argument == "us" for f in schedule.starts("clock-wrap"))
         self._stamp_jitter_us = stamp_jitter_us
         self._start_ns: int | None = None
         self._boot_ns = 0
         self._t_ns: int | None = None
-        self._motion: Motion | None = None
+        self._motions: dict[float, Motion] = {}
         self._samples: dict[int, ImuSample] = {}
         self.t_s = 0.0  # of the scenario; continues through a reboot
         self.boot_us = 0
@@ -118,7 +123,7 @@ class Vehicle:
         self.t_s = (t_ns - self._start_ns) * 1e-9
         self.boot_us = (t_ns - self._boot_ns) // 1000
         self._stamp_us = None
-        self._motion = None
+        self._motions.clear()
         self._samples.clear()
 
     @property
@@ -156,9 +161,14 @@ class Vehicle:
     @property
     def motion(self) -> Motion:
         """The truth."""
-        if self._motion is None:
-            self._motion = self.scenario.motion(self.t_s)
-        return self._motion
+        return self._past(0.0)
+
+    def _past(self, age_s: float) -> Motion:
+        """The truth of so long ago, which costs more than all that is made of it."""
+        motion = self._motions.get(age_s)
+        if motion is None:
+            motion = self._motions[age_s] = self.scenario.motion(self.t_s - age_s)
+        return motion
 
     @property
     def is_armed(self) -> bool:
@@ -172,24 +182,59 @@ class Vehicle:
 
     @property
     def estimate(self) -> Estimate:
-        """The autopilot's own estimate: the truth with a small, slow error."""
+        """The autopilot's own estimate: the truth with a small, slow error, and with its faults."""
+        roll, pitch, yaw = self._own_error.at(self.t_s)
+        roll += (self._schedule.number("autopilot-tilt", self.t_s) or 0.0) * DEG
+        yaw += (self._schedule.number("autopilot-heading", self.t_s) or 0.0) * DEG
+        return self._estimate((roll, pitch, yaw))
+
+    @property
+    def second_estimate(self) -> Estimate:
+        """The estimate that the autopilot keeps beside its own: coarser, and without its faults."""
+        return self._estimate(self._second_error.at(self.t_s))
+
+    def _estimate(self, error: Vec3) -> Estimate:
         roll, pitch, yaw = quaternion.to_euler(self.motion.q_nb)
-        e_roll, e_pitch, e_yaw = self._own_error.at(self.t_s)
-        turned = math.remainder(yaw + e_yaw, math.tau)
-        return Estimate(roll + e_roll, pitch + e_pitch, turned, self.motion.w_b)
+        turned = math.remainder(yaw + error[2], math.tau)
+        return Estimate(roll + error[0], pitch + error[1], turned, self.motion.w_b)
+
+    @property
+    def imus(self) -> int:
+        """How many IMUs there are."""
+        return len(self._imus)
 
     def imu(self, index: int) -> ImuSample:
-        """The sample of IMU 0 (which has the faults) or 1."""
+        """The sample of an IMU, 0 being the first."""
         sample = self._samples.get(index)
         if sample is None:
-            shown = self.scenario.motion(self.t_s - self._ages.rates_s)
-            field_q_nb = self.scenario.motion(self.t_s - self._ages.field_s).q_nb
-            disturbance = self._faults.disturbance(self.t_s) if index == 0 else CALM
-            sample = self._imus[index].sample(self.boot_us, shown, disturbance, field_q_nb)
-            if index == 0:
-                sample = self._faults.apply(self.t_s, sample)
-            self._samples[index] = sample
+            faults = self._faults[index]
+            sample = self._imus[index].sample(
+                self.boot_us,
+                self._past(self._ages.rates_s),
+                faults.disturbance(self.t_s),
+                self._past(self._ages.field_s).q_nb,
+            )
+            sample = self._samples[index] = faults.apply(self.t_s, sample)
         return sample
+
+    @property
+    def gyro_in_use(self) -> int:
+        """The first IMU whose gyro has new values; the first of all where none has."""
+        has_data = (faults.has_gyro_data(self.t_s) for faults in self._faults)
+        return next((index for index, has in enumerate(has_data) if has), 0)
+
+    @property
+    def accel_in_use(self) -> int:
+        """The first IMU whose accelerometer has new values; the first of all where none has."""
+        has_data = (faults.has_accel_data(self.t_s) for faults in self._faults)
+        return next((index for index, has in enumerate(has_data) if has), 0)
+
+    @property
+    def gps(self) -> GpsReading:
+        """What the receiver measures, without its noise."""
+        lag_s = self._schedule.number("gps-lag", self.t_s)
+        motion = self._past(lag_s or 0.0)
+        return faulty_gps(self._schedule, self.t_s, GpsReading(True, motion.p_n, motion.v_n))
 
     def gyro_bias(self, index: int) -> Vec3:
         """The true gyro bias of an IMU, rad/s."""
@@ -203,9 +248,13 @@ class Vehicle:
         """Whether a fault denies this message now."""
         return message_name in self._schedule.words("deny", self.t_s)
 
-    def geographic(self) -> tuple[int, int, float]:
-        """Latitude and longitude, 1e-7 deg, and altitude above sea level, m."""
-        north, east, down = self.motion.p_n
+    def geographic(self, p_n: Vec3 | None = None) -> tuple[int, int, float]:
+        """Latitude and longitude, 1e-7 deg, and altitude above sea level, m.
+
+        Args:
+            p_n: of this position; None = of the true one.
+        """
+        north, east, down = self.motion.p_n if p_n is None else p_n
         latitude = self.home.latitude_deg + north / EARTH_RADIUS_M / DEG
         parallel_m = EARTH_RADIUS_M * math.cos(self.home.latitude_deg * DEG)
         longitude = self.home.longitude_deg + east / parallel_m / DEG
@@ -224,21 +273,25 @@ class Vehicle:
 
 
 class _SlowError:
-    """The error of the autopilot's own attitude: 0.1 deg of tilt and 0.4 deg of yaw, wandering."""
+    """The wandering error of an attitude that the autopilot estimates.
 
-    _SIZES = (0.1 * DEG, 0.1 * DEG, 0.4 * DEG)
+    Args:
+        source: of frequencies and phases.
+        sizes: of roll, pitch and yaw, rad.
+    """
 
-    def __init__(self, source: random.Random) -> None:
+    def __init__(self, source: random.Random, sizes: Vec3) -> None:
+        self._sizes = sizes
         self._waves = [
             [(source.uniform(0.1, 0.8), source.uniform(0.0, math.tau)) for _ in range(2)]
-            for _ in self._SIZES
+            for _ in sizes
         ]
 
     def at(self, t_s: float) -> Vec3:
         """Errors of roll, pitch and yaw, rad."""
         x, y, z = (
             size * sum(math.sin(omega * t_s + phase) for omega, phase in waves)
-            for size, waves in zip(self._SIZES, self._waves, strict=True)
+            for size, waves in zip(self._sizes, self._waves, strict=True)
         )
         return (x, y, z)
 

@@ -233,8 +233,8 @@ class Expressions:
         operation = _INTEGER_OPERATIONS.get(type(operator))
         if operation is None:
             raise self.refuse(node, f"{type(operator).__name__} is outside the subset of integers")
-        if isinstance(operator, ast.Mult) and ast.dump(left) == ast.dump(right):
-            return intervals.square(a)
+        if isinstance(operator, ast.Mult) and a == b and ast.dump(left) == ast.dump(right):
+            return intervals.square(a)  # the ranges are compared first because a dump costs more
         return operation(a, b)
 
     def _shifted(

@@ -10,7 +10,7 @@ from agreement.identity import IDENTITIES, Identity, Run, run
 
 from h2nav.attitude.record import size_of
 
-STEPS = 1_000_000
+STEPS = 1 << 18  # both halves of the samples: phases of some kinds, and of all
 AVR_STEPS = 20_000  # several rounds of everything; a simulated AVR is slow
 
 

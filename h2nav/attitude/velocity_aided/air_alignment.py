@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import Quat, Vec3
 from h2nav.attitude.velocity_aided.heading_witness import KNOWN_RAD, LEAST_RATIO, MOST_RATIO
+from h2nav.attitude.velocity_aided.past import SPACING_US, Row, gained_until
 from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, rotate, to_matrix
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
@@ -23,8 +24,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 SHORTEST_S = 1.0
 LONGEST_S = 4.0
 FEWEST_FIXES = 4
-# The past that late fixes belong to: spacing and length.
-SPACING_US = 10_000
+# Of the past that late fixes belong to.
 PAST_LENGTH = 100
 # Of the horizontal directions of force and field below which they name no heading.
 LEAST_ANGLE = 0.05
@@ -84,7 +84,7 @@ class AirAlignment:
         self._field: Vec3 = (0.0, 0.0, 0.0)
         self._fields = 0
         self._sums = [0.0] * SUMS
-        self._past: deque[tuple[float, float, float, float]] = deque(maxlen=PAST_LENGTH)
+        self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
     def is_over(self, t_us: int) -> bool:
         """True when the window has its full length."""
@@ -122,7 +122,7 @@ class AirAlignment:
         if t_us < self._start_us or not self._past or self.is_over(int(t_us)):
             return
         t_s = (t_us - self._start_us) * 1e-6
-        row = (1.0, t_s, v_n[0], v_n[1], *self._gained_until(t_us))
+        row = (1.0, t_s, v_n[0], v_n[1], *gained_until(self._past, t_us))
         for i, (a, b) in enumerate(itertools.combinations_with_replacement(row, 2)):
             self._sums[i] += a * b
 
@@ -218,20 +218,6 @@ class AirAlignment:
         for i in range(7 + SUMS, len(rest), 4):
             made._past.append((rest[i], rest[i + 1], rest[i + 2], rest[i + 3]))
         return made
-
-    def _gained_until(self, t_us: float) -> Vec3:
-        """The velocity gained up to a time, interpolated."""
-        later = self._past[-1]
-        for row in reversed(self._past):
-            if row[0] <= t_us:
-                share = 0.0 if row is later else (t_us - row[0]) / (later[0] - row[0])
-                return (
-                    row[1] + share * (later[1] - row[1]),
-                    row[2] + share * (later[2] - row[2]),
-                    row[3] + share * (later[3] - row[3]),
-                )
-            later = row
-        return (later[1], later[2], later[3])
 
 
 def _without(matrix: list[list[float]], k: int) -> list[list[float]]:

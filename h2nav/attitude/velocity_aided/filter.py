@@ -74,7 +74,7 @@ KNOWN_BIAS_RAD_S = 0.3 * DEG
 # Deviation of a heading that may be any.
 LOST_HEADING_RAD = math.pi / math.sqrt(3.0)
 # Deviation of a tilt that was not followed for a while, in flight.
-AIR_TILT_SIGMA = 20.0 * DEG
+AIR_TILT_SIGMA_RAD = 20.0 * DEG
 # Heading counts as referenced below this predicted deviation.
 REFERENCED_RAD = 15.0 * DEG
 
@@ -421,7 +421,7 @@ class VelocityAidedFilter:
         self._memory.mag_accepted_age_s = -1.0
         self._memory.heading_unknown = 1.0
         self._memory.age_s = LONGEST_S
-        return self._begin(sample, AIR_TILT_SIGMA)
+        return self._begin(sample, AIR_TILT_SIGMA_RAD)
 
     def _begin(self, sample: ImuSample, tilt_sigma_rad: float) -> AttitudeEstimate:
         """Everything but attitude, bias, its covariance, latency and references starts anew."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
+from h2nav.attitude.velocity_aided.past import SPACING_US, Row, gained_until
 
 # A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
 OLDEST_S = 0.6
@@ -21,8 +22,7 @@ LOST_S = 2.5
 SHORTEST_PERIOD_S = 0.05
 # Over so long the acceleration at the time of a fix is taken.
 RATE_S = 0.1
-# The filter's past, for fixes that are late: spacing and length.
-SPACING_US = 10_000
+# Of the filter's past, for fixes that are late.
 PAST_LENGTH = 102
 
 
@@ -58,7 +58,7 @@ class VelocityAiding:
         self._period_s = 0.0
         self._waiting: VelocityFix | None = None
         # (time, velocity gained north, east)
-        self._past: deque[tuple[float, float, float]] = deque(maxlen=PAST_LENGTH)
+        self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
     def clear(self) -> None:
         """No fix is known any more."""
@@ -152,16 +152,6 @@ class VelocityAiding:
             self._past.append((values[i], values[i + 1], values[i + 2]))
 
     def _gained(self, t_us: float, now: tuple[float, float]) -> tuple[float, float]:
-        """The velocity gained up to a past time, interpolated."""
-        later: tuple[float, float, float] | None = None
-        for row in reversed(self._past):
-            if row[0] <= t_us:
-                if later is None:
-                    return (row[1], row[2])
-                share = (t_us - row[0]) / (later[0] - row[0])
-                return (
-                    row[1] + share * (later[1] - row[1]),
-                    row[2] + share * (later[2] - row[2]),
-                )
-            later = row
-        return now if later is None else (later[1], later[2])
+        """The velocity gained up to a past time."""
+        north, east = gained_until(self._past, t_us) if self._past else now
+        return north, east

@@ -32,7 +32,7 @@ from h2nav.attitude.samples import (
     Vec3,
     VehicleState,
 )
-from h2nav.attitude.velocity_aided.filter import AIR_TILT_SIGMA, TILT_SHARE
+from h2nav.attitude.velocity_aided.filter import AIR_TILT_SIGMA_RAD, TILT_SHARE
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.errors import BadInput
@@ -152,7 +152,7 @@ def test_after_a_gap_in_the_air_the_attitude_is_kept_and_doubted() -> None:
     estimate = after_a_gap(FLYING)
     assert tilt_deg(estimate.q_nb) < 1.0
     # Of the 20 deg that are doubted; a predicted deviation is a share of its upper limit.
-    assert estimate.sigma_tilt_rad > 0.95 * TILT_SHARE * AIR_TILT_SIGMA
+    assert estimate.sigma_tilt_rad > 0.95 * TILT_SHARE * AIR_TILT_SIGMA_RAD
 
 
 def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:

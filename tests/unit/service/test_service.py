@@ -37,9 +37,9 @@ class Bench:
                     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False
                 )
                 self._hears(sender, HEARTBEAT_ID, beat)
-            reading = ImuReading(
-                self.t_us, (0.0, 0.0, 0.0), (0.0, 0.0, -force_m_s2), (20.0, 0.0, 45.0), False
-            )
+            noise = 1e-4 * (count % 7)  # a sensor that gives one value for ever is frozen
+            force = (noise, 0.0, -force_m_s2)
+            reading = ImuReading(self.t_us, (noise, 0.0, 0.0), force, (20.0, 0.0, 45.0), False)
             self._hears(sender, RAW_IMU_ID, reading)
 
     def _hears(self, sender: tuple[int, int], message_id: int, message: Message) -> None:

@@ -63,7 +63,12 @@ class Flight:
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
 SCALED = mavlink.MAVLINK_MSG_ID_SCALED_IMU
+SCALED2 = mavlink.MAVLINK_MSG_ID_SCALED_IMU2
+SCALED3 = mavlink.MAVLINK_MSG_ID_SCALED_IMU3
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
+AHRS2 = mavlink.MAVLINK_MSG_ID_AHRS2
+SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
+GPS = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 OK, DENIED, FAILED, UNSUPPORTED = (
     mavlink.MAV_RESULT_ACCEPTED,
@@ -260,13 +265,137 @@ def test_level_rest_reads_minus_one_g():
     assert sum(m.zacc for m in messages) / len(messages) == pytest.approx(-1000, abs=1)
 
 
-def test_third_imu_is_a_compass_alone():
-    flight = Flight("aggressive")
+def test_third_imu_is_a_compass_alone_where_there_are_two():
+    flight = Flight("aggressive", imus=2)
     flight.ask(mavlink.MAVLINK_MSG_ID_SCALED_IMU3, 20_000)
     for m in flight.to(2.0):
         if m.get_type() == "SCALED_IMU3":
             assert (m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro) == (0,) * 6
             assert math.hypot(m.xmag, m.ymag, m.zmag) == pytest.approx(580, rel=0.05)
+
+
+def test_absent_imus_are_granted_and_not_sent():
+    flight = Flight("aggressive")
+    for message_id in (SCALED2, SCALED3):
+        assert flight.ask(message_id, 20_000) == OK
+    assert flight.count("SCALED_IMU2", 1.0) == flight.count("SCALED_IMU3", 1.0) == 0
+
+
+def readings(flight, name):
+    """(accelerometer, gyro, compass) of the messages of one IMU, in the message's units."""
+    return [
+        ((m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), (m.xmag, m.ymag, m.zmag))
+        for m in flight.messages
+        if m.get_type() == name
+    ]
+
+
+def flown(seconds, *faults, name="aggressive", imus=3, personality=ARDUPILOT, **options):
+    """A flight with all of its streams at 50 Hz; `messages` are those of its whole length."""
+    flight = Flight(name, personality, faults, imus=imus, **options)
+    for message_id in (RAW, SCALED, SCALED2, SCALED3, HIGHRES, ATTITUDE, AHRS2, SIMSTATE, GPS):
+        flight.ask(message_id, 20_000)
+    flight.messages = flight.to(seconds)
+    return flight
+
+
+def test_three_imus_see_the_same_motion_with_noise_bias_and_compass_of_their_own():
+    flight = flown(8.0)
+    first, second, third = (readings(flight, f"SCALED_IMU{n}") for n in ("", "2", "3"))
+    assert len(first) == len(second) == len(third) > 300
+    for a, b in ((first, second), (first, third), (second, third)):
+        for sensor, most in ((0, 60), (1, 20), (2, 60)):
+            apart = [math.dist(x[sensor], y[sensor]) for x, y in zip(a, b, strict=True)]
+            assert 0 < max(apart) < most
+            assert sum(distance > 0 for distance in apart) > len(apart) // 2
+
+
+@pytest.mark.parametrize("imu", [1, 2, 3])
+def test_a_fault_changes_the_imu_that_it_names_and_no_other(imu):
+    well = flown(6.0, seed=4)
+    faulty = flown(6.0, f"gyro-zero@2+2/{imu}", f"hard-iron=40@2+2/{imu}", seed=4)
+    for number, name in enumerate(("SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3"), start=1):
+        a, b = readings(well, name), readings(faulty, name)
+        different = [i for i, (x, y) in enumerate(zip(a, b, strict=True)) if x != y]
+        expected = list(range(99, 199)) if number == imu else []
+        assert different == expected
+        for i in expected:
+            assert b[i][1] == (0, 0, 0)
+            assert b[i][2][0] - a[i][2][0] == pytest.approx(400, abs=2)
+            assert a[i][0] == b[i][0]
+
+
+def test_highres_imu_shows_the_first_imu_that_has_new_data_as_ardupilot_does():
+    messages = flown(6.0, "accel-frozen@2+2", "gyro-frozen@3+2", imus=2).messages
+    highres = [m for m in messages if m.get_type() == "HIGHRES_IMU"]
+    # The recorded autopilot named the IMU of the accelerometer.
+    assert [m.id for m in highres[98:200]] == [0] + [1] * 100 + [0]
+    assert len({m.xgyro for m in highres[150:249]}) > 50
+    raw = [m for m in messages if m.get_type() == "RAW_IMU"]
+    assert len({(m.xacc, m.yacc, m.zacc) for m in raw[99:199]}) == 1
+    assert len({(m.xgyro, m.ygyro, m.zgyro) for m in raw[149:249]}) == 1
+    alone = flown(6.0, "imu-frozen@2+2", imus=1).messages
+    held = [m for m in alone if m.get_type() == "HIGHRES_IMU"][99:199]
+    assert {m.id for m in held} == {0}
+    assert len({(m.xgyro, m.zacc, m.ymag) for m in held}) == 1
+
+
+def attitudes(flight, name):
+    return [(m.roll, m.pitch, m.yaw) for m in flight.messages if m.get_type() == name]
+
+
+def test_the_attitude_of_the_autopilot_can_be_wrong_and_its_second_one_stays_right():
+    flight = flown(6.0, "autopilot-heading=20@2+2", "autopilot-tilt=-7@4", name="rest")
+    truth = attitudes(flight, "SIMSTATE")
+    own, second = (
+        [quaternion.angle(quaternion.from_euler(*e), quaternion.from_euler(*t)) / DEG
+         for e, t in zip(attitudes(flight, name), truth, strict=True)]
+        for name in ("ATTITUDE", "AHRS2")
+    )  # fmt: skip
+    assert max(own[:99]) < 1.5
+    assert own[99:199] == pytest.approx([20.0] * 100, abs=1.5)
+    assert own[199:] == pytest.approx([7.0] * len(own[199:]), abs=1.5)
+    assert 0.2 < max(second) < 5.0
+    yaw = attitudes(flight, "ATTITUDE")[150][2] - truth[150][2]
+    assert yaw == pytest.approx(20.0 * DEG, abs=1.5 * DEG)
+
+
+def test_px4_has_no_second_estimate():
+    assert Flight("rest", PX4).ask(AHRS2, 20_000) == FAILED
+
+
+def north_velocities(*faults):
+    """GPS_RAW_INT's velocity to the north, m/s, every 20 ms."""
+    fixes = [m for m in flown(8.0, *faults, seed=5).messages if m.get_type() == "GPS_RAW_INT"]
+    return fixes, [m.vel * 0.01 * math.cos(m.cog * 0.01 * DEG) for m in fixes]
+
+
+def test_faults_of_the_receiver():
+    fixes, well = north_velocities()
+    _, stepped = north_velocities("gps-step=5@4+1")
+    _, drifting = north_velocities("gps-ramp=2@4+2")
+    for i, t_s in enumerate(0.02 * (k + 1) for k in range(len(well))):
+        step = 5.0 if 4.0 <= t_s < 5.0 else 0.0
+        ramp = 2.0 * (t_s - 4.0) if 4.0 <= t_s < 6.0 else 0.0
+        assert stepped[i] - well[i] == pytest.approx(step, abs=0.1)
+        assert drifting[i] - well[i] == pytest.approx(ramp, abs=0.1)
+    astray, _ = north_velocities("gps-ramp=2@4+2")
+    moved_m = (astray[298].lat - fixes[298].lat) * 1e-7 * DEG * 6_371_000
+    assert moved_m == pytest.approx(0.5 * 2.0 * 1.98**2, abs=0.1)
+
+
+def test_a_receiver_that_is_late_shows_the_past():
+    _, well = north_velocities()
+    _, late = north_velocities("gps-lag=0.4@4")
+    assert late[:199] == well[:199]
+    apart = [abs(a - b) for a, b in zip(late[220:], well[200:-20], strict=True)]
+    assert max(apart) < 0.4 < max(abs(a - b) for a, b in zip(late[220:], well[220:], strict=True))
+
+
+def test_a_receiver_without_a_fix_says_so():
+    fixes, _ = north_velocities("gps-lost@2+3")
+    without = [m.fix_type < mavlink.GPS_FIX_TYPE_2D_FIX for m in fixes]
+    assert without == [99 <= i < 249 for i in range(len(fixes))]
 
 
 def test_simstate_is_the_truth_and_attitude_an_honest_estimate():
@@ -409,7 +538,7 @@ def test_second_autopilot_speaks_with_its_own_id():
 
 
 def test_slow_line_slows_all_streams_alike_and_leaves_timesync_unanswered():
-    flight = Flight(line_bytes_per_s=5760.0)
+    flight = Flight(imus=2, line_bytes_per_s=5760.0)
     ids = (
         RAW,
         SCALED,

@@ -4,7 +4,7 @@ Equations: docs/filter.md.
 """
 
 from ..memory import Gains, Memory
-from .theta import shrink
+from .theta import shrink, times_covariance
 
 
 def measure_all(
@@ -30,44 +30,30 @@ def measure_all(
 
     Source: docs/filter.md Eq. (18), (37) - (39).
     """
-    a0 = row[0]
-    a1 = row[1]
-    a2 = row[2]
-    a3 = row[3]
     ax = row_accel[0]
     ay = row_accel[1]
-    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
-    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
-    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
-    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
-    h0 = h0 + s.p_accel_x[0] * ax + s.p_accel_y[0] * ay
-    h1 = h1 + s.p_accel_x[1] * ax + s.p_accel_y[1] * ay
-    h2 = h2 + s.p_accel_x[2] * ax + s.p_accel_y[2] * ay
-    h3 = h3 + s.p_accel_x[3] * ax + s.p_accel_y[3] * ay
+    h = [0.0, 0.0, 0.0, 0.0]
+    times_covariance(s, row, h)
     hx = s.p_accel[0] * ax + s.p_accel[1] * ay
     hy = s.p_accel[1] * ax + s.p_accel[2] * ay
-    hx = hx + s.p_accel_x[0] * a0 + s.p_accel_x[1] * a1 + s.p_accel_x[2] * a2 + s.p_accel_x[3] * a3
-    hy = hy + s.p_accel_y[0] * a0 + s.p_accel_y[1] * a1 + s.p_accel_y[2] * a2 + s.p_accel_y[3] * a3
     hl = s.fix_lag_variance * row_lag
-    total = a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + ax * hx + ay * hy + row_lag * hl + noise
-    scale = 1.0 / total
-    e = innovation - a0 * s.dtheta[0] - a1 * s.dtheta[1] - a2 * s.dtheta[2] - a3 * s.dtheta[3]
-    e = scale * (e - ax * s.daccel[0] - ay * s.daccel[1] - row_lag * s.dfix_lag)
-    s.dtheta[0] = s.dtheta[0] + h0 * e
-    s.dtheta[1] = s.dtheta[1] + h1 * e
-    s.dtheta[2] = s.dtheta[2] + h2 * e
-    s.dtheta[3] = s.dtheta[3] + h3 * e
-    shrink(s, h0, h1, h2, h3, scale)
+    variance = 0.0
+    left = innovation
+    for i in range(4):
+        h[i] = h[i] + s.p_accel_x[i] * ax + s.p_accel_y[i] * ay
+        hx = hx + s.p_accel_x[i] * row[i]
+        hy = hy + s.p_accel_y[i] * row[i]
+        variance = variance + row[i] * h[i]
+        left = left - row[i] * s.dtheta[i]
+    scale = 1.0 / (variance + ax * hx + ay * hy + row_lag * hl + noise)
+    e = scale * (left - ax * s.daccel[0] - ay * s.daccel[1] - row_lag * s.dfix_lag)
+    shrink(s, h[0], h[1], h[2], h[3], scale)
     kx = scale * hx
     ky = scale * hy
-    s.p_accel_x[0] = s.p_accel_x[0] - kx * h0
-    s.p_accel_x[1] = s.p_accel_x[1] - kx * h1
-    s.p_accel_x[2] = s.p_accel_x[2] - kx * h2
-    s.p_accel_x[3] = s.p_accel_x[3] - kx * h3
-    s.p_accel_y[0] = s.p_accel_y[0] - ky * h0
-    s.p_accel_y[1] = s.p_accel_y[1] - ky * h1
-    s.p_accel_y[2] = s.p_accel_y[2] - ky * h2
-    s.p_accel_y[3] = s.p_accel_y[3] - ky * h3
+    for i in range(4):
+        s.dtheta[i] = s.dtheta[i] + h[i] * e
+        s.p_accel_x[i] = s.p_accel_x[i] - kx * h[i]
+        s.p_accel_y[i] = s.p_accel_y[i] - ky * h[i]
     e = learns * e
     s.daccel[0] = s.daccel[0] + hx * e
     s.daccel[1] = s.daccel[1] + hy * e

@@ -8,7 +8,7 @@ import math
 from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Memory, Sample
 from .aiding import measure_all
 from .prediction import forget_sensitivities, gyro_density, set_matrix
-from .theta import apply_theta, measure_theta
+from .theta import apply_theta, measure_theta, times_covariance
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that passes
@@ -211,15 +211,11 @@ def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> f
     if s.mag_ref_given == 0.0 and s.heading_witnessed == 0.0:
         # A reference that was learnt may be the one that is wrong.
         return 0.0
-    a0 = s.jacobian[0]
-    a1 = s.jacobian[1]
-    a2 = s.jacobian[2]
-    a3 = s.jacobian[3]
-    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
-    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
-    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
-    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
-    expected = noise + a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3
+    h = [0.0, 0.0, 0.0, 0.0]
+    times_covariance(s, s.jacobian, h)
+    expected = noise
+    for i in range(4):
+        expected = expected + s.jacobian[i] * h[i]
     if innovation * innovation <= g.mag_heading_gate * expected:
         return 0.0
     if s.heading_witnessed > 0.0:

@@ -65,30 +65,35 @@ def predict_theta(s: Memory, g: Gains, dt: float) -> None:
     s.dtilt_e[2] = s.dtilt_e[2] - dt * s.r_nb[2] + dz * u
 
 
+def times_covariance(s: Memory, row: list[float], product: list[float]) -> None:
+    """Writes row . P, where P is the covariance of theta."""
+    a0 = row[0]
+    a1 = row[1]
+    a2 = row[2]
+    a3 = row[3]
+    product[0] = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
+    product[1] = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
+    product[2] = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
+    product[3] = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
+
+
 def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) -> None:
     """One scalar measurement row . theta; adds to the correction in dtheta.
 
     Source: docs/filter.md Eq. (18).
     """
-    a0 = row[0]
-    a1 = row[1]
-    a2 = row[2]
-    a3 = row[3]
-    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
-    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
-    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
-    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
-    scale = 1.0 / (a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + noise)
-    d0 = s.dtheta[0]
-    d1 = s.dtheta[1]
-    d2 = s.dtheta[2]
-    d3 = s.dtheta[3]
-    e = scale * (innovation - a0 * d0 - a1 * d1 - a2 * d2 - a3 * d3)
-    s.dtheta[0] = d0 + h0 * e
-    s.dtheta[1] = d1 + h1 * e
-    s.dtheta[2] = d2 + h2 * e
-    s.dtheta[3] = d3 + h3 * e
-    shrink(s, h0, h1, h2, h3, scale)
+    h = [0.0, 0.0, 0.0, 0.0]
+    times_covariance(s, row, h)
+    variance = 0.0
+    left = innovation
+    for i in range(4):
+        variance = variance + row[i] * h[i]
+        left = left - row[i] * s.dtheta[i]
+    scale = 1.0 / (variance + noise)
+    e = scale * left
+    for i in range(4):
+        s.dtheta[i] = s.dtheta[i] + h[i] * e
+    shrink(s, h[0], h[1], h[2], h[3], scale)
 
 
 def measure_level(s: Memory, row: list[float], innovation: float, noise: float) -> None:
@@ -96,28 +101,22 @@ def measure_level(s: Memory, row: list[float], innovation: float, noise: float) 
 
     Source: docs/filter.md Eq. (39), (58).
     """
-    a0 = row[0]
-    a1 = row[1]
-    a2 = row[2]
-    a3 = row[3]
-    h0 = s.p_xx * a0 + s.p_xy * a1 + s.p_xz * a2 + s.p_xh * a3
-    h1 = s.p_xy * a0 + s.p_yy * a1 + s.p_yz * a2 + s.p_yh * a3
-    h2 = s.p_xz * a0 + s.p_yz * a1 + s.p_zz * a2 + s.p_zh * a3
-    h3 = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
-    scale = 1.0 / (a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + noise)
-    d0 = s.dtheta[0]
-    d1 = s.dtheta[1]
-    d2 = s.dtheta[2]
-    vertical = s.r_nb[6] * h0 + s.r_nb[7] * h1 + s.r_nb[8] * h2
-    v0 = vertical * s.r_nb[6]
-    v1 = vertical * s.r_nb[7]
-    v2 = vertical * s.r_nb[8]
-    e = scale * (innovation - a0 * d0 - a1 * d1 - a2 * d2)
-    s.dtheta[0] = d0 + (h0 - v0) * e
-    s.dtheta[1] = d1 + (h1 - v1) * e
-    s.dtheta[2] = d2 + (h2 - v2) * e
-    shrink(s, h0, h1, h2, h3, scale)
-    shrink(s, v0, v1, v2, h3, -scale)
+    h = [0.0, 0.0, 0.0, 0.0]
+    times_covariance(s, row, h)
+    variance = 0.0
+    for i in range(4):
+        variance = variance + row[i] * h[i]
+    scale = 1.0 / (variance + noise)
+    left = innovation
+    for i in range(3):
+        left = left - row[i] * s.dtheta[i]
+    e = scale * left
+    vertical = s.r_nb[6] * h[0] + s.r_nb[7] * h[1] + s.r_nb[8] * h[2]
+    v = [vertical * s.r_nb[6], vertical * s.r_nb[7], vertical * s.r_nb[8], h[3]]
+    for i in range(3):
+        s.dtheta[i] = s.dtheta[i] + (h[i] - v[i]) * e
+    shrink(s, h[0], h[1], h[2], h[3], scale)
+    shrink(s, v[0], v[1], v[2], v[3], -scale)
 
 
 def shrink(s: Memory, h0: float, h1: float, h2: float, h3: float, scale: float) -> None:
