@@ -50,6 +50,7 @@ class Estimation:
         self._selection = LaneSelection()
         self._twins: list[tuple[Lane, Lane, Twins]] = []
         self._looked_ns = 0
+        self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
         self.used = 0
@@ -154,6 +155,10 @@ class Estimation:
         outcomes = {}
         if self._first_ns is None:
             self._first_ns = t_ns
+        if t_ns - self._heard_ns > SILENT_NS:
+            for lane in self._lanes:
+                lane.resumed_ns = t_ns
+        self._heard_ns = t_ns
         goes_on = self._newest if self._has_sent else None
         for lane in self._lanes:
             if lane.considers(t_ns, message_id):

@@ -102,6 +102,7 @@ class Lane:
         name: of the IMU for people, who count from 1.
         timing: how late the sensors are.
         last_used_ns: host time of the newest sample; None before the first.
+        resumed_ns: host time at which readings came again after none of any lane had come.
         newest: the newest sample, as it came.
         estimate: the newest estimate, of the time of its sample.
         rate_hz: of the samples.
@@ -147,6 +148,7 @@ class Lane:
         self._counted_ns, self._counted = 0, 0
         self._rejected = rejected
         self.last_used_ns: int | None = None
+        self.resumed_ns = 0
         self.newest: ImuSample | None = None
         self.estimate: AttitudeEstimate | None = None
         self.rate_hz = 0.0
@@ -192,8 +194,10 @@ class Lane:
         return self._rests_until_ns is not None
 
     def is_silent(self, t_ns: int) -> bool:
-        """Whether no sample has come for a while."""
-        return self.last_used_ns is None or t_ns - self.last_used_ns > SILENT_NS
+        """Whether no sample has come for a while, although the link carries others."""
+        if self.last_used_ns is None:
+            return True
+        return t_ns - max(self.last_used_ns, self.resumed_ns) > SILENT_NS
 
     def condition(self, t_ns: int, sent: "Lane") -> Condition:
         """What decides whether this lane is sent.
