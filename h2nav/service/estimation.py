@@ -51,6 +51,7 @@ class Estimation:
         self._selection = LaneSelection()
         self._twins: list[tuple[Lane, Lane, Twins]] = []
         self._looked_ns = 0
+        self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
         self.used = 0
@@ -160,6 +161,10 @@ class Estimation:
         outcomes = {}
         if self._first_ns is None:
             self._first_ns = t_ns
+        if t_ns - self._heard_ns > SILENT_NS:
+            for lane in self._lanes:
+                lane.resumed_ns = t_ns
+        self._heard_ns = t_ns
         goes_on = self._newest if self._has_sent else None
         for lane in self._lanes:
             if lane.considers(t_ns, message_id):
@@ -242,11 +247,10 @@ class Estimation:
             return ""
         self._help_spoilt(t_ns)
         sent = self._lane
-        is_silent = sent.is_silent(t_ns)
         switch = self._selection.look(
             t_ns,
             sent.imu,
-            {lane.imu: lane.condition(t_ns, is_only_one=is_silent) for lane in self._lanes},
+            {lane.imu: lane.condition(t_ns, sent) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
 

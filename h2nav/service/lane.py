@@ -102,6 +102,7 @@ class Lane:
         name: of the IMU for people, who count from 1.
         timing: how late the sensors are.
         last_used_ns: host time of the newest sample; None before the first.
+        resumed_ns: host time at which readings came again after none of any lane had come.
         newest: the newest sample, as it came.
         estimate: the newest estimate, of the time of its sample.
         rate_hz: of the samples.
@@ -147,6 +148,7 @@ class Lane:
         self._counted_ns, self._counted = 0, 0
         self._rejected = rejected
         self.last_used_ns: int | None = None
+        self.resumed_ns = 0
         self.newest: ImuSample | None = None
         self.estimate: AttitudeEstimate | None = None
         self.rate_hz = 0.0
@@ -192,17 +194,20 @@ class Lane:
         return self._rests_until_ns is not None
 
     def is_silent(self, t_ns: int) -> bool:
-        """Whether no sample has come for a while."""
-        return self.last_used_ns is None or t_ns - self.last_used_ns > SILENT_NS
+        """Whether no sample has come for a while, although the link carries others."""
+        if self.last_used_ns is None:
+            return True
+        return t_ns - max(self.last_used_ns, self.resumed_ns) > SILENT_NS
 
-    def condition(self, t_ns: int, is_only_one: bool) -> Condition:
+    def condition(self, t_ns: int, sent: "Lane") -> Condition:
         """What decides whether this lane is sent.
 
         Args:
             t_ns: host time.
-            is_only_one: none that is better is left, so that any rate will do.
+            sent: the lane that is sent; where it is silent, any rate will do.
         """
-        has_rate = is_only_one or self.rate_hz >= ENOUGH_RATE * self._wanted_hz
+        enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
+        has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
         may_follow = self.estimate is not None and not self.is_spoilt and has_rate
         return Condition(
             may_follow, self.is_silent(t_ns), self.ratio, self._monitor.ratios.of_field

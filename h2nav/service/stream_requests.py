@@ -156,7 +156,7 @@ class StreamRequests:
         for stream in self._streams:
             trouble = stream.review(t_ns, self._meter)
             if trouble is not None and stream.wish.is_optional:
-                if trouble is not Trouble.CUT or not stream.is_enough:
+                if trouble is not Trouble.CUT or not stream.is_enough(self._needed[0].rate_hz):
                     stream.give_up(t_ns)
             elif trouble is not None and self._unanswered == 0 and t_ns >= self._blames_until_ns:
                 self._tell(t_ns, stream, trouble)
@@ -287,7 +287,7 @@ class StreamRequests:
     def _granted(self, t_ns: int, stream: WishedStream) -> None:
         trouble = stream.granted(t_ns)
         if stream.wish.is_optional:
-            if not stream.is_enough:
+            if not stream.is_enough(self._needed[0].rate_hz):
                 stream.give_up(t_ns)
         elif trouble is Trouble.LOWERED:
             # What limits one message limits all of them.

@@ -151,10 +151,9 @@ class WishedStream:
         """It was asked for and came, and it does not any more."""
         return self.phase is not Phase.HELD and self._has_held
 
-    @property
-    def is_enough(self) -> bool:
-        """The rate is worth an optional stream."""
-        return self.rate_hz >= LEAST_OPTIONAL_SHARE * self.wish.rate_hz
+    def is_enough(self, first_hz: float) -> bool:
+        """The rate is worth an optional stream beside a first one of `first_hz`."""
+        return self.rate_hz >= LEAST_OPTIONAL_SHARE * min(first_hz, self.wish.rate_hz)
 
     @property
     def is_to_be_left(self) -> bool:

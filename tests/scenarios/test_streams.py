@@ -17,16 +17,18 @@ from h2nav.service.stream_requests import MOST_PER_MINUTE
 from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 
 HIGHRES_ID = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
+OPTIONAL = (mavlink.MAVLINK_MSG_ID_SCALED_IMU2, mavlink.MAVLINK_MSG_ID_SCALED_IMU3)
 BATTERY_SWAP = ("power-off@10+100",)
 
 
 def requests(flight, start_s=0.0):
-    """(time s, message id, rate Hz) of every stream that was asked for."""
+    """(time s, message id, rate Hz) of every needed stream that was asked for."""
     return [
         (t_s, int(m.param1), 1e6 / m.param2)
         for t_s, m in flight.seen.sent
         if type(m).__name__ == "COMMAND_LONG"
         and m.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        and m.param1 not in OPTIONAL
         and t_s >= start_s
     ]
 

@@ -148,6 +148,15 @@ def test_a_silent_lane_is_left():
     assert len(sent) >= 75
 
 
+def test_a_gap_of_the_whole_link_is_no_cause():
+    flight = Flight(sends=(SECOND, HIGHRES))
+    flight.run(10.0)
+    flight.tick += 200
+    flight.run(5.0)
+    assert flight.message == HIGHRES
+    assert flight.texts == []
+
+
 def test_highres_of_another_imu_does_not_enter_the_filter():
     flight = Flight()
     flight.run(10.0)
