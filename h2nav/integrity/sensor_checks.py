@@ -1,8 +1,8 @@
 """What can be seen of a sensor by its own values: that it stands still, shakes, or is clipped.
 
 A sensor of three axes that gives the same three values again and again is frozen, where its message
-has the resolution to show its noise. Floats do: in eight flights no triple came twice. Integers of
-1 mrad/s and 1 mg do not: gyros gave the same triple for 43 s on the ground, accelerometers for
+has the resolution to show its noise. Floats do in motion: in eight flights no triple came twice; at
+rest a gyro's own counts may hide its noise. Integers of 1 mrad/s and 1 mg do not: gyros gave the same triple for 43 s on the ground, accelerometers for
 1.65 s in the air. So integers count as frozen only beside a sign of motion.
 """
 
@@ -15,8 +15,9 @@ from h2nav.integrity.stuck_axis import StuckAxes
 from h2nav.maths.units import GRAVITY_M_S2
 
 FROZEN_US = 300_000
-# Of floats, which never repeat: so that a fast turn does not go on for long.
+# Of floats away from rest, which never repeat: so that a fast turn does not go on for long.
 FROZEN_FINE_US = 80_000
+FINE_REPEATS = 4
 # Of integers, where only the flight itself is the sign of motion: 1.65 s were seen in a calm hover
 # of a simulator.
 FROZEN_IN_FLIGHT_US = 3_000_000
@@ -92,8 +93,9 @@ class _Triple:
         return 0 if self._flying_us is None else t_us - self._flying_us
 
     def repeats_fine(self, t_us: int) -> bool:
-        """Values that show every noise have come at least four times."""
-        return self._repeats >= 3 and self.still_us(t_us) >= FROZEN_FINE_US and self.is_fine
+        """Values that show every noise have come some times."""
+        many = self._repeats >= FINE_REPEATS and self.still_us(t_us) >= FROZEN_FINE_US
+        return many and self.is_fine
 
     @property
     def has_moved(self) -> bool:
@@ -191,11 +193,11 @@ class SensorChecks:
 
     def _gyro_is_frozen(self, t_us: int) -> bool:
         gyro = self._gyro
-        if gyro.still_us(t_us) < FROZEN_US:
-            return gyro.repeats_fine(t_us)
-        if gyro.is_fine or gyro.largest > DEAD_ZONE_RAD_S:
-            return True
-        return gyro.flown_us(t_us) >= FROZEN_IN_FLIGHT_US and gyro.has_moved
+        if gyro.largest > DEAD_ZONE_RAD_S:
+            return gyro.still_us(t_us) >= FROZEN_US or gyro.repeats_fine(t_us)
+        # At rest a gyro's own counts may be larger than its noise.
+        least_us = FROZEN_IN_FLIGHT_US // 3 if gyro.is_fine else FROZEN_IN_FLIGHT_US
+        return gyro.flown_us(t_us) >= least_us and gyro.has_moved
 
     def _force_is_frozen(self, t_us: int) -> bool:
         force = self._force
