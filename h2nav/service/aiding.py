@@ -26,6 +26,7 @@ WORST_SIGMA_M_S = 3.0
 STALE_AIRSPEED_NS = 2 * SECOND_NS
 SAME_CLOCK_US = 2_000_000
 FIELD_STEP_DEG = 0.5
+NOWHERE_DEG = 0.01
 # So long a far place must be the only one heard of before the field follows.
 FAR_PLACE_NS = 3 * SECOND_NS
 # Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
@@ -79,7 +80,7 @@ class FieldOfTheEarth:
 
     def at(self, t_ns: int, place: Place) -> EarthField | None:
         """The field where it is new or changed; None otherwise."""
-        if place.latitude_deg == 0.0 and place.longitude_deg == 0.0:
+        if _is_nowhere(place):
             return None
         if self._place is None:
             self._place = Steady(place, FAR_PLACE_NS, _is_near)
@@ -91,6 +92,11 @@ class FieldOfTheEarth:
         fixed = self._settings.declination == "fixed"
         declination_deg = self._settings.declination_deg if fixed else 0.0
         return field._replace(declination_rad=math.radians(declination_deg))
+
+
+def _is_nowhere(place: Place) -> bool:
+    """An autopilot without a fix is at 0 deg N, 0 deg E, or a few metres from there."""
+    return math.hypot(place.latitude_deg, place.longitude_deg) < NOWHERE_DEG
 
 
 def _is_near(place: Place, other: Place) -> bool:

@@ -11,6 +11,9 @@ from typing import NamedTuple
 
 CLEARLY = 0.5  # the other's ratio, of the ratio of the sent one
 LASTING_NS = 500_000_000
+# Beyond the silence that lets another message of the same IMU take over: it goes first, and slow
+# streams come together.
+SILENT_LASTING_NS = 300_000_000
 # A field may be disturbed in passing, and its filter lives on its gyro meanwhile.
 FIELD_LASTING_NS = 2_000_000_000
 GOOD_FIELD = 0.5
@@ -90,7 +93,7 @@ class LaneSelection:
 
 
 _PATIENCE_NS = {
-    Cause.SILENT: 0,
+    Cause.SILENT: SILENT_LASTING_NS,
     Cause.BAD: 0,
     Cause.WORSE: LASTING_NS,
     Cause.COMPASS: FIELD_LASTING_NS,

@@ -23,9 +23,14 @@ def first_switch(*lanes, until_s=60.0):
     return None
 
 
-@pytest.mark.parametrize(("present", "cause"), [(BAD, Cause.BAD), (SILENT, Cause.SILENT)])
-def test_a_bad_or_silent_lane_is_left_at_once(present, cause):
-    assert first_switch(present, GOOD) == (0.0, Switch(1, cause))
+def test_a_bad_lane_is_left_at_once():
+    assert first_switch(BAD, GOOD) == (0.0, Switch(1, Cause.BAD))
+
+
+def test_a_silent_lane_is_left_when_no_other_message_of_its_imu_came():
+    at_s, switch = first_switch(SILENT, GOOD)
+    assert switch == Switch(1, Cause.SILENT)
+    assert at_s == pytest.approx(0.3)
 
 
 def test_a_failing_test_has_to_last():
