@@ -29,7 +29,7 @@ SCALE_SIGMA = 0.01
 # So small a turn is none, whatever field and force do.
 NO_TURN_RATIO = 0.5
 # A gyro turns field and force together: shares of the turn, and of the norm, that they may differ.
-RIGID_SHARE = 0.5
+RIGID_SHARE = 0.25
 RIGID_NORM = 0.1
 # Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
 LARGEST_LEAN_RAD = 15.0 * DEG

@@ -2,8 +2,9 @@
 
 A sensor of three axes that gives the same three values again and again is frozen, where its message
 has the resolution to show its noise. Floats do in motion: in eight flights no triple came twice; at
-rest a gyro's own counts may hide its noise. Integers of 1 mrad/s and 1 mg do not: gyros gave the same triple for 43 s on the ground, accelerometers for
-1.65 s in the air. So integers count as frozen only beside a sign of motion.
+rest a gyro's own counts may hide its noise. Integers of 1 mrad/s and 1 mg do not: gyros gave the
+same triple for 43 s on the ground, accelerometers for 1.65 s in the air. So integers count as
+frozen only beside a sign of motion.
 """
 
 import math
@@ -11,7 +12,7 @@ from enum import Enum
 
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.findings import Alarm, Severity
-from h2nav.integrity.stuck_axis import StuckAxes
+from h2nav.integrity.stuck_axis import Sensor, StuckAxes
 from h2nav.maths.units import GRAVITY_M_S2
 
 FROZEN_US = 300_000
@@ -157,10 +158,10 @@ class SensorChecks:
             self._frozen["accelerometer"] = self._force.still_us(t_us)
         if gyro:
             return Use.NONE
-        is_stuck = self._axes.suspects(sample)
-        if accel:
+        stuck = self._axes.stuck_sensor(sample)
+        if accel or stuck is Sensor.ACCELEROMETER:
             return Use.RATES
-        return Use.DOUBTED if is_stuck else Use.ALL
+        return Use.DOUBTED if stuck is Sensor.GYRO else Use.ALL
 
     def alarms(self) -> list[Alarm]:
         """What is wrong at present."""

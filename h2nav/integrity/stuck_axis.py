@@ -5,6 +5,8 @@ axis is called stuck only when the other two axes of its sensor vary clearly mea
 zero, where truncation makes a dead zone, only when they vary wildly.
 """
 
+from enum import Enum
+
 from h2nav.attitude.samples import ImuSample, Vec3
 
 STUCK_US = 1_000_000
@@ -16,6 +18,13 @@ GYRO_DEAD_ZONE_RAD_S = 0.02
 FORCE_DEAD_ZONE_M_S2 = 0.1
 DEAD_ZONE_FACTOR = 20.0
 _AXES = "xyz"
+
+
+class Sensor(Enum):
+    """Which sensor; the value is its name for people."""
+
+    GYRO = "gyro"
+    ACCELEROMETER = "accelerometer"
 
 
 class _Axes:
@@ -61,14 +70,13 @@ class StuckAxes:
         self._force = _Axes(FORCE_SPAN_M_S2, FORCE_DEAD_ZONE_M_S2)
         self.complaint = ""
 
-    def suspects(self, sample: ImuSample) -> bool:
-        """Takes a sample; whether one of its axes is stuck. `complaint` then names it."""
+    def stuck_sensor(self, sample: ImuSample) -> Sensor | None:
+        """Takes a sample; the sensor of which an axis is stuck. `complaint` then names it."""
         gyro = self._gyro.stuck_axis(sample.t_us, sample.w_b)
         force = self._force.stuck_axis(sample.t_us, sample.f_b)
-        if gyro is None and force is None:
+        sensor, axis = (Sensor.GYRO, gyro) if gyro is not None else (Sensor.ACCELEROMETER, force)
+        if axis is None:
             self.complaint = ""
-            return False
-        sensor, axis = ("gyro", gyro) if gyro is not None else ("accelerometer", force)
-        assert axis is not None
-        self.complaint = f"{sensor} {_AXES[axis]} is stuck"
-        return True
+            return None
+        self.complaint = f"{sensor.value} {_AXES[axis]} is stuck"
+        return sensor

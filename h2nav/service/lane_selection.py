@@ -103,10 +103,10 @@ _PATIENCE_NS = {
 def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
     if not others:
         return None
-    if present.is_silent:
-        return Cause.SILENT
     if math.isinf(present.ratio):
         return Cause.BAD
+    if present.is_silent:
+        return Cause.SILENT
     best = min(found.ratio for found in others.values())
     if present.ratio > 1.0 and best < CLEARLY * present.ratio:
         return Cause.WORSE

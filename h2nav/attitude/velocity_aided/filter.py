@@ -558,7 +558,8 @@ def _tilt_sigma_rad(s: Memory, dtilt_n: Sequence[float], dtilt_e: Sequence[float
         xx, xy, yy = s.p_accel[:]
         for x, y in (s.dtilt_accel_n[:], s.dtilt_accel_e[:]):
             bias += xx * x * x + 2.0 * xy * x * y + yy * y * y
-    return TILT_SHARE * math.sqrt(gain_set + bias + s.extra_tilt_sigma * s.extra_tilt_sigma)
+    unknown = s.extra_tilt_sigma * s.extra_tilt_sigma
+    return TILT_SHARE * math.sqrt(max(gain_set + bias, 0.0) + unknown)
 
 
 def _heading_sigma_rad(s: Memory) -> float:
@@ -567,8 +568,9 @@ def _heading_sigma_rad(s: Memory) -> float:
     Source: docs/filter.md Eq. (48).
     """
     hidden = 0.5 * (s.mag_offset_norm**2 + s.mag_offset_dip**2) + FIELD_OFFSET**2
-    sigma = math.sqrt(HEADING_SHARE**2 * s.heading_variance + hidden / math.cos(s.mag_ref_dip) ** 2)
-    return min(sigma, LOST_HEADING_RAD)
+    # Rounding may leave a variance of nothing a little below it.
+    known = HEADING_SHARE**2 * max(s.heading_variance, 0.0)
+    return min(math.sqrt(known + hidden / math.cos(s.mag_ref_dip) ** 2), LOST_HEADING_RAD)
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

@@ -143,6 +143,8 @@ def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> flo
     s.p_xh = 0.0
     s.p_yh = 0.0
     s.p_zh = 0.0
+    s.p_accel_x[3] = 0.0
+    s.p_accel_y[3] = 0.0
     s.heading_variance = g.heading_variance
     return 0.0
 
@@ -290,4 +292,6 @@ def turn_heading(s: Memory, g: Gains, angle: float) -> None:
     s.p_xh = 0.0
     s.p_yh = 0.0
     s.p_zh = 0.0
+    s.p_accel_x[3] = 0.0
+    s.p_accel_y[3] = 0.0
     s.heading_variance = g.heading_variance

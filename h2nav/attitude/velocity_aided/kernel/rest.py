@@ -6,7 +6,8 @@ Equations: docs/filter.md.
 import math
 
 from ..memory import REST, Gains, Memory, Sample
-from .theta import apply_theta, shrink
+from .aiding import measure_all
+from .theta import apply_theta, measure_theta
 
 SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
@@ -47,9 +48,8 @@ def use_rest(s: Memory, g: Gains, sample: Sample) -> int:
     if s.rest_s < g.rest_time_s:
         return 0
     noise = g.rest_noise / dt
-    measure_bias(s, 0, s.p_xx, s.p_xy, s.p_xz, s.p_xh, s.p_xx + noise)
-    measure_bias(s, 1, s.p_xy, s.p_yy, s.p_yz, s.p_yh, s.p_yy + noise)
-    measure_bias(s, 2, s.p_xz, s.p_yz, s.p_zz, s.p_zh, s.p_zz + noise)
+    for i in range(3):
+        measure_bias(s, i, noise)
     return REST
 
 
@@ -61,15 +61,17 @@ def moves(s: Memory, axis: int, variance: float) -> float:
     return 0.0
 
 
-def measure_bias(
-    s: Memory, axis: int, h0: float, h1: float, h2: float, h3: float, variance: float
-) -> None:
-    """Theta from one axis of the low-passed rate; h is that axis' row of P."""
-    scale = 1.0 / variance
-    e = scale * (s.gyro_lp[axis] - s.gyro_bias[axis])
-    s.dtheta[0] = h0 * e
-    s.dtheta[1] = h1 * e
-    s.dtheta[2] = h2 * e
-    s.dtheta[3] = h3 * e
-    shrink(s, h0, h1, h2, h3, scale)
+def measure_bias(s: Memory, axis: int, noise: float) -> None:
+    """Theta from one axis of the low-passed rate, whose variance is noise."""
+    row = [0.0, 0.0, 0.0, 0.0]
+    row[axis] = 1.0
+    nothing = [0.0, 0.0]
+    for i in range(4):
+        s.dtheta[i] = 0.0
+    innovation = s.gyro_lp[axis] - s.gyro_bias[axis]
+    if s.aided > 0.0:
+        # What theta shares with the accelerometer's bias has to follow.
+        measure_all(s, row, nothing, 0.0, innovation, noise, 0.0)
+    else:
+        measure_theta(s, row, innovation, noise)
     apply_theta(s, 0.0, 0.0)

@@ -62,6 +62,7 @@ def find_in_air(
     s.extra_tilt_sigma = tilt_sigma
     if heading_sigma * heading_sigma < g.heading_variance:
         s.p_xh = s.p_yh = s.p_zh = 0.0
+        s.p_accel_x[3] = s.p_accel_y[3] = 0.0
         s.heading_variance = heading_sigma * heading_sigma
         s.heading_unknown = 0.0
         s.mag_accepted_age_s = 0.0

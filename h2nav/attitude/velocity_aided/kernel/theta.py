@@ -182,5 +182,7 @@ def limit(s: Memory, g: Gains) -> int:
         s.p_xh = c * s.p_xh
         s.p_yh = c * s.p_yh
         s.p_zh = c * s.p_zh
+        s.p_accel_x[3] = c * s.p_accel_x[3]
+        s.p_accel_y[3] = c * s.p_accel_y[3]
         s.heading_variance = g.heading_variance
     return bits

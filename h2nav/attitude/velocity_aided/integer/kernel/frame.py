@@ -158,6 +158,8 @@ def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
     """
     if rests(s, g) > 0:
         use_gain(s)
+        if s.aided > 0:
+            use_accel_gain(s, 0)
     elif s.velocity_use == 2:
         use_gain(s)
         # before the errors of the start have passed they would look like another's

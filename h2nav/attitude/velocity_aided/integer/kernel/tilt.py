@@ -19,8 +19,9 @@ from ..memory import (
     Memory,
     Sample,
 )
+from .aiding import find_spread_of_all
 from .functions import bits_of, limited, logarithm, power2, product
-from .theta import find_gain, forget_sensitivities, limit_heading
+from .theta import find_spread, forget_sensitivities, limit_heading, weigh_gain
 
 MOST_CLIPPED = 53687091  # 0.2 rad, Q28: after clipped samples that may have hidden more, start anew
 ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
@@ -108,7 +109,13 @@ def find_rest_gain(s: Memory, g: Gains) -> None:
     s.jacobian[axis] = 1 << 24
     # two of three axes in a frame: each has the noise of one and a half
     log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
-    find_gain(s, s.jacobian, bias_error(s, axis), g.log_rest_noise - log_time)
+    explained = 0
+    if s.aided > 0:
+        nothing = [0, 0]
+        explained = find_spread_of_all(s, s.jacobian, nothing)
+    else:
+        explained = find_spread(s, s.jacobian)
+    weigh_gain(s, bias_error(s, axis) - explained, g.log_rest_noise - log_time)
 
 
 def restart_tilt(s: Memory, sample: Sample, r: list[I32]) -> None:

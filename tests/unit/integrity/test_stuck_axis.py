@@ -15,7 +15,7 @@ def samples(seconds, gyro_x=None, moving=True):
 def first_suspicion(stream):
     watch = StuckAxes()
     for sample in stream:
-        if watch.suspects(sample):
+        if watch.stuck_sensor(sample):
             return sample.t_us, watch.complaint
     return None
 
@@ -41,7 +41,7 @@ def test_truncated_integers_near_zero_are_not_suspected():
 def test_a_sensor_that_comes_back_is_trusted_again():
     watch = StuckAxes()
     for sample in samples(3.0, gyro_x=0.5):
-        watch.suspects(sample)
+        watch.stuck_sensor(sample)
     assert watch.complaint
-    assert not watch.suspects(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7)))
+    assert not watch.stuck_sensor(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7)))
     assert watch.complaint == ""
