@@ -6,14 +6,12 @@ error that others show, and by how much they have to be opened.
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
-    Quat,
     SensorDelays,
     Trust,
     VehicleState,
@@ -77,6 +75,7 @@ class Monitor:
     """
 
     def __init__(self, name: str, speeds: Speeds) -> None:
+        self._name = name
         self._speeds = speeds
         self._checks = SensorChecks(name)
         self._strapdown = Strapdown()
@@ -91,6 +90,13 @@ class Monitor:
         self._is_confirmed = False
         self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
         self.ratios = InnovationRatios()
+
+    def anew(self) -> "Monitor":
+        """A monitor of the same IMU that has seen no sample: the samples' clock begins anew."""
+        fresh = Monitor(self._name, self._speeds)
+        fresh._vehicle = self._vehicle
+        fresh._field.reference, fresh._field.delay_s = self._field.reference, self._field.delay_s
+        return fresh
 
     def check(self, sample: ImuSample) -> Use:
         """Takes a sample before the filter does; what the filter may do with it."""
@@ -160,25 +166,6 @@ class Monitor:
         self._windows = []
         self.ratios = InnovationRatios()
 
-    def velocity_window(self, length_s: float, q_ns: Quat | None = None) -> Window | None:
-        """Compares the filter's attitude, or another one, with the velocities of a window."""
-        return self._velocity.window(length_s, q_ns)
-
-    @property
-    def strapdown(self) -> Strapdown:
-        """The dead reckoning, for comparisons of other attitudes."""
-        return self._strapdown
-
-    @property
-    def start(self) -> Callable[[float], object]:
-        """Where a window begins; see `VelocityWindows.start`."""
-        return self._velocity.start
-
-    @property
-    def tilt_error_rad(self) -> float:
-        """The tilt error that measurements show, or have shown a moment ago."""
-        return self._tilt_rad
-
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations that do not deny what the measurements show."""
         if self._tilt_rad == 0.0 and self._heading_rad == 0.0:
@@ -187,11 +174,6 @@ class Monitor:
             sigma_tilt_rad=math.hypot(estimate.sigma_tilt_rad, self._tilt_rad),
             sigma_heading_rad=math.hypot(estimate.sigma_heading_rad, self._heading_rad),
         )
-
-    @property
-    def heading_error_rad(self) -> float:
-        """The heading error that measurements show, or have shown a moment ago."""
-        return self._heading_rad
 
     @property
     def velocity_is_false(self) -> bool:
@@ -225,8 +207,8 @@ class Monitor:
         elif field.is_plausible and ratios.field_1s > OPEN_RATIO:
             headings.append(0.5 * abs(field.heading_error_rad))
         keep = math.exp(-dt_s / OPEN_S)
-        self._tilt_rad = min(max(*tilts, 0.0, keep * self._tilt_rad, 0.0), math.pi)
-        self._heading_rad = min(max(*headings, 0.0, keep * self._heading_rad, 0.0), math.pi)
+        self._tilt_rad = min(max(keep * self._tilt_rad, *tilts, 0.0), math.pi)
+        self._heading_rad = min(max(keep * self._heading_rad, *headings, 0.0), math.pi)
 
     @property
     def _field_matters(self) -> bool:
@@ -346,7 +328,7 @@ class Monitor:
             return
         on_ground = self._vehicle.on_ground is True
         level, climb = (GROUND_SPEED_M_S, GROUND_SPEED_M_S) if on_ground else self._speeds
-        north, east, down = change_of_velocity(first, last, first.q_ns)
+        north, east, down = change_of_velocity(first, last)
         inertial = inertial_variance(first, last)
         horizontal = math.hypot(north, east)
         self._force_tilt_rad = horizontal / (GRAVITY_M_S2 * LONG_S)

@@ -10,7 +10,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from h2nav.attitude.samples import Quat, Vec3, VelocityFix
+from h2nav.attitude.samples import Vec3, VelocityFix
 from h2nav.integrity.strapdown import Moment, Strapdown
 from h2nav.maths.quaternion import rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -113,7 +113,7 @@ class VelocityWindows:
         """Whether no velocity is known at present."""
         return not self._marks or t_us - self._marks[-1].moment.t_us > STALE_US
 
-    def start(self, length_s: float) -> Mark | None:
+    def _start(self, length_s: float) -> Mark | None:
         """The mark at which a window of this length begins that ends now; None without one."""
         if not self._marks:
             return None
@@ -124,23 +124,15 @@ class VelocityWindows:
                 return mark if age_s >= LEAST_SHARE * length_s else None
         return None
 
-    def window(self, length_s: float, q_ns: Quat | None = None) -> Window | None:
-        """Compares over a window that ends now.
-
-        Args:
-            length_s: of the window.
-            q_ns: strapdown's frame by another attitude than the filter's, at `start`.
-
-        Returns:
-            None where the marks do not reach back.
-        """
-        start = self.start(length_s)
+    def window(self, length_s: float) -> Window | None:
+        """Compares over a window that ends now; None where the marks do not reach back."""
+        start = self._start(length_s)
         if start is None:
             return None
         end = self._marks[-1]
         first, last = start.moment, end.moment
         t_s = (last.t_us - first.t_us) * 1e-6
-        predicted = change_of_velocity(first, last, first.q_ns if q_ns is None else q_ns)
+        predicted = change_of_velocity(first, last)
         measured = (end.v_n[0] - start.v_n[0], end.v_n[1] - start.v_n[1])
         residual = (measured[0] - predicted[0], measured[1] - predicted[1])
         change_m_s = math.hypot(predicted[0], predicted[1])
@@ -155,10 +147,10 @@ class VelocityWindows:
         return Window(t_s, residual, math.sqrt(variance), math.hypot(*measured))
 
 
-def change_of_velocity(first: Moment, last: Moment, q_ns: Quat) -> Vec3:
-    """What the force between two moments makes of a velocity, NED, m/s."""
+def change_of_velocity(first: Moment, last: Moment) -> Vec3:
+    """What the force between two moments makes of a velocity, NED, m/s, by the attitude before."""
     a, b = first.gained_s, last.gained_s
-    north, east, down = rotate(q_ns, (b[0] - a[0], b[1] - a[1], b[2] - a[2]))
+    north, east, down = rotate(first.q_ns, (b[0] - a[0], b[1] - a[1], b[2] - a[2]))
     return north, east, down + GRAVITY_M_S2 * (last.t_us - first.t_us) * 1e-6
 
 
@@ -174,5 +166,5 @@ def inertial_variance(first: Moment, last: Moment) -> float:
 
 def _acceleration(first: Moment, last: Moment) -> Level:
     t_s = (last.t_us - first.t_us) * 1e-6
-    north, east, _ = change_of_velocity(first, last, first.q_ns)
+    north, east, _ = change_of_velocity(first, last)
     return north / t_s, east / t_s

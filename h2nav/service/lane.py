@@ -326,7 +326,7 @@ class Lane:
         self._filter.restart()
         self._newest_us = None
         self.newest = self.estimate = None
-        self._monitor.restart()
+        self._monitor = self._monitor.anew()
         self._fields.restart()
         self.timing.restart()
         self.is_spoilt = False

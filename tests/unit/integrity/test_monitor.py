@@ -53,7 +53,7 @@ def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
             error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(drive.flight.q_nb[i]))
             down = quaternion.rotate(error, (0.0, 0.0, 1.0))
             tilt = math.atan2(math.hypot(down[0], down[1]), down[2])
-            opened = math.hypot(estimate.sigma_tilt_rad, monitor.tilt_error_rad)
+            opened = monitor.opened(estimate).sigma_tilt_rad
             rows.append((t_s, monitor.alarms(sample.t_us), tilt, opened))
     return rows
 
@@ -127,3 +127,26 @@ def test_a_frozen_imu_is_told_at_once():
     held = flight().flight.samples[4000]
     rows = watched(from_fault(lambda s: s._replace(w_b=held.w_b, f_b=held.f_b)))
     assert 0.0 <= first_alarm(rows, "imu_frozen") < 0.2
+
+
+def test_after_a_reboot_it_watches_as_before():
+    """The samples' clock begins anew, far before the newest sample."""
+    drive = flight()
+    later = with_samples(drive, lambda i, s: s._replace(t_us=s.t_us + 3_600_000_000))
+    monitor, filter_ = Monitor("IMU 1", Speeds(10.0)), new_filter(knows_field=True)
+    monitor.use_vehicle(FLYING)
+    monitor.use_field(FIELD)
+    for sample in later.flight.samples[:2000]:
+        monitor.check(sample)
+        if (estimate := filter_.update(sample)) is not None:
+            monitor.add(sample, estimate)
+    monitor, filter_ = monitor.anew(), new_filter(knows_field=True)
+    for sample in drive.flight.samples[:2000]:
+        monitor.check(sample)
+        if (estimate := filter_.update(sample)) is not None:
+            monitor.add(sample, estimate)
+    assert 0.0 < monitor.ratios.field_10s < 1.0
+    held = drive.flight.samples[2000]
+    for i in range(20):
+        monitor.check(held._replace(t_us=held.t_us + 10_000 * i))
+    assert [alarm.kind for alarm in monitor.alarms(held.t_us)] == ["imu_frozen"]
