@@ -212,8 +212,9 @@ class Monitor:
 
     @property
     def _field_matters(self) -> bool:
-        """A field that contradicts is used, or was never confirmed by anything else."""
-        if not self._tests["field"].is_raised or not self.ratios.of_field > 1.0:
+        """In flight, a field that contradicts is used, or was never confirmed by anything else."""
+        on_ground = self._vehicle.on_ground is True
+        if on_ground or not self._tests["field"].is_raised or not self.ratios.of_field > 1.0:
             return False
         now, used_us = self._strapdown.newest, self._field_used_us
         holds = now is not None and used_us is not None and now.t_us - used_us < FIELD_HOLDS_US

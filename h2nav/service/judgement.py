@@ -3,6 +3,7 @@
 Findings depend on messages and their times alone, so a replay finds the same.
 """
 
+import re
 from collections.abc import Iterable
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from h2nav.service.notices import Tell
 
 PERIOD_NS = SECOND_NS // 5
 TOPIC = "/finding"
+DIGITS = re.compile(r"[0-9]+")
 
 
 class Judged(Protocol):
@@ -51,8 +53,8 @@ class Judgement:
     @property
     def objections(self) -> tuple[Objection, ...]:
         """What makes the attitude that is sent untrustworthy now."""
-        wrong = [alarm for alarm in self._findings.open if alarm.degrades]
-        return tuple(Objection(f"{alarm.kind} {alarm.source}", alarm.told) for alarm in wrong)
+        wrong = [alarm.told for alarm in self._findings.open if alarm.degrades]
+        return tuple(Objection(DIGITS.sub("#", told), told) for told in wrong)
 
     def look(self, t_ns: int) -> list[Effect]:
         """A message has come; reports what is wrong since it."""
