@@ -12,8 +12,6 @@ from collections import deque
 from enum import Enum
 from typing import NamedTuple
 
-import numpy as np
-
 from h2nav.attitude.samples import ImuSample, VelocityFix
 from h2nav.maths.quaternion import Quat, Vec3, rotate
 
@@ -33,8 +31,8 @@ WORST_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
 FITS = 3
 # What is known beforehand: neither attitude is preferred; receivers are late by 0 to 0.2 s.
-EXPECTED = np.array([0.5, 0.5, 0.1])
-EXPECTED_SIGMA = np.array([2.0, 2.0, 0.1])
+EXPECTED = (0.5, 0.5, 0.1)
+EXPECTED_SIGMA = (2.0, 2.0, 0.1)
 # An accelerometer's bias that looks like a tilt.
 FORCE_BIAS_M_S2 = 0.1
 DECIDED = 3.0  # deviations
@@ -200,28 +198,69 @@ class VelocityWitness:
         self.verdicts = _verdicts(self._windows)
 
 
+class _Fit(NamedTuple):
+    """What the windows demand: shares of tilt and heading, and the latency, s.
+
+    Attributes:
+        found: the three.
+        variances: of them.
+        sigma_m_s: of what is left of a change of velocity.
+    """
+
+    found: Vec3
+    variances: Vec3
+    sigma_m_s: float
+
+
 def _verdicts(windows: deque[_Window]) -> Verdicts:
     if len(windows) < LEAST_WINDOWS:
         return Verdicts()
-    missing = np.array([window.missing for window in windows]).ravel()
-    causes = np.array([window[1:] for window in windows]).transpose(0, 2, 1).reshape(-1, 3)
-    certainty = EXPECTED_SIGMA**-2
-    sigma = FIRST_SIGMA_M_S
+    rows = [
+        ((window.by_tilt[i], window.by_heading[i], window.by_latency[i]), window.missing[i])
+        for window in windows
+        for i in (0, 1)
+    ]
+    sigma_m_s = FIRST_SIGMA_M_S
     for _ in range(FITS):
-        information = causes.T @ causes / sigma**2 + np.diag(certainty)
-        covariance = np.linalg.inv(information)
-        found = covariance @ (causes.T @ missing / sigma**2 + certainty * EXPECTED)
-        rest = missing - causes @ found
-        sigma = max(math.sqrt(float(rest @ rest) / len(rest)), LEAST_SIGMA_M_S)
-    if sigma > WORST_SIGMA_M_S:
+        fit = _fit(rows, sigma_m_s)
+        sigma_m_s = fit.sigma_m_s
+    if sigma_m_s > WORST_SIGMA_M_S:
         return Verdicts()
-    tilt_m_s = math.sqrt(float(np.mean(np.sum(causes[:, 0].reshape(-1, 2) ** 2, axis=1))))
+    tilt_m_s = math.sqrt(sum(causes[0] ** 2 for causes, _ in rows) / len(windows))
     bias_m_s = FORCE_BIAS_M_S2 * WINDOW_US * 1e-6
     by_bias = bias_m_s / tilt_m_s if tilt_m_s > 0.0 else math.inf
     return Verdicts(
-        _verdict(found[0], math.hypot(math.sqrt(covariance[0, 0]), by_bias)),
-        _verdict(found[1], math.sqrt(covariance[1, 1])),
+        _verdict(fit.found[0], math.hypot(math.sqrt(fit.variances[0]), by_bias)),
+        _verdict(fit.found[1], math.sqrt(fit.variances[1])),
     )
+
+
+def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
+    """Weighs the windows against what is known beforehand; least squares in three unknowns."""
+    weight = sigma_m_s**-2
+    known = [sigma**-2 for sigma in EXPECTED_SIGMA]
+    a, b, c = (
+        [weight * sum(causes[i] * causes[j] for causes, _ in rows) for j in range(3)]
+        for i in range(3)
+    )
+    a[0], b[1], c[2] = a[0] + known[0], b[1] + known[1], c[2] + known[2]
+    right = [
+        weight * sum(causes[i] * missing for causes, missing in rows) + known[i] * EXPECTED[i]
+        for i in range(3)
+    ]
+    # The inverse of a symmetric matrix of three: its cofactors over its determinant.
+    xx, xy, xz = b[1] * c[2] - b[2] ** 2, a[2] * b[2] - a[1] * c[2], a[1] * b[2] - a[2] * b[1]
+    yy, yz, zz = a[0] * c[2] - a[2] ** 2, a[1] * a[2] - a[0] * b[2], a[0] * b[1] - a[1] ** 2
+    det = a[0] * xx + a[1] * xy + a[2] * xz
+    x, y, z = (
+        (p * right[0] + q * right[1] + r * right[2]) / det
+        for p, q, r in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    )
+    left = sum(
+        (missing - x * causes[0] - y * causes[1] - z * causes[2]) ** 2 for causes, missing in rows
+    )
+    sigma_m_s = max(math.sqrt(left / len(rows)), LEAST_SIGMA_M_S)
+    return _Fit((x, y, z), (xx / det, yy / det, zz / det), sigma_m_s)
 
 
 def _verdict(share: float, sigma: float) -> Verdict:

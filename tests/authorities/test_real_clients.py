@@ -210,7 +210,7 @@ def test_mavproxy_and_we_believe_each_others_signatures(tmp_path):
         signed_daemon(tmp_path, port),
         mavproxy(port, tmp_path, sign + ASK_US) as until,
     ):
-        until(f"Detected vehicle 1:{OUR_COMPONENT} ", "AP: h2nav: no_autopilot", "Received 2 param")
+        until(f"Detected vehicle 1:{OUR_COMPONENT} ", "AP: h2nav: no_autopilot", "Received 5 param")
 
 
 @pytest.mark.parametrize("sign", ["", "signing key another-passphrase; "])

@@ -62,7 +62,9 @@ class Listener:
         self._filter: AttitudeFilter | None = None
 
     def filter_for(self, identity: Identity) -> "Listener":
-        """Makes the filter of a vehicle."""
+        """Makes the filter of a vehicle; of further IMUs another one, which nobody asks."""
+        if identity is self.identity:
+            return Listener(self._make).filter_for(identity)
         self.identity = identity
         self._begin_stretch()
         self._filter = None if self._make is None else self._make(identity)
