@@ -37,7 +37,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 # Errors that measurements show open the deviations from this ratio on, and for so long after.
 OPEN_RATIO = 0.5
 OPEN_S = 10.0
-SURE_S = 5.0
+SURE_S = 2.0
 # So long gyro and field have to agree after a velocity began to contradict: two of their rows.
 BLAME_S = 2.5
 # Velocities that are not measured: on the ground, and of any vehicle up and down.
@@ -189,7 +189,7 @@ class Monitor:
     def _open(self, dt_s: float) -> None:
         """Takes the errors that measurements show now."""
         ratios, field = self.ratios, self._field
-        # A short window shows a large angle for a small velocity: it has to fail.
+        # The shortest window shows a large angle for a small velocity: it has to fail.
         tilts = [
             window.tilt_rad
             for window in self._windows

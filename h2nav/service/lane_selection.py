@@ -13,7 +13,7 @@ CLEARLY = 0.5  # the other's ratio, of the ratio of the sent one
 LASTING_NS = 500_000_000
 # Beyond the silence that lets another message of the same IMU take over: it goes first, and slow
 # streams come together.
-SILENT_LASTING_NS = 300_000_000
+SILENT_LASTING_NS = 100_000_000
 # A field may be disturbed in passing, and its filter lives on its gyro meanwhile.
 FIELD_LASTING_NS = 2_000_000_000
 GOOD_FIELD = 0.5

@@ -30,7 +30,7 @@ def test_a_bad_lane_is_left_at_once():
 def test_a_silent_lane_is_left_when_no_other_message_of_its_imu_came():
     at_s, switch = first_switch(SILENT, GOOD)
     assert switch == Switch(1, Cause.SILENT)
-    assert at_s == pytest.approx(0.3)
+    assert at_s == pytest.approx(0.1)
 
 
 def test_a_failing_test_has_to_last():
