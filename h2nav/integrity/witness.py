@@ -13,7 +13,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Alarm, Severity
 from h2nav.integrity.velocity_witness import Integrated, VelocityWitness, Verdict, Verdicts
-from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize
+from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize, tilt_and_heading
 
 CLOCK_WRAP_US = (1 << 32) * 1000
 PAST_US = 1_000_000
@@ -79,7 +79,7 @@ class Comparison(NamedTuple):
     verdicts: Verdicts
 
 
-class _Lasting:
+class _Spell:
     """How long something has been so, interruptions of `PAUSE_US` included."""
 
     def __init__(self) -> None:
@@ -105,7 +105,7 @@ class _Disagreement:
         quality = QUALITIES[source]
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
         self._least_rad = max(BEYOND * sigma_rad, LEAST_RAD)
-        self._lasting, self._beyond = _Lasting(), _Lasting()
+        self._lasting, self._beyond = _Spell(), _Spell()
         self._is_told = False
         self._alarm: Alarm | None = None
 
@@ -171,11 +171,8 @@ class _Reporter:
 
     def compare(self, ours: AttitudeEstimate, q_nb: Quat) -> Comparison:
         """Another attitude at the time of ours."""
-        w, x, y, z = turn_n = multiply(q_nb, conjugate(ours.q_nb))
-        if w < 0.0:
-            w, z = -w, -z
-        tilt_rad = 2.0 * math.atan2(math.hypot(x, y), math.hypot(w, z))
-        heading_rad = 2.0 * math.atan2(z, w)
+        turn_n = multiply(q_nb, conjugate(ours.q_nb))
+        tilt_rad, heading_rad = tilt_and_heading(turn_n)
         self.velocity.differs(ours.t_us, turn_n, heading_rad)
         quality = QUALITIES[self.source]
         by_time_rad = math.hypot(*ours.w_b) * quality.time_s

@@ -112,6 +112,23 @@ def angle(p: Quat, q: Quat) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
+def tilt_and_heading(turn_n: Quat) -> tuple[float, float]:
+    """A turn in north, east, down as the tilt that is left when heading is free, and the heading.
+
+    Args:
+        turn_n: from one attitude to another, ``q_nb conj(p_nb)``.
+
+    Returns:
+        Tilt, 0 to pi rad, and heading, -pi to pi rad, positive to the right.
+
+    Source: docs/filter.md Eq. (29).
+    """
+    w, x, y, z = turn_n
+    if w < 0.0:
+        w, z = -w, -z
+    return 2.0 * math.atan2(math.hypot(x, y), math.hypot(w, z)), 2.0 * math.atan2(z, w)
+
+
 def to_matrix(q: Quat) -> Matrix3:
     """Rows of the rotation matrix, ``R_nb`` for ``q_nb``. Source: docs/derivation.md Eq. (1.3)."""
     w, x, y, z = q

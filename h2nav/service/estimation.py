@@ -9,7 +9,7 @@ from h2nav.attitude.lead import led
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.maths.quaternion import conjugate, log, multiply, rotate
+from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
@@ -311,6 +311,5 @@ def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan
-    q, p = led(one, (other.t_us - one.t_us) * 1e-6).q_nb, other.q_nb
-    down = rotate(multiply(q, conjugate(p)), (0.0, 0.0, 1.0))
-    return math.atan2(math.hypot(down[0], down[1]), down[2]), log(multiply(q, conjugate(p)))[2]
+    q = led(one, (other.t_us - one.t_us) * 1e-6).q_nb
+    return tilt_and_heading(multiply(q, conjugate(other.q_nb)))

@@ -40,3 +40,14 @@ def test_log_does_not_need_unit_length() -> None:
 def test_half_turns_come_back_from_their_matrix(axis: quaternion.Vec3) -> None:
     q = (0.0, *axis)
     assert quaternion.from_matrix(quaternion.to_matrix(q)) == pytest.approx(q, abs=1e-15)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("tilt", "about", "heading"), [(0.3, 0.4, 0.5), (0.01, 2.0, -3.0), (1.5, -2.0, 0.0)]
+)
+def test_a_turn_is_a_tilt_after_a_heading(sign, tilt, about, heading):
+    axis = (tilt * math.cos(about), tilt * math.sin(about), 0.0)
+    turn = quaternion.multiply(quaternion.exp(axis), quaternion.exp((0.0, 0.0, heading)))
+    found = quaternion.tilt_and_heading(tuple(sign * part for part in turn))
+    assert found == pytest.approx((tilt, heading))
