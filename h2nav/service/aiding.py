@@ -7,8 +7,6 @@ LOCAL_POSITION_NED is the estimator's, used only on request. Position and date g
 import math
 from collections.abc import Callable
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.integrity.witness import Witness
 from h2nav.service.autopilot import Autopilot
@@ -32,7 +30,6 @@ FAR_PLACE_NS = 3 * SECOND_NS
 # Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
 MOST_FIXES_PER_S = 50.0
 FIXES_AT_ONCE = 50
-FIXED_WING_TYPES = frozenset({mavlink.MAV_TYPE_FIXED_WING})
 
 
 def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
@@ -153,7 +150,7 @@ class Aiding:
     def on_airspeed(self, t_ns: int, measured: Airspeed) -> list[Effect]:
         """Airspeed is used for fixed wings only, which fly along their nose."""
         identity = self._autopilot.identity
-        flies_forward = identity is not None and identity.vehicle_type in FIXED_WING_TYPES
+        flies_forward = identity is not None and identity.is_fixed_wing
         usable = measured.airspeed_m_s is not None and self._settings.airspeed and flies_forward
         if usable and self._airspeeds.allows(t_ns):
             self._airspeed_m_s = measured.airspeed_m_s

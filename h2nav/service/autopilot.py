@@ -52,6 +52,11 @@ class Identity(NamedTuple):
         return self.system_id, self.component_id
 
     @property
+    def is_fixed_wing(self) -> bool:
+        """Whether the vehicle flies along its nose."""
+        return bool(self.vehicle_type == mavlink.MAV_TYPE_FIXED_WING)
+
+    @property
     def description(self) -> str:
         """Such as ``ArduPilot quadrotor 1/1``."""
         names = mavlink.enums["MAV_AUTOPILOT"], mavlink.enums["MAV_TYPE"]

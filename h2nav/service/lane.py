@@ -5,8 +5,6 @@ from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
@@ -60,8 +58,9 @@ ENOUGH_RATE = 0.5
 # The bias counts as known that was there so long before anything was seen to be wrong.
 BIAS_NS = 5 * SECOND_NS
 CALM_RATIO = 0.5
-FLYING_SPEED = Speeds(30.0)
-OTHER_SPEED = Speeds(15.0)
+# Fast for a vehicle of its kind, so that wind and a dive are no fault.
+FIXED_WING_SPEEDS = Speeds(30.0)
+OTHER_SPEEDS = Speeds(15.0)
 NO_VEC3: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -126,8 +125,8 @@ class Lane:
         self._wanted_hz = settings.imu_rate_hz
         self._choice = ImuChoice(message_ids)
         self._fields = FieldSource(identity.autopilot, lends=settings.imu_message == "auto")
-        is_plane = identity.vehicle_type == mavlink.MAV_TYPE_FIXED_WING
-        self._monitor = Monitor(self.name, FLYING_SPEED if is_plane else OTHER_SPEED)
+        speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
+        self._monitor = Monitor(self.name, speeds)
         self._ends = RangeEnds()
         self.timing = SensorTiming(settings)
         self.timing.begin(identity)
