@@ -1,8 +1,9 @@
 """One attitude watched: its sensors, and what velocity, field and gravity say of it.
 
 The monitor sees what the filter sees and what the filter makes of it, and has an arithmetic of its
-own; nothing of it goes back into the filter. It tells when the filter's own deviations deny an
-error that others show, and by how much they have to be opened.
+own. It tells when the filter's own deviations deny an error that others show, and by how much they
+have to be opened. Nothing of that goes back into the filter; only what is no measurement at all,
+samples of a frozen sensor and velocities that IMU and field contradict, is not to be given to it.
 """
 
 import math
@@ -14,6 +15,7 @@ from h2nav.attitude.samples import (
     ImuSample,
     SensorDelays,
     Trust,
+    Vec3,
     VehicleState,
     VelocityFix,
 )
@@ -83,7 +85,7 @@ class Monitor:
         self._field = FieldWindows(self._strapdown)
         self._vehicle = VehicleState()
         self._forces_us = 0
-        self._force_tilt_rad = 0.0
+        self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._windows: list[Window] = []
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
@@ -197,7 +199,7 @@ class Monitor:
         ]
         headings = []
         if ratios.force_10s > OPEN_RATIO:
-            tilts.append(self._force_tilt_rad)
+            tilts.append(math.hypot(*self._change_n[:2]) / (GRAVITY_M_S2 * LONG_S))
         if ratios.of_turn > OPEN_RATIO:
             turn = field.turn(10)[0]
             tilts.append(turn)
@@ -246,45 +248,24 @@ class Monitor:
         )
         if self.velocity_is_false:
             evidence += "; gyro and field agree, so the velocity is false and is not used"
-        return Alarm(
-            "attitude_velocity",
-            "GPS",
-            Severity.ERROR,
-            tilt,
-            "deg",
-            "attitude contradicts velocity",
-            evidence,
-            degrades=True,
-            since_s=since_s,
-        )
+        text = "attitude contradicts velocity"
+        return _error("attitude_velocity", "GPS", tilt, text, evidence, since_s)
 
     def _force_alarm(self, since_s: float) -> Alarm:
-        tilt = self._force_tilt_rad / DEG
-        return Alarm(
-            "attitude_gravity",
-            "IMU",
-            Severity.ERROR,
-            tilt,
-            "deg",
-            "attitude contradicts gravity",
-            f"the force of 10 s would move the vehicle away: {tilt:.0f} deg",
-            degrades=True,
-            since_s=since_s,
+        north, east, down = self._change_n
+        tilt = math.hypot(north, east) / (GRAVITY_M_S2 * LONG_S) / DEG
+        evidence = (
+            f"the force of {LONG_S:.0f} s would give {math.hypot(north, east):.0f} m/s sideways "
+            f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
         )
+        text = "attitude contradicts gravity"
+        return _error("attitude_gravity", "IMU", tilt, text, evidence, since_s)
 
     def _turn_alarm(self, since_s: float) -> Alarm:
         turn = self._field.turn(10)[0] / DEG
-        return Alarm(
-            "gyro_field",
-            "gyro",
-            Severity.ERROR,
-            turn,
-            "deg",
-            "gyro contradicts field and gravity",
-            f"by the gyro, both have turned by {turn:.0f} deg in space in 10 s",
-            degrades=True,
-            since_s=since_s,
-        )
+        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in 10 s"
+        text = "gyro contradicts field and gravity"
+        return _error("gyro_field", "gyro", turn, text, evidence, since_s)
 
     def _field_alarm(self, since_s: float) -> Alarm:
         field = self._field
@@ -329,10 +310,9 @@ class Monitor:
             return
         on_ground = self._vehicle.on_ground is True
         level, climb = (GROUND_SPEED_M_S, GROUND_SPEED_M_S) if on_ground else self._speeds
-        north, east, down = change_of_velocity(first, last)
+        north, east, down = self._change_n = change_of_velocity(first, last)
         inertial = inertial_variance(first, last)
         horizontal = math.hypot(north, east)
-        self._force_tilt_rad = horizontal / (GRAVITY_M_S2 * LONG_S)
         self.ratios = self.ratios._replace(
             force_10s=max(
                 horizontal / (GATE * math.sqrt(2.0 * level * level + inertial)),
@@ -351,3 +331,10 @@ class Monitor:
             self.ratios = self.ratios._replace(
                 field_1s=nothing, field_10s=nothing, turn_1s=nothing, turn_10s=nothing
             )
+
+
+def _error(
+    kind: str, source: str, size_deg: float, text: str, evidence: str, since_s: float
+) -> Alarm:
+    """An alarm that makes the attitude untrustworthy."""
+    return Alarm(kind, source, Severity.ERROR, size_deg, "deg", text, evidence, True, since_s)

@@ -22,6 +22,7 @@ FINE_REPEATS = 4
 # Of integers, where only the flight itself is the sign of motion: 1.65 s were seen in a calm hover
 # of a simulator.
 FROZEN_IN_FLIGHT_US = 3_000_000
+FROZEN_FINE_IN_FLIGHT_US = 1_000_000
 COMPASS_FROZEN_US = 1_000_000
 # Rates below this may be the dead zone of truncated integers.
 DEAD_ZONE_RAD_S = 0.02
@@ -197,7 +198,7 @@ class SensorChecks:
         if gyro.largest > DEAD_ZONE_RAD_S:
             return gyro.still_us(t_us) >= FROZEN_US or gyro.repeats_fine(t_us)
         # At rest a gyro's own counts may be larger than its noise.
-        least_us = FROZEN_IN_FLIGHT_US // 3 if gyro.is_fine else FROZEN_IN_FLIGHT_US
+        least_us = FROZEN_FINE_IN_FLIGHT_US if gyro.is_fine else FROZEN_IN_FLIGHT_US
         return gyro.flown_us(t_us) >= least_us and gyro.has_moved
 
     def _force_is_frozen(self, t_us: int) -> bool:

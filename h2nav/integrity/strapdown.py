@@ -6,16 +6,21 @@ was gained from then on into north, east, down. So one integration, a few dozen 
 sample, serves windows of every length and the attitude of every estimator.
 """
 
+import math
 from collections import deque
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Quat, Vec3
 from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, normalize, rotate
+from h2nav.maths.units import DEG
 
 SPACING_US = 50_000
 LENGTH_US = 12_000_000
 # After a gap of more nobody knows what the sensors would have shown.
 LONGEST_GAP_US = 300_000
+# Of an attitude whose filter predicts no deviation.
+ASSUMED_TILT_RAD = 2.0 * DEG
+ASSUMED_HEADING_RAD = 5.0 * DEG
 
 
 class Moment(NamedTuple):
@@ -26,8 +31,8 @@ class Moment(NamedTuple):
         q_sb: turn since the start.
         gained_s: integral of the specific force, m/s, in the axes of the start.
         q_ns: frame of the start in north, east, down, by the estimate of this time.
-        sigma_tilt_rad: of that estimate.
-        sigma_heading_rad: of that estimate.
+        sigma_tilt_rad: of that estimate; assumed where its filter predicts none.
+        sigma_heading_rad: the same.
         path_rad: angle turned through, whatever its direction.
     """
 
@@ -102,8 +107,16 @@ def _moment(
     t_us: int, q_sb: Quat, gained_s: Vec3, estimate: AttitudeEstimate, path_rad: float
 ) -> Moment:
     q_ns = multiply(estimate.q_nb, conjugate(q_sb))
-    sigmas = estimate.sigma_tilt_rad, estimate.sigma_heading_rad
-    return Moment(t_us, q_sb, gained_s, q_ns, *sigmas, path_rad)
+    tilt_rad, heading_rad = estimate.sigma_tilt_rad, estimate.sigma_heading_rad
+    return Moment(
+        t_us,
+        q_sb,
+        gained_s,
+        q_ns,
+        ASSUMED_TILT_RAD if math.isnan(tilt_rad) else tilt_rad,
+        ASSUMED_HEADING_RAD if math.isnan(heading_rad) else heading_rad,
+        path_rad,
+    )
 
 
 def _between(before: Moment, after: Moment, t_us: int) -> Moment:

@@ -536,7 +536,10 @@ class Service:
         return [] if request is None else [self._send(request)]
 
     def _report(self, t_ns: int) -> list[Effect]:
-        effects: list[Effect] = [Record("/health", self.health)]
+        effects: list[Effect] = [
+            Record("/health", self.health),
+            Record("/ratios", self._estimation.ratios),
+        ]
         effects += [Record("/lanes", record) for record in self._estimation.lane_records()]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))

@@ -16,7 +16,7 @@ from velocity_flights import (
     with_turned_field,
 )
 
-from h2nav.attitude.samples import VelocityFix
+from h2nav.attitude.samples import AttitudeEstimate, Trust, VelocityFix
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.maths import quaternion
@@ -150,3 +150,28 @@ def test_after_a_reboot_it_watches_as_before():
     for i in range(20):
         monitor.check(held._replace(t_us=held.t_us + 10_000 * i))
     assert [alarm.kind for alarm in monitor.alarms(held.t_us)] == ["imu_frozen"]
+
+
+def test_a_filter_without_deviations_of_its_own_is_watched_as_well():
+    """As `two_stage` and `constant_gain`; its attitude is wrong by 30 deg from the fault on."""
+    drive, monitor = flight(), Monitor("IMU 1", Speeds(10.0))
+    monitor.use_vehicle(FLYING)
+    monitor.use_field(FIELD)
+    wrong = quaternion.from_euler(30.0 * DEG, 0.0, 0.0)
+    raised = []
+    for i, (sample, q_nb) in enumerate(zip(drive.flight.samples, drive.flight.q_nb, strict=True)):
+        t_s = sample.t_us * 1e-6
+        told = quaternion.multiply(wrong, q_nb) if t_s >= FAULT_S else q_nb
+        rate = tuple(w - b for w, b in zip(sample.w_b, drive.flight.bias_b, strict=True))
+        nothing = (0.0, 0.0, 0.0)
+        estimate = AttitudeEstimate(
+            sample.t_us, told, rate, drive.flight.bias_b, nothing, math.nan, Trust.ALIGNED
+        )
+        monitor.check(sample)
+        monitor.add(sample, estimate)
+        if i % PERIOD == 0:
+            monitor.fix(VelocityFix(sample.t_us, drive.v_n[i], 0.3))
+            kinds = [alarm.kind for alarm in monitor.alarms(sample.t_us)]
+            raised += [t_s] if "attitude_velocity" in kinds else []
+            assert math.isnan(monitor.opened(estimate).sigma_tilt_rad)
+    assert 0.0 <= raised[0] - FAULT_S < 8.0
