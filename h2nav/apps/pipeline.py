@@ -57,6 +57,16 @@ class Watcher(Protocol):
         """The service has something to report."""
 
 
+class Observer(Protocol):
+    """Somebody who looks at more: what an importer says, and all that the service writes down."""
+
+    def message(self, t_ns: int, message: Message) -> None:
+        """A typed record came from a log that the autopilot wrote itself."""
+
+    def record(self, t_ns: int, topic: str, record: object) -> None:
+        """The service writes down something else than samples and estimates."""
+
+
 class Outlets(NamedTuple):
     """Where the effects go.
 
@@ -66,12 +76,14 @@ class Outlets(NamedTuple):
         send: puts a frame on the link; None where nobody listens (replay).
         recorder: the log; None without one.
         watcher: who looks on.
+        observer: who looks at more; None = nobody.
     """
 
     unix_ns: Callable[[int], int]
     send: Callable[[bytes], object] | None
     recorder: Recorder | None
     watcher: Watcher
+    observer: Observer | None = None
 
 
 def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
@@ -119,7 +131,7 @@ class Pipeline:
         self._component_id = component_id
         self._system_id = service.system_id
         self._encoder = self._new_encoder()
-        self._unix_ns, self._send, self._recorder, self._watcher = outlets
+        self._unix_ns, self._send, self._recorder, self._watcher, self._observer = outlets
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
         self._timer_ns = 0
@@ -161,6 +173,17 @@ class Pipeline:
         """
         self._record_stream(t_ns, data)
         self._process(t_ns, frames, t_ns)
+
+    def imported(self, envelope: Envelope, message: Message) -> None:
+        """Takes an event of a log that the autopilot wrote itself."""
+        t_ns = envelope.t_ns
+        if self._observer is not None:
+            self._observer.message(t_ns, message)
+        try:
+            if self.service.heeds(envelope):
+                self._carry_out(t_ns, self.service.on_message(envelope, message))
+        except Exception as error:
+            self._fault(t_ns, message_name(envelope.message_id), error)
 
     def _record_stream(self, t_ns: int, data: bytes) -> None:
         if self._recorder is not None:
@@ -251,6 +274,8 @@ class Pipeline:
             elif isinstance(effect, Send):
                 self._send_message(t_ns, effect)
             elif isinstance(effect, Record):
+                if self._observer is not None:
+                    self._observer.record(t_ns, effect.topic, effect.record)
                 self._log(t_ns, effect.topic, effect.record, effect.t_us)
             else:
                 self._say(t_ns, effect)

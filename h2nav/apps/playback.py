@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,8 +11,9 @@ from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import VEHICLE_CLASSES, FilterFactory
 from h2nav.apps.log_contents import RecordedInputs, inputs_of
-from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
+from h2nav.apps.pipeline import Observer, Outlets, Pipeline, Watcher
 from h2nav.errors import BadInput
+from h2nav.flightlogs.imported import ImportedLog
 from h2nav.io.deframer import Deframer
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
@@ -20,6 +21,7 @@ from h2nav.io.recordings import Recording
 from h2nav.service.lane import FilterFor
 from h2nav.service.service import Service, Surroundings
 
+Source = Recording | ImportedLog
 TICK_NS = 100_000_000
 # After so long a silence there is nothing more that the service could report.
 SILENCE_NS = 60_000_000_000
@@ -87,7 +89,7 @@ class Inputs(NamedTuple):
     whole_frames: bool
 
 
-def inputs_for(recording: Recording, wished: Wishes) -> Inputs:
+def inputs_for(recording: Source, wished: Wishes) -> Inputs:
     """Configuration and gains: the recording's own, unless somebody wishes otherwise.
 
     Raises:
@@ -109,11 +111,11 @@ def inputs_for(recording: Recording, wished: Wishes) -> Inputs:
     return Inputs(chosen, filters, date_of(recording, recorded), False, whole_frames)
 
 
-def date_of(recording: Recording, recorded: RecordedInputs | None) -> float:
+def date_of(recording: Source, recorded: RecordedInputs | None) -> float:
     """The date to begin with, UNIX seconds; today's where the recording has none."""
     if recorded is not None:
         return recorded.unix_s
-    return time.time() if recording.times_are_synthetic else recording.unix_start_ns * 1e-9
+    return recording.unix_start_ns * 1e-9 or time.time()
 
 
 def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
@@ -137,8 +139,10 @@ def fusing_gps(chosen: Configuration, is_wanted: bool) -> Configuration:
     return dataclasses.replace(chosen, aiding=aiding)
 
 
-def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
+def _recorded(recording: Source, *, has_own: bool) -> RecordedInputs | None:
     """What the recording's own run worked with; who brings inputs does without unusable ones."""
+    if isinstance(recording, ImportedLog):
+        return None
     try:
         return inputs_of(recording)
     except BadInput:
@@ -148,11 +152,12 @@ def _recorded(recording: Recording, *, has_own: bool) -> RecordedInputs | None:
 
 
 def pipeline_for(
-    recording: Recording,
+    recording: Source,
     inputs: Inputs,
     recorder: Recorder | None,
     watcher: Watcher,
     filter_for: FilterFor | None = None,
+    observer: Observer | None = None,
 ) -> Pipeline:
     """The daemon's pipeline, which asks nobody and sends nothing.
 
@@ -162,6 +167,7 @@ def pipeline_for(
         recorder: the log; None = no log.
         watcher: who looks on.
         filter_for: makes the filter instead of those of the inputs.
+        observer: who looks at more.
     """
     offset_ns = recording.unix_offset_ns
     settings = inputs.configuration.service
@@ -172,7 +178,7 @@ def pipeline_for(
             filter_for or inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns
         ),
     )
-    outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher)
+    outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher, observer)
     return Pipeline(service, inputs.configuration.output.component_id, outlets)
 
 
@@ -188,7 +194,7 @@ class Playback:
         span_ns: from the first arrival to the newest one.
     """
 
-    def __init__(self, recording: Recording, *, whole_frames: bool) -> None:
+    def __init__(self, recording: Source, *, whole_frames: bool) -> None:
         self.deframer = Deframer()
         self.span_ns = 0
         self._recording = recording
@@ -204,6 +210,9 @@ class Playback:
             before: is told the time (ns) of each arrival before the pipelines are.
         """
         first_ns = before_ns = None
+        if isinstance(self._recording, ImportedLog):
+            yield from self._imported(self._recording, pipelines, before)
+            return
         for t_ns, data in self._recording.received():
             if first_ns is None or before_ns is None:
                 first_ns = before_ns = t_ns
@@ -224,5 +233,27 @@ class Playback:
             for pipeline in pipelines:
                 pipeline.tick(t_ns)
                 pipeline.replayed(t_ns, data, frames)
+            self.span_ns = t_ns - first_ns
+            yield t_ns
+
+    def _imported(
+        self,
+        log: ImportedLog,
+        pipelines: Sequence[Pipeline],
+        before: Callable[[int], object] | None,
+    ) -> Iterator[int]:
+        """The same of a log whose events are no bytes."""
+        first_ns: int | None = None
+        for envelope, message in log.events():
+            t_ns = envelope.t_ns
+            if first_ns is None:
+                first_ns = t_ns
+                for pipeline in pipelines:
+                    pipeline.link(t_ns, True)
+            if before is not None:
+                before(t_ns)
+            for pipeline in pipelines:
+                pipeline.tick(t_ns)
+                pipeline.imported(envelope, message)
             self.span_ns = t_ns - first_ns
             yield t_ns

@@ -67,6 +67,8 @@ class Recording:
     @property
     def unix_start_ns(self) -> int:
         """UNIX time of the first arrival; 0 for a recording without arrivals or without times."""
+        if self.times_are_synthetic:
+            return 0
         # A pass of its own: it must not disturb the progress and notes of one under way.
         first = next(type(self)(self.path).arrivals(), None)
         return first.t_ns + self.unix_offset_ns if first else 0

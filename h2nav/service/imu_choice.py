@@ -5,7 +5,14 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.settings import AutopilotSettings
-from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, MOST_IMUS, ImuMessage
+from h2nav.wire.imu import (
+    IDS_BY_NAME,
+    IMU_MESSAGES,
+    MOST_IMUS,
+    NUMBERED_IDS,
+    RECORDED_IMU,
+    ImuMessage,
+)
 
 # Best first. PX4 never sends RAW_IMU; its HIGHRES_IMU has the estimator's bias already removed,
 # which makes the second opinion depend on the first, so SCALED_IMU comes before it.
@@ -48,7 +55,7 @@ def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessa
         autopilot: MAV_AUTOPILOT of the heartbeat.
         settings: how many, and the message to use; a chosen one is used alone.
     """
-    ranked = preference(autopilot, settings.imu_message)
+    ranked = (*preference(autopilot, settings.imu_message), RECORDED_IMU)
     first = IMU_MESSAGES[ranked[0]].imu
     many = settings.lanes
     if isinstance(many, str):
@@ -59,7 +66,7 @@ def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessa
     for imu in range(MOST_IMUS):
         if imu != first and len(lanes) < many:
             own = [row.message_id for row in IMU_MESSAGES.values() if row.imu == imu]
-            borrowed = [] if imu == 0 else [IDS_BY_NAME["HIGHRES_IMU"]]
+            borrowed = () if imu == 0 else NUMBERED_IDS
             lanes.append(LaneMessages(imu, (*own, *borrowed)))
     return tuple(lanes)
 

@@ -37,6 +37,8 @@ HIGHRES_FIELD_FAULT = 1e6
 HIGHRES_MAG_BITS = 0x1C0
 HIGHRES_MOTION_BITS = 0x3F
 MOST_IMUS = 3
+# Of readings from a log that the autopilot wrote itself; MAVLink's ids have 24 bits.
+RECORDED_IMU = 1 << 24
 
 
 class ImuReading(NamedTuple):
@@ -137,7 +139,7 @@ class ImuMessage(NamedTuple):
         name: of the message.
         message_id: of the message.
         time_unit_us: microseconds per count of its time.
-        read: its fields to a reading; raises `Refused`.
+        read: its fields to a reading; raises `Refused`. None where an importer made the reading.
         bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
         raw_field_of: autopilots that put the field of the sensor into it, not calibrated.
         imu: number of its IMU, from 0; of HIGHRES_IMU as a rule, see `ImuReading.imu`.
@@ -146,7 +148,7 @@ class ImuMessage(NamedTuple):
     name: str
     message_id: int
     time_unit_us: int
-    read: Callable[[Any], ImuReading]
+    read: Callable[[Any], ImuReading] | None
     bias_removed_by: frozenset[int] = frozenset()
     raw_field_of: frozenset[int] = frozenset()
     imu: int = 0
@@ -164,6 +166,7 @@ IMU_MESSAGES: dict[int, ImuMessage] = {
             _highres_imu,
             bias_removed_by=_PX4,
         ),
+        ImuMessage("recorded IMU", RECORDED_IMU, 1, None),
         ImuMessage("RAW_IMU", mavlink.MAVLINK_MSG_ID_RAW_IMU, 1, _raw_imu),
         *(
             ImuMessage(name, message_id, 1000, _scaled_imu, raw_field_of=_PX4, imu=imu)
@@ -177,4 +180,6 @@ IMU_MESSAGES: dict[int, ImuMessage] = {
         ),
     )
 }
+# They carry the number of their IMU.
+NUMBERED_IDS = (mavlink.MAVLINK_MSG_ID_HIGHRES_IMU, RECORDED_IMU)
 IDS_BY_NAME = {row.name: row.message_id for row in IMU_MESSAGES.values()}

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.wire import attitude, motion, position, questions, vehicle
 from h2nav.wire.attitude import ReportedAttitude
-from h2nav.wire.imu import IMU_MESSAGES, ImuReading
+from h2nav.wire.imu import IMU_MESSAGES, RECORDED_IMU, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
 from h2nav.wire.questions import Question
@@ -71,7 +71,7 @@ MOTION_READERS: dict[int, Reader] = {
 """Those that only estimators of motion want."""
 
 READERS: dict[int, Reader] = {
-    **{message_id: row.read for message_id, row in IMU_MESSAGES.items()},
+    **{row.message_id: row.read for row in IMU_MESSAGES.values() if row.read is not None},
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: vehicle.heartbeat,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: vehicle.landed_state,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT: vehicle.status_text,
@@ -99,4 +99,6 @@ READERS: dict[int, Reader] = {
 
 def message_name(message_id: int) -> str:
     """Such as ``RAW_IMU``."""
+    if message_id == RECORDED_IMU:
+        return IMU_MESSAGES[RECORDED_IMU].name
     return str(mavlink.mavlink_map[message_id].msgname)
