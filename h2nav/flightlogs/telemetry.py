@@ -127,23 +127,27 @@ def _heartbeats(tables: Tables) -> FrameTable | None:
     table = tables.get(HEARTBEAT)
     if table is None:
         return None
-    table = table.where(table.fields["autopilot"] != mavlink.MAV_AUTOPILOT_INVALID)
+    table = _where(table, table.fields["autopilot"] != mavlink.MAV_AUTOPILOT_INVALID)
     if not len(table.t_ns):
         return None
-    addresses = table.sysid.astype(np.int64) << 8 | table.compid
+    addresses = table.senders[:, 0].astype(np.int64) << 8 | table.senders[:, 1]
     usual = np.bincount(addresses).argmax()
-    return table.where(addresses == usual)
+    return _where(table, addresses == usual)
 
 
 def _of_sender(tables: Tables, beats: FrameTable | None) -> Tables:
     """What the autopilot sent; everything where none said that it is one."""
     if beats is None:
         return tables
-    sysid, compid = beats.sysid[0], beats.compid[0]
+    sender = beats.senders[0]
     return {
-        message_id: table.where((table.sysid == sysid) & (table.compid == compid))
+        message_id: _where(table, (table.senders == sender).all(axis=1))
         for message_id, table in tables.items()
     }
+
+
+def _where(table: FrameTable, mask: NDArray[np.bool_]) -> FrameTable:
+    return FrameTable(table.t_ns[mask], table.senders[mask], table.fields[mask])
 
 
 def _usual_kind(beats: FrameTable) -> tuple[int, int]:
@@ -180,7 +184,7 @@ def _imu_of(clock: _Clock, message_id: int, imu: int) -> ImuTrack | None:
         return None
     row = IMU_MESSAGES[message_id]
     if message_id == HIGHRES_IMU:
-        table = table.where(table.fields["id"] == imu)
+        table = _where(table, table.fields["id"] == imu)
         return _highres_track(clock, table, imu) if len(table.t_ns) else None
     return _integer_track(clock, table, message_id) if row.imu == imu else None
 
