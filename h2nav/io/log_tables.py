@@ -51,6 +51,10 @@ class Table:
         """How the column is stored, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
         return str(self._rows.dtype[column].base.kind)
 
+    def is_scaled(self, column: str) -> bool:
+        """Whether the column is stored as multiples of a fraction."""
+        return column in self._divisors
+
     def numbers(self, *columns: str) -> Array:
         """Values in the units of the log: (N,) of one column, (N, k) of several."""
         if len(columns) == 1:
