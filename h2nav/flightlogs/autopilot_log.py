@@ -34,7 +34,7 @@ from h2nav.wire.vehicle import (
 
 SENDER = (1, 1)
 SECOND_US = 1_000_000
-# Events are made for so long at a time: of few that exist at once the garbage collector sees little.
+# Events are made for so long at a time: of few at once the garbage collector sees little.
 BLOCK_US = SECOND_US
 # The service compares ten attitudes a second.
 ATTITUDE_STEP_US = 50_000

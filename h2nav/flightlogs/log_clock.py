@@ -14,6 +14,9 @@ Mask = NDArray[np.bool_]
 SLACK_US = 5_000_000
 NEIGHBOURS = 2
 MOST_AT_ONCE = 10
+LONGEST_PAUSE_US = 3_600_000_000
+# A week.
+LONGEST_US = 168 * LONGEST_PAUSE_US
 # 2^53 us, 285 years, so that differences stay exact as floats.
 LATEST_US = 1 << 53
 
@@ -76,7 +79,10 @@ def in_order(t_us: Times) -> Mask:
 
 def _usual(t_us: Times) -> NDArray[np.float64]:
     """(N,) the median of each time and its neighbours."""
-    padded = np.pad(t_us, NEIGHBOURS, mode="edge")
+    # Reflected, so that the first and the last do not vouch for themselves.
+    if len(t_us) <= NEIGHBOURS:
+        return np.full(len(t_us), np.median(t_us))
+    padded = np.pad(t_us, NEIGHBOURS, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
     usual: NDArray[np.float64] = np.median(around, axis=1)
     return usual
@@ -87,4 +93,11 @@ def _undamaged(t_us: Times) -> Mask:
     good = (t_us >= 0) & (t_us < LATEST_US)
     good[good] = np.abs(t_us[good] - _usual(t_us[good])) <= SLACK_US if good.any() else False
     good[good] = in_order(t_us[good])
+    kept = np.flatnonzero(good)
+    # Of parts that lie hours apart the longest one is the flight, whatever the others are.
+    edges = [0, *(np.flatnonzero(np.diff(t_us[kept]) > LONGEST_PAUSE_US) + 1), len(kept)]
+    part = int(np.argmax(np.diff(edges)))
+    good[:] = False
+    good[kept[edges[part] : edges[part + 1]]] = True
+    good[good] = t_us[good] - t_us[good][:1] <= LONGEST_US
     return good

@@ -46,7 +46,8 @@ class GpsFix(NamedTuple):
     Attributes:
         time_us: the message's own time, on whichever clock; 0 = none.
         place: of the antenna.
-        v_n: velocity over ground in NED, m/s, its vertical component NaN; None where unknown.
+        v_n: velocity over ground in NED, m/s; None where unknown. The message has no vertical
+            component, which is NaN then; autopilots' own logs have it.
         sigma_m_s: accuracy of the velocity as the receiver states it.
     """
 
