@@ -61,6 +61,8 @@ WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 
 PROBE_BYTES = 4096
+# Bytes that are followed together, and one by one where they cannot be.
+STRETCH, SINGLY = 1 << 20, 1 << 9
 LARGEST = 2.0**62
 
 
@@ -151,27 +153,74 @@ class _Chain:
 
     def follow(self) -> LogTables:
         """The tables."""
+        place, size, singly = 0, len(self._data), SINGLY
+        while place + HEADER_BYTES <= size:
+            before, place = place, self._follow_stretch(place)
+            # Where stretches lead nowhere they are tried less and less.
+            singly = SINGLY if place - before >= STRETCH // 16 else min(2 * singly, STRETCH)
+            place = self._follow_singly(place, place + singly)
+        if place < size:
+            self._notes["bytes that are no record"] += size - place
+        return LogTables(self._sources(), dict(self._notes))
+
+    def _follow_stretch(self, place: int) -> int:
+        """Follows many records at once, as long as their types are known; where it ended.
+
+        Every head in a stretch may begin a record. As a rule the next head is where the record
+        ends, and what few heads stand inside a record are jumped over.
+        """
+        data = np.frombuffer(self._data, np.uint8, min(STRETCH, len(self._data) - place), place)
+        heads = np.flatnonzero((data[:-2] == HEAD_1) & (data[1:-1] == HEAD_2))
+        if not len(heads) or heads[0] != 0:
+            return place
+        kinds = data[heads + 2]
+        lengths = self._known_lengths()[kinds]
+        ends = heads + lengths
+        stops = np.flatnonzero((ends[:-1] != heads[1:]) | (lengths[:-1] == 0)).tolist()
+        followed, first = [], 0
+        for stop in [*stops, len(heads) - 1]:
+            if stop < first:
+                continue
+            whole = lengths[stop] > 0 and ends[stop] <= len(data)
+            followed.append(np.arange(first, stop + whole))
+            if not whole:
+                first = stop
+                break
+            first = int(np.searchsorted(heads, ends[stop]))
+            if first == len(heads) or heads[first] != ends[stop]:
+                break
+        taken = np.concatenate(followed)
+        if not len(taken):
+            return place
+        for kind in np.unique(kinds[taken]).tolist():
+            self._places[kind].frombytes((heads[taken[kinds[taken] == kind]] + place).tobytes())
+        return place + int(ends[taken[-1]])
+
+    def _known_lengths(self) -> NDArray[np.int64]:
+        """By type; definitions are none, because they have to be looked at one by one."""
+        lengths = np.array(self._lengths, np.int64)
+        lengths[FMT_TYPE] = 0
+        return lengths
+
+    def _follow_singly(self, place: int, end: int) -> int:
+        """Follows records one by one to a place: definitions, what they define, and damage."""
         data, lengths = self._data, self._lengths
-        end = len(data) - HEADER_BYTES
-        note = [places.append for places in self._places]
-        place = kind = 0
+        size = len(data)
+        end = min(size - HEADER_BYTES, end)
         while place <= end:
             kind = data[place + 2]
             length = lengths[kind]
             if data[place] == HEAD_1 and data[place + 1] == HEAD_2 and length:
+                if place + length > size:
+                    self._notes["a record is cut off at the end"] += 1
+                    return size
                 if kind == FMT_TYPE:
                     self._tells_format(data[place : place + FMT_BYTES])
-                note[kind](place)
+                self._places[kind].append(place)
                 place += length
             else:
                 place = self._next_record(place)
-        size = len(data)
-        if place > size:
-            self._places[kind].pop()
-            self._notes["a record is cut off at the end"] += 1
-        elif place < size:
-            self._notes["bytes that are no record"] += size - place
-        return LogTables(self._sources(), dict(self._notes))
+        return place
 
     def _tells_format(self, record: bytes) -> None:
         """Takes the first definition of each type, so that many cost no more than their bytes."""
