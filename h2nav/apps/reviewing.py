@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
@@ -13,11 +14,24 @@ from h2nav.flightlogs.imported import ImportedLog
 from h2nav.flightlogs.opening import Source, open_flight
 from h2nav.flightlogs.telemetry import MESSAGE_IDS, context_of
 from h2nav.io.frame_tables import tables
+from h2nav.review.analysis import Analysis, analyse
 from h2nav.review.collecting import Collector, estimates_of, most_trusted
 from h2nav.review.flight import Estimates, Flight
 from h2nav.service.service import Service
 
 Progress = Callable[[int, int], object]
+
+
+class Reviewed(NamedTuple):
+    """What a review is made of.
+
+    Attributes:
+        flight: with all findings, the worst first.
+        analysis: the arrays of its pictures.
+    """
+
+    flight: Flight
+    analysis: Analysis
 
 
 def review(
@@ -26,7 +40,7 @@ def review(
     *,
     smooths: bool = True,
     progress: Progress = lambda done, total: None,
-) -> Flight:
+) -> Reviewed:
     """Plays a recording, smooths, and looks at the whole of it.
 
     Args:
@@ -54,7 +68,9 @@ def review(
         lane = most_trusted(flight.findings, flight.lanes)
         heard = (listener, *listener.others)[lane]
         flight = flight._replace(smoothed=_smoothed(heard, inputs.filters, collector))
-    return flight
+    analysis = analyse(flight)
+    worst_first = sorted((*flight.findings, *analysis.findings), key=lambda each: each.severity)
+    return Reviewed(flight._replace(findings=tuple(worst_first)), analysis)
 
 
 def _context(source: Source, collector: Collector) -> Context:
