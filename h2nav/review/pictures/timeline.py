@@ -1,0 +1,72 @@
+"""What was when, as rows of bars: modes, armed, states, sensors in use, aids, findings."""
+
+from h2nav.flightlogs.context import Span
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.review.certainty import GROUPS, aids
+from h2nav.review.flight import Flight
+from h2nav.review.pictures import colours
+from h2nav.review.pictures.picture import Row, Rows, Section
+
+_STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
+# What is drawn and told of recordings with more spans than a picture can show.
+MOST_SPANS = 500
+
+
+def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
+    """From, to, name and pale colour of every flight mode, for behind the pictures."""
+    spans = flight.context.modes[:MOST_SPANS]
+    return [
+        (*span, colour) for span, colour in zip(spans, _by_name(spans, colours.MODES), strict=True)
+    ]
+
+
+def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
+    """One picture."""
+    context = flight.context
+    found = tuple(Span(one.from_s, one.to_s, one.text) for one in findings[:MOST_SPANS])
+    rows = [Row("findings", found, tuple(_severity(one.severity) for one in findings[:MOST_SPANS]))]
+    rows += [
+        _row(label, spans)
+        for label, spans in (
+            ("flight mode", context.modes),
+            ("armed", context.armed),
+            ("autopilot's estimator", context.primary),
+            ("IMU that h2nav used", flight.lanes),
+        )
+    ]
+    states = flight.states[:MOST_SPANS]
+    rows.append(Row("h2nav", states, tuple(_state(span.name) for span in states)))
+    rows += [
+        Row(
+            f"tested by {GROUPS[group]}",
+            spans[:MOST_SPANS],
+            (colours.GOOD,) * len(spans[:MOST_SPANS]),
+        )
+        for group, spans in aids(flight).items()
+    ]
+    picture = Rows(
+        "What was when",
+        "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
+        "'Tested by' says with what our attitude could be compared.",
+        tuple(row for row in rows if row.spans),
+    )
+    return Section("timeline", "Time line", (picture,) if picture.rows else ())
+
+
+def _row(label: str, spans: tuple[Span, ...]) -> Row:
+    return Row(label, spans[:MOST_SPANS], _by_name(spans[:MOST_SPANS], colours.BARS))
+
+
+def _by_name(spans: tuple[Span, ...], palette: tuple[str, ...]) -> tuple[str, ...]:
+    numbers: dict[str, int] = {}
+    return tuple(colours.of(palette, numbers.setdefault(span.name, len(numbers))) for span in spans)
+
+
+def _state(name: str) -> str:
+    return _STATES.get(name.partition(":")[0], colours.UNKNOWN)
+
+
+def _severity(severity: Severity) -> str:
+    if severity <= Severity.ERROR:
+        return colours.BAD
+    return colours.DOUBTFUL if severity == Severity.WARNING else colours.BARS[0]
