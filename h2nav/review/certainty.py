@@ -7,9 +7,9 @@ from h2nav.review.flight import Flight, Ratios
 
 # What a group of test ratios (`h2nav.integrity.ratios`) compares, by the beginning of their names.
 GROUPS = {
-    "velocity": "GPS velocity",
-    "force": "gravity",
-    "field": "compass",
+    "velocity": "attitude by GPS velocity",
+    "force": "attitude by gravity",
+    "field": "compass by attitude",
     "turn": "gyro by compass",
 }
 # Ratios come once a second; a longer time between two that have a figure is a break.

@@ -132,7 +132,7 @@ def _certainty(flight: Flight) -> dict[str, object]:
     return {
         "h2nav": _deviations(flight.estimates, flight),
         "smoothed": _deviations(flight.smoothed, flight),
-        "tested_by": {
+        "tested": {
             GROUPS[group]: {
                 "share_percent": 100.0 * covered_s(spans) / duration_s,
                 "spans": _spans(spans),

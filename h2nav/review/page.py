@@ -126,7 +126,8 @@ def _title(told: dict[str, Any]) -> str:
         (_KINDS.get(told["kind"], told["kind"]), told["file"]),
     ]
     line = " · ".join(f"{escape(name)} <b>{escape(value)}</b>" for name, value in facts if value)
-    return f'<header><h1>Flight review: {escape(told["name"])}</h1><p class="facts">{line}</p></header>'
+    title = f"<h1>Flight review: {escape(told['name'])}</h1>"
+    return f'<header>{title}<p class="facts">{line}</p></header>'
 
 
 def duration(seconds: float) -> str:
@@ -158,8 +159,8 @@ def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
     if checked:
         parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
     untested = [
-        f"nothing could be tested by {name}"
-        for name, tested in told["certainty"]["tested_by"].items()
+        name
+        for name, tested in told["certainty"]["tested"].items()
         if not tested["spans"] and not told["why_no_estimate"]
     ]
     missing = [*told["missing"], *untested]
@@ -278,8 +279,8 @@ def _compared(told: dict[str, Any]) -> str:
 def _tested(told: dict[str, Any]) -> str:
     duration_s = told["duration_s"] or 1.0
     rows = [
-        (f"tested by {name}", _percent(one["share_percent"]))
-        for name, one in told["certainty"]["tested_by"].items()
+        (f"tested: {name}", _percent(one["share_percent"]))
+        for name, one in told["certainty"]["tested"].items()
         if one["spans"]
     ]
     rows += [

@@ -59,6 +59,7 @@ function inside(plot, draw) {
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
+  ctx.textAlign = "left";
   draw(ctx, bbox, uPlot.pxRatio, (t) => plot.valToPos(t, "x", true));
   ctx.restore();
 }

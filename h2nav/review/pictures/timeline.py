@@ -38,7 +38,7 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     rows.append(Row("h2nav", states, tuple(_state(span.name) for span in states)))
     rows += [
         Row(
-            f"tested by {GROUPS[group]}",
+            f"tested: {GROUPS[group]}",
             spans[:MOST_SPANS],
             (colours.GOOD,) * len(spans[:MOST_SPANS]),
         )
@@ -47,7 +47,7 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     picture = Rows(
         "What was when",
         "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
-        "'Tested by' says with what our attitude could be compared.",
+        "'Tested' says what could be compared with what.",
         tuple(row for row in rows if row.spans),
     )
     return Section("timeline", "Time line", (picture,) if picture.rows else ())
