@@ -203,7 +203,6 @@ def made_flight(duration_s=600.0, rate_hz=100.0, imus=2, seed=3, **changes):
         notices=((250.0, "CRITICAL", "degraded: attitude contradicts field"),),
         findings=FINDINGS,
         rejected={"RAW_IMU: stale": 2},
-        is_armed=_within(t_s, (10.0, duration_s - 10.0)),
     )
     return flight._replace(**changes)
 

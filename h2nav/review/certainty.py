@@ -29,19 +29,16 @@ def ratio_of(ratios: Ratios, group: str) -> Array:
 def aids(flight: Flight) -> dict[str, tuple[Span, ...]]:
     """When our attitude was tested against what: group of `GROUPS` -> spans."""
     ratios = flight.ratios
-    return {
-        group: _spans(ratios.t_s[~np.isnan(ratio_of(ratios, group))], name)
-        for group, name in GROUPS.items()
-    }
+    return {group: _spans(ratios.t_s[~np.isnan(ratio_of(ratios, group))]) for group in GROUPS}
 
 
-def _spans(t_s: Array, name: str) -> tuple[Span, ...]:
+def _spans(t_s: Array) -> tuple[Span, ...]:
     if len(t_s) == 0:
         return ()
     breaks = np.flatnonzero(np.diff(t_s) > LONGEST_STEP_S)
     starts, ends = np.append(0, breaks + 1), np.append(breaks, len(t_s) - 1)
     return tuple(
-        Span(float(t_s[start]), float(t_s[end]), name)
+        Span(float(t_s[start]), float(t_s[end]), "tested")
         for start, end in zip(starts, ends, strict=True)
     )
 

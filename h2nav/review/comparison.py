@@ -1,4 +1,4 @@
-"""The autopilot's estimators, and a truth, against our best attitude over the flight."""
+"""The autopilot's estimators, and a truth, against our best attitude."""
 
 from typing import NamedTuple
 
@@ -6,11 +6,9 @@ import numpy as np
 
 from h2nav.flightlogs.context import Array, AttitudeTrack
 from h2nav.integrity.witness import BEYOND, QUALITIES, Source
-from h2nav.review.angles import at_times, tilt_and_heading
-from h2nav.review.flight import Estimates, Flight
-
-# Ours are not interpolated over longer gaps.
-LONGEST_GAP_S = 0.2
+from h2nav.review.angles import tilt_and_heading
+from h2nav.review.flight import Flight
+from h2nav.review.inertial import Attitudes, best_attitude
 
 
 class Difference(NamedTuple):
@@ -35,30 +33,23 @@ class Difference(NamedTuple):
     heading_limit_rad: Array
 
 
-def reference(flight: Flight) -> Estimates | None:
-    """What others are compared with: the smoothed attitude where there is one; it knows more."""
-    return flight.estimates if flight.smoothed is None else flight.smoothed
-
-
 def differences(flight: Flight) -> tuple[Difference, ...]:
     """Of every estimator of the autopilot, and of the truth last; none without an estimate."""
-    ours = reference(flight)
+    ours = best_attitude(flight)
     if ours is None or len(ours.t_s) < 2:
         return ()
-    tracks = list(flight.context.attitudes)
-    found = [_against(ours, track, is_truth=False) for track in tracks]
+    found = [_against(ours, track, is_truth=False) for track in flight.context.attitudes]
     if flight.context.truth is not None:
         found.append(_against(ours, flight.context.truth, is_truth=True))
     return tuple(found)
 
 
-def _against(ours: Estimates, track: AttitudeTrack, *, is_truth: bool) -> Difference:
-    q_nb = at_times(ours.t_s, ours.q_nb, track.t_s, LONGEST_GAP_S)
-    tilt, heading = tilt_and_heading(q_nb, track.q_nb)
+def _against(ours: Attitudes, track: AttitudeTrack, *, is_truth: bool) -> Difference:
+    tilt, heading = tilt_and_heading(ours.at(track.t_s), track.q_nb)
     healthy = QUALITIES[Source.AUTOPILOT]
     own = (0.0, 0.0) if is_truth else (healthy.tilt_rad, healthy.heading_rad)
     limits = [
-        BEYOND * np.hypot(np.interp(track.t_s, ours.t_s, sigma), of_other)
+        BEYOND * np.hypot(ours.near(np.where(np.isinf(sigma), np.nan, sigma), track.t_s), of_other)
         for sigma, of_other in zip((ours.sigma_tilt_rad, ours.sigma_heading_rad), own, strict=True)
     ]
     return Difference(track.name, is_truth, track.t_s, tilt, heading, limits[0], limits[1])

@@ -12,7 +12,7 @@ from h2nav.maths.units import DEG
 from h2nav.review.advice import advice
 from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS, aids, covered_s
-from h2nav.review.comparison import Difference, differences, reference
+from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
 
@@ -51,7 +51,6 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "why_no_estimate": flight.why_no_estimate or None,
         "certainty": _certainty(flight),
         "differences": [_difference(one) for one in differences(flight)],
-        "difference_against": None if reference(flight) is None else _reference_name(flight),
         "spans": {
             "modes": _spans(context.modes),
             "armed": _spans(context.armed),
@@ -89,10 +88,6 @@ def _date(unix_s: float) -> str | None:
         return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     except (OverflowError, ValueError, OSError):
         return None
-
-
-def _reference_name(flight: Flight) -> str:
-    return "h2nav" if flight.smoothed is None else "h2nav, smoothed"
 
 
 def _checked(flight: Flight, analysis: Analysis) -> list[dict[str, object]]:

@@ -6,14 +6,16 @@ from typing import Any
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.review.advice import advice
 from h2nav.review.analysis import Analysis
+from h2nav.review.certainty import GROUPS
 from h2nav.review.document import all_findings, document
 from h2nav.review.flight import Flight
 from h2nav.review.html import asset, data_block, escape, frame, table
 from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
 from h2nav.review.pictures.columns import shown_s
-from h2nav.review.pictures.picture import Picture, Section, for_script
+from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
 
 MOST_FINDINGS = 40
+SAME_TIME_S = 2.0
 _WORDS = {"severe": "serious", "doubtful": "warning", "noted": "note"}
 _KINDS = {
     "tlog": "telemetry log",
@@ -100,19 +102,22 @@ class _Drawn:
     def section(self, section: Section) -> str:
         """HTML of a section, with a place for every picture."""
         parts = [f'<section id="{section.name}"><h2>{escape(section.title)}</h2>']
-        parts += [self._picture(picture) for picture in section.pictures]
+        parts.append(self._pictures(section.pictures))
         parts.append(section.html)
         if section.further:
             parts.append("<details><summary>the other sensors</summary>")
-            parts += [self._picture(picture) for picture in section.further]
-            parts.append("</details>")
+            parts.append(self._pictures(section.further) + "</details>")
         return "".join(parts) + "</section>"
+
+    def _pictures(self, pictures: Iterable[Picture]) -> str:
+        return f'<div class="pictures">{"".join(self._picture(one) for one in pictures)}</div>'
 
     def _picture(self, picture: Picture) -> str:
         self.pictures.append(picture)
         about = f'<p class="about">{escape(picture.about)}</p>' if picture.about else ""
         return (
-            f"<figure><h3>{escape(picture.title)}</h3>{about}"
+            f'<figure class="{"half" if isinstance(picture, Curves) else "whole"}">'
+            f"<h3>{escape(picture.title)}</h3>{about}"
             f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div></figure>'
         )
 
@@ -120,7 +125,8 @@ class _Drawn:
 def _title(told: dict[str, Any]) -> str:
     facts = [
         ("vehicle", told["vehicle"]),
-        ("firmware", told["firmware"] or told["autopilot"]),
+        ("firmware", told["firmware"]),
+        ("autopilot", "" if told["firmware"] else told["autopilot"]),
         ("begun", (told["start_utc"] or "").replace("T", " ").replace("Z", " UTC")),
         ("lasted", duration(told["duration_s"])),
         (_KINDS.get(told["kind"], told["kind"]), told["file"]),
@@ -150,23 +156,30 @@ def _no_estimate(told: dict[str, Any]) -> str:
 
 
 def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    wrong = [one for one in findings if one.severity <= Severity.WARNING]
-    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(findings)]
+    together = _together(findings)
+    wrong = [one for one in together if one.severity <= Severity.WARNING]
+    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(together)]
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
     ]
     if checked:
         parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
-    untested = [
-        name
-        for name, tested in told["certainty"]["tested"].items()
-        if not tested["spans"] and not told["why_no_estimate"]
-    ]
-    missing = [*told["missing"], *untested]
+    missing = [*told["missing"], *_untested(told)]
     if missing:
         parts.append(f"<p><b>Could not be checked:</b> {escape('; '.join(missing))}.</p>")
     return "".join(parts) + "</section>"
+
+
+def _untested(told: dict[str, Any]) -> list[str]:
+    """What the recording had nothing for; gravity tests only where no velocity does."""
+    if told["why_no_estimate"]:
+        return []
+    tested = told["certainty"]["tested"]
+    untested = [name for name, one in tested.items() if not one["spans"]]
+    if tested[GROUPS["velocity"]]["spans"]:
+        untested = [name for name in untested if name != GROUPS["force"]]
+    return untested
 
 
 def _verdict(wrong: Sequence[Finding]) -> str:
@@ -178,6 +191,27 @@ def _verdict(wrong: Sequence[Finding]) -> str:
         '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
         "after the beginning of the recording.</p>"
     )
+
+
+def _together(findings: Sequence[Finding]) -> list[Finding]:
+    """One finding for what several sensors of the same kind show at the same time."""
+    found: list[Finding] = []
+    for one in findings:
+        for place, other in enumerate(found):
+            if _is_same(one, other):
+                largest = max(one, other, key=lambda each: each.size)
+                source = ", ".join(sorted({*other.source.split(", "), one.source}))
+                found[place] = largest._replace(source=source)
+                break
+        else:
+            found.append(one)
+    return found
+
+
+def _is_same(one: Finding, other: Finding) -> bool:
+    is_sensor = one.source.rpartition(" ")[2].isdigit()
+    is_then = max(abs(one.from_s - other.from_s), abs(one.to_s - other.to_s)) <= SAME_TIME_S
+    return is_sensor and is_then and one[0] == other[0] and one.severity == other.severity
 
 
 def _list(findings: Sequence[Finding]) -> str:
@@ -197,8 +231,8 @@ def _item(finding: Finding) -> str:
     of_kind, level = advice(finding.kind), _level(finding.severity)
     source = finding.source
     text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
+    size = f"{_figure(finding.size)} {finding.unit}".strip()
     lines = [
-        ("size", f"{_figure(finding.size)} {finding.unit}".strip()),
         ("means", of_kind.means),
         ("shown by", finding.evidence),
         ("check", of_kind.check),
@@ -210,7 +244,8 @@ def _item(finding: Finding) -> str:
         f'<li class="finding {level}"><button type="button" data-from="{finding.from_s:.3f}" '
         f'data-to="{finding.to_s:.3f}" data-place="{of_kind.place}">'
         f'<span class="what"><span class="tag">{_WORDS[level]}</span>'
-        f"{escape(_span(finding))}: {escape(text)}</span>{shown}</button></li>"
+        f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
+        f"{shown}</button></li>"
     )
 
 
@@ -252,9 +287,12 @@ def _certainty(told: dict[str, Any]) -> str:
             "smaller. Tilt is roll and pitch together. The smoothed attitude knows what came "
             "later, and is the surer one.</p>"
         )
-        parts.append(table(("whose", "of", "usual", "largest", "at the end"), rows))
-    parts += [_compared(told), _tested(told)]
-    return "".join(parts) + "</section>" if any(parts[1:]) else ""
+    tables = [_compared(told), _tested(told)]
+    if rows:
+        heads = ("whose", "of", "usual", "largest", "at the end")
+        tables.insert(0, "<div><h3>Our own attitude</h3>" + table(heads, rows) + "</div>")
+    parts.append(f'<div class="beside">{"".join(tables)}</div>')
+    return "".join(parts) + "</section>" if any(tables) else ""
 
 
 def _compared(told: dict[str, Any]) -> str:
@@ -271,23 +309,23 @@ def _compared(told: dict[str, Any]) -> str:
     ]
     if not rows:
         return ""
-    return f"<h3>Others against {escape(told['difference_against'])}</h3>" + table(
-        ("whose", "of", "usual difference", "largest", "beyond three deviations"), rows
-    )
+    heads = ("whose", "of", "usual difference", "largest", "beyond three deviations")
+    return "<div><h3>Others against h2nav</h3>" + table(heads, rows) + "</div>"
 
 
 def _tested(told: dict[str, Any]) -> str:
     duration_s = told["duration_s"] or 1.0
-    rows = [
-        (f"tested: {name}", _percent(one["share_percent"]))
+    shares = {
+        f"tested: {name}": one["share_percent"]
         for name, one in told["certainty"]["tested"].items()
         if one["spans"]
-    ]
-    rows += [
-        (f"h2nav was {name}", _percent(100.0 * seconds / duration_s))
-        for name, seconds in told["certainty"]["states_s"].items()
-    ]
-    return table(("during the recording", "share of it"), rows) if rows else ""
+    }
+    for name, seconds in told["certainty"]["states_s"].items():
+        shares[f"h2nav was {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
+    rows = [(name, _percent(share)) for name, share in shares.items()]
+    if not rows:
+        return ""
+    return "<div><h3>What was tested</h3>" + table(("", "share of the time"), rows) + "</div>"
 
 
 def _deg(value: float | None) -> str:

@@ -154,14 +154,16 @@ function reach(picture) {
   };
 }
 
-function series(traces, unit, digits, sparse) {
+const around = (degrees) => (degrees % 360 + 360) % 360;
+
+function series(traces, unit, digits, sparse, told = (value) => value) {
   const made = [], data = [], bands = [];
   for (const trace of traces) {
     const at = made.length + 1;
     made.push({
       label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, show: trace.shown,
       dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
-      value: (_, value) => value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`,
+      value: (_, value) => value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
     });
     data.push(decoded(trace.values));
     if (!trace.low) continue;
@@ -200,11 +202,13 @@ function onTime(options, height) {
 }
 
 function lines(picture) {
-  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, false);
+  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, false,
+    picture.goes_round ? around : undefined);
   const points = data.length ? data[0].length : 2;
   return [onTime({
     series: [{label: "time", value: (_, t) => t === null ? "–" : `${t.toFixed(1)} s`}, ...made], bands,
-    axes: axes("s", picture.unit, picture.digits),
+    axes: axes("s", picture.unit, picture.digits, picture.goes_round
+      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]} : {}),
     scales: {y: {range: reach(picture)}},
     hooks: {draw: [marked(picture.limits, "y")], setSeries: [edges]},
   }, isNarrow() ? 200 : 240), [times(points), ...data]];

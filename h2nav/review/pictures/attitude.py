@@ -9,7 +9,7 @@ from h2nav.integrity.witness import BEYOND
 from h2nav.maths.units import DEG
 from h2nav.review.angles import euler
 from h2nav.review.certainty import GROUPS, ratio_of
-from h2nav.review.comparison import Difference, differences, reference
+from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.pictures import colours
 from h2nav.review.pictures.columns import COARSE, FINE, Columns
@@ -17,6 +17,7 @@ from h2nav.review.pictures.picture import Lines, Mark, Section, Trace
 
 MOST_ESTIMATORS = 4
 FULL_TURN_DEG = 360.0
+SECTORS = 72
 _PARTS = ("roll", "pitch", "heading")
 _ABOUT = {
     "roll": "Bank: positive is right wing down.",
@@ -39,11 +40,19 @@ def attitude(flight: Flight) -> Section:
     """Roll, pitch and heading of everybody."""
     columns = Columns(flight.context.duration_s, FINE)
     traces: dict[str, list[Trace]] = {part: [] for part in _PARTS}
-    for voice in _voices(flight):
-        _add(traces, columns, voice)
+    voices = _voices(flight)
+    cut = _rarest_heading(voices)
+    for voice in voices:
+        _add(traces, columns, voice, cut)
     about = "The pale band is three deviations wide to each side: we expect the truth inside it."
     pictures = tuple(
-        Lines(part.capitalize(), f"{_ABOUT[part]} {about}", "deg", tuple(traces[part]))
+        Lines(
+            part.capitalize(),
+            f"{_ABOUT[part]} {about}",
+            "deg",
+            tuple(traces[part]),
+            goes_round=part == "heading",
+        )
         for part in _PARTS
         if traces[part]
     )
@@ -55,12 +64,13 @@ def _voices(flight: Flight) -> list[_Voice]:
         _Voice(track.name, colours.of(colours.AUTOPILOT, number), track.t_s, track.q_nb)
         for number, track in enumerate(flight.context.attitudes[:MOST_ESTIMATORS])
     ]
+    surest = flight.estimates if flight.smoothed is None else flight.smoothed
     for name, colour, ours in (
         ("h2nav", colours.OURS, flight.estimates),
         ("h2nav, smoothed", colours.SMOOTHED, flight.smoothed),
     ):
         if ours is not None:
-            band = ours if ours is reference(flight) else None
+            band = ours if ours is surest else None
             voices.append(_Voice(name, colour, ours.t_s, ours.q_nb, band))
     truth = flight.context.truth
     if truth is not None:
@@ -68,10 +78,26 @@ def _voices(flight: Flight) -> list[_Voice]:
     return voices
 
 
-def _add(traces: dict[str, list[Trace]], columns: Columns, voice: _Voice) -> None:
+def _rarest_heading(voices: list[_Voice]) -> float:
+    """Where the picture's headings begin and end, rad: where the nose points least."""
+    headings = [euler(voice.q_nb).heading for voice in voices]
+    known = [heading[np.isfinite(heading)] for heading in headings]
+    counts = sum(
+        np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
+        for heading in known
+    )
+    # The middle of the widest gap, not its edge: of nine sectors together.
+    around = np.convolve(np.tile(counts, 3), np.ones(9), "same")[SECTORS : 2 * SECTORS]
+    return (float(np.argmin(around)) + 0.5) * 2.0 * np.pi / SECTORS
+
+
+def _add(traces: dict[str, list[Trace]], columns: Columns, voice: _Voice, cut: float) -> None:
     for part, angle in zip(_PARTS, euler(voice.q_nb), strict=True):
-        turn = FULL_TURN_DEG if part == "heading" else None
-        values = columns.of(voice.t_s, angle / DEG, turn)
+        if part == "heading":
+            shown = (angle - cut) % (2.0 * np.pi) + cut - 2.0 * np.pi
+            values = columns.of(voice.t_s, shown / DEG, FULL_TURN_DEG)
+        else:
+            values = columns.of(voice.t_s, angle / DEG)
         trace = Trace(voice.name, voice.colour, values, is_dashed=voice.colour == colours.TRUTH)
         band = voice.band
         if band is not None:
@@ -92,12 +118,11 @@ def difference(flight: Flight) -> Section:
     if not found:
         return Section("difference", "Autopilot against h2nav", ())
     columns = Columns(flight.context.duration_s, FINE)
-    name = "our smoothed attitude" if flight.smoothed is not None else "our attitude"
     pictures = (
         Lines(
             "Tilt: difference",
-            f"Angle between the autopilot's vertical and that of {name}. Above the dashed line, "
-            "the two cannot both be right.",
+            "Angle between the autopilot's vertical and ours (smoothed where that is surer). "
+            "Above the dashed line, the two cannot both be right.",
             "deg",
             (*_traces(columns, found, "tilt"), _limit(columns, found[0], "tilt")),
             digits=2,
@@ -105,7 +130,7 @@ def difference(flight: Flight) -> Section:
         ),
         Lines(
             "Heading: difference",
-            f"The autopilot's heading less that of {name}. Outside of the dashed lines, the two "
+            "The autopilot's heading less ours. Outside of the dashed lines, the two "
             "cannot both be right.",
             "deg",
             (

@@ -61,8 +61,11 @@ class Columns:
         alone, at = column[~is_many], t_s[starts[~is_many]]
         points[2 * alone + ((at / self._width_s - alone) > 0.5)] = low[~is_many]
         if turn is not None:
-            over = np.flatnonzero(np.abs(np.diff(values)) > turn / 2) + 1
-            points[2 * place[over]] = points[2 * place[over] + 1] = np.nan
+            over = place[np.flatnonzero(np.abs(np.diff(values)) > turn / 2) + 1]
+            # A break of one column is narrower than a line, and would be drawn over.
+            for beside in range(-3, 4):
+                column = np.clip(over + beside, 0, self.count - 1)
+                points[2 * column] = points[2 * column + 1] = np.nan
         return points.astype(np.float32)
 
     def _between(self, t_s: Array, values: Array, turn: float | None) -> Array:

@@ -8,7 +8,6 @@ from h2nav.review.flight import Flight
 from h2nav.review.pictures import colours
 from h2nav.review.pictures.columns import COARSE, Columns
 from h2nav.review.pictures.picture import Curves, Lines, Picture, Section, Trace
-from h2nav.review.tracks import CompassFit
 
 _MODEL = "The dashed black line is the earth's field at this place (World Magnetic Model)."
 
@@ -45,36 +44,47 @@ def compass(flight: Flight, analysis: Analysis) -> Section:
         )
         if any(np.isfinite(trace.values).any() for trace in traces)
     ]
-    for fit in analysis.compasses:
-        pictures += _fits(fit)
-    return Section("compass", "Compass", tuple(pictures))
+    return Section(
+        "compass", "Compass", (*pictures, *_by_heading(analysis), *_by_throttle(analysis))
+    )
 
 
-def _fits(fit: CompassFit) -> list[Picture]:
-    name, colour = f"compass {fit.compass + 1}", colours.of(colours.SENSORS, fit.compass)
-    pictures: list[Picture] = []
-    if np.isfinite(fit.residual_ut).any():
-        traces = [Trace("measured less earth's", colour, fit.residual_ut.astype(np.float32))]
+def _by_heading(analysis: Analysis) -> list[Curves]:
+    """All compasses in one picture: their sectors are the same."""
+    fits = [fit for fit in analysis.compasses if np.isfinite(fit.residual_ut).any()]
+    traces = []
+    for fit in fits:
+        name, colour = f"compass {fit.compass + 1}", colours.of(colours.SENSORS, fit.compass)
+        traces.append(Trace(name, colour, fit.residual_ut.astype(np.float32)))
         if np.isfinite(fit.fitted_ut).any():
             fitted = fit.fitted_ut.astype(np.float32)
-            label = "the same after a new calibration"
-            traces.append(Trace(label, "#555555", fitted, is_dashed=True))
-        about = (
-            "What is left between the measured field and the earth's, by where the nose pointed. "
-            "A well calibrated compass has a few µT everywhere."
+            traces.append(Trace(f"{name}, calibrated anew", colour, fitted, is_dashed=True))
+    about = (
+        "What is left between the measured field and the earth's, by where the nose pointed. "
+        "A well calibrated compass has a few µT everywhere."
+    )
+    return [
+        Curves("Error by heading", about, "µT", "heading, deg", x, tuple(traces))
+        for x in [fit.heading_rad / DEG for fit in fits][:1]
+    ]
+
+
+def _by_throttle(analysis: Analysis) -> list[Curves]:
+    return [
+        Curves(
+            f"Error by throttle, compass {fit.compass + 1}",
+            "A line that rises with the throttle is the field of the motors' current.",
+            "µT",
+            "throttle, %",
+            100.0 * fit.throttle,
+            (
+                Trace(
+                    "change of the field",
+                    colours.of(colours.SENSORS, fit.compass),
+                    fit.motor_ut.astype(np.float32),
+                ),
+            ),
         )
-        title, on_x = f"Error by heading, {name}", "heading, deg"
-        pictures.append(Curves(title, about, "µT", on_x, fit.heading_rad / DEG, tuple(traces)))
-    if len(fit.throttle) > 1 and np.isfinite(fit.motor_ut).any():
-        trace = Trace("change of the field", colour, fit.motor_ut.astype(np.float32))
-        pictures.append(
-            Curves(
-                f"Error by throttle, {name}",
-                "A line that rises with the throttle is the field of the motors' current.",
-                "µT",
-                "throttle, %",
-                100.0 * fit.throttle,
-                (trace,),
-            )
-        )
-    return pictures
+        for fit in analysis.compasses
+        if len(fit.throttle) > 1 and np.isfinite(fit.motor_ut).any()
+    ]

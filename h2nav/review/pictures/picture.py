@@ -56,6 +56,7 @@ class Lines(NamedTuple):
         limits: drawn across.
         digits: behind the decimal point.
         at_least: a range that is always shown; None without.
+        goes_round: the values are directions, of which any 360 deg may be shown.
     """
 
     title: str
@@ -65,6 +66,7 @@ class Lines(NamedTuple):
     limits: tuple[Mark, ...] = ()
     digits: int = 1
     at_least: tuple[float, float] | None = None
+    goes_round: bool = False
 
 
 class Curves(NamedTuple):
@@ -170,6 +172,7 @@ def for_script(picture: Picture) -> dict[str, object]:
                 "digits": picture.digits,
                 "limits": picture.limits,
                 "at_least": picture.at_least,
+                "goes_round": picture.goes_round,
                 "traces": [_trace(trace) for trace in picture.traces],
             }
         case Curves():

@@ -10,6 +10,7 @@ from h2nav.review.pictures.picture import Row, Rows, Section
 _STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
 # What is drawn and told of recordings with more spans than a picture can show.
 MOST_SPANS = 500
+MOST_FINDING_ROWS = 4
 
 
 def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
@@ -23,8 +24,7 @@ def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
 def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     """One picture."""
     context = flight.context
-    found = tuple(Span(one.from_s, one.to_s, one.text) for one in findings[:MOST_SPANS])
-    rows = [Row("findings", found, tuple(_severity(one.severity) for one in findings[:MOST_SPANS]))]
+    rows = _found(findings[:MOST_SPANS])
     rows += [
         _row(label, spans)
         for label, spans in (
@@ -51,6 +51,29 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
         tuple(row for row in rows if row.spans),
     )
     return Section("timeline", "Time line", (picture,) if picture.rows else ())
+
+
+def _found(findings: tuple[Finding, ...]) -> list[Row]:
+    """The worst findings in the first row, what overlaps them below."""
+    rows: list[list[Finding]] = []
+    for one in findings:
+        free = [row for row in rows if all(_is_apart(one, other) for other in row)]
+        if free:
+            free[0].append(one)
+        elif len(rows) < MOST_FINDING_ROWS:
+            rows.append([one])
+    return [
+        Row(
+            "findings" if number == 0 else "findings, continued",
+            tuple(Span(one.from_s, one.to_s, one.text) for one in row),
+            tuple(_severity(one.severity) for one in row),
+        )
+        for number, row in enumerate(rows)
+    ]
+
+
+def _is_apart(one: Finding, other: Finding) -> bool:
+    return one.from_s > other.to_s or other.from_s > one.to_s
 
 
 def _row(label: str, spans: tuple[Span, ...]) -> Row:
