@@ -29,6 +29,15 @@ class Arrivals(NamedTuple):
     t_ns: Integers
     framed: bool
 
+    def pauses(self, length_ns: int) -> list[int]:
+        """Numbers of the arrivals that came later than so long after the one before."""
+        pauses: list[int] = (np.flatnonzero(np.diff(self.t_ns) > length_ns) + 1).tolist()
+        return pauses
+
+    def piece(self, number: int) -> bytes:
+        """The bytes of one."""
+        return self.data[self.starts[number] : self.ends[number]]
+
     def pieces(self) -> Iterator[tuple[int, bytes]]:
         """Time (ns) and bytes of one after the other."""
         places = zip(self.t_ns.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)

@@ -80,6 +80,11 @@ class Frame(NamedTuple):
     raw: bytes
 
 
+# A good frame where it stands in a piece of memory: time (ns) at which it was complete, message id,
+# (system id, component id), where it begins, where its payload begins and ends.
+PlacedFrame = tuple[int, int, tuple[int, int], int, int, int]
+
+
 class DeframerCounters(NamedTuple):
     """What has become of the bytes since the deframer was made.
 
@@ -275,6 +280,13 @@ class Deframer:
             if start <= at < stop and verdict != _NO_MARKER:
                 counts[_silent_reason(buffer, at)] -= 1
                 counts[_REASONS.get(verdict, incomplete)] += 1
+
+
+def frame_at(data: bytes, at: int) -> Frame:
+    """The good frame that begins at `at`."""
+    found = _frame_at(data, at, len(data))
+    assert isinstance(found, Frame)
+    return found
 
 
 def begins_with_frame(data: bytes) -> bool:

@@ -5,6 +5,7 @@ found at once. Whatever else there is goes through a `Deframer`, arrival by arri
 at the beginning of such frames again. Frames, counters and times of arrival are the same.
 """
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from h2nav.io.arrivals import Arrivals, Integers
 from h2nav.io.byte_views import is_marker, marker_places, values_at
-from h2nav.io.deframer import SIGNATURE_SIZE, Deframer, Frame
+from h2nav.io.deframer import SIGNATURE_SIZE, Deframer, Frame, PlacedFrame
 from h2nav.io.frame_checks import (
     SHORTEST_2,
     Headers,
@@ -20,6 +21,18 @@ from h2nav.io.frame_checks import (
     headers_at,
     is_plain_end,
 )
+
+
+class WantedFrames(NamedTuple):
+    """Frames of some ids, one by one.
+
+    Attributes:
+        arrivals: number of the arrival that completed each.
+        placed: where each is, and how it came, with as many entries.
+    """
+
+    arrivals: list[int]
+    placed: list[PlacedFrame]
 
 
 class FoundFrames(NamedTuple):
@@ -36,6 +49,23 @@ class FoundFrames(NamedTuple):
     t_ns: Integers
     arrivals: Integers
     headers: Headers
+
+    def wanted(self, ids: Collection[int]) -> WantedFrames:
+        """Those of these message ids."""
+        chosen = np.isin(self.headers.msg_ids, list(ids))
+        headers, arrivals = self.headers.those(chosen), self.arrivals[chosen]
+        keys = self.senders()[chosen].tolist()
+        addresses = {key: (key >> 8, key & 0xFF) for key in set(keys)}
+        placed = zip(
+            self.t_ns[arrivals].tolist(),
+            headers.msg_ids.tolist(),
+            map(addresses.__getitem__, keys),
+            headers.at.tolist(),
+            headers.payload_at.tolist(),
+            (headers.payload_at + headers.lengths).tolist(),
+            strict=True,
+        )
+        return WantedFrames(arrivals.tolist(), list(placed))
 
     def senders(self) -> Integers:
         """(M,) system id times 256 plus component id."""
