@@ -19,7 +19,7 @@ from h2nav.integrity.findings import Alarm
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.service.autopilot import Identity
-from h2nav.service.field_source import FieldSource
+from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.lane_selection import Condition
@@ -299,6 +299,14 @@ class Lane:
     def is_refused(self) -> bool:
         """Nothing of its stream can be used."""
         return self._refusals >= REFUSALS
+
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either."""
+        if self._rests_until_ns is not None:
+            return self._rests_until_ns
+        if message_id == CALIBRATED_ID and not self._choice.is_settled:
+            return 0  # a message that borrows its field may come into use
+        return self._choice.idle_until_ns(message_id)
 
     # --- what else is known -------------------------------------------------------------------
 

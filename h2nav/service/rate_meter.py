@@ -44,30 +44,30 @@ class _Snapshot(NamedTuple):
 
 
 class RateMeter:
-    """Counts messages, and looks at the counts ten times a second."""
+    """Looks at the counts of messages ten times a second.
+
+    Attributes:
+        counts: message id -> how many have come; whoever hears one counts it.
+    """
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
+        self.counts: Counter[int] = Counter()
         self._snapshots: deque[_Snapshot] = deque()
         self._first_ns: dict[int, int] = {}
 
     def restart(self) -> None:
         """Forgets all that came."""
-        self._counts.clear()
+        self.counts.clear()
         self._snapshots.clear()
         self._first_ns.clear()
-
-    def arrived(self, message_id: int) -> None:
-        """Counts one message."""
-        self._counts[message_id] += 1
 
     def sample(self, t_ns: int) -> bool:
         """Notes the counts at host time `t_ns`; False where that is not yet due."""
         if self._snapshots and t_ns - self._snapshots[-1].t_ns < SAMPLING_NS:
             return False
-        for message_id in self._counts.keys() - self._first_ns.keys():
+        for message_id in self.counts.keys() - self._first_ns.keys():
             self._first_ns[message_id] = t_ns
-        self._snapshots.append(_Snapshot(t_ns, dict(self._counts)))
+        self._snapshots.append(_Snapshot(t_ns, dict(self.counts)))
         while self._snapshots[0].t_ns < t_ns - LONGEST_SPAN_NS:
             self._snapshots.popleft()
         return True
