@@ -149,13 +149,14 @@ class SensorChecks:
         t_us = sample.t_us
         dt_s = 0.0 if self._t_us is None else min((t_us - self._t_us) * 1e-6, 0.1)
         self._t_us = t_us
-        rate = math.hypot(*sample.w_b)
+        _, w_b, f_b, m_b_ut, clipped = sample
+        rate = math.hypot(*w_b)
         turn_rad = dt_s * rate if rate > TURNING_RAD_S else 0.0
-        force = math.hypot(*sample.f_b)
-        self._gyro.add(t_us, sample.w_b, turn_rad, force, is_flying)
-        self._force.add(t_us, sample.f_b, turn_rad, force, is_flying)
-        self._watch_field(sample, turn_rad)
-        self._levels.add(sample)
+        force = math.hypot(*f_b)
+        self._gyro.add(t_us, w_b, turn_rad, force, is_flying)
+        self._force.add(t_us, f_b, turn_rad, force, is_flying)
+        self._watch_field(t_us, m_b_ut, turn_rad)
+        self._levels.add(t_us, f_b, clipped)
         # Values that have just come cannot be frozen.
         gyro = self._gyro.repeats > 0 and self._gyro_is_frozen(t_us)
         accel = self._force.repeats > 0 and self._force_is_frozen(t_us)
@@ -222,16 +223,15 @@ class SensorChecks:
             return True
         return force.flown_us(t_us) >= FROZEN_IN_FLIGHT_US
 
-    def _watch_field(self, sample: ImuSample, turn_rad: float) -> None:
-        field = sample.m_b_ut
+    def _watch_field(self, t_us: int, field: Vec3 | None, turn_rad: float) -> None:
         self._field_turned_rad += turn_rad
         self.field_is_frozen = False
         if field is None:
             return
         if self._field is None or field != self._field[0]:
-            self._field, self._field_turned_rad = (field, sample.t_us), 0.0
+            self._field, self._field_turned_rad = (field, t_us), 0.0
             return
-        still_us = sample.t_us - self._field[1]
+        still_us = t_us - self._field[1]
         has_turned = self._field_turned_rad > TURNED_FIELD_RAD
         self.field_is_frozen = still_us > COMPASS_FROZEN_US and has_turned
 
@@ -248,9 +248,9 @@ class _Levels:
         self.vibration_m_s2 = 0.0
         self.clipped_share = 0.0
 
-    def add(self, sample: ImuSample) -> None:
-        """Takes a sample."""
-        x, y, z = force = sample.f_b
+    def add(self, t_us: int, force: Vec3, clipped: bool) -> None:
+        """Takes what concerns it of a sample."""
+        x, y, z = force
         if self._before is not None:
             # Of a white noise the difference has twice the variance.
             a, b, c = self._before
@@ -260,15 +260,15 @@ class _Levels:
             squares[2] += 0.5 * (z - c) ** 2
         self._before = force
         self._samples += 1
-        self._clipped += sample.clipped
+        self._clipped += clipped
         if self._since_us is None:
-            self._since_us = sample.t_us
-        if sample.t_us - self._since_us >= WINDOW_US:
+            self._since_us = t_us
+        if t_us - self._since_us >= WINDOW_US:
             self.vibration_m_s2 = math.sqrt(max(self._squares) / self._samples)
             self.clipped_share = self._clipped / self._samples
             self._squares = [0.0, 0.0, 0.0]
             self._samples = self._clipped = 0
-            self._since_us = sample.t_us
+            self._since_us = t_us
 
     def alarms(self, name: str) -> list[Alarm]:
         """What is too much, of the IMU of this name."""

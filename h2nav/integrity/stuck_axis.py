@@ -44,8 +44,14 @@ class _Run:
 
     def add(self, one: float, two: float) -> float:
         """Takes the others of a sample; how far both have gone since the beginning."""
-        self._low_one, self._high_one = min(self._low_one, one), max(self._high_one, one)
-        self._low_two, self._high_two = min(self._low_two, two), max(self._high_two, two)
+        if one < self._low_one:
+            self._low_one = one
+        elif one > self._high_one:
+            self._high_one = one
+        if two < self._low_two:
+            self._low_two = two
+        elif two > self._high_two:
+            self._high_two = two
         return self._high_one - self._low_one + self._high_two - self._low_two
 
 

@@ -129,7 +129,7 @@ class Outputs:
     Attributes:
         sent: attitude messages, since start.
         are_held: nothing is due, because the estimates are late.
-        assessment: of the newest estimate.
+        assess: says what is thought of the newest estimate; asked where that is to be sent.
 
     Args:
         settings: the rates; 0 switches a message off.
@@ -152,11 +152,11 @@ class Outputs:
         }
         self._assessments: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Output(
-                lambda estimate: _status(estimate, self.assessment),
+                lambda estimate: _status(estimate, self.assess()),
                 settings.estimator_status_rate_hz,
             ),
             mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(
-                lambda _: _differences(self.assessment.difference),
+                lambda _: _differences(self.assess().difference),
                 settings.difference_rate_hz,
             ),
         }
@@ -171,7 +171,7 @@ class Outputs:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self.sent = 0
         self.are_held = False
-        self.assessment = Assessment()
+        self.assess: Callable[[], Assessment] = Assessment
 
     def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
         """The messages to send for this attitude."""

@@ -220,18 +220,19 @@ class VelocityAidedFilter:
         nothing; the rate of a clipped one is doubted. A sample that is not later than the one
         before changes nothing: the estimate before it comes again.
         """
-        if self._t_us is not None and sample.t_us <= self._t_us:
-            return self._standing(self._t_us, 0)
+        t_us, before_us = sample.t_us, self._t_us
+        if before_us is not None and t_us <= before_us:
+            return self._standing(before_us, 0)
         if not is_plausible(sample):
-            return self._standing(sample.t_us, memory.SATURATED)
-        if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
+            return self._standing(t_us, memory.SATURATED)
+        if before_us is None or (t_us - before_us) * 1e-6 > LONGEST_GAP_S:
             if self._aligned and self._sample.rest_prior == 0.0:
                 return self._resume(sample)
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
         u, s = self._sample, self._memory
-        u.dt_s = (sample.t_us - (self._t_us or 0)) * 1e-6
+        u.dt_s = (t_us - (before_us or 0)) * 1e-6
         gyro, accel, mag = self._measured
         gyro[:], accel[:] = sample.w_b, sample.f_b
         m = sample.m_b_ut
@@ -240,13 +241,13 @@ class VelocityAidedFilter:
             mag[:] = m
             u.has_mag = 1.0 if is_plausible_field(m) else 0.0
         u.clipped = clipping(sample)
-        self._fill_velocity(sample.t_us)
+        self._fill_velocity(t_us)
         bits = self._step(s, self._g, u)
-        self._t_us = sample.t_us
+        self._t_us = t_us
         if self._air is not None:
             self._follow_in_air(self._air, sample)
-        self._aiding.remember(sample.t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
-        return self._estimate(sample.t_us, sample.w_b, bits)
+        self._aiding.remember(t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
+        return self._estimate(t_us, sample.w_b, bits)
 
     def follow(self, t_us: int) -> None:
         """Goes on from a sample of this time, to which a batch has brought memory and sample."""
@@ -566,10 +567,9 @@ def clipping(sample: ImuSample) -> float:
 
 def is_plausible(sample: ImuSample) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
-    w, f = sample.w_b, sample.f_b
+    _, (p, q, r), (x, y, z), *_ = sample
     return (
-        abs(w[0]) + abs(w[1]) + abs(w[2]) < MOST_RATE_RAD_S
-        and abs(f[0]) + abs(f[1]) + abs(f[2]) < MOST_FORCE_M_S2
+        abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
     )
 
 
