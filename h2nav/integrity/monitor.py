@@ -114,7 +114,8 @@ class Monitor:
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes a sample and what the filter has made of it, not led."""
-        if sample.clipped or sample.f_b == NO_FORCE:
+        t_us, _, force, _, clipped = sample
+        if clipped or force == NO_FORCE:
             # What its windows would show is known already.
             self.restart()
             return
@@ -123,17 +124,17 @@ class Monitor:
             self._field.restart()
             self.ratios = InnovationRatios()
         if int(estimate.trust) & FIELD_USED:
-            self._field_used_us = sample.t_us
-        if self.field_is_frozen:
+            self._field_used_us = t_us
+        if self._checks.field_is_frozen:
             self._field.restart()
             self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
         elif self._field.add(sample):
             self._judge_field()
-        if sample.t_us - self._forces_us >= FORCE_PERIOD_US:
-            self._forces_us = sample.t_us
-            self._judge_force(sample.t_us)
-            self._forget_stale(sample.t_us)
-            self._judge(sample.t_us)
+        if t_us - self._forces_us >= FORCE_PERIOD_US:
+            self._forces_us = t_us
+            self._judge_force(t_us)
+            self._forget_stale(t_us)
+            self._judge(t_us)
             self._open(FORCE_PERIOD_US * 1e-6)
 
     def fix(self, fix: VelocityFix) -> None:

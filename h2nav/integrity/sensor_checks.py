@@ -115,8 +115,11 @@ class _Triple:
     def is_fine(self) -> bool:
         """The values are no whole numbers of counts: their message shows every noise."""
         assert self._values is not None
-        counts = [value / self._count for value in self._values]
-        return any(abs(count - round(count)) > 1e-3 for count in counts)
+        for value in self._values:
+            count = value / self._count
+            if abs(count - round(count)) > 1e-3:
+                return True
+        return False
 
     @property
     def largest(self) -> float:
@@ -211,15 +214,17 @@ class SensorChecks:
         gyro = self._gyro
         if gyro.largest > DEAD_ZONE_RAD_S:
             return gyro.still_us(t_us) >= FROZEN_US or gyro.repeats_fine(t_us)
+        if not gyro.has_moved:
+            return False
         # At rest a gyro's own counts may be larger than its noise.
         least_us = FROZEN_FINE_IN_FLIGHT_US if gyro.is_fine else FROZEN_IN_FLIGHT_US
-        return gyro.flown_us(t_us) >= least_us and gyro.has_moved
+        return gyro.flown_us(t_us) >= least_us
 
     def _force_is_frozen(self, t_us: int) -> bool:
         force = self._force
         if force.still_us(t_us) < FROZEN_US:
             return force.repeats_fine(t_us)
-        if force.is_fine or force.turned_rad > TURNED_FORCE_RAD:
+        if force.turned_rad > TURNED_FORCE_RAD or force.is_fine:
             return True
         return force.flown_us(t_us) >= FROZEN_IN_FLIGHT_US
 
