@@ -37,8 +37,7 @@ function show(from, to) {
 
 function tell() {
   const digits = shown.to - shown.from < 20 ? 1 : 0;
-  const whole = shown.to - shown.from > END * 0.999;
-  document.getElementById("shown").textContent = (whole ? "whole recording: " : "") +
+  document.getElementById("shown").textContent =
     `${shown.from.toFixed(digits)} to ${shown.to.toFixed(digits)} s`;
   for (const part of document.querySelectorAll("[data-track]")) {
     const isOut = Number(part.dataset.to) < shown.from || Number(part.dataset.from) > shown.to;
@@ -73,18 +72,28 @@ function written(ctx, text, left, right, middle, ratio) {
   if (fits.length > 2 || fits === text) ctx.fillText(fits, left + 3 * ratio, middle);
 }
 
-function backdrop(plot) {
+function eachMode(plot, draw) {
   inside(plot, (ctx, box, ratio, x) => {
-    ctx.font = `${11 * ratio}px sans-serif`;
-    ctx.textBaseline = "top";
     for (const [from, to, name, colour] of review.modes) {
       const left = Math.max(x(from), box.left), right = Math.min(x(to), box.left + box.width);
-      if (right <= left) continue;
-      ctx.fillStyle = colour;
-      ctx.fillRect(left, box.top, right - left, box.height);
-      ctx.fillStyle = SOFT;
-      written(ctx, name, left, right, box.top + 2 * ratio, ratio);
+      if (right > left) draw(ctx, box, ratio, {left, right, name, colour});
     }
+  });
+}
+
+function backdrop(plot) {
+  eachMode(plot, (ctx, box, _, {left, right, colour}) => {
+    ctx.fillStyle = colour;
+    ctx.fillRect(left, box.top, right - left, box.height);
+  });
+}
+
+function modeNames(plot) {
+  eachMode(plot, (ctx, box, ratio, {left, right, name}) => {
+    ctx.font = `${11 * ratio}px sans-serif`;
+    ctx.textBaseline = "top";
+    ctx.fillStyle = SOFT;
+    written(ctx, name, left, right, box.top + 2 * ratio, ratio);
   });
 }
 
@@ -196,7 +205,7 @@ function onTime(options, height) {
     },
     hooks: {
       ...options.hooks, setScale: [followed], drawClear: [backdrop],
-      draw: [chosen, ...(options.hooks?.draw ?? [])],
+      draw: [modeNames, chosen, ...(options.hooks?.draw ?? [])],
     },
   };
 }
@@ -298,15 +307,21 @@ function rows(picture) {
     const here = t === null ? [] : spans.filter(([from, to]) => from <= t && t <= to);
     return here.length ? here.map((span) => span[2]).join(", ") : "–";
   };
+  // A row without a label goes on with the one above it.
+  const labelled = [];
+  for (const [label, spans] of picture.rows)
+    if (label) labelled.push([label, [...spans]]);
+    else labelled.at(-1)[1].push(...spans);
   const grid = times(2000), nothing = new Array(grid.length).fill(null);
   const options = onTime({
     series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
-      ...picture.rows.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
+      ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
     axes: axes("s", "", 0, {values: (_, ticks) => ticks.map(() => ""), grid: {show: false}, ticks: {show: false}}),
-    scales: {y: {range: () => [0, 1]}}, hooks: {draw: [draw]},
+    scales: {y: {range: () => [0, 1]}},
   }, step * count + 34 + 8);
   options.hooks.drawClear = [];
-  return [options, [grid, ...picture.rows.map(() => nothing)]];
+  options.hooks.draw = [chosen, draw];
+  return [options, [grid, ...labelled.map(() => nothing)]];
 }
 
 // --- the page -----------------------------------------------------------------------------------
@@ -319,7 +334,7 @@ function made(place) {
   const isTimed = picture.kind !== "curves";
   if (isTimed) timed.push(plot);
   all.push({place, plot});
-  place.classList.add("drawn");
+  place.classList.add("drawn", picture.kind);
   new ResizeObserver(() => {
     if (place.clientWidth && place.clientWidth !== plot.width) plot.setSize({width: place.clientWidth, height: plot.height});
   }).observe(place);

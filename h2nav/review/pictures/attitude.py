@@ -82,10 +82,9 @@ def _rarest_heading(voices: list[_Voice]) -> float:
     """Where the picture's headings begin and end, rad: where the nose points least."""
     headings = [euler(voice.q_nb).heading for voice in voices]
     known = [heading[np.isfinite(heading)] for heading in headings]
-    counts = sum(
-        np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
-        for heading in known
-    )
+    counts = np.zeros(SECTORS)
+    for heading in known:
+        counts += np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
     # The middle of the widest gap, not its edge: of nine sectors together.
     around = np.convolve(np.tile(counts, 3), np.ones(9), "same")[SECTORS : 2 * SECTORS]
     return (float(np.argmin(around)) + 0.5) * 2.0 * np.pi / SECTORS

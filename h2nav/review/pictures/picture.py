@@ -117,7 +117,7 @@ class Row(NamedTuple):
     """What was when.
 
     Attributes:
-        label: of the row.
+        label: of the row; empty where it goes on with the one above.
         spans: in order.
         colours: of each of them.
     """
