@@ -209,7 +209,8 @@ def _item(finding: Finding) -> str:
     of_kind, level = advice(finding.kind), _level(finding.severity)
     source = finding.source
     text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
-    size = f"{_figure(finding.size)} {finding.unit}".strip()
+    # A size without a unit counts what the text counts too.
+    size = f"{_figure(finding.size)} {finding.unit}" if finding.unit else ""
     lines = [
         ("means", of_kind.means),
         ("shown by", finding.evidence),

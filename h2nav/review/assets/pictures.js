@@ -170,14 +170,14 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
   for (const trace of traces) {
     const at = made.length + 1;
     made.push({
-      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, show: trace.shown,
+      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, auto: trace.sets_range,
       dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
       value: (_, value) => value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
     });
     data.push(decoded(trace.values));
     if (!trace.low) continue;
     for (const edge of [trace.high, trace.low]) {
-      made.push({label: "", stroke: "transparent", width: 0, class: "edge", show: trace.shown,
+      made.push({label: "", stroke: "transparent", width: 0, class: "edge", auto: false,
         points: {show: false}, of: at});
       data.push(decoded(edge));
     }
@@ -224,8 +224,8 @@ function lines(picture) {
 }
 
 function curves(picture) {
-  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, true);
   const x = floats(picture.x);
+  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, x.length < 60);
   const scale = picture.is_logarithmic ? {distr: 3}
     : {range: reach({limits: [], digits: picture.digits, at_least: null})};
   return [{
@@ -276,11 +276,14 @@ function heat(picture) {
     return part[row] ? `${(row / (rows - 1) * picture.to_hz).toFixed(0)} Hz` : "–";
   };
   const grid = times(2000);
-  return [onTime({
+  const options = onTime({
     series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
       {label: "strongest", stroke: "#08306b", value: strongest}],
-    axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}}, hooks: {draw: [draw]},
-  }, isNarrow() ? 190 : 220), [grid, new Array(grid.length).fill(null)]];
+    axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}},
+  }, isNarrow() ? 190 : 220);
+  options.hooks.drawClear = [];
+  options.hooks.draw = [draw, chosen];
+  return [options, [grid, new Array(grid.length).fill(null)]];
 }
 
 function rows(picture) {

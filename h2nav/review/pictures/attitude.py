@@ -125,7 +125,7 @@ def difference(flight: Flight) -> Section:
             "deg",
             (*_traces(columns, found, "tilt"), _limit(columns, found[0], "tilt")),
             digits=2,
-            at_least=(0.0, 1.0),
+            at_least=(0.0, 3.0),
         ),
         Lines(
             "Heading: difference",
@@ -138,6 +138,7 @@ def difference(flight: Flight) -> Section:
                 _limit(columns, found[0], "heading", sign=-1.0),
             ),
             digits=2,
+            at_least=(-6.0, 6.0),
         ),
     )
     return Section("difference", "Autopilot against h2nav", pictures)
@@ -157,7 +158,8 @@ def _limit(columns: Columns, found: Difference, part: str, sign: float = 1.0) ->
     limit = found.tilt_limit_rad if part == "tilt" else found.heading_limit_rad
     points = sign * BEYOND * _bounded(limit / BEYOND) / DEG
     label = "three deviations" if sign > 0.0 else "three deviations, below"
-    return Trace(label, "#555555", columns.of(found.t_s, points), is_dashed=True)
+    points = columns.of(found.t_s, points)
+    return Trace(label, "#555555", points, is_dashed=True, sets_range=False)
 
 
 def certainty(flight: Flight) -> Section:
