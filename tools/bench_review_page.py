@@ -135,11 +135,11 @@ def opened(path: Path, drawn: str) -> tuple[float, float, float]:
             time.sleep(0.01)
         took = time.monotonic() - begun
         seen = browser.execute_script(
-            "return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN"
+            "return performance.getEntriesByName('first-contentful-paint')[0]?.startTime"
         )
         found: dict[str, Any] = browser.execute_cdp_cmd("Performance.getMetrics", {})
         work = {one["name"]: one["value"] for one in found["metrics"]}["TaskDuration"]
-        return seen * 1e-3, took, work
+        return (took if seen is None else seen * 1e-3), took, work
     finally:
         browser.quit()
 

@@ -158,8 +158,8 @@ def _limit(columns: Columns, found: Difference, part: str, sign: float = 1.0) ->
     limit = found.tilt_limit_rad if part == "tilt" else found.heading_limit_rad
     points = sign * BEYOND * _bounded(limit / BEYOND) / DEG
     label = "three deviations" if sign > 0.0 else "three deviations, below"
-    points = columns.of(found.t_s, points)
-    return Trace(label, "#555555", points, is_dashed=True, sets_range=False)
+    drawn = columns.of(found.t_s, points)
+    return Trace(label, "#555555", drawn, is_dashed=True, sets_range=False)
 
 
 def certainty(flight: Flight) -> Section:
