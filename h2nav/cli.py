@@ -70,6 +70,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("replay",): Command(
             "replay", "run a recording through the same service", "replay flight.tlog --json"
         ),
+        ("review",): Command(
+            "review",
+            "what went wrong in a flight: findings and pictures, one page per flight",
+            "review flight.bin -o reviews --open",
+        ),
         ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
         ("log", "recover"): Command(
             "log_recover",
