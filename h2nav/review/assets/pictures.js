@@ -104,6 +104,7 @@ function chosen(plot) {
     ctx.fillStyle = "rgba(176, 58, 0, 0.08)";
     ctx.fillRect(left, box.top, width, box.height);
     ctx.strokeStyle = "rgba(176, 58, 0, 0.7)";
+    ctx.setLineDash([]);
     ctx.lineWidth = ratio;
     ctx.strokeRect(left, box.top - ratio, width, box.height + 2 * ratio);
   });
