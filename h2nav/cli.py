@@ -77,7 +77,14 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "log recover flight.mcap.active -o flight.mcap",
         ),
         ("log", "export"): Command(
-            "log_export", "convert a log's channels to CSV", "log export flight.mcap -o csv"
+            "log_export",
+            "a log as CSV, Parquet, trajectory or tlog",
+            "log export flight.mcap -o csv",
+        ),
+        ("log", "decode"): Command(
+            "log_decode",
+            "add the autopilot's messages as channels that viewers plot",
+            "log decode flight.mcap -o decoded.mcap",
         ),
     },
     "gains": {
