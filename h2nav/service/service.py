@@ -175,6 +175,12 @@ class Service:
         return self._settings.autopilot.system_id or FALLBACK_SYSTEM_ID
 
     @property
+    def bound_to(self) -> str:
+        """The autopilot for people; empty before there is one."""
+        identity = self._autopilot.identity
+        return identity.description if identity is not None else ""
+
+    @property
     def health(self) -> records.HealthRecord:
         """The state as it is logged and shown."""
         row = self._estimation.imu_message
