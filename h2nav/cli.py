@@ -70,6 +70,9 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("replay",): Command(
             "replay", "run a recording through the same service", "replay flight.tlog --json"
         ),
+        ("fleet",): Command(
+            "fleet", "review thousands of recordings", "fleet recordings -o reviews --workers 8"
+        ),
         ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
         ("log", "recover"): Command(
             "log_recover",

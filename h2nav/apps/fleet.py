@@ -1,8 +1,10 @@
 """`h2nav fleet`: the reviews of thousands of flights, on all cores of this machine or a cluster."""
 
 import argparse
+import functools
 import os
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +56,89 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     playback.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
-        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights whose results "
-        "are in DIR already are not reviewed again, so a run that was ended goes on when it is "
-        "started again. Broken recordings become rows that say why."
+        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights whose "
+        "results are in DIR already are not reviewed again, so a run that was ended goes on when "
+        "it is started again. Broken recordings become rows that say why."
     )
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    extras.require(
+        "fleet", "h2nav fleet", "distributed", "fsspec", "pyarrow.parquet", "bokeh", "pyulog"
+    )
+    from h2nav.fleet.running import Work, cluster, run_fleet
+    from h2nav.fleet.sources import find
+    from h2nav.fleet.store import Store
+    from h2nav.fleet.work import Limits
+
+    workers = args.workers if args.workers is not None else (os.cpu_count() or 1)
+    _check(args, workers)
+    sources = find(args.sources)
+    wished = playback.wishes(args)
+    work = Work(
+        functools.partial(review_flight, wished=wished),
+        f"{__version__} {_told(wished)}",
+        Limits(args.longest_s, args.memory_mb),
+    )
+    store = Store(args.output)
+    started_s = time.monotonic()
+    with cluster(args.scheduler, workers, args.memory_mb) as client:
+        print(f"h2nav: {len(sources)} flights, dashboard {client.dashboard_link}", file=sys.stderr)
+        with tqdm(total=len(sources), unit="flight", disable=not sys.stderr.isatty()) as bar:
+            outcome = run_fleet(client, sources, work, store, lambda task, result: bar.update())
+    document = _document(outcome, store.place(""), time.monotonic() - started_s)
+    if args.json:
+        print_json(document)
+    else:
+        _show(document)
+    return 0
+
+
+def review_flight(path: Path, folder: Path, wished: playback.Wishes) -> dict[str, Any]:
+    """Reviews one flight on a worker; see `h2nav.fleet.work.Review`."""
+    from h2nav.apps.reviewing import review_one
+
+    return review_one(path, folder, wished)
+
+
+def _check(args: argparse.Namespace, workers: int) -> None:
+    if workers < 1:
+        raise BadInput(f"--workers: expected at least 1, found {workers}")
+    if args.scheduler is not None and args.workers is not None:
+        raise BadInput("--workers: the cluster at --scheduler has its own; leave one of them out")
+    if args.memory_mb < 1 or not args.longest_s > 0.0:
+        raise BadInput("--memory-mb and --longest-s: expected more than 0")
+
+
+def _told(wished: playback.Wishes) -> str:
+    """What the user wants, for the key of the results; a configuration by its content."""
+    config = "" if wished.config is None else Path(wished.config).read_text(errors="replace")
+    return repr((config, wished.filter_name, wished.vehicle_class))
+
+
+def _document(outcome: "Outcome", place: str, elapsed_s: float) -> dict[str, Any]:
+    failed = [row.values for row in outcome.rows if row.values["error"]]
+    hours = sum(row.values["duration_s"] or 0.0 for row in outcome.rows) / 3600.0
+    return {
+        "output": place,
+        "flights": len(outcome.rows),
+        "done_before": outcome.done_before,
+        "failed": len(failed),
+        "findings": sum(row.values["finding_count"] for row in outcome.rows),
+        "flight_hours": round(hours, 3),
+        "elapsed_s": round(elapsed_s, 1),
+        "cpu_s": round(sum(cost["cpu_s"] for cost in outcome.costs), 1),
+        "peak_worker_mib": max((cost["peak_mib"] for cost in outcome.costs), default=None),
+        "errors": [{"source": row["source"], "error": row["error"]} for row in failed],
+    }
+
+
+def _show(document: dict[str, Any]) -> None:
+    print(
+        f"{document['flights']} flights, {document['flight_hours']:.1f} h, "
+        f"{document['findings']} findings; {document['done_before']} were done before"
+    )
+    for row in document["errors"]:
+        print(f"not reviewed: {row['source']}: {row['error']}")
+    print(f"{document['output']}index.html")

@@ -1,6 +1,8 @@
 """The flights of a fleet on a Dask cluster: what is done is not done again."""
 
+import itertools
 import logging
+import secrets
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,7 +11,7 @@ from typing import Any, NamedTuple
 
 import dask
 import orjson
-from distributed import Client, LocalCluster, as_completed
+from distributed import Client, KilledWorker, LocalCluster, as_completed
 
 from h2nav.errors import BadInput
 from h2nav.fleet.index import write_index
@@ -21,6 +23,8 @@ from h2nav.fleet.work import MIB, RESULTS, Limits, Review, Task, do_flight
 # Flights that the scheduler knows of, per worker: enough to keep all of them busy, few enough for
 # any number of flights.
 _AHEAD = 4
+# The scheduler counts deaths of workers at which a flight was waiting, too.
+_MOST_TRIES = 10
 _CONNECT_S = 10.0
 # A worker's process beyond what one flight may need of it, before its nanny ends it.
 _NANNY_SHARE = 1.1
@@ -78,9 +82,7 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
             yield client
         return
     settings = {
-        "distributed.scheduler.allowed-failures": 1,
-        # A flight that waits at a worker would count as one at which the worker died.
-        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.scheduler.worker-saturation": 1.0,  # a flight waits where it may yet choose
         # Paused or spilling workers help nobody: a flight fits, or is given up by its watch.
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,
@@ -119,7 +121,8 @@ def run_fleet(
         BadInput: the workers' results do not arrive in `store`.
     """
     limits = f"{work.limits.time_s:g} s {work.limits.memory_mib} MiB"
-    tasks = [Task(source, source.key(work.version, limits)) for source in sources]
+    run = secrets.token_hex(8)
+    tasks = [Task(source, source.key(work.version, limits), run) for source in sources]
     there = store.names(RESULTS)
     waiting = [task for task in tasks if f"{task.key}.json" not in there]
     for task in tasks:
@@ -146,36 +149,40 @@ def _results(
 ) -> Iterator[tuple[Task, Mapping[str, Any]]]:
     """The results as they come; the scheduler knows of a few tasks at a time only."""
     upcoming = iter(tasks)
-    running: dict[str, Task] = {}
+    running: dict[str, tuple[Task, int]] = {}
 
-    def submit(task: Task) -> Any:
-        running[task.key] = task
-        return client.submit(
-            do_flight, task, work.review, store, work.limits, key=f"flight-{task.key}", pure=False
-        )
+    def submit(task: Task, tries: int = 1) -> Any:
+        # The same name in every run: what an earlier one left behind at the scheduler is joined.
+        key = f"flight-{task.key}-{tries}"
+        running[key] = (task, tries)
+        return client.submit(do_flight, task, work.review, store, work.limits, key=key, pure=False)
 
-    ahead = max(1, _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"])))
-    first = [submit(task) for _, task in zip(range(ahead), upcoming, strict=False)]
-    completed = as_completed(first)
+    ahead = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+    first = [submit(task) for task in itertools.islice(upcoming, ahead)]
+    completed = as_completed(first, loop=client.loop)
     for future in completed:
-        task = running.pop(future.key.removeprefix("flight-"))
-        if future.status == "finished":
-            result: Mapping[str, Any] = future.result()
-        else:
-            result = {"error": _why_lost(future), "transient": True}
+        task, tries = running.pop(future.key)
+        result = _result(future)
         future.release()
-        yield task, result
+        if result is None and tries < _MOST_TRIES:
+            completed.add(submit(task, tries + 1))  # type: ignore[no-untyped-call]
+            continue
+        yield task, result or {"error": "workers died, each time it was tried", "transient": True}
         following = next(upcoming, None)
         if following is not None:
-            completed.add(submit(following))
+            completed.add(submit(following))  # type: ignore[no-untyped-call]
 
 
-def _why_lost(future: Any) -> str:
-    """Why a task has no result: its worker died each time, or the cluster gave it up."""
-    error = future.exception() if future.status == "error" else None
-    if type(error).__name__ == "KilledWorker":
-        return "the worker died at this flight, each time that it was tried"
-    return f"no result: {type(error).__name__ if error else future.status}"
+def _result(future: Any) -> Mapping[str, Any] | None:
+    """What a task gave; None where the scheduler gave it up because workers died."""
+    try:
+        result: Mapping[str, Any] = future.result()
+    except KilledWorker:
+        return None
+    except Exception as error:  # the store's, on the worker
+        said = " ".join(str(error).split())
+        return {"error": f"no result: {type(error).__name__}: {said}", "transient": True}
+    return result
 
 
 def _require_shared(store: Store, task: Task) -> None:

@@ -1,4 +1,4 @@
-"""Which recordings a fleet has: files, folders, patterns, and whatever fsspec has an address for."""
+"""Which recordings a fleet has: files, folders, patterns, whatever fsspec has an address for."""
 
 import hashlib
 import os
@@ -81,13 +81,12 @@ def find(addresses: Iterable[str]) -> list[Source]:
     return [found[address] for address in sorted(found)]
 
 
-def _behind(address: str) -> Iterator[Source]:
-    if address.startswith("file://"):
-        address = address.removeprefix("file://")
+def _behind(typed: str) -> Iterator[Source]:
+    address = typed.removeprefix("file://")
     if "://" not in address and "::" not in address:
         address = os.path.abspath(os.path.expanduser(address))
     fs, path = fsspec.core.url_to_fs(_whole(address))
-    for name, about in _listed(fs, path, address):
+    for name, about in _listed(fs, path, typed):
         yield Source(_address_of(fs, name, address), int(about.get("size") or 0), _stamp(about))
 
 

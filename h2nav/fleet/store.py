@@ -4,6 +4,7 @@ What has a name here is whole. In a folder a file is written under another name 
 stores show no half-written objects anyway.
 """
 
+import contextlib
 import os
 import shutil
 from collections.abc import Iterable
@@ -57,6 +58,11 @@ class Store:
         part = _part_of(path)
         shutil.copyfile(file, part)
         part.replace(path)
+
+    def remove(self, name: str) -> None:
+        """Removes a file, if it is there."""
+        with contextlib.suppress(FileNotFoundError):
+            self._fs.rm_file(self.place(name))
 
     def read(self, name: str) -> bytes | None:
         """A file's content; None where there is none."""

@@ -152,9 +152,7 @@ class _Table:
             ]
         )
         self._rows: list[dict[str, Any]] = []
-        self._writer = stack.enter_context(
-            pq.ParquetWriter(path, self._schema, compression="zstd")
-        )
+        self._writer = stack.enter_context(pq.ParquetWriter(path, self._schema, compression="zstd"))
 
     def add(self, row: dict[str, Any]) -> None:
         self._rows.append(row)

@@ -3,6 +3,8 @@
 A worker that does not come to an end with a flight, or needs too much memory for it, cannot be
 stopped from inside Python. So a watch writes the flight's result, with the reason, and ends the
 process. The cluster starts another worker and gives it the flight again, which finds the result.
+Where a worker just dies, a mark tells which flight it was at: the scheduler would blame those that
+were waiting there as well.
 """
 
 import ctypes
@@ -26,7 +28,9 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.fleet.sources import Source
 from h2nav.fleet.store import Store
 
-RESULTS, REVIEWS = "results", "reviews"
+RESULTS, REVIEWS, STARTED = "results", "reviews", "started"
+# Other programs of the machine kill workers too, but not twice at the same flight.
+_MOST_DEATHS = 2
 MIB = 1 << 20
 _LOOK_S = 0.2
 _COPY_BYTES = 4 * MIB
@@ -37,7 +41,7 @@ Review = Callable[[Path, Path], dict[str, Any]]
 """Reviews the recording of the first path, writes into the folder of the second one.
 
 Gives a mapping: columns of `tables.FLIGHT_COLUMNS` by name, ``findings`` (mappings of a `Finding`),
-and ``page``, the name of the page in the folder, if there is one. Raises `BadInput` or `TaskFailed`.
+and ``page``, the page's name in the folder, if there is one. Raises `BadInput` or `TaskFailed`.
 """
 
 
@@ -59,15 +63,22 @@ class Task(NamedTuple):
     Attributes:
         source: the recording.
         key: of its results.
+        run: tells this run of the fleet from others.
     """
 
     source: Source
     key: str
+    run: str
 
     @property
     def result_name(self) -> str:
         """Of its result in the store."""
         return f"{RESULTS}/{self.key}.json"
+
+    @property
+    def mark_name(self) -> str:
+        """Of what is in the store while a worker is at it."""
+        return f"{STARTED}/{self.key}"
 
     @property
     def page_name(self) -> str:
@@ -86,12 +97,32 @@ def do_flight(task: Task, review: Review, store: Store, limits: Limits) -> dict[
     if known is not None:
         done: dict[str, Any] = orjson.loads(known)
         return done
+    deaths = _deaths(task, store)
+    if deaths >= _MOST_DEATHS:
+        store.remove(task.mark_name)
+        return {"error": "the worker died at this flight, each time", "transient": True}
+    store.write(task.mark_name, f"{task.run} {deaths + 1}".encode())
+    try:
+        return _done(task, review, store, limits)
+    finally:
+        store.remove(task.mark_name)
+
+
+def _deaths(task: Task, store: Store) -> int:
+    """How many workers have died at this flight in this run."""
+    run, _, count = (store.read(task.mark_name) or b"").decode(errors="replace").partition(" ")
+    return int(count) if run == task.run and count.isdigit() else 0
+
+
+def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str, Any]:
+    """Does the work of `do_flight`."""
     started_s, cpu_s = time.monotonic(), time.process_time()
     result: dict[str, Any]
     # Where the cluster clears up behind a worker that died.
     scratch = get_worker().local_directory
-    with tempfile.TemporaryDirectory(prefix="h2nav-", dir=scratch) as name, _Watch(
-        task, store, limits, Path(name)
+    with (
+        tempfile.TemporaryDirectory(prefix="h2nav-", dir=scratch) as name,
+        _Watch(task, store, limits, Path(name)),
     ):
         folder = Path(name)
         try:
@@ -129,9 +160,7 @@ def _fetched(source: Source, folder: Path) -> Path:
     return path
 
 
-def _reviewed(
-    task: Task, review: Review, store: Store, path: Path, folder: Path
-) -> dict[str, Any]:
+def _reviewed(task: Task, review: Review, store: Store, path: Path, folder: Path) -> dict[str, Any]:
     written = folder / "review"
     written.mkdir()
     result = review(path, written)
@@ -182,6 +211,7 @@ class _Watch:
     def _end(self, reason: str) -> None:
         result = {"error": f"given up: the review {reason}"}
         self._store.write(self._task.result_name, orjson.dumps(result))
+        self._store.remove(self._task.mark_name)
         shutil.rmtree(self._folder, ignore_errors=True)
         os._exit(_ENDED_BY_WATCH)
 
