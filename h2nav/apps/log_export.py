@@ -11,7 +11,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.io.log_tables import ExportResult
+    from h2nav.io.channel_tables import ExportResult
 
 Progress = Callable[[int, int], None]
 
