@@ -70,8 +70,15 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("replay",): Command(
             "replay", "run a recording through the same service", "replay flight.tlog --json"
         ),
+        ("review",): Command(
+            "review",
+            "what went wrong in a flight: findings and pictures, one page per flight",
+            "review flight.bin -o reviews --open",
+        ),
         ("fleet",): Command(
-            "fleet", "review thousands of recordings", "fleet recordings -o reviews --workers 8"
+            "fleet",
+            "the reviews of thousands of flights, and a table of them",
+            "fleet recordings -o reviews --workers 8",
         ),
         ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
         ("log", "recover"): Command(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 MEMORY_MIB = 600
 LONGEST_S = 1800.0
+_COPIED = ("kind", "vehicle", "firmware", "autopilot", "duration_s", "imu_message")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,9 +98,36 @@ def run(args: argparse.Namespace) -> int:
 
 def review_flight(path: Path, folder: Path, wished: playback.Wishes) -> dict[str, Any]:
     """Reviews one flight on a worker; see `h2nav.fleet.work.Review`."""
-    from h2nav.apps.reviewing import review_one
+    from h2nav.apps.reviewing import write_review
 
-    return review_one(path, folder, wished)
+    found = write_review(path, folder, "review", wished)
+    return {**row_of(found), "findings": found["findings"], "page": "review.html"}
+
+
+def row_of(found: dict[str, Any]) -> dict[str, Any]:
+    """A review's document as a row of the table of flights."""
+    lasted_s: dict[str, float] = {}
+    for state, spent_s in found["certainty"]["states_s"].items():
+        name = state.partition(":")[0]
+        lasted_s[name] = lasted_s.get(name, 0.0) + spent_s
+    duration_s = found["duration_s"]
+    apart = [one for one in found["differences"] if not one["is_truth"]]
+    samples = [one["samples"] for one in found["imus"] if one.get("samples") is not None]
+    return {
+        **{name: found[name] for name in _COPIED},
+        "start": found["start_utc"],
+        "samples": sum(samples) if samples else None,
+        "active_share": lasted_s.get("active", 0.0) / duration_s if duration_s else None,
+        "degraded_share": lasted_s.get("degraded", 0.0) / duration_s if duration_s else None,
+        "no_estimate": found["why_no_estimate"],
+        **{
+            f"largest_{part}_deg": max(
+                (one[part]["largest_deg"] for one in apart if one[part]["largest_deg"] is not None),
+                default=None,
+            )
+            for part in ("tilt", "heading")
+        },
+    }
 
 
 def _check(args: argparse.Namespace, workers: int) -> None:

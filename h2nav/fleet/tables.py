@@ -6,6 +6,7 @@ they were made, so that equal flights give equal files.
 
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ FLIGHT_COLUMNS: dict[str, tuple[Any, str, str]] = {
     "start": (pa.timestamp("us", tz="UTC"), "", "date of the first event"),
     "duration_s": (_NUMBER, "s", "of the recording"),
     "imu_message": (_TEXT, "", "where the samples come from"),
-    "samples": (_COUNT, "", "that made an estimate"),
+    "samples": (_COUNT, "", "of all IMUs together"),
     "active_share": (_NUMBER, "", "of the duration in the state active"),
     "degraded_share": (_NUMBER, "", "the same of degraded"),
     "no_estimate": (_TEXT, "", "why there is no estimate; empty where there is one"),
@@ -115,12 +116,14 @@ def severity_rank(name: str | None) -> int:
 def _flight(
     task: Task, result: Mapping[str, Any], findings: list[dict[str, Any]]
 ) -> dict[str, Any]:
+    start = result.get("start")
     worst = min((each["severity"] for each in findings), key=severity_rank, default="")
     return {
         "source": _valid(task.source.address),
         "size_bytes": task.source.size,
         "key": task.key,
         **{name: result.get(name) for name in FLIGHT_COLUMNS},
+        "start": datetime.fromisoformat(start) if start else None,
         "worst_severity": worst,
         "finding_count": len(findings),
         "error": result.get("error") or "",

@@ -202,7 +202,8 @@ def open_recording(path: Path | str) -> Recording:
     if deframer.feed(start) or deframer.flush():
         return BytesRecording(path)
     raise BadInput(
-        f"{path}: no recording; expected a telemetry log (.tlog), raw MAVLink bytes or MCAP"
+        f"{path}: no recording; expected a telemetry log (.tlog), raw MAVLink bytes, MCAP, or an "
+        "autopilot's own log (.bin, .log, .ulg)"
     )
 
 

@@ -26,8 +26,8 @@ MOST_ROWS = 4000
 SECTORS = 16
 ROW_S = 0.2
 FEWEST_ROWS = 50
-# In a quick turn a field that is 20 ms late is 1 deg off.
-FASTEST_RAD_S = 60.0 * DEG
+# In a quick turn a field that is 20 ms late is 2 deg off.
+FASTEST_RAD_S = 90.0 * DEG
 SURE_TILT_RAD = 6.0 * DEG
 # A calibrated compass: 7 % of the norm and 3 deg, which is 5 % (integrity.field_windows).
 USUAL_SHARE = 0.07
@@ -303,13 +303,16 @@ def _spread(values: Array) -> float:
 def _steps(compass: int, pieces: list[Rows], usual: Rows) -> list[Finding]:
     """What has changed in each part but the usual one, against that one."""
     own = np.median(usual.m_b_ut - usual.earth_b_ut, axis=0)
+    least = STEP_SHARE * float(np.median(usual.norm_ut))
+    # Between two parts there may be rows that say nothing, in quick turns.
+    cuts = [0.5 * (one.t_s[-1] + other.t_s[0]) for one, other in pairwise(pieces)]
+    begins = [pieces[0].t_s[0], *cuts]
+    ends = [*cuts, pieces[-1].t_s[-1]]
     found = []
-    for piece in pieces:
-        if piece is usual:
-            continue
+    for piece, from_s, to_s in zip(pieces, begins, ends, strict=True):
         change = np.median(piece.m_b_ut - piece.earth_b_ut, axis=0) - own
-        size = float(np.linalg.norm(change)) * MG_PER_UT
-        if size < STEP_SHARE * float(np.median(piece.norm_ut)) * MG_PER_UT:
+        size = float(np.linalg.norm(change))
+        if piece is usual or size < least:
             continue
         x, y, z = change * MG_PER_UT
         found.append(
@@ -317,11 +320,11 @@ def _steps(compass: int, pieces: list[Rows], usual: Rows) -> list[Finding]:
                 "compass_step",
                 f"compass {compass + 1}",
                 Severity.WARNING,
-                float(piece.t_s[0]),
-                float(piece.t_s[-1]),
-                size,
+                float(from_s),
+                float(to_s),
+                size * MG_PER_UT,
                 "mG",
-                f"a field of {size:.0f} mG came and stayed",
+                f"field of the vehicle itself changed by {size * MG_PER_UT:.0f} mG",
                 f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: a "
                 "magnet, a motor or a wire near it, and not the place that was flown over",
             )

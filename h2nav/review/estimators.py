@@ -232,7 +232,8 @@ def _unexplained(own: Attitudes, track: ImuTrack) -> tuple[Array, Array]:
 def _fastest(own: Attitudes, track: ImuTrack) -> Array:
     """(M,) largest rate around each step, rad/s; infinite where samples are missing."""
     rate = np.linalg.norm(track.w_b, axis=1)
-    rate[np.diff(track.t_s, append=track.t_s[-1:]) > LONGEST_SAMPLE_S] = np.inf
+    gaps = np.flatnonzero(np.diff(track.t_s) > LONGEST_SAMPLE_S)
+    rate[gaps] = rate[gaps + 1] = np.inf
     low = np.searchsorted(track.t_s, own.t_s[:-1] - JITTER_OVER_S).clip(max=len(rate) - 2)
     high = np.searchsorted(track.t_s, own.t_s[1:] + JITTER_OVER_S).clip(max=len(rate) - 1)
     places = np.stack((low, np.maximum(high, low + 1)), axis=1).ravel()

@@ -67,26 +67,33 @@ def attitudes(t_s: Array, q_nb: Array) -> Attitudes:
 
 def best_attitude(flight: Flight) -> Attitudes | None:
     """Ours, and from past and future where that is the surer one; None without any."""
-    ours = flight.estimates
-    if ours is None or len(ours.t_s) < 2:
+    if flight.estimates is None or len(flight.estimates.t_s) < 2:
         return None
-    q, tilt, heading = ours.q_nb, ours.sigma_tilt_rad, ours.sigma_heading_rad
-    tilt, heading = _known(tilt), _known(heading)
-    smoothed = flight.smoothed
-    if smoothed is not None and len(smoothed.t_s) == len(ours.t_s):
-        surer = _is_surer(smoothed, tilt, heading)
-        q = np.where(surer[:, None], smoothed.q_nb, q)
-        tilt = np.where(surer, _known(smoothed.sigma_tilt_rad), tilt)
-        heading = np.where(surer, _known(smoothed.sigma_heading_rad), heading)
-    rows = np.isfinite(q).all(axis=1)
-    return Attitudes(ours.t_s[rows], _continuous(q[rows]), tilt[rows], heading[rows])
+    ours = _with_sigma(flight.estimates)
+    if flight.smoothed is None or len(flight.smoothed.t_s) < 2:
+        return ours
+    smoothed = _with_sigma(flight.smoothed)
+    q = smoothed.at(ours.t_s)
+    tilt = smoothed.near(smoothed.sigma_tilt_rad, ours.t_s)
+    heading = smoothed.near(smoothed.sigma_heading_rad, ours.t_s)
+    surer = np.isfinite(q).all(axis=1)
+    surer &= np.hypot(tilt, heading) <= np.hypot(ours.sigma_tilt_rad, ours.sigma_heading_rad)
+    return Attitudes(
+        ours.t_s,
+        _continuous(np.where(surer[:, None], q, ours.q_nb)),
+        np.where(surer, tilt, ours.sigma_tilt_rad),
+        np.where(surer, heading, ours.sigma_heading_rad),
+    )
 
 
-def _is_surer(smoothed: Estimates, tilt: Array, heading: Array) -> Mask:
-    known = np.isfinite(smoothed.q_nb).all(axis=1)
-    other = np.hypot(_known(smoothed.sigma_tilt_rad), _known(smoothed.sigma_heading_rad))
-    surer: Mask = known & (other <= np.hypot(tilt, heading))
-    return surer
+def _with_sigma(estimates: Estimates) -> Attitudes:
+    rows = np.isfinite(estimates.q_nb).all(axis=1)
+    return Attitudes(
+        estimates.t_s[rows],
+        _continuous(estimates.q_nb[rows]),
+        _known(estimates.sigma_tilt_rad[rows]),
+        _known(estimates.sigma_heading_rad[rows]),
+    )
 
 
 def _known(sigma: Array) -> Array:
