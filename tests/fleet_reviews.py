@@ -39,7 +39,7 @@ def review(path: Path, folder: Path, diary: str) -> dict[str, Any]:
         "kind": "tlog",
         "vehicle": "<b>quadrotor</b>",
         "duration_s": float(len(word)),
-        "samples": 100 * len(word),
+        "imus": len(word),
         "findings": [FINDING] * (len(word) - 4),
         "page": "page.html",
     }

@@ -112,11 +112,12 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         lasted_s[name] = lasted_s.get(name, 0.0) + spent_s
     duration_s = found["duration_s"]
     apart = [one for one in found["differences"] if not one["is_truth"]]
-    samples = [one["samples"] for one in found["imus"] if one.get("samples") is not None]
+    rates_hz = [one["rate_hz"] for one in found["imus"] if one.get("rate_hz") is not None]
     return {
         **{name: found[name] for name in _COPIED},
         "start": found["start_utc"],
-        "samples": sum(samples) if samples else None,
+        "imus": len(found["imus"]),
+        "imu_rate_hz": max(rates_hz, default=None),
         "active_share": lasted_s.get("active", 0.0) / duration_s if duration_s else None,
         "degraded_share": lasted_s.get("degraded", 0.0) / duration_s if duration_s else None,
         "no_estimate": found["why_no_estimate"],

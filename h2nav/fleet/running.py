@@ -74,7 +74,7 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
     """
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+            client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError, TimeoutError) as error:
             said = " ".join(str(error).split())
             raise BadInput(f"{scheduler}: {said}; start one with: dask scheduler") from None
@@ -92,7 +92,7 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
     }
     with (
         dask.config.set(settings),
-        LocalCluster(
+        LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=workers,
             threads_per_worker=1,
             memory_limit=round(memory_mib * MIB * _NANNY_SHARE),
@@ -100,7 +100,7 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as own,
-        Client(own, set_as_default=False) as client,
+        Client(own, set_as_default=False) as client,  # type: ignore[no-untyped-call]
     ):
         yield client
 
@@ -159,7 +159,7 @@ def _results(
 
     ahead = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
     first = [submit(task) for task in itertools.islice(upcoming, ahead)]
-    completed = as_completed(first, loop=client.loop)
+    completed = as_completed(first, loop=client.loop)  # type: ignore[no-untyped-call]
     for future in completed:
         task, tries = running.pop(future.key)
         result = _result(future)

@@ -9,8 +9,8 @@ import orjson
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from h2nav.io.log_survey import Progress
 from h2nav.io.channel_tables import Column, Destination, ExportResult, export_tables
+from h2nav.io.log_survey import Progress
 
 # Rows become compact arrays after so many, and a row group of the file after so many of those.
 _BATCH_ROWS = 2048

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from h2nav.io.log_survey import Progress
 from h2nav.io.channel_tables import Column, Destination, ExportResult, export_tables
+from h2nav.io.log_survey import Progress
 
 TIME_COLUMNS = ("log_time [unix ns]", "publish_time [unix ns]")
 

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav.errors import BadInput
+from h2nav.io.channel_tables import require_topics
 from h2nav.io.deframer import Deframer
 from h2nav.io.log_file import RAW_ENCODING
 from h2nav.io.log_reader import messages_of
 from h2nav.io.log_survey import Progress, require_mcap
-from h2nav.io.channel_tables import require_topics
 from h2nav.io.recorder import RECEIVED_TOPIC
 from h2nav.io.tlog import TIME_SIZE
 

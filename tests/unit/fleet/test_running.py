@@ -74,7 +74,7 @@ def test_every_flight_becomes_a_row_and_nothing_is_done_twice(client: Client, fl
     assert outcome.done_before == 0
     assert len(outcome.costs) == 5
     flights = parquet.read_table(fleet.output / "flights.parquet").to_pylist()
-    assert [row["samples"] for row in flights] == [400, None, None, 600, 400]
+    assert [row["imus"] for row in flights] == [4, None, None, 6, 4]
     assert [row["finding_count"] for row in flights] == [0, 0, 0, 2, 0]
     assert [row["worst_severity"] for row in flights] == ["", "", "", "warning", ""]
     findings = parquet.read_table(fleet.output / "findings.parquet").to_pylist()
