@@ -42,7 +42,7 @@ from h2nav.flightlogs.spans import spans
 from h2nav.flightlogs.telemetry import quaternions
 from h2nav.integrity.findings import Severity
 from h2nav.io.dataflash import read_dataflash
-from h2nav.io.log_tables import LogTables, Table
+from h2nav.io.row_tables import LogTables, Table
 from h2nav.maths import quaternion
 from h2nav.wire.imu import MOST_IMUS, UT_PER_MGAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place

@@ -39,7 +39,7 @@ from h2nav.flightlogs.imu_series import Fields, Samples, Times
 from h2nav.flightlogs.log_clock import LogClock, in_order, is_running
 from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Severity
-from h2nav.io.log_tables import Table
+from h2nav.io.row_tables import Table
 from h2nav.io.ulog import ULogFile, instance, read_ulog
 from h2nav.service.sensor_delays import PX4_FIELD_S, PX4_RATES_S
 from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS

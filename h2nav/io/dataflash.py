@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.io.log_tables import LogTables, Source, Table
+from h2nav.io.row_tables import LogTables, Source, Table
 
 HEAD = b"\xa3\x95"
 HEAD_1, HEAD_2 = HEAD

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.io.log_tables import LogTables, Source
+from h2nav.io.row_tables import LogTables, Source
 
 MAGIC = b"ULog\x01\x12\x35"
 FILE_HEADER = struct.Struct("<7sBQ")
