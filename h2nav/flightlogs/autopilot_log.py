@@ -41,11 +41,7 @@ from h2nav.wire.vehicle import (
 
 SENDER = (1, 1)
 SECOND_US = 1_000_000
-<<<<<<< HEAD
-# Events are made for so long at a time: of few at once the garbage collector sees little.
-=======
 # Events are made for so long at a time: of few that exist at once the collector sees little.
->>>>>>> main
 BLOCK_US = SECOND_US
 # The service compares ten attitudes a second.
 ATTITUDE_STEP_US = 50_000
@@ -188,7 +184,7 @@ def _streams(recorded: Recorded) -> list[_Stream]:
         if track is not None:
             streams.append(_attitudes(recorded.start_us, track, is_second=is_second))
     streams.append(_texts(recorded))
-    streams += [_readings(readings) for readings in recorded.readings]
+    streams += [_readings(readings, recorded.start_us) for readings in recorded.readings]
     return streams
 
 
@@ -308,7 +304,17 @@ def _texts(recorded: Recorded) -> _Stream:
     )
 
 
-def _readings(readings: Readings) -> _Stream:
+def _readings(recorded: Readings, start_us: int) -> _Stream:
+    """What was measured before the log's first time is left out: nobody is heard before it."""
+    first = int(np.searchsorted(recorded.t_us, start_us))
+    readings = Readings(
+        recorded.imu,
+        recorded.t_us[first:],
+        recorded.w_b[first:],
+        recorded.f_b[first:],
+        recorded.m_b_ut[first:],
+        recorded.clipped[first:],
+    )
     has_field = ~np.isnan(readings.m_b_ut[:, 0])
 
     def make(part: slice) -> Iterator[Message]:

@@ -14,7 +14,7 @@ from pymavlink.DFReader import DFReader_binary
 
 from h2nav.errors import BadInput
 from h2nav.io.dataflash import FMT_BYTES, HEAD, is_dataflash, read_dataflash
-from h2nav.io.log_tables import LogTables
+from h2nav.io.row_tables import LogTables
 
 ROWS = 200
 
