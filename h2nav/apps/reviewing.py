@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import orjson
 
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
@@ -16,7 +18,9 @@ from h2nav.flightlogs.telemetry import MESSAGE_IDS, context_of
 from h2nav.io.frame_tables import tables
 from h2nav.review.analysis import Analysis, analyse
 from h2nav.review.collecting import Collector, estimates_of, most_trusted
+from h2nav.review.document import document
 from h2nav.review.flight import Estimates, Flight
+from h2nav.review.page import page
 from h2nav.service.service import Service
 
 Progress = Callable[[int, int], object]
@@ -26,8 +30,8 @@ class Reviewed(NamedTuple):
     """What a review is made of.
 
     Attributes:
-        flight: with all findings, the worst first.
-        analysis: the arrays of its pictures.
+        flight: as it was played.
+        analysis: what only the whole of it shows.
     """
 
     flight: Flight
@@ -68,9 +72,40 @@ def review(
         lane = most_trusted(flight.findings, flight.lanes)
         heard = (listener, *listener.others)[lane]
         flight = flight._replace(smoothed=_smoothed(heard, inputs.filters, collector))
-    analysis = analyse(flight)
-    worst_first = sorted((*flight.findings, *analysis.findings), key=lambda each: each.severity)
-    return Reviewed(flight._replace(findings=tuple(worst_first)), analysis)
+    return Reviewed(flight, analyse(flight))
+
+
+def write_review(
+    path: Path,
+    folder: Path,
+    name: str,
+    wished: Wishes,
+    *,
+    smooths: bool = True,
+    progress: Progress = lambda done, total: None,
+) -> dict[str, Any]:
+    """Reviews a recording and writes ``folder/name.html`` and ``folder/name.json``.
+
+    Args:
+        path: see `review`.
+        folder: that exists.
+        name: of the files.
+        wished: see `review`.
+        smooths: see `review`.
+        progress: see `review`.
+
+    Returns:
+        What the JSON holds.
+
+    Raises:
+        BadInput: see `review`.
+        OSError: a file cannot be written.
+    """
+    reviewed = review(path, wished, smooths=smooths, progress=progress)
+    found = document(*reviewed)
+    (folder / f"{name}.html").write_text(page(*reviewed), encoding="utf-8")
+    (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))
+    return found
 
 
 def _context(source: Source, collector: Collector) -> Context:

@@ -41,8 +41,6 @@ HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 RECEIVERS = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW)
 CENTI = 1e-2
 PERCENT = 1e-2
-# A slower stream is none that an attitude could be made of.
-LEAST_IMU_HZ = 20.0
 
 MESSAGE_IDS = frozenset(
     {
@@ -407,7 +405,7 @@ def _date(clock: _Clock) -> float | None:
 
 def _missing(context: Context, has_autopilot: bool) -> tuple[str, ...]:
     """What the recording lacks for a better review."""
-    rates_hz = [len(track.t_s) / max(context.duration_s, 1e-9) for track in context.imus]
+    rates_hz = [rate_hz(track.t_s) for track in context.imus]
     lacks = {
         "heartbeats of an autopilot, so that nobody knows what flew": not has_autopilot,
         "IMU messages": not context.imus,

@@ -26,8 +26,8 @@ MOST_ROWS = 4000
 SECTORS = 16
 ROW_S = 0.2
 FEWEST_ROWS = 50
-# In a quick turn a field that is 20 ms late is 1 deg off.
-FASTEST_RAD_S = 60.0 * DEG
+# In a quick turn a field that is 20 ms late is 2 deg off.
+FASTEST_RAD_S = 90.0 * DEG
 SURE_TILT_RAD = 6.0 * DEG
 # A calibrated compass: 7 % of the norm and 3 deg, which is 5 % (integrity.field_windows).
 USUAL_SHARE = 0.07
@@ -58,6 +58,8 @@ SUDDEN_ROWS, SUDDEN_SHARE = 5, 0.5
 MOST_STEPS = 8
 # The part of the flight that stands for all of it is at least so long.
 USUAL_S = 15.0
+# A step so soon after arming may be the take-off.
+AROUND_S = 12.0
 MG_PER_UT = 10.0
 
 
@@ -161,7 +163,7 @@ def look_at_compass(
     pieces = _pieces(rows)
     usual = min(pieces, key=_strangeness)
     fit = best_fit(usual)
-    found = _steps(track.imu, pieces, usual)
+    found = _steps(track.imu, rows, pieces, usual)
     if fit is not None:
         found += _constant(track.imu, usual, fit, context, is_raw=is_raw)
         found += _motors(track.imu, usual, fit, is_current=context.throttle is None)
@@ -172,6 +174,11 @@ def _strangeness(piece: Rows) -> tuple[bool, float]:
     """How far the field of a part is from the earth's; short ones stand for nothing."""
     own = np.linalg.norm(piece.m_b_ut - piece.earth_b_ut, axis=1)
     return bool(piece.t_s[-1] - piece.t_s[0] < USUAL_S), float(np.median(own))
+
+
+def _in_flight(rows: Rows, t_s: float) -> bool:
+    """Whether the motors turned all the while around a time."""
+    return bool(rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all())
 
 
 def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context) -> Rows | None:
@@ -300,30 +307,35 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.linalg.norm(np.median(apart, axis=0)))
 
 
-def _steps(compass: int, pieces: list[Rows], usual: Rows) -> list[Finding]:
+def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Finding]:
     """What has changed in each part but the usual one, against that one."""
     own = np.median(usual.m_b_ut - usual.earth_b_ut, axis=0)
+    least = STEP_SHARE * float(np.median(usual.norm_ut))
+    # Between two parts there may be rows that say nothing, in quick turns.
+    cuts = [0.5 * (one.t_s[-1] + other.t_s[0]) for one, other in pairwise(pieces)]
+    begins = [pieces[0].t_s[0], *cuts]
+    ends = [*cuts, pieces[-1].t_s[-1]]
     found = []
-    for piece in pieces:
-        if piece is usual:
-            continue
+    for piece, from_s, to_s in zip(pieces, begins, ends, strict=True):
         change = np.median(piece.m_b_ut - piece.earth_b_ut, axis=0) - own
-        size = float(np.linalg.norm(change)) * MG_PER_UT
-        if size < STEP_SHARE * float(np.median(piece.norm_ut)) * MG_PER_UT:
+        size = float(np.linalg.norm(change))
+        if piece is usual or size < least:
             continue
         x, y, z = change * MG_PER_UT
+        flew = all(_in_flight(rows, cut) for cut in cuts if from_s <= cut <= to_s)
+        why = "a magnet, a motor or a wire" if flew else "the ground that it stood on, or motors"
         found.append(
             Finding(
                 "compass_step",
                 f"compass {compass + 1}",
-                Severity.WARNING,
-                float(piece.t_s[0]),
-                float(piece.t_s[-1]),
-                size,
+                Severity.WARNING if flew else Severity.NOTICE,
+                float(from_s),
+                float(to_s),
+                size * MG_PER_UT,
                 "mG",
-                f"a field of {size:.0f} mG came and stayed",
-                f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: a "
-                "magnet, a motor or a wire near it, and not the place that was flown over",
+                f"field of the vehicle itself changed by {size * MG_PER_UT:.0f} mG",
+                f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: {why} "
+                "near the compass",
             )
         )
     return found

@@ -72,7 +72,7 @@ class Flight(NamedTuple):
         states: the service's states, in order; the name is ``state`` or ``state: reason``.
         lanes: which IMU was sent, in order.
         notices: what the service said: seconds, severity's name, text.
-        findings: of the service and of the whole flight, the worst first.
+        findings: of the checks in flight.
         rejected: what was refused: reason -> count.
     """
 

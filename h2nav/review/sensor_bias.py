@@ -1,7 +1,7 @@
 """Bias of gyros and accelerometers against data sheets, and of IMUs against each other.
 
-A gyro's bias is what it turns too much between two attitudes that are known: over 10 s an attitude
-known to 0.3 deg shows a bias of 0.05 deg/s, of every IMU on board, whichever the service used.
+A gyro's bias is what it turns too much between two attitudes that are known: over 5 s an attitude
+known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used.
 """
 
 import itertools
@@ -18,22 +18,31 @@ from h2nav.review.inertial import (
     conjugate,
     logarithm,
     means,
+    noise,
+    rotate,
     thinned,
     turns,
     within,
 )
 from h2nav.review.tracks import Bias
 
-WINDOW_S = 10.0
+WINDOW_S = 5.0
+# Parts of a window whose turns are looked at, and the shortest mean of turns that shows a bias.
+PARTS = 20
+LEAST_LEVER = 0.4
 MOST_POINTS = 2000
 # Zero-rate output: BMI088 and ICM-20602 1 deg/s, ICM-42688-P 0.5 deg/s (typical), and 0.01 to
 # 0.03 deg/s/K over 30 K. The MPU-6000's 20 deg/s are taken out at every start.
 GYRO_LIMIT_RAD_S = 2.0 * DEG
-# A jump of this within 20 s is no warming up: a sensor or its calibration has changed.
+# A jump of this within 10 s is no warming up: a sensor or its calibration has changed.
 STEP_RAD_S = 0.7 * DEG
+# Windows on each side of a jump, over how long, and how much they may differ among themselves.
+SIDE = 3
+LONGEST_SIDES_S = 90.0
+STEADY_SHARE = 0.4
 # Between IMUs of one board: what ArduPilot arms with (5 deg/s while it stands) is ten times what
-# two calibrated gyros show; 1 deg/s is two typical zero-rate outputs.
-GYRO_APART_RAD_S = 1.0 * DEG
+# two calibrated gyros show; 2 deg/s are two typical zero-rate outputs.
+GYRO_APART_RAD_S = 2.0 * DEG
 # ARMING_ACCTHRESH 0.75 m/s^2 (ArduPilot), COM_ARM_IMU_ACC 0.7 m/s^2 (PX4).
 FORCE_APART_M_S2 = 0.75
 # Zero-g output: MPU-6000 50 mg (80 mg on z), ICM-20602 25 mg, ICM-42688-P and BMI088 20 mg.
@@ -46,7 +55,11 @@ REST_FOR_S = 3.0
 FEWEST_WINDOWS = 3
 # An attitude that is less sure than this says nothing of a bias.
 SURE_RAD = 1.5 * DEG
-FASTEST_TURN_RAD_S = 60.0 * DEG
+# A scale that is off by 1 % is a false bias of a hundredth of the rate.
+FASTEST_TURN_RAD_S = 40.0 * DEG
+LONGEST_GAP_S = 0.1
+# What slow samples of a vibrating gyro may make of a window's mean.
+SHAKEN_RAD_S = 0.3 * DEG
 DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
 
 
@@ -118,28 +131,51 @@ def _of_imu(
 
 
 def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
-    """(M,) centres of windows, (M, 3) bias in each, and where it cannot be sure."""
+    """(M,) centres of windows, (M, 3) bias in each, and where it cannot be sure.
+
+    A bias b adds the turn M b to the true one, seen from the body at the window's end, where M is
+    the integral of the turns from then until the end.
+    """
     nothing = np.zeros(0), np.zeros((0, 3)), np.zeros(0, dtype=bool)
     if best is None or len(track.t_s) < 2 or track.t_s[-1] - track.t_s[0] < 2.0 * WINDOW_S:
         return nothing
     edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S)
     place = np.clip(np.searchsorted(track.t_s, edges, side="right"), 1, len(track.t_s)) - 1
     at_s = track.t_s[place]
+    length_s = np.maximum(np.diff(at_s), 0.5 * WINDOW_S)
     q = best.at(at_s)
     by_gyro = turns(track.t_s, track.w_b, at_s)
     by_attitude = product(conjugate(q[:-1]), q[1:])
-    # The gyro's turn is the true one and, in the middle of the window, that of its bias.
     extra = logarithm(product(conjugate(by_attitude), by_gyro))
-    half = 0.5 * logarithm(by_attitude)
-    extra += 0.5 * np.cross(half, extra)
-    bias = extra / np.maximum(np.diff(at_s), 0.5 * WINDOW_S)[:, None]
+    lever = _levers(best, at_s)
+    is_known = np.isfinite(extra.sum(axis=1) + lever.sum(axis=(1, 2)))
+    bias = np.full((len(extra), 3), np.nan)
+    values = np.linalg.svd(np.where(is_known[:, None, None], lever, 0.0), compute_uv=False)
+    is_known &= values[:, -1] > LEAST_LEVER
+    solved = np.linalg.solve(lever[is_known], extra[is_known][:, :, None])[:, :, 0]
+    bias[is_known] = solved / length_s[is_known, None]
     sigma = best.near(np.hypot(best.sigma_tilt_rad, best.sigma_heading_rad), at_s)
-    turned = np.abs(track.w_b).max(axis=1)
-    fastest = np.maximum.reduceat(turned, place)[:-1]
-    even = np.maximum.reduceat(np.diff(track.t_s, append=track.t_s[-1]), place)[:-1]
-    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | (fastest > FASTEST_TURN_RAD_S)
-    rough |= (even > 0.5) | ~np.isfinite(bias).all(axis=1)
+    gaps = np.diff(track.t_s, append=track.t_s[-1])
+    longest = np.maximum.reduceat(gaps, place)[:-1]
+    turned = np.linalg.norm(track.w_b, axis=1) * np.minimum(gaps, LONGEST_GAP_S)
+    path = np.add.reduceat(turned, place)[:-1]
+    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | (longest > LONGEST_GAP_S)
+    shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
+    rough |= np.sqrt(shaken) > SHAKEN_RAD_S * length_s
+    rough |= ~is_known | (path > FASTEST_TURN_RAD_S * length_s)
     return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
+
+
+def _levers(best: Attitudes, at_s: Array) -> Array:
+    """(M, 3, 3) mean turns from all times of each window to its end."""
+    shares = (np.arange(PARTS) + 0.5) / PARTS
+    inner_s = at_s[:-1, None] + shares * np.diff(at_s)[:, None]
+    inner = best.at(inner_s.ravel())
+    ends = np.repeat(best.at(at_s[1:]), PARTS, axis=0)
+    turn = product(conjugate(ends), inner)
+    columns = [rotate(turn, np.tile(axis, (len(turn), 1))) for axis in np.eye(3)]
+    levers: Array = np.stack(columns, axis=2).reshape(len(at_s) - 1, PARTS, 3, 3).mean(axis=1)
+    return levers
 
 
 def _large(name: str, t_s: Array, bias: Array) -> list[Finding]:
@@ -169,36 +205,37 @@ def _large(name: str, t_s: Array, bias: Array) -> list[Finding]:
 
 
 def _jumps(name: str, t_s: Array, bias: Array) -> list[Finding]:
-    """Between windows with one between them, in which the jump may lie; both sides are steady."""
-    if len(t_s) < 5:
+    """Between the medians of some steady windows before and after one in which the jump may lie."""
+    count = len(t_s) - 2 * SIDE
+    if count < 1:
         return []
-    before, after = bias[1:-3], bias[3:-1]
-    steady = np.maximum(np.abs(bias[1:-3] - bias[:-4]), np.abs(bias[4:] - bias[3:-1])).max(axis=1)
-    jump = after - before
-    size = np.linalg.norm(jump, axis=1)
-    close = t_s[4:] - t_s[:-4] < 6.0 * WINDOW_S
-    is_jump = (size > STEP_RAD_S) & (steady < 0.3 * size) & close
+    sides = np.lib.stride_tricks.sliding_window_view(bias, SIDE, axis=0).transpose(0, 2, 1)
+    before, after = sides[:count], sides[SIDE + 1 : SIDE + 1 + count]
+    middle = np.median(after, axis=1) - np.median(before, axis=1)
+    size = np.linalg.norm(middle, axis=1)
+    spread = np.maximum(np.ptp(before, axis=1).max(axis=1), np.ptp(after, axis=1).max(axis=1))
+    near = t_s[2 * SIDE :] - t_s[:count] < LONGEST_SIDES_S
+    size[(size < STEP_RAD_S) | (spread > STEADY_SHARE * size) | ~near] = 0.0
     found: list[Finding] = []
-    for place in np.flatnonzero(is_jump):
-        neighbours = size[max(place - 2, 0) : place + 3]
-        if size[place] < neighbours.max():
-            continue
-        x, y, z = jump[place] / DEG
+    while size.max() > 0.0:
+        place = int(np.argmax(size))
+        x, y, z = middle[place] / DEG
         value = float(size[place]) / DEG
         found.append(
             Finding(
                 "gyro_bias_step",
                 name,
                 Severity.WARNING,
-                float(t_s[place + 2] - 0.5 * WINDOW_S),
-                float(t_s[place + 2] + 0.5 * WINDOW_S),
+                float(t_s[place + SIDE - 1]),
+                float(t_s[place + SIDE + 1]),
                 value,
                 "deg/s",
                 f"gyro bias jumped by {value:.1f} deg/s",
-                f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z, between two steady windows "
-                f"of {WINDOW_S:.0f} s",
+                f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z, between {SIDE} steady "
+                f"windows of {WINDOW_S:.0f} s before and after",
             )
         )
+        size[max(place - SIDE, 0) : place + SIDE + 1] = 0.0
     return found
 
 
@@ -277,8 +314,14 @@ def _disagreeing(
     """Pairs that differ; with three IMUs the odd one is named."""
     beyond: dict[tuple[int, int], Array] = {}
     for one, other in itertools.combinations(range(len(values)), 2):
-        apart = np.linalg.norm(values[one] - values[other], axis=1)
-        if np.count_nonzero(apart > limit) >= FEWEST_WINDOWS:
+        difference = values[one] - values[other]
+        apart = np.linalg.norm(difference, axis=1)
+        places = apart > limit
+        # What vibration makes of slow samples points now here, now there.
+        if (
+            np.count_nonzero(places) >= FEWEST_WINDOWS
+            and np.linalg.norm(difference[places].mean(axis=0)) > limit
+        ):
             beyond[one, other] = apart
     blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
     found = []

@@ -125,6 +125,7 @@ class Service:
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
         self._lateness = Lateness()
+        self._outputs.assess = self._assessment
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -412,9 +413,6 @@ class Service:
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
-            self._outputs.assessment = Assessment(
-                self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
-            )
             effects += self._send_all(self._outputs.due(estimate))
         # Rates and forces are late, and what is computed with them needs the attitude they had.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
@@ -425,6 +423,11 @@ class Service:
         if not self._standing.is_active:
             effects += self._judge(envelope.now_ns)
         return effects
+
+    def _assessment(self) -> Assessment:
+        return Assessment(
+            self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
+        )
 
     def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
         """At rest on the ground; a complaint is looked into wherever the vehicle is."""
