@@ -3,7 +3,7 @@
 import math
 import platform
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import yaml
 
@@ -16,8 +16,11 @@ from h2nav.errors import BadInput
 from h2nav.io import plain_yaml
 from h2nav.io.log_folder import MIB, LogLimits
 from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import Recording
 from h2nav.validation import shown
+
+if TYPE_CHECKING:  # the daemon imports this module, and needs no numpy
+    from h2nav.io.recordings import Recording
+
 
 CONFIGURATION_NAME = "configuration.yaml"
 GAINS_FOLDER = "gains/"
@@ -90,7 +93,7 @@ class RecordedInputs(NamedTuple):
     unix_s: float
 
 
-def inputs_of(recording: Recording) -> RecordedInputs | None:
+def inputs_of(recording: "Recording") -> RecordedInputs | None:
     """The inputs of the run that made a recording; None for a recording that is not ours.
 
     Raises:
@@ -109,7 +112,7 @@ def inputs_of(recording: Recording) -> RecordedInputs | None:
     return RecordedInputs(configuration.build(mapping, place), gains, _recorded_date(recording))
 
 
-def _recorded_date(recording: Recording) -> float:
+def _recorded_date(recording: "Recording") -> float:
     """The date of the run in UNIX seconds; 0 when the log does not have it."""
     text = recording.metadata.get(RUN_METADATA, {}).get("unix_s", "0")
     try:

@@ -198,7 +198,13 @@ class Deframer:
         Returns:
             The frames that these bytes completed, in their order.
         """
-        self._counts["bytes_in"] += len(data)
+        size = len(data)
+        self._counts["bytes_in"] += size
+        if not self._pending and size:
+            found = _frame_at(data, 0, size)
+            if not isinstance(found, int) and _is_plain(found, size):
+                self._counts["frames"] += 1
+                return [found]
         return self._scan(self._pending + data if self._pending else data, ended=False)
 
     def flush(self) -> list[Frame]:
@@ -292,6 +298,13 @@ def frame_at(data: bytes, at: int) -> Frame:
 def begins_with_frame(data: bytes) -> bool:
     """Whether the first byte begins a good frame that is whole; costs one checksum at the most."""
     return bool(data) and not isinstance(_frame_at(data, 0, len(data)), int)
+
+
+def _is_plain(frame: Frame, size: int) -> bool:
+    """Whether so many bytes are this frame of MAVLink 2, and nothing of it is looked at again."""
+    msg_id, _, _, _, payload, version, signed, raw = frame
+    is_whole = len(raw) == size and raw[-1] < _MARKER_2
+    return is_whole and version == 2 and not signed and len(payload) <= _KNOWN[msg_id][1]
 
 
 def _silent_reason(buffer: bytes, at: int) -> str:

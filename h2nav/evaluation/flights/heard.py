@@ -135,6 +135,7 @@ class FromService:
 
     def __init__(self, autopilot: FromAutopilot, *, listens: bool) -> None:
         self.message_ids = autopilot.message_ids if listens else frozenset[int]()
+        self._tells_time = listens  # several runs are up to a timer apart
         self.notices: list[tuple[int, Severity, str]] = []
         self.state_s: dict[str, float] = {}
         self._autopilot = autopilot
@@ -150,7 +151,8 @@ class FromService:
         """Keeps an estimate."""
         self._arrived_us.append(t_ns // 1000)
         self._boot_us.append(record.t_us)
-        self._autopilot.boot_time(t_ns // 1000, record.t_us)
+        if self._tells_time:
+            self._autopilot.boot_time(t_ns // 1000, record.t_us)
         attitude = (record.q_w, record.q_x, record.q_y, record.q_z)
         self._rows.extend((*attitude, record.sigma_tilt_deg, record.sigma_heading_deg))
 

@@ -1,5 +1,7 @@
 """What a log says of the run that made it."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -29,3 +31,8 @@ def test_the_log_names_the_kernels_that_ran(
     inputs = log_contents.inputs_of(recording)
     assert inputs is not None
     assert inputs.unix_s == 5.0
+
+
+def test_the_daemon_starts_without_what_looks_at_whole_recordings():
+    program = "import sys, h2nav.apps.session; sys.exit('numpy' in sys.modules)"
+    subprocess.run([sys.executable, "-c", program], check=True)

@@ -45,7 +45,7 @@ class Bench:
     def _hears(self, sender: tuple[int, int], message_id: int, message: Message) -> None:
         t_ns = 1000 * self.t_us
         envelope = Envelope(t_ns, t_ns, sender, message_id)
-        if self.service.heeds(envelope):
+        if self.service.heeds(t_ns, sender, message_id):
             effects = self.service.on_message(envelope, message)
             self.notices += [effect.text for effect in effects if isinstance(effect, Notice)]
 
