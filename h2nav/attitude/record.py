@@ -172,7 +172,9 @@ def reader(
     found = [row for row in rows(record_type) if row.name in names]
     if [row.name for row in found] != list(names) or any(row.range for row in rows(record_type)):
         raise ValueError("expected fields of floats in the record's order")
-    layout = (f"{row.length}d" if row in found else f"{8 * row.length}x" for row in rows(record_type))
+    layout = (
+        f"{row.length}d" if row in found else f"{8 * row.length}x" for row in rows(record_type)
+    )
     return functools.partial(struct.Struct("".join(layout)).unpack_from, memoryview(record))
 
 

@@ -85,9 +85,7 @@ class _Axes:
         self._were_usual = False
         found = False
         # Each axis has to see every sample.
-        for axis, value, others in zip(
-            self._axes, values, ((y, z), (z, x), (x, y)), strict=True
-        ):
+        for axis, value, others in zip(self._axes, values, ((y, z), (z, x), (x, y)), strict=True):
             if abs(value) < usual:
                 axis.forget()
             else:

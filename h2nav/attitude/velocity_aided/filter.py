@@ -481,7 +481,9 @@ class VelocityAidedFilter:
             gain_set /= fix_period_s * fix_period_s
             for x, y in ((accel_n_x, accel_n_y), (accel_e_x, accel_e_y)):
                 bias += accel_xx * x * x + 2.0 * accel_xy * x * y + accel_yy * y * y
-        sigma_tilt_rad = TILT_SHARE * math.sqrt(max(gain_set + bias, 0.0) + extra_sigma * extra_sigma)
+        sigma_tilt_rad = TILT_SHARE * math.sqrt(
+            max(gain_set + bias, 0.0) + extra_sigma * extra_sigma
+        )
         # Heading: of theta, and of what a constant disturbance may hide; Eq. (48).
         sigma_heading_rad = LOST_HEADING_RAD
         if is_known or mag_age_s >= 0.0 or heading_witnessed > 0.0:
@@ -568,9 +570,7 @@ def clipping(sample: ImuSample) -> float:
 def is_plausible(sample: ImuSample) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
     _, (p, q, r), (x, y, z), *_ = sample
-    return (
-        abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
-    )
+    return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
 
 
 def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
