@@ -20,11 +20,13 @@ from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.evaluation.reference import Estimates, Reference
+from h2nav.flightlogs.opening import open_flight
 from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import Recording, open_recording
+from h2nav.io.recordings import Recording
 from h2nav.service.records import EstimateRecord
+from h2nav.wire.readers import Message
 
 ESTIMATE_TOPIC = "/estimate"
 SMOOTHED_TOPIC = "/smoothed"
@@ -32,7 +34,12 @@ SMOOTHED_TOPIC = "/smoothed"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
-    parser.add_argument("log", type=Path, metavar="LOG", help="a .tlog, raw .bytes or our .mcap")
+    parser.add_argument(
+        "log",
+        type=Path,
+        metavar="LOG",
+        help="a .tlog, raw .bytes, our .mcap, or an autopilot's .bin, .log or .ulg",
+    )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="OUT.mcap", help="default: LOG's name + .replay.mcap"
     )
@@ -50,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replays the recording and prints the error table."""
-    recording = open_recording(args.log)
+    recording = open_flight(args.log)
     wishes = playback.wishes(args)._replace(gps_velocity=False if args.no_gps else None)
     inputs = playback.inputs_for(recording, wishes)
     output = None if args.no_log else (args.output or _free_name(args.log))
@@ -59,10 +66,13 @@ def run(args: argparse.Namespace) -> int:
         recorder = Recorder.to_file(output, recording.unix_offset_ns)
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
     # A second pass over the file, beside the first one, gives the estimates to compare with.
-    watcher = _Watcher(open_recording(args.log) if inputs.is_original else None)
+    original = open_flight(args.log) if inputs.is_original else None
+    watcher = _Watcher(original if isinstance(original, Recording) else None)
     listener = Listener(inputs.filters.filter_for)
     filters = listener if args.smooth else inputs.filters
-    pipeline = playback.pipeline_for(recording, inputs, recorder, watcher, filters.filter_for)
+    pipeline = playback.pipeline_for(
+        recording, inputs, recorder, watcher, filters.filter_for, watcher
+    )
     played = playback.Playback(recording, whole_frames=inputs.whole_frames)
     smoothed_table = None
     started_s = time.perf_counter()
@@ -141,6 +151,12 @@ class _Watcher:
             self.compared += 1
             self.equal += _is_equal(recorded[1], record)
 
+    def message(self, t_ns: int, message: Message) -> None:
+        self.reference.message(message)
+
+    def record(self, t_ns: int, topic: str, record: object) -> None:
+        """The log has it."""
+
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         print(f"{severity.name.lower()}: {text}", file=sys.stderr)
 
@@ -169,7 +185,7 @@ def _result(
     health = pipeline.service.health
     table = watcher.reference.table()
     duration_s = played.span_ns * 1e-9
-    counters = played.deframer.counters
+    counters = played.counters
     damaged = {name: getattr(counters, name) for name in ("bad_crc", "unknown_id", "skipped_bytes")}
     result: dict[str, Any] = {
         "imu_samples": health.samples_used,

@@ -289,20 +289,23 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
     Source: docs/filter.md Eq. (50).
     """
     if learnt.errors is None:
-        samples = [each._replace(w_b=_less(each.w_b, learnt.bias_b)) for each in piece.samples]
+        samples = [
+            ImuSample(t_us, _less(w_b, learnt.bias_b), f_b, m_b_ut, clipped)
+            for t_us, w_b, f_b, m_b_ut, clipped in piece.samples
+        ]
         return piece._replace(samples=samples)
     errors = learnt.errors
     samples = []
     held: Vec3 | None = None
-    for each in piece.samples:
-        w_b = _less(each.w_b, learnt.bias_b)
-        m_b_ut = None if each.m_b_ut == held else each.m_b_ut
-        if each.m_b_ut is not None:
-            held = each.m_b_ut
+    for t_us, rate_b, force_b, field_b, clipped in piece.samples:
+        w_b = _less(rate_b, learnt.bias_b)
+        m_b_ut = None if field_b == held else field_b
+        if field_b is not None:
+            held = field_b
         if m_b_ut is not None:
             m_b_ut = _timely(m_b_ut, w_b, errors.field_latency_s)
-        f_b = _without_bias(each.f_b, errors.force_bias_b)
-        samples.append(each._replace(w_b=w_b, f_b=f_b, m_b_ut=m_b_ut))
+        f_b = _without_bias(force_b, errors.force_bias_b)
+        samples.append(ImuSample(t_us, w_b, f_b, m_b_ut, clipped))
     late_us = round(errors.fix_latency_s * 1e6)
     fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
     return piece._replace(samples=samples, fixes=_placed(fixes, samples))
@@ -346,12 +349,9 @@ def _reversed(piece: _Piece) -> _Piece:
     turned = []
     for sample, later in itertools.pairwise((*samples, samples[-1])):
         x, y, z = later.w_b
+        clipped = sample.clipped or later.clipped
         turned.append(
-            sample._replace(
-                t_us=ends_us - sample.t_us,
-                w_b=(-x, -y, -z),
-                clipped=sample.clipped or later.clipped,
-            )
+            ImuSample(ends_us - sample.t_us, (-x, -y, -z), sample.f_b, sample.m_b_ut, clipped)
         )
     turned.reverse()
     fixes = []
@@ -390,12 +390,24 @@ def _of_samples(
         if estimate is None:
             found.append(None)
             continue
-        x, y, z = (b + direction * more for b, more in zip(bias_b, estimate.bias_b, strict=True))
+        (a, b, c), (u, v, w) = bias_b, estimate.bias_b
+        x, y, z = a + direction * u, b + direction * v, c + direction * w
         w_b = _less(sample.w_b, (x, y, z))
         if not all(map(math.isfinite, w_b)):
             w_x, w_y, w_z = estimate.w_b
             w_b = (direction * w_x, direction * w_y, direction * w_z)
-        found.append(estimate._replace(t_us=sample.t_us, w_b=w_b, bias_b=(x, y, z)))
+        found.append(
+            AttitudeEstimate(
+                sample.t_us,
+                estimate.q_nb,
+                w_b,
+                (x, y, z),
+                estimate.innovation_n,
+                estimate.sigma_tilt_rad,
+                estimate.trust,
+                estimate.sigma_heading_rad,
+            )
+        )
     return found
 
 
@@ -465,11 +477,15 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
         heading,
     )
     tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
-    return f._replace(
-        q_nb=normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted)),
-        sigma_tilt_rad=tilt_sigma,
-        trust=f.trust | (b.trust & _KNOWN_BY_EITHER),
-        sigma_heading_rad=heading_sigma,
+    return AttitudeEstimate(
+        f.t_us,
+        normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted)),
+        f.w_b,
+        f.bias_b,
+        f.innovation_n,
+        tilt_sigma,
+        f.trust if f.trust == b.trust else f.trust | (b.trust & _KNOWN_BY_EITHER),
+        heading_sigma,
     )
 
 

@@ -16,6 +16,9 @@ from h2nav.evaluation.rows import Array, from_euler, wrapped
 from h2nav.evaluation.scoring import errors, honesty, root_mean_square
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
+from h2nav.maths.quaternion import to_euler
+from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.readers import Message
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
@@ -160,6 +163,11 @@ class Reference:
             fields = codec.decode(frame)
             t_us = fields.time_boot_ms * 1000
             self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)
+
+    def message(self, message: Message) -> None:
+        """Takes what a log that the autopilot wrote itself says of the attitude."""
+        if isinstance(message, ReportedAttitude) and message.time_ms is not None:
+            self._autopilot.add(message.time_ms * 1000, *to_euler(message.q_nb))
 
     def estimate(self, t_ns: int, record: EulerRecord) -> None:
         """Takes an estimate."""

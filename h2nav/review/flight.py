@@ -2,9 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from h2nav.flightlogs.context import Array, Context, Span
 from h2nav.integrity.findings import Finding
 
@@ -75,9 +72,8 @@ class Flight(NamedTuple):
         states: the service's states, in order; the name is ``state`` or ``state: reason``.
         lanes: which IMU was sent, in order.
         notices: what the service said: seconds, severity's name, text.
-        findings: of the service and of the whole flight, the worst first.
+        findings: of the checks in flight.
         rejected: what was refused: reason -> count.
-        is_armed: (N,) of `estimates`: the motors may have turned.
     """
 
     name: str
@@ -96,4 +92,3 @@ class Flight(NamedTuple):
     notices: tuple[tuple[float, str, str], ...]
     findings: tuple[Finding, ...]
     rejected: dict[str, int]
-    is_armed: NDArray[np.bool_]

@@ -191,6 +191,13 @@ class Estimation:
                     lane.rest(t_ns)
                 return
 
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either.
+
+        It holds until the next `begin`.
+        """
+        return min(lane.idle_until_ns(message_id) for lane in self._lanes)
+
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
         self._field = field

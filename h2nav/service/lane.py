@@ -301,6 +301,14 @@ class Lane:
         """Nothing of its stream can be used."""
         return self._refusals >= REFUSALS
 
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either."""
+        if self._rests_until_ns is not None:
+            return self._rests_until_ns
+        if message_id == CALIBRATED_ID and not self._choice.is_settled:
+            return 0  # a message that borrows its field may come into use
+        return self._choice.idle_until_ns(message_id)
+
     # --- what else is known -------------------------------------------------------------------
 
     def use_field(self, field: EarthField) -> None:

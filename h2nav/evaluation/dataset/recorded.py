@@ -48,6 +48,7 @@ class Listener:
         name: as filters have one.
         stretches: so far; the last one is being filled.
         identity: of the autopilot, once it is known.
+        others: of the further IMUs, in their order.
     """
 
     def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
@@ -60,12 +61,15 @@ class Listener:
         self._delays: SensorDelays | None = None
         self._make = make
         self._filter: AttitudeFilter | None = None
+        self.others: list[Listener] = []
+        self._further = 0
 
     def filter_for(self, identity: Identity) -> "Listener":
-        """Makes the filter of a vehicle; of further IMUs another one, which nobody asks."""
+        """Makes the filter of a vehicle; where it is asked again, those of further IMUs."""
         if identity is self.identity:
-            return Listener(self._make).filter_for(identity)
+            return self._next_other().filter_for(identity)
         self.identity = identity
+        self._further = 0
         self._begin_stretch()
         self._filter = None if self._make is None else self._make(identity)
         return self
@@ -73,6 +77,8 @@ class Listener:
     def arrives(self, t_ns: int) -> None:
         """What comes from now on has arrived at this host time."""
         self._now_us = t_ns // 1000
+        for other in self.others:
+            other.arrives(t_ns)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Keeps a sample."""
@@ -104,6 +110,13 @@ class Listener:
         self._begin_stretch()
         if self._filter is not None:
             self._filter.restart()
+
+    def _next_other(self) -> "Listener":
+        if self._further == len(self.others):
+            self.others.append(Listener(self._make))
+            self.others[-1].arrives(1000 * self._now_us)
+        self._further += 1
+        return self.others[self._further - 1]
 
     def _begin_stretch(self) -> None:
         if self.stretches[-1].samples:

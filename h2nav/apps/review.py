@@ -1,0 +1,105 @@
+"""`h2nav review`: what went wrong in a flight, in words and pictures, one page per flight."""
+
+import argparse
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from h2nav.apps import playback
+from h2nav.apps.json_output import print_json
+from h2nav.apps.log_progress import byte_bar
+from h2nav.apps.playback import Wishes
+from h2nav.errors import BadInput, TaskFailed
+
+_CLOSING = """\
+recordings: telemetry logs of a ground station (.tlog), raw MAVLink bytes, our own logs (.mcap), and
+the logs that autopilots write themselves: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg).
+What a file is shows in its content.
+
+Each flight becomes DIR/FLIGHT.html, one page without addresses outside itself, and DIR/FLIGHT.json
+with every figure of it. A file that cannot be reviewed is named, and the others are."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _CLOSING
+    parser.add_argument("flights", type=Path, nargs="+", metavar="FLIGHT", help="recordings")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the pages"
+    )
+    parser.add_argument("--open", action="store_true", help="open the pages in the browser")
+    parser.add_argument(
+        "--no-smooth",
+        action="store_true",
+        help="do not run the filter backward as well: quicker, and without the surer attitude that "
+        "past and future together give",
+    )
+    playback.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(
+            f"{args.output}: {error.strerror}; name a folder that can be written with -o"
+        ) from error
+    names = page_names(args.flights)
+    done: list[dict[str, Any]] = []
+    errors: list[str] = []
+    for path, name in zip(args.flights, names, strict=True):
+        try:
+            document = _reviewed(path, args.output, name, args)
+        except BadInput as error:
+            errors += error.lines
+            continue
+        done.append(document)
+        if not args.json:
+            _show(document, args.output / f"{name}.html")
+        if args.open:
+            webbrowser.open((args.output / f"{name}.html").resolve().as_uri())
+    if args.json:
+        print_json(done)
+    if errors:
+        raise BadInput(*errors)
+    return 0
+
+
+def page_names(flights: list[Path]) -> list[str]:
+    """A name for each flight's files: its own without its ending, with it where two are alike."""
+    stems = [flight.stem for flight in flights]
+    names: list[str] = []
+    for flight in flights:
+        name = flight.stem if stems.count(flight.stem) == 1 else flight.name.replace(".", "_")
+        number = 1
+        while name in names:
+            number += 1
+            name = f"{flight.name.replace('.', '_')}-{number}"
+        names.append(name)
+    return names
+
+
+def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> dict[str, Any]:
+    from h2nav.apps.reviewing import write_review
+
+    with byte_bar(path.name) as progress:
+        wished: Wishes = playback.wishes(args)
+        try:
+            return write_review(
+                path, folder, name, wished, smooths=not args.no_smooth, progress=progress
+            )
+        except OSError as error:
+            raise TaskFailed(f"{error.filename or folder}: {error.strerror}") from error
+
+
+def _show(document: dict[str, Any], page: Path) -> None:
+    findings = document["findings"]
+    print(f"{page}: {document['duration_s']:.0f} s, {len(findings) or 'no'} findings")
+    for each in findings:
+        span = f"{each['from_s']:.1f} to {each['to_s']:.1f} s"
+        print(f"  {each['severity']}: {span}: {each['source']}: {each['text']}")
+    sys.stdout.flush()

@@ -1,0 +1,90 @@
+"""The clock of a log that an autopilot wrote: which rows' times can be believed.
+
+Rows stand in a file in about the order of their times. So a time that does not fit between those of
+its neighbours in the file is damage, and not a moment hours away.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Times = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+# Loggers buffer, and tasks of low priority write late: rows overtake each other by less.
+SLACK_US = 5_000_000
+NEIGHBOURS = 2
+MOST_AT_ONCE = 10
+# 2^53 us, 285 years, so that differences stay exact as floats.
+LATEST_US = 1 << 53
+
+
+class LogClock:
+    """Times by place in the file.
+
+    Args:
+        places: (N,) of rows in the file, in order.
+        t_us: (N,) their times; of the kind of row of which there are most.
+
+    Attributes:
+        start_us: first time that can be believed; 0 where there is none.
+        end_us: the last one.
+    """
+
+    def __init__(self, places: Times, t_us: Times) -> None:
+        good = _undamaged(t_us)
+        self._places, self._t_us = places[good], t_us[good]
+        self.start_us = int(self._t_us[0]) if len(self._t_us) else 0
+        self.end_us = int(self._t_us[-1]) if len(self._t_us) else 0
+
+    def believes(self, places: Times, t_us: Times) -> Mask:
+        """(N,) whether rows are of about the time of their neighbours in the file."""
+        if not len(self._t_us):
+            return np.zeros(len(places), np.bool_)
+        following = np.searchsorted(self._places, places)
+        before, after = following - 1, np.minimum(following, len(self._places) - 1)
+        earliest = np.where(before < 0, 0, self._t_us[before] - SLACK_US)
+        believed: Mask = (t_us >= earliest) & (t_us <= self._t_us[after] + SLACK_US)
+        return believed
+
+    def at(self, place: int) -> int:
+        """The time at a place of the file: that of the row before it."""
+        if not len(self._t_us):
+            return 0
+        return int(self._t_us[max(0, int(np.searchsorted(self._places, place)) - 1)])
+
+
+def is_running(t_us: Times) -> bool:
+    """Whether times go on at all: some are never set, some are those of several rows."""
+    return bool(np.count_nonzero(np.diff(t_us)) * MOST_AT_ONCE >= len(t_us) - 1)
+
+
+def in_order(t_us: Times) -> Mask:
+    """(N,) whether to keep a row, so that times never go back.
+
+    Of two neighbours in disorder, the one that is farther from those around both is wrong. Only so
+    one wrong time costs one row, and not all rows up to that time.
+    """
+    back = np.flatnonzero(np.diff(t_us) < 0)
+    kept = np.ones(len(t_us), np.bool_)
+    if not len(back):
+        return kept
+    away_us = np.abs(t_us - _usual(t_us))
+    kept[np.where(away_us[back] >= away_us[back + 1], back, back + 1)] = False
+    kept[kept] = t_us[kept] >= np.maximum.accumulate(t_us[kept])
+    return kept
+
+
+def _usual(t_us: Times) -> NDArray[np.float64]:
+    """(N,) the median of each time and its neighbours."""
+    padded = np.pad(t_us, NEIGHBOURS, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
+    usual: NDArray[np.float64] = np.median(around, axis=1)
+    return usual
+
+
+def _undamaged(t_us: Times) -> Mask:
+    """(N,) whether a time is like those of its neighbours, and none of those before it is later."""
+    good = (t_us >= 0) & (t_us < LATEST_US)
+    good[good] = np.abs(t_us[good] - _usual(t_us[good])) <= SLACK_US if good.any() else False
+    good[good] = in_order(t_us[good])
+    return good

@@ -1,0 +1,156 @@
+"""Rows of one kind out of an autopilot's own log, as columns."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Table:
+    """All rows of one message.
+
+    Args:
+        name: of the message.
+        places: (N,) where each row stands in the file, bytes from its beginning.
+        rows: (N,) structured, one field per column, as they were stored.
+        divisors: of the columns that are stored as multiples of a fraction.
+
+    Attributes:
+        name: of the message.
+        places: (N,) bytes.
+        columns: names, in order.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        places: NDArray[np.int64],
+        rows: NDArray[np.void],
+        divisors: dict[str, float] | None = None,
+    ) -> None:
+        self.name = name
+        self.places = places
+        self._rows = rows
+        self._divisors = divisors or {}
+        self.columns: tuple[str, ...] = rows.dtype.names or ()
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    def only(self, wanted: NDArray[np.bool_] | slice) -> "Table":
+        """The rows that are wanted."""
+        # Whole rows are copied at once, and not field by field.
+        form = self._rows.dtype
+        rows = self._rows.view(f"V{form.itemsize}")[wanted].view(form)
+        return Table(self.name, self.places[wanted], rows, self._divisors)
+
+    def kind(self, column: str) -> str:
+        """How the column is stored, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
+        return str(self._rows.dtype[column].base.kind)
+
+    def is_scaled(self, column: str) -> bool:
+        """Whether the column is stored as multiples of a fraction."""
+        return column in self._divisors
+
+    def numbers(self, *columns: str) -> Array:
+        """Values in the units of the log: (N,) of one column, (N, k) of several."""
+        if len(columns) == 1:
+            return self._numbers(columns[0])
+        return np.stack([self._numbers(column) for column in columns], axis=1)
+
+    def integers(self, column: str) -> NDArray[np.int64]:
+        """(N,) of a column of integers, as stored; what is beyond int64 is its end."""
+        stored: NDArray[Any] = self._rows[column]
+        if stored.dtype.kind == "f":
+            stored = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
+            return stored.clip(-(2.0**62), 2.0**62).astype(np.int64)
+        if stored.dtype == np.uint64:
+            stored = np.minimum(stored, np.uint64(2**63 - 1))
+        return stored.astype(np.int64)
+
+    def texts(self, column: str) -> list[str]:
+        """(N,) of a column of characters, up to the first zero; what is no UTF-8 is replaced."""
+        stored = self._rows[column].tolist()
+        return [bytes(v).split(b"\0", 1)[0].decode("utf-8", "replace") for v in stored]
+
+    def _numbers(self, column: str) -> Array:
+        with np.errstate(invalid="ignore"):  # damage may be any kind of NaN
+            values = self._rows[column].astype(np.float64)
+        divisor = self._divisors.get(column)
+        return values if divisor is None else values / divisor
+
+
+def rows_at(data: bytes, places: NDArray[np.int64], row: np.dtype[np.void]) -> NDArray[np.void]:
+    """The rows of a structured type that begin at the given places of the data.
+
+    Every place of the data begins a row of a view whose rows overlap; only those that are wanted
+    are copied, each at once, and no index per byte is made.
+    """
+    starts = len(data) - row.itemsize + 1
+    if starts <= 0 or not len(places):
+        return np.empty(0, row)
+    # As plain bytes: rows of fields would be copied field by field.
+    every: NDArray[np.void] = np.ndarray((starts,), f"V{row.itemsize}", data, strides=(1,))
+    return every[places].view(row)
+
+
+class Source(NamedTuple):
+    """Where the rows of one message stand in a file.
+
+    Attributes:
+        data: of the file.
+        places: (N,) of the rows, bytes from its beginning.
+        row: gives the form of a row, None where it is no good.
+        divisors: of the columns that are stored as multiples of a fraction.
+    """
+
+    data: bytes
+    places: NDArray[np.int64]
+    row: Callable[[], np.dtype[np.void] | None]
+    divisors: dict[str, float]
+
+    def table(self, name: str) -> Table | None:
+        """The rows as a table."""
+        row = self.row()
+        if row is None:
+            return None
+        return Table(name, self.places, rows_at(self.data, self.places, row), self.divisors)
+
+
+class LogTables:
+    """The messages of a log by name; a table is made when it is asked for, and not kept.
+
+    Args:
+        sources: of the messages that occur; tables where they had to be made at once.
+        notes: what was damaged or skipped: reason -> count.
+
+    Attributes:
+        names: of the messages that occur.
+        notes: reason -> count.
+    """
+
+    def __init__(self, sources: Mapping[str, Source | Table], notes: dict[str, int]) -> None:
+        self._sources = sources
+        self.names = frozenset(sources)
+        self.notes = notes
+
+    def find(self, name: str, *columns: str) -> Table | None:
+        """The table of a message; None where it does not occur or lacks one of the columns."""
+        source = self._sources.get(name)
+        if source is None:
+            return None
+        table = source if isinstance(source, Table) else source.table(name)
+        if table is None or not all(column in table for column in columns):
+            return None
+        return table
+
+    def rows(self, name: str) -> int:
+        """How often a message occurs."""
+        source = self._sources.get(name)
+        return 0 if source is None else len(source.places)

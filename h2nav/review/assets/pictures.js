@@ -1,0 +1,402 @@
+// Draws the pictures of a review with uPlot, on one axis of time that all of them share.
+(() => {
+"use strict";
+const review = JSON.parse(document.getElementById("review").textContent);
+const END = review.duration_s;
+const TEXT = "#1a1a1a", SOFT = "#595959", GRID = "#e4e4e4";
+const shown = {from: 0, to: END};
+let selected = null; // span of the finding that was clicked
+const timed = [], all = [];
+
+const bytes = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
+const floats = (text) => new Float32Array(bytes(text).buffer);
+// uPlot takes null, not NaN, for what is not there.
+const known = (values) => values.some(Number.isNaN)
+  ? Array.from(values, (value) => Number.isNaN(value) ? null : value) : values;
+const decoded = (text) => known(floats(text));
+const isNarrow = () => window.innerWidth < 600;
+
+const grids = new Map();
+function times(points) {
+  if (!grids.has(points)) {
+    const step = END / points;
+    grids.set(points, Float64Array.from({length: points}, (_, k) => (k + 0.5) * step));
+  }
+  return grids.get(points);
+}
+
+// --- the axis of time ---------------------------------------------------------------------------
+function show(from, to) {
+  const least = Math.min(0.2, END);
+  const width = Math.min(Math.max(to - from, least), END);
+  shown.from = Math.min(Math.max(from, 0), END - width);
+  shown.to = shown.from + width;
+  for (const plot of timed) plot.setScale("x", {min: shown.from, max: shown.to});
+  tell();
+}
+
+function tell() {
+  const digits = shown.to - shown.from < 20 ? 1 : 0;
+  document.getElementById("shown").textContent =
+    `${shown.from.toFixed(digits)} to ${shown.to.toFixed(digits)} s`;
+  for (const part of document.querySelectorAll("[data-track]")) {
+    const isOut = Number(part.dataset.to) < shown.from || Number(part.dataset.from) > shown.to;
+    part.classList.toggle("out", isOut);
+  }
+}
+
+function followed(plot, key) {
+  if (key !== "x") return;
+  const {min, max} = plot.scales.x;
+  if (Math.abs(min - shown.from) + Math.abs(max - shown.to) > 1e-6) show(min, max);
+}
+
+// --- what is drawn by us ------------------------------------------------------------------------
+function inside(plot, draw) {
+  const {ctx, bbox} = plot;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.textAlign = "left";
+  draw(ctx, bbox, uPlot.pxRatio, (t) => plot.valToPos(t, "x", true));
+  ctx.restore();
+}
+
+// Text in a bar, as much of it as there is room for.
+function written(ctx, text, left, right, middle, ratio) {
+  const room = right - left - 6 * ratio;
+  if (room < 14 * ratio) return;
+  let fits = text;
+  while (fits && ctx.measureText(fits).width > room) fits = fits.slice(0, -1);
+  if (fits.length > 2 || fits === text) ctx.fillText(fits, left + 3 * ratio, middle);
+}
+
+function eachMode(plot, draw) {
+  inside(plot, (ctx, box, ratio, x) => {
+    for (const [from, to, name, colour] of review.modes) {
+      const left = Math.max(x(from), box.left), right = Math.min(x(to), box.left + box.width);
+      if (right > left) draw(ctx, box, ratio, {left, right, name, colour});
+    }
+  });
+}
+
+function backdrop(plot) {
+  eachMode(plot, (ctx, box, _, {left, right, colour}) => {
+    ctx.fillStyle = colour;
+    ctx.fillRect(left, box.top, right - left, box.height);
+  });
+}
+
+function modeNames(plot) {
+  eachMode(plot, (ctx, box, ratio, {left, right, name}) => {
+    ctx.font = `${11 * ratio}px sans-serif`;
+    ctx.textBaseline = "top";
+    ctx.fillStyle = SOFT;
+    written(ctx, name, left, right, box.top + 2 * ratio, ratio);
+  });
+}
+
+function chosen(plot) {
+  if (!selected) return;
+  inside(plot, (ctx, box, ratio, x) => {
+    const left = x(selected[0]), width = Math.max(x(selected[1]) - left, 2 * ratio);
+    ctx.fillStyle = "rgba(176, 58, 0, 0.08)";
+    ctx.fillRect(left, box.top, width, box.height);
+    ctx.strokeStyle = "rgba(176, 58, 0, 0.7)";
+    ctx.setLineDash([]);
+    ctx.lineWidth = ratio;
+    ctx.strokeRect(left, box.top - ratio, width, box.height + 2 * ratio);
+  });
+}
+
+function marked(marks, scale) {
+  return (plot) => inside(plot, (ctx, box, ratio) => {
+    ctx.strokeStyle = ctx.fillStyle = TEXT;
+    ctx.setLineDash([5 * ratio, 4 * ratio]);
+    ctx.lineWidth = ratio;
+    ctx.font = `${11 * ratio}px sans-serif`;
+    for (const [value, text] of marks) {
+      const at = plot.valToPos(value, scale, true);
+      ctx.beginPath();
+      if (scale === "y") {
+        ctx.moveTo(box.left, at);
+        ctx.lineTo(box.left + box.width, at);
+        ctx.stroke();
+        ctx.textAlign = "right";
+        const isHigh = at - box.top < 16 * ratio;
+        ctx.textBaseline = isHigh ? "top" : "bottom";
+        ctx.fillText(text, box.left + box.width - 4 * ratio, at + (isHigh ? 2 : -2) * ratio);
+      } else {
+        ctx.moveTo(at, box.top);
+        ctx.lineTo(at, box.top + box.height);
+        ctx.stroke();
+        ctx.textAlign = "left";
+        ctx.textBaseline = "top";
+        ctx.fillText(text, at + 3 * ratio, box.top + 2 * ratio);
+      }
+    }
+  });
+}
+
+// --- kinds of pictures --------------------------------------------------------------------------
+function axes(x_text, y_text, digits, more = {}) {
+  const plain = {stroke: TEXT, grid: {stroke: GRID, width: 1}, ticks: {stroke: GRID, width: 1},
+    font: "12px sans-serif", labelFont: "12px sans-serif"};
+  return [
+    {...plain, size: 32, space: isNarrow() ? 60 : 80,
+      values: (_, ticks) => ticks.map((tick) => `${+tick.toFixed(3)} ${x_text}`)},
+    {...plain, size: isNarrow() ? 50 : 66, label: y_text, labelSize: 16, labelGap: 0,
+      values: (_, ticks) => ticks.map((tick) => tick === null ? "" : `${+tick.toPrecision(6)}`),
+      ...more},
+  ];
+}
+
+function reach(picture) {
+  return (plot, min, max) => {
+    let low = min ?? 0, high = max ?? 1;
+    if (picture.at_least) [low, high] = [Math.min(low, picture.at_least[0]), Math.max(high, picture.at_least[1])];
+    const size = Math.max(Math.abs(low), Math.abs(high));
+    for (const [value] of picture.limits)
+      if (Math.abs(value) <= 4 * size) [low, high] = [Math.min(low, value), Math.max(high, value)];
+    const room = 0.06 * (high - low) || 0.5 * 10 ** -picture.digits;
+    return [low === 0 && picture.at_least ? 0 : low - room, high + room];
+  };
+}
+
+const around = (degrees) => (degrees % 360 + 360) % 360;
+
+function series(traces, unit, digits, sparse, told = (value) => value) {
+  const made = [], data = [], bands = [];
+  for (const trace of traces) {
+    const at = made.length + 1;
+    made.push({
+      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, auto: trace.sets_range,
+      dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
+      value: (_, value) => value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
+    });
+    data.push(decoded(trace.values));
+    if (!trace.low) continue;
+    for (const edge of [trace.high, trace.low]) {
+      made.push({label: "", stroke: "transparent", width: 0, class: "edge", auto: false,
+        points: {show: false}, of: at});
+      data.push(decoded(edge));
+    }
+    bands.push({series: [at + 1, at + 2], fill: `${trace.colour}26`});
+  }
+  return {made, data, bands};
+}
+
+// The edges of a band come and go with its line.
+function edges(plot, at, change) {
+  if (change.show === undefined) return;
+  plot.series.forEach((one, k) => {
+    if (one.of === at && one.show !== change.show) plot.setSeries(k, {show: change.show});
+  });
+}
+
+function onTime(options, height) {
+  return {
+    height, legend: {live: true}, ...options,
+    scales: {x: {time: false, range: (_, min, max) => [min, max], min: shown.from, max: shown.to}, ...options.scales},
+    cursor: {
+      sync: {key: "time", scales: ["x", null], filters: {pub: (type) => type === "mousemove" || type === "mouseleave"}},
+      drag: {x: true, y: false}, focus: {prox: -1},
+      bind: {dblclick: () => () => show(0, END)},
+    },
+    hooks: {
+      ...options.hooks, setScale: [followed], drawClear: [backdrop],
+      draw: [modeNames, chosen, ...(options.hooks?.draw ?? [])],
+    },
+  };
+}
+
+function lines(picture) {
+  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, false,
+    picture.goes_round ? around : undefined);
+  const points = data.length ? data[0].length : 2;
+  return [onTime({
+    series: [{label: "time", value: (_, t) => t === null ? "–" : `${t.toFixed(1)} s`}, ...made], bands,
+    axes: axes("s", picture.unit, picture.digits, picture.goes_round
+      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]} : {}),
+    scales: {y: {range: reach(picture)}},
+    hooks: {draw: [marked(picture.limits, "y")], setSeries: [edges]},
+  }, isNarrow() ? 200 : 240), [times(points), ...data]];
+}
+
+function curves(picture) {
+  const x = floats(picture.x);
+  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, x.length < 60);
+  const scale = picture.is_logarithmic ? {distr: 3}
+    : {range: reach({limits: [], digits: picture.digits, at_least: null})};
+  return [{
+    height: isNarrow() ? 220 : 260, bands, legend: {live: true},
+    series: [{label: picture.x_text, value: (_, v) => v === null ? "–" : `${+v.toFixed(1)}`}, ...made],
+    axes: axes("", picture.unit, picture.digits,
+      picture.is_logarithmic ? {values: (_, t) => t.map((v) => v === null ? "" : `${+v.toPrecision(2)}`)} : {}),
+    scales: {x: {time: false}, y: scale}, cursor: {drag: {x: true, y: false}},
+    hooks: {draw: [marked(picture.marks, "x")], setSeries: [edges]},
+  }, [x, ...data]];
+}
+
+// From white over blue to black: darker is more, in print as well.
+const SHADES = [[255, 255, 255], [158, 202, 225], [49, 130, 189], [8, 48, 107], [10, 10, 10]];
+function shade(level) {
+  const place = level / 255 * (SHADES.length - 1), from = Math.min(Math.floor(place), SHADES.length - 2);
+  return SHADES[from].map((part, k) => part + (place - from) * (SHADES[from + 1][k] - part));
+}
+
+function heat(picture) {
+  const t = floats(picture.t_s), levels = bytes(picture.levels), rows = picture.rows;
+  const image = new ImageData(t.length, rows);
+  const colours = Array.from({length: 256}, (_, level) => shade(level));
+  for (let column = 0; column < t.length; column++)
+    for (let row = 0; row < rows; row++)
+      image.data.set([...colours[levels[column * rows + row]], 255], 4 * ((rows - 1 - row) * t.length + column));
+  const canvas = document.createElement("canvas");
+  canvas.width = t.length;
+  canvas.height = rows;
+  canvas.getContext("2d").putImageData(image, 0, 0);
+  const steps = Array.from(t.slice(1), (v, k) => v - t[k]).sort((a, b) => a - b);
+  const usual = steps.length ? steps[steps.length >> 1] : END;
+  const half = (k) => (k < t.length - 1 ? Math.min(t[k + 1] - t[k], 2 * usual) : usual) / 2;
+  const draw = (plot) => inside(plot, (ctx, box, ratio, x) => {
+    ctx.imageSmoothingEnabled = false;
+    for (let k = 0; k < t.length; k++) {
+      const left = Math.floor(x(t[k] - half(k - 1 < 0 ? k : k - 1))), right = Math.ceil(x(t[k] + half(k)));
+      if (right < box.left || left > box.left + box.width) continue;
+      ctx.drawImage(canvas, k, 0, 1, rows, left, box.top, Math.max(right - left, 1), box.height);
+    }
+  });
+  const nearest = (time) => t.reduce((best, v, k) => Math.abs(v - time) < Math.abs(t[best] - time) ? k : best, 0);
+  const strongest = (plot, _, __, at) => {
+    if (at === null || !t.length) return "–";
+    const column = nearest(plot.data[0][at]);
+    const part = levels.subarray(column * rows, (column + 1) * rows);
+    const row = part.reduce((best, v, k) => v > part[best] ? k : best, 0);
+    return part[row] ? `${(row / (rows - 1) * picture.to_hz).toFixed(0)} Hz` : "–";
+  };
+  const grid = times(2000);
+  const options = onTime({
+    series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
+      {label: "strongest", stroke: "#08306b", value: strongest}],
+    axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}},
+  }, isNarrow() ? 190 : 220);
+  options.hooks.drawClear = [];
+  options.hooks.draw = [draw, chosen];
+  return [options, [grid, new Array(grid.length).fill(null)]];
+}
+
+function rows(picture) {
+  const step = 40, count = picture.rows.length;
+  const draw = (plot) => inside(plot, (ctx, box, ratio, x) => {
+    picture.rows.forEach(([label, spans, colours], k) => {
+      const top = box.top + k * step * ratio;
+      ctx.font = `${11 * ratio}px sans-serif`;
+      ctx.textBaseline = "middle";
+      ctx.fillStyle = SOFT;
+      ctx.fillText(label, box.left + 3 * ratio, top + 8 * ratio);
+      spans.forEach(([from, to, name], n) => {
+        const left = Math.max(x(from), box.left), right = Math.min(x(to), box.left + box.width);
+        if (x(to) < box.left || left > box.left + box.width) return;
+        ctx.fillStyle = colours[n];
+        ctx.fillRect(left, top + 16 * ratio, Math.max(right - left, 2 * ratio), 20 * ratio);
+        ctx.fillStyle = TEXT;
+        written(ctx, name, left, right, top + 26 * ratio, ratio);
+      });
+    });
+  });
+  const named = (spans) => (plot, _, __, at) => {
+    const t = at === null ? null : plot.data[0][at];
+    const here = t === null ? [] : spans.filter(([from, to]) => from <= t && t <= to);
+    return here.length ? here.map((span) => span[2]).join(", ") : "–";
+  };
+  // A row without a label goes on with the one above it.
+  const labelled = [];
+  for (const [label, spans] of picture.rows)
+    if (label) labelled.push([label, [...spans]]);
+    else labelled.at(-1)[1].push(...spans);
+  const grid = times(2000), nothing = new Array(grid.length).fill(null);
+  const options = onTime({
+    series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
+      ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
+    axes: axes("s", "", 0, {values: (_, ticks) => ticks.map(() => ""), grid: {show: false}, ticks: {show: false}}),
+    scales: {y: {range: () => [0, 1]}},
+  }, step * count + 34 + 8);
+  options.hooks.drawClear = [];
+  options.hooks.draw = [chosen, draw];
+  return [options, [grid, ...labelled.map(() => nothing)]];
+}
+
+// --- the page -----------------------------------------------------------------------------------
+const kinds = {lines, curves, heat, rows};
+
+function made(place) {
+  const picture = review.pictures[Number(place.dataset.picture)];
+  const [options, data] = kinds[picture.kind](picture);
+  const plot = new uPlot({...options, width: place.clientWidth}, data, place);
+  const isTimed = picture.kind !== "curves";
+  if (isTimed) timed.push(plot);
+  all.push({place, plot});
+  place.classList.add("drawn", picture.kind);
+  new ResizeObserver(() => {
+    if (place.clientWidth && place.clientWidth !== plot.width) plot.setSize({width: place.clientWidth, height: plot.height});
+  }).observe(place);
+  if (isTimed) plot.setScale("x", {min: shown.from, max: shown.to});
+}
+
+async function drawn(places) {
+  for (const place of places) {
+    if (!place.classList.contains("drawn")) made(place);
+    await new Promise((resolve) => setTimeout(resolve));
+  }
+}
+
+function select(button) {
+  const from = Number(button.dataset.from), to = Number(button.dataset.to);
+  for (const other of document.querySelectorAll(".finding.shown")) other.classList.remove("shown");
+  button.parentElement.classList.add("shown");
+  selected = [from, to];
+  const margin = Math.max(0.3 * (to - from), 3);
+  show(from - margin, to + margin);
+  for (const plot of timed) plot.redraw(false);
+  document.getElementById(button.dataset.place)?.scrollIntoView({behavior: "smooth", block: "start"});
+}
+
+const moves = {
+  whole: () => {
+    selected = null;
+    for (const other of document.querySelectorAll(".finding.shown")) other.classList.remove("shown");
+    show(0, END);
+    for (const plot of timed) plot.redraw(false);
+  },
+  closer: (width) => show(shown.from + width / 4, shown.to - width / 4),
+  wider: (width) => show(shown.from - width / 2, shown.to + width / 2),
+  back: (width) => show(shown.from - width / 2, shown.to - width / 2),
+  on: (width) => show(shown.from + width / 2, shown.to + width / 2),
+};
+
+document.addEventListener("click", (event) => {
+  const button = event.target.closest("button");
+  if (!button) return;
+  if (button.dataset.move) moves[button.dataset.move](shown.to - shown.from);
+  else if (button.dataset.from) select(button);
+});
+
+for (const more of document.querySelectorAll("details"))
+  more.addEventListener("toggle", () => { if (more.open) drawn(more.querySelectorAll("[data-picture]")); });
+
+// Paper is narrower than most windows, and no observer is asked between this event and the print.
+const PAPER = 680;
+window.addEventListener("beforeprint", () => {
+  for (const {plot} of all) plot.setSize({width: PAPER, height: plot.height});
+});
+window.addEventListener("afterprint", () => {
+  for (const {place, plot} of all) plot.setSize({width: place.clientWidth, height: plot.height});
+});
+
+tell();
+const first = [...document.querySelectorAll("[data-picture]")].filter((place) => !place.closest("details"));
+drawn(first).then(() => { document.documentElement.dataset.drawn = Math.round(performance.now()); });
+window.review = {shown, timed, show};
+})();

@@ -1,0 +1,163 @@
+"""What the service said during a flight, kept for its review."""
+
+from array import array
+from collections.abc import Sequence
+
+import numpy as np
+
+from h2nav.flightlogs.context import Span
+from h2nav.flightlogs.spans import spans
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.io.deframer import Frame
+from h2nav.maths.units import DEG
+from h2nav.review.flight import EarthFields, Estimates, Ratios
+from h2nav.service.records import AidingRecord, EstimateRecord, HealthRecord, LaneRecord
+from h2nav.wire.readers import Message
+
+_ROW = 9  # attitude 4, bias 3, deviations 2
+
+
+class Collector:
+    """Looks on while a recording is played; all times are s since its beginning.
+
+    Attributes:
+        notices: time, severity's name, text.
+        start_ns: host time of the first arrival.
+        end_ns: of the newest one.
+    """
+
+    message_ids: frozenset[int] = frozenset()
+
+    def __init__(self) -> None:
+        self.notices: list[tuple[float, str, str]] = []
+        self.start_ns = self.end_ns = 0
+        self._began = False
+        self._t_s = array("d")
+        self._rows = array("d")
+        self._ratios_s = array("d")
+        self._ratios: list[InnovationRatios] = []
+        self._states: list[tuple[float, str]] = []
+        self._lanes: list[tuple[float, str]] = []
+        self._fields: list[tuple[float, AidingRecord]] = []
+
+    # --- what the pipeline tells --------------------------------------------------------------
+
+    def arrives(self, t_ns: int) -> None:
+        """Something arrives at this host time."""
+        if not self._began:
+            self._began = True
+            self.start_ns = t_ns
+        self.end_ns = t_ns
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """None is asked for."""
+
+    def message(self, t_ns: int, message: Message) -> None:
+        """What a log says is in its context."""
+
+    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+        """Keeps an estimate."""
+        self._t_s.append(self._since_start_s(t_ns))
+        self._rows.extend(
+            (
+                record.q_w,
+                record.q_x,
+                record.q_y,
+                record.q_z,
+                record.bias_x_rad_s,
+                record.bias_y_rad_s,
+                record.bias_z_rad_s,
+                record.sigma_tilt_deg * DEG,
+                record.sigma_heading_deg * DEG,
+            )
+        )
+
+    def record(self, t_ns: int, topic: str, record: object) -> None:
+        """Keeps what the pictures show."""
+        t_s = self._since_start_s(t_ns)
+        match record:
+            case InnovationRatios():
+                self._ratios_s.append(t_s)
+                self._ratios.append(record)
+            case HealthRecord():
+                self._states.append((t_s, ": ".join(filter(None, (record.state, record.reason)))))
+            case LaneRecord(sent=True):
+                self._lanes.append((t_s, f"IMU {record.imu}"))
+            case AidingRecord(kind="field"):
+                self._fields.append((t_s, record))
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        """Keeps a notice."""
+        self.notices.append((self._since_start_s(t_ns), severity.name.lower(), text))
+
+    # --- what is made of it -------------------------------------------------------------------
+
+    @property
+    def duration_s(self) -> float:
+        """Of the recording so far."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    def estimates(self) -> Estimates | None:
+        """All so far; None without any."""
+        if not self._t_s:
+            return None
+        rows = np.array(self._rows).reshape(-1, _ROW)
+        return Estimates(np.array(self._t_s), rows[:, :4], rows[:, 4:7], rows[:, 7], rows[:, 8])
+
+    def ratios(self) -> Ratios:
+        """All so far."""
+        names = InnovationRatios._fields
+        values = np.array(self._ratios, dtype=np.float64).reshape(-1, len(names))
+        return Ratios(np.array(self._ratios_s), names, values)
+
+    def earth(self) -> EarthFields:
+        """The field model wherever it was asked."""
+        rows = [
+            (t_s, field.field_norm_ut, field.field_dip_deg, field.declination_deg)
+            for t_s, field in self._fields
+        ]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+        return EarthFields(columns[0], columns[1], columns[2] * DEG, columns[3] * DEG)
+
+    def states(self) -> tuple[Span, ...]:
+        """The service's states, with their reasons."""
+        return _spans(self._states, self.duration_s)
+
+    def lanes(self) -> tuple[Span, ...]:
+        """Which IMU was sent; empty where there was one only."""
+        return _spans(self._lanes, self.duration_s)
+
+    def _since_start_s(self, t_ns: int) -> float:
+        return (t_ns - self.start_ns) * 1e-9 if self._began else 0.0
+
+
+def _spans(found: list[tuple[float, str]], end_s: float) -> tuple[Span, ...]:
+    return spans([t_s for t_s, _ in found], [name for _, name in found], end_s)
+
+
+def estimates_of(rows: Sequence[tuple[float, ...]]) -> Estimates:
+    """Estimates of rows: time, s; attitude; bias, rad/s; deviations of tilt and heading, deg."""
+    columns = np.array(rows)
+    sigmas = columns[:, 8:] * DEG
+    return Estimates(columns[:, 0], columns[:, 1:5], columns[:, 5:8], sigmas[:, 0], sigmas[:, 1])
+
+
+def most_trusted(findings: Sequence[Finding], lanes: Sequence[Span]) -> int:
+    """Number of the IMU, from 0 in the order of the lanes, of which least was found to be wrong.
+
+    Args:
+        findings: of the flight.
+        lanes: which IMU was sent; that one is taken where others are no better.
+    """
+    if not lanes:
+        return 0
+    sent_s = {lane.name: 0.0 for lane in lanes}
+    wrong_s = dict(sent_s)
+    for lane in lanes:
+        sent_s[lane.name] += lane.to_s - lane.from_s
+    for each in findings:
+        if each.source in wrong_s and each.severity <= Severity.WARNING:
+            wrong_s[each.source] += each.to_s - each.from_s
+    best = min(sent_s, key=lambda name: (wrong_s[name], -sent_s[name]))
+    return int(best.removeprefix("IMU ")) - 1

@@ -1,0 +1,365 @@
+"""The page of a flight's review: one HTML file that needs nothing but itself."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.review.advice import advice
+from h2nav.review.analysis import Analysis
+from h2nav.review.certainty import GROUPS
+from h2nav.review.document import document
+from h2nav.review.flight import Flight
+from h2nav.review.gathering import all_findings, together
+from h2nav.review.html import asset, data_block, escape, frame, table
+from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
+from h2nav.review.pictures.columns import shown_s
+from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
+
+MOST_FINDINGS = 40
+_WORDS = {"severe": "serious", "doubtful": "warning", "noted": "note"}
+_KINDS = {
+    "tlog": "telemetry log",
+    "bytes": "recorded link",
+    "mcap": "h2nav log",
+    "dataflash": "ArduPilot log",
+    "ulog": "PX4 log",
+}
+
+
+def page(flight: Flight, analysis: Analysis) -> str:
+    """The review as HTML.
+
+    Args:
+        flight: what was recorded and what our service made of it.
+        analysis: what the whole flight shows.
+
+    Returns:
+        A file that opens without a network: findings, how sure they are, pictures.
+    """
+    told = document(flight, analysis)
+    findings = together(all_findings(flight, analysis))
+    sections = [section for section in _sections(flight, analysis, findings) if _is_filled(section)]
+    drawn = _Drawn()
+    body = "\n".join(
+        (
+            _title(told),
+            _no_estimate(told),
+            _findings(told, findings),
+            _certainty(told),
+            _contents(sections),
+            *(drawn.section(section) for section in sections),
+            _texts(told),
+            _bar(),
+        )
+    )
+    data = {
+        "duration_s": shown_s(flight.context.duration_s),
+        "modes": timeline.mode_backdrop(flight),
+        "pictures": [for_script(picture) for picture in drawn.pictures],
+    }
+    return frame(
+        f"Flight review: {flight.name}",
+        body,
+        styles=(asset("uplot.css"), asset("pictures.css")),
+        scripts=(asset("uplot.js"), asset("pictures.js")),
+        data=data_block("review", data),
+    )
+
+
+def _sections(
+    flight: Flight, analysis: Analysis, findings: tuple[Finding, ...]
+) -> tuple[Section, ...]:
+    return (
+        timeline.timeline(flight, findings),
+        attitude.attitude(flight),
+        attitude.difference(flight),
+        attitude.certainty(flight),
+        attitude.innovations(flight),
+        compass.compass(flight, analysis),
+        sensors.bias(flight, analysis),
+        sensors.vibration(flight, analysis),
+        spectra.spectra(analysis),
+        sensors.receivers(flight, analysis),
+        sensors.timing(flight, analysis),
+        track.track(flight, findings),
+    )
+
+
+def _is_filled(section: Section) -> bool:
+    return bool(section.pictures or section.html)
+
+
+class _Drawn:
+    """Numbers the pictures in the order of the page.
+
+    Attributes:
+        pictures: all so far.
+    """
+
+    def __init__(self) -> None:
+        self.pictures: list[Picture] = []
+
+    def section(self, section: Section) -> str:
+        """HTML of a section, with a place for every picture."""
+        parts = [f'<section id="{section.name}"><h2>{escape(section.title)}</h2>']
+        parts.append(self._pictures(section.pictures))
+        parts.append(section.html)
+        if section.further:
+            parts.append("<details><summary>the other sensors</summary>")
+            parts.append(self._pictures(section.further) + "</details>")
+        return "".join(parts) + "</section>"
+
+    def _pictures(self, pictures: Iterable[Picture]) -> str:
+        return f'<div class="pictures">{"".join(self._picture(one) for one in pictures)}</div>'
+
+    def _picture(self, picture: Picture) -> str:
+        self.pictures.append(picture)
+        about = f'<p class="about">{escape(picture.about)}</p>' if picture.about else ""
+        return (
+            f'<figure class="{"half" if isinstance(picture, Curves) else "whole"}">'
+            f"<h3>{escape(picture.title)}</h3>{about}"
+            f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div></figure>'
+        )
+
+
+def _title(told: dict[str, Any]) -> str:
+    facts = [
+        ("vehicle", told["vehicle"]),
+        ("firmware", told["firmware"]),
+        ("autopilot", "" if told["firmware"] else told["autopilot"]),
+        ("begun", (told["start_utc"] or "").replace("T", " ").replace("Z", " UTC")),
+        ("lasted", duration(told["duration_s"])),
+        (_KINDS.get(told["kind"], told["kind"]), told["file"]),
+    ]
+    line = " · ".join(f"{escape(name)} <b>{escape(value)}</b>" for name, value in facts if value)
+    title = f"<h1>Flight review: {escape(told['name'])}</h1>"
+    return f'<header>{title}<p class="facts">{line}</p></header>'
+
+
+def duration(seconds: float) -> str:
+    """For people: ``42 s``, ``12 min 5 s`` or ``1 h 2 min``."""
+    whole = round(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _no_estimate(told: dict[str, Any]) -> str:
+    if not told["why_no_estimate"]:
+        return ""
+    return (
+        f'<p class="verdict">No attitude of our own: {escape(told["why_no_estimate"])}</p>'
+        "<p>So the autopilot's attitude could not be judged. What the recording shows of itself "
+        "stands below.</p>"
+    )
+
+
+def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
+    wrong = [one for one in findings if one.severity <= Severity.WARNING]
+    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(findings)]
+    checked = [
+        one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
+        for one in told["checked"]
+    ]
+    if checked:
+        parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
+    missing = [*told["missing"], *_untested(told)]
+    if missing:
+        parts.append(f"<p><b>Could not be checked:</b> {escape('; '.join(missing))}.</p>")
+    return "".join(parts) + "</section>"
+
+
+def _untested(told: dict[str, Any]) -> list[str]:
+    """What the recording had nothing for; gravity tests only where no velocity does."""
+    if told["why_no_estimate"]:
+        return []
+    tested = told["certainty"]["tested"]
+    untested = [name for name, one in tested.items() if not one["spans"]]
+    if tested[GROUPS["velocity"]]["spans"]:
+        untested = [name for name in untested if name != GROUPS["force"]]
+    return untested
+
+
+def _verdict(wrong: Sequence[Finding]) -> str:
+    if not wrong:
+        return '<p class="verdict">Nothing was found wrong.</p>'
+    count = "One thing was" if len(wrong) == 1 else f"{len(wrong)} things were"
+    return (
+        f'<p class="verdict">{count} found wrong; the worst first.</p>'
+        '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
+        "after the beginning of the recording.</p>"
+    )
+
+
+def _list(findings: Sequence[Finding]) -> str:
+    def items(some: Iterable[Finding]) -> str:
+        return f'<ol class="findings">{"".join(_item(one) for one in some)}</ol>'
+
+    first, rest = findings[:MOST_FINDINGS], findings[MOST_FINDINGS:]
+    parts = [items(first)] if first else []
+    if rest:
+        parts.append(
+            f"<details><summary>{len(rest)} further findings</summary>{items(rest)}</details>"
+        )
+    return "".join(parts)
+
+
+def _item(finding: Finding) -> str:
+    of_kind, level = advice(finding.kind), _level(finding.severity)
+    source = finding.source
+    text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
+    # A size without a unit counts what the text counts too.
+    size = f"{_figure(finding.size)} {finding.unit}" if finding.unit else ""
+    lines = [
+        ("means", of_kind.means),
+        ("shown by", finding.evidence),
+        ("check", of_kind.check),
+    ]
+    shown = "".join(
+        f'<span class="line"><i>{name}:</i> {escape(line)}</span>' for name, line in lines if line
+    )
+    return (
+        f'<li class="finding {level}"><button type="button" data-from="{finding.from_s:.3f}" '
+        f'data-to="{finding.to_s:.3f}" data-place="{of_kind.place}">'
+        f'<span class="what"><span class="tag">{_WORDS[level]}</span>'
+        f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
+        f"{shown}</button></li>"
+    )
+
+
+def _level(severity: Severity) -> str:
+    if severity <= Severity.ERROR:
+        return "severe"
+    return "doubtful" if severity == Severity.WARNING else "noted"
+
+
+def _span(finding: Finding) -> str:
+    digits = 1 if finding.to_s - finding.from_s < 10.0 else 0
+    begin, end = f"{finding.from_s:.{digits}f}", f"{finding.to_s:.{digits}f}"
+    return f"{begin} s" if begin == end else f"{begin} to {end} s"
+
+
+def _figure(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
+
+
+def _certainty(told: dict[str, Any]) -> str:
+    certainty = told["certainty"]
+    rows = [
+        (
+            name,
+            part,
+            *(_deg(deviations[part][f"{key}_deg"]) for key in ("median", "largest", "last")),
+        )
+        for name, deviations in (
+            ("h2nav, as in flight", certainty["h2nav"]),
+            ("h2nav, smoothed", certainty["smoothed"]),
+        )
+        if deviations is not None
+        for part in ("tilt", "heading")
+    ]
+    parts = ['<section id="sure"><h2>How sure we are</h2>']
+    if rows:
+        parts.append(
+            '<p class="about">One standard deviation of our attitude: two errors of three are '
+            "smaller. Tilt is roll and pitch together. The smoothed attitude knows what came "
+            "later, and is the surer one.</p>"
+        )
+    tables = [_compared(told), _tested(told)]
+    if rows:
+        heads = ("whose", "of", "usual", "largest", "at the end")
+        tables.insert(0, "<div><h3>Our own attitude</h3>" + table(heads, rows) + "</div>")
+    parts.append(f'<div class="beside">{"".join(tables)}</div>')
+    return "".join(parts) + "</section>" if any(tables) else ""
+
+
+def _compared(told: dict[str, Any]) -> str:
+    rows = [
+        (
+            one["name"],
+            part,
+            _deg(one[part]["median_deg"]),
+            _deg(one[part]["largest_deg"]),
+            _percent(one[part]["beyond_limit_percent"]),
+        )
+        for one in told["differences"]
+        for part in ("tilt", "heading")
+    ]
+    if not rows:
+        return ""
+    heads = ("whose", "of", "usual difference", "largest", "beyond three deviations")
+    return "<div><h3>Others against h2nav</h3>" + table(heads, rows) + "</div>"
+
+
+def _tested(told: dict[str, Any]) -> str:
+    duration_s = told["duration_s"] or 1.0
+    shares = {
+        f"tested: {name}": one["share_percent"]
+        for name, one in told["certainty"]["tested"].items()
+        if one["spans"]
+    }
+    for name, seconds in told["certainty"]["states_s"].items():
+        shares[f"h2nav was {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
+    rows = [(name, _percent(share)) for name, share in shares.items()]
+    if not rows:
+        return ""
+    return "<div><h3>What was tested</h3>" + table(("", "share of the time"), rows) + "</div>"
+
+
+def _deg(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.2f} deg"
+
+
+def _percent(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} %"
+
+
+def _contents(sections: Sequence[Section]) -> str:
+    links = " · ".join(f'<a href="#{one.name}">{escape(one.title)}</a>' for one in sections)
+    about = (
+        "All pictures over time share one axis: drag over a part to see it closer, double click "
+        "for the whole flight, or use the buttons at the lower edge. A click on a name below a "
+        "picture hides its line; colours behind the lines are flight modes."
+    )
+    return f'<h2>Pictures</h2><p class="about">{escape(about)}</p><p>{links}</p>' if links else ""
+
+
+def _texts(told: dict[str, Any]) -> str:
+    parts = [
+        f"<details><summary>{escape(title)} ({len(rows)})</summary>"
+        f"{table(('s', 'severity', 'text'), rows)}</details>"
+        for title, rows in (
+            ("Texts of the autopilot", _rows(told["said"])),
+            ("Texts of h2nav", _rows(told["notices"])),
+        )
+        if rows
+    ]
+    skipped = [*told["damaged"].items(), *told["rejected"].items()]
+    if skipped:
+        parts.append(
+            f"<details><summary>Damaged, skipped or refused ({len(skipped)})</summary>"
+            f"{table(('what', 'how often'), skipped)}</details>"
+        )
+    if not parts:
+        return ""
+    return f'<section id="texts"><h2>What was said and skipped</h2>{"".join(parts)}</section>'
+
+
+def _rows(texts: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
+    return [(f"{one['t_s']:.1f}", one["severity"], one["text"]) for one in texts]
+
+
+def _bar() -> str:
+    buttons = "".join(
+        f'<button type="button" data-move="{move}" aria-label="{label}" title="{label}">'
+        f"{sign}</button>"
+        for move, label, sign in (
+            ("whole", "whole flight", "all"),
+            ("back", "earlier", "&#9664;"),
+            ("closer", "closer", "+"),
+            ("wider", "wider", "&minus;"),
+            ("on", "later", "&#9654;"),
+        )
+    )
+    return f'<nav class="bar">{buttons}<output id="shown"></output></nav>'

@@ -1,0 +1,83 @@
+"""Series of any length as two points per column of time, so that extremes stay seen."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.flightlogs.context import Array
+
+# Of pictures in which details matter, and of those that change slowly: two points in each column.
+FINE, COARSE = 3000, 1000
+# A break between samples that is longer than so many usual ones, and than this, stays one.
+USUAL_STEPS = 5.0
+LEAST_BREAK_S = 0.5
+
+
+def shown_s(duration_s: float) -> float:
+    """How long the axis of time is: at least a second, which an empty recording is not."""
+    return max(duration_s, 1.0)
+
+
+class Columns:
+    """Equal columns of time from the beginning of the recording to its end.
+
+    Attributes:
+        count: of the columns.
+        t_s: (2 count,) the times of the points.
+    """
+
+    def __init__(self, duration_s: float, count: int) -> None:
+        self.count = count
+        self._width_s = shown_s(duration_s) / count
+        self.t_s = (np.arange(2 * count) + 0.5) * (0.5 * self._width_s)
+
+    def of(self, t_s: Array, values: Array, turn: float | None = None) -> NDArray[np.float32]:
+        """The points of one series.
+
+        Args:
+            t_s: (N,) not decreasing.
+            values: (N,) NaN where there is none.
+            turn: where the values go round, such as 360 of degrees; a step over the end of the
+                range leaves its column empty, so that no line is drawn across the picture.
+
+        Returns:
+            (2 count,) the smallest and the largest value of each column, in the order in which
+            they came; between sparse samples what lies on the line between them; NaN in breaks.
+        """
+        is_known = np.isfinite(values) & np.isfinite(t_s)
+        t_s, values = t_s[is_known], values[is_known]
+        if len(t_s) == 0:
+            return np.full(2 * self.count, np.nan, np.float32)
+        points = self._between(t_s, values, turn)
+        place = np.clip((t_s / self._width_s).astype(np.int64), 0, self.count - 1)
+        starts = np.flatnonzero(np.diff(place, prepend=-1))
+        ends = np.append(starts[1:], len(t_s)) - 1
+        column = place[starts]
+        low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+        rises = values[ends] >= values[starts]
+        is_many = ends > starts
+        points[2 * column[is_many]] = np.where(rises, low, high)[is_many]
+        points[2 * column[is_many] + 1] = np.where(rises, high, low)[is_many]
+        # A sample alone in its column takes the place of the nearer point.
+        alone, at = column[~is_many], t_s[starts[~is_many]]
+        points[2 * alone + ((at / self._width_s - alone) > 0.5)] = low[~is_many]
+        if turn is not None:
+            over = place[np.flatnonzero(np.abs(np.diff(values)) > turn / 2) + 1]
+            # A break of one column is narrower than a line, and would be drawn over.
+            for beside in range(-3, 4):
+                column = np.clip(over + beside, 0, self.count - 1)
+                points[2 * column] = points[2 * column + 1] = np.nan
+        return points.astype(np.float32)
+
+    def _between(self, t_s: Array, values: Array, turn: float | None) -> Array:
+        """The line between the samples; NaN in breaks, and outside of all of them."""
+        if len(t_s) == 1:
+            return np.full(2 * self.count, np.nan)
+        steps = np.diff(t_s)
+        longest_s = max(USUAL_STEPS * float(np.median(steps)), LEAST_BREAK_S)
+        after = np.searchsorted(t_s, self.t_s)
+        is_inside = (after > 0) & (after < len(t_s))
+        after = np.clip(after, 1, len(t_s) - 1)
+        is_whole = is_inside & (steps[after - 1] <= longest_s)
+        if turn is not None:
+            is_whole &= np.abs(np.diff(values))[after - 1] <= turn / 2
+        return np.where(is_whole, np.interp(self.t_s, t_s, values), np.nan)

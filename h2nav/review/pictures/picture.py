@@ -1,0 +1,219 @@
+"""Pictures as records, and what the page's script gets of them."""
+
+import base64
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.flightlogs.context import Array, Span
+
+Points = NDArray[np.float32]
+
+
+class Trace(NamedTuple):
+    """One line.
+
+    Attributes:
+        label: its name in the legend; plain text.
+        colour: of the line.
+        values: (N,) in the picture's unit; NaN where there is none.
+        low: (N,) lower edge of a band around it; None without.
+        high: (N,) upper edge of it.
+        is_dashed: how it is drawn.
+        sets_range: what is drawn has room for all of it; not so for limits, which may be anywhere.
+    """
+
+    label: str
+    colour: str
+    values: Points
+    low: Points | None = None
+    high: Points | None = None
+    is_dashed: bool = False
+    sets_range: bool = True
+
+
+class Mark(NamedTuple):
+    """A value that means something, such as a limit.
+
+    Attributes:
+        value: in the unit of its axis.
+        text: what it is.
+    """
+
+    value: float
+    text: str
+
+
+class Lines(NamedTuple):
+    """Values over time.
+
+    Attributes:
+        title: of the picture.
+        about: what it shows and how it is read, for pilots.
+        unit: of the values.
+        traces: all on the points of equal `Columns`.
+        limits: drawn across.
+        digits: behind the decimal point.
+        at_least: a range that is always shown; None without.
+        goes_round: the values are directions, of which any 360 deg may be shown.
+    """
+
+    title: str
+    about: str
+    unit: str
+    traces: tuple[Trace, ...]
+    limits: tuple[Mark, ...] = ()
+    digits: int = 1
+    at_least: tuple[float, float] | None = None
+    goes_round: bool = False
+
+
+class Curves(NamedTuple):
+    """Values over something else than time.
+
+    Attributes:
+        title: see `Lines`.
+        about: see `Lines`.
+        unit: see `Lines`.
+        x_text: what is on the other axis, with its unit.
+        x: (N,).
+        traces: with (N,) values.
+        marks: on the other axis.
+        digits: see `Lines`.
+        is_logarithmic: the axis of the values.
+    """
+
+    title: str
+    about: str
+    unit: str
+    x_text: str
+    x: Array
+    traces: tuple[Trace, ...]
+    marks: tuple[Mark, ...] = ()
+    digits: int = 1
+    is_logarithmic: bool = False
+
+
+class Heat(NamedTuple):
+    """A density over time and frequency.
+
+    Attributes:
+        title: see `Lines`.
+        about: see `Lines`.
+        t_s: (T,) centres of its columns.
+        to_hz: upper end of its rows, which are equal and begin at 0.
+        levels: (T, F) 0 = nothing, 255 = the most.
+    """
+
+    title: str
+    about: str
+    t_s: Array
+    to_hz: float
+    levels: NDArray[np.uint8]
+
+
+class Row(NamedTuple):
+    """What was when.
+
+    Attributes:
+        label: of the row; empty where it goes on with the one above.
+        spans: in order.
+        colours: of each of them.
+    """
+
+    label: str
+    spans: tuple[Span, ...]
+    colours: tuple[str, ...]
+
+
+class Rows(NamedTuple):
+    """Rows of spans over time.
+
+    Attributes:
+        title: see `Lines`.
+        about: see `Lines`.
+        rows: from above.
+    """
+
+    title: str
+    about: str
+    rows: tuple[Row, ...]
+
+
+Picture = Lines | Curves | Heat | Rows
+
+
+class Section(NamedTuple):
+    """Pictures of one subject.
+
+    Attributes:
+        name: of its place in the page.
+        title: of it.
+        pictures: the first ones.
+        html: what stands below them, with everything escaped.
+        further: pictures that are seen on demand.
+    """
+
+    name: str
+    title: str
+    pictures: tuple[Picture, ...]
+    html: str = ""
+    further: tuple[Picture, ...] = ()
+
+
+def for_script(picture: Picture) -> dict[str, object]:
+    """What `assets/page.js` reads; arrays as base64 of their little-endian bytes."""
+    match picture:
+        case Lines():
+            return {
+                "kind": "lines",
+                "unit": picture.unit,
+                "digits": picture.digits,
+                "limits": picture.limits,
+                "at_least": picture.at_least,
+                "goes_round": picture.goes_round,
+                "traces": [_trace(trace) for trace in picture.traces],
+            }
+        case Curves():
+            return {
+                "kind": "curves",
+                "unit": picture.unit,
+                "digits": picture.digits,
+                "x_text": picture.x_text,
+                "x": _floats(picture.x),
+                "marks": picture.marks,
+                "is_logarithmic": picture.is_logarithmic,
+                "traces": [_trace(trace) for trace in picture.traces],
+            }
+        case Heat():
+            return {
+                "kind": "heat",
+                "t_s": _floats(picture.t_s),
+                "to_hz": picture.to_hz,
+                "rows": picture.levels.shape[1],
+                "levels": _text(np.ascontiguousarray(picture.levels, np.uint8)),
+            }
+        case Rows():
+            return {"kind": "rows", "rows": picture.rows}
+
+
+def _trace(trace: Trace) -> dict[str, object]:
+    has_band = trace.low is not None and trace.high is not None
+    return {
+        "label": trace.label,
+        "colour": trace.colour,
+        "dashed": trace.is_dashed,
+        "sets_range": trace.sets_range,
+        "values": _floats(trace.values),
+        "low": _floats(trace.low) if trace.low is not None and has_band else None,
+        "high": _floats(trace.high) if trace.high is not None and has_band else None,
+    }
+
+
+def _floats(values: NDArray[np.floating]) -> str:
+    return _text(np.ascontiguousarray(values, "<f4"))
+
+
+def _text(values: NDArray[np.generic]) -> str:
+    return base64.b64encode(values.tobytes()).decode("ascii")

@@ -1,0 +1,204 @@
+"""Samples over time: rate, jitter, gaps, duplicates, late bursts, and one clock against the other.
+
+Where the recording has two clocks, the time of arrival and the autopilot's stamp, what arrives late
+was delayed on the way and is not lost; where both jump, samples are lost.
+"""
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, ImuTrack, Span
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.review.inertial import runs, within
+from h2nav.review.tracks import Timing
+
+MOST_COLUMNS = 1000
+FEWEST = 100
+# A stamp that runs on by less than this has repeated its sample.
+SAME_US = 0
+# The service keeps an attitude over a gap of so long; the estimators of the autopilots (EKF3,
+# EKF2: 100 ms at most in one prediction) cut a longer one off.
+LONG_GAP_S = 0.1
+GAP_PERIODS = 3.0
+# A filter that has seen nothing for so long begins anew.
+LOST_S = 1.0
+LOST_SHARE = 0.01
+DUPLICATE_SHARE = 0.01
+# Below it a small multirotor's motions (5 Hz) are seen with fewer than five samples a period.
+SLOW_HZ = 25.0
+# Crystals of autopilots and computers: 50 ppm each, over temperature and age 100 ppm each.
+DRIFT_PPM = 200.0
+DRIFT_FROM_S = 60.0
+# More than any crystal or resonator (5,000 ppm): the stamps are those of a simulation that does
+# not keep to real time, whose arrivals say nothing of a link.
+SIMULATED_PPM = 5000.0
+# Clocks that never differ by more are one.
+ONE_CLOCK_S = 2e-6
+# An autopilot that begins anew starts its clock anew.
+REBOOT_US = -1_000_000
+# Of a link: 0.2 s late is what a fix of the receiver is late at worst.
+LATE_S = 0.2
+LATE_SHARE = 0.001
+WINDOW_S = 10.0
+
+
+def look_at_timing(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Timing, list[Finding]]:
+    """Rate, gaps and lateness of one IMU.
+
+    Args:
+        track: its samples.
+        armed: where gaps matter.
+    """
+    if len(track.t_s) < FEWEST:
+        return _empty(track), []
+    stamp_s = _stamps(track)
+    late_s, drift_ppm = _lateness(track.t_s, stamp_s)
+    timing = _columns(track, stamp_s, late_s)
+    name = f"IMU {track.imu + 1}"
+    found = [*_gaps(name, track, stamp_s, armed), *_rate(name, track, stamp_s)]
+    if drift_ppm is not None and abs(drift_ppm) > DRIFT_PPM:
+        found.append(_drift(name, track, drift_ppm))
+    if drift_ppm is None or abs(drift_ppm) < SIMULATED_PPM:
+        found += _late(name, track, late_s)
+    return timing, found
+
+
+def _empty(track: ImuTrack) -> Timing:
+    nothing = np.zeros(0)
+    return Timing(track.imu, track.source, nothing, nothing, nothing, nothing)
+
+
+def _stamps(track: ImuTrack) -> Array:
+    """(N,) the autopilot's clock, s, continuous through reboots and wraps."""
+    steps = np.diff(track.stamp_us)
+    arrival_us = np.diff(track.t_s) * 1e6
+    is_new = (steps < REBOOT_US) | (steps > arrival_us + 60e6)
+    steps = np.where(is_new, arrival_us, steps)
+    return np.concatenate(([0.0], np.cumsum(steps))) * 1e-6
+
+
+def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
+    """How late each arrival was (N,), and the drift of the stamps against the arrivals, ppm."""
+    delay = t_s - stamp_s
+    if np.ptp(delay) < ONE_CLOCK_S:
+        return None, None
+    edges = np.arange(t_s[0], t_s[-1] + WINDOW_S, WINDOW_S)
+    place = np.unique(np.searchsorted(t_s, edges[:-1]).clip(max=len(t_s) - 1))
+    quickest = np.minimum.reduceat(delay, place)
+    centres = t_s[place] + 0.5 * WINDOW_S
+    drift = None
+    if t_s[-1] - t_s[0] < DRIFT_FROM_S or len(place) < 4:
+        return delay - delay.min(), drift
+    # The quickest arrivals of each window show the clocks; the median of slopes heeds no outlier.
+    apart = len(place) // 2
+    slopes = (quickest[apart:] - quickest[:-apart]) / (centres[apart:] - centres[:-apart])
+    slope = float(np.median(slopes))
+    offset = float(np.median(quickest - slope * centres))
+    late: Array = np.maximum(delay - slope * t_s - offset, 0.0)
+    return late, -slope * 1e6
+
+
+def _columns(track: ImuTrack, stamp_s: Array, late_s: Array | None) -> Timing:
+    t_s = track.t_s
+    count = int(np.clip((t_s[-1] - t_s[0]) / 0.5, 1, MOST_COLUMNS))
+    edges = np.linspace(t_s[0], t_s[-1], count + 1)
+    place = np.searchsorted(t_s, edges)
+    rate = np.diff(place) / max(edges[1] - edges[0], 1e-9)
+    steps = np.append(np.diff(stamp_s), 0.0)
+    longest = _largest(steps, place)
+    lateness = np.full(count, np.nan) if late_s is None else _largest(late_s, place)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    return Timing(track.imu, track.source, centres, rate, longest, lateness)
+
+
+def _largest(values: Array, place: np.ndarray) -> Array:
+    """Largest value of each column; NaN where it is empty."""
+    first = place[:-1].clip(max=len(values) - 1)
+    largest: Array = np.maximum.reduceat(values, first)
+    return np.where(np.diff(place) > 0, largest, np.nan)
+
+
+def _gaps(name: str, track: ImuTrack, stamp_s: Array, armed: tuple[Span, ...]) -> list[Finding]:
+    """Samples that never came, while the motors could turn."""
+    steps = np.diff(stamp_s)
+    period = float(np.median(steps))
+    flying = within(track.t_s[:-1], armed)
+    is_gap = (steps > GAP_PERIODS * period) & (steps > 0.5 * LONG_GAP_S) & flying
+    if period <= 0.0 or not is_gap.any():
+        return []
+    lost = np.round(steps[is_gap] / period) - 1.0
+    share = float(lost.sum()) / max(float(flying.sum() + lost.sum()), 1.0)
+    longest = float(steps[is_gap].max())
+    if longest < LONG_GAP_S and share < LOST_SHARE:
+        return []
+    places = np.flatnonzero(is_gap)
+    text = f"{len(places)} gaps in the samples, the longest {longest:.2f} s"
+    return [
+        Finding(
+            "imu_gaps",
+            name,
+            Severity.WARNING if longest >= LOST_S else Severity.NOTICE,
+            float(track.t_s[places[0]]),
+            float(track.t_s[places[-1] + 1]),
+            longest,
+            "s",
+            text,
+            f"the autopilot's stamps jump: {int(lost.sum())} samples ({share:.1%}) are missing "
+            f"in {track.source}; usual is one every {period * 1e3:.1f} ms",
+        )
+    ]
+
+
+def _rate(name: str, track: ImuTrack, stamp_s: Array) -> list[Finding]:
+    """Too slow, or the same samples twice."""
+    steps = np.diff(stamp_s)
+    from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
+    found = []
+    rate = (len(track.t_s) - 1) / max(to_s - from_s, 1e-9)
+    if rate < SLOW_HZ:
+        text = f"only {rate:.0f} samples a second were recorded"
+        evidence = f"{len(track.t_s)} of {track.source} in {to_s - from_s:.0f} s"
+        found.append(
+            Finding("imu_slow", name, Severity.NOTICE, from_s, to_s, rate, "Hz", text, evidence)
+        )
+    share = float(np.mean(steps <= SAME_US))
+    if share > DUPLICATE_SHARE:
+        text = f"{share:.0%} of the samples came twice"
+        evidence = "the same time stamp as the sample before"
+        size = 100.0 * share
+        found.append(
+            Finding("imu_twice", name, Severity.NOTICE, from_s, to_s, size, "%", text, evidence)
+        )
+    return found
+
+
+def _drift(name: str, track: ImuTrack, ppm: float) -> Finding:
+    from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
+    text = f"the autopilot's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}"
+    evidence = (
+        f"against the recorder's clock over {to_s - from_s:.0f} s, by the quickest arrivals of "
+        f"each {WINDOW_S:.0f} s; two crystals differ by {DRIFT_PPM:.0f} ppm at most"
+    )
+    severity = Severity.NOTICE
+    if abs(ppm) > SIMULATED_PPM:
+        severity = Severity.INFO
+        evidence += ": a simulation that did not keep to real time"
+    return Finding("clock_drift", name, severity, from_s, to_s, abs(ppm), "ppm", text, evidence)
+
+
+def _late(name: str, track: ImuTrack, late_s: Array | None) -> list[Finding]:
+    """Bursts that the link held back."""
+    if late_s is None:
+        return []
+    is_late = late_s > LATE_S
+    share = float(is_late.mean())
+    if share < LATE_SHARE:
+        return []
+    bursts = runs(is_late)
+    worst = float(late_s.max())
+    text = f"samples up to {worst:.2f} s late on the link"
+    evidence = (
+        f"{share:.1%} of the arrivals more than {LATE_S * 1e3:.0f} ms later than the quickest "
+        f"ones by their stamps, in {len(bursts)} bursts"
+    )
+    from_s, to_s = float(track.t_s[bursts[0][0]]), float(track.t_s[bursts[-1][1]])
+    return [Finding("late_bursts", name, Severity.NOTICE, from_s, to_s, worst, "s", text, evidence)]

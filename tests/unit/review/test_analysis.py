@@ -1,0 +1,60 @@
+"""Whole flights without a fault give no finding, whatever they lack."""
+
+import numpy as np
+import pytest
+from reviewed_flights import flight, ideal
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Context
+from h2nav.review.analysis import analyse
+from h2nav.review.inertial import exponential, turns
+
+
+@pytest.mark.parametrize("name", ["flight", "aggressive", "hover", "spin", "loop", "square"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_flight_without_a_fault_gives_no_finding(name, seed):
+    assert not analyse(flight(name, imus=3, seed=seed)).findings
+
+
+def test_an_empty_recording_gives_nothing():
+    empty = flight()._replace(context=Context(), estimates=None)
+    analysis = analyse(empty)
+    assert not analysis.findings
+    assert not analysis.spectra
+
+
+def test_samples_that_are_no_numbers_are_left_out():
+    flown = flight(imus=2)
+    tracks = list(flown.context.imus)
+    tracks[1].w_b[100:200] = np.nan
+    tracks[0].f_b[5000:5002] = 0.0
+    analysis = analyse(flown._replace(context=flown.context._replace(imus=tuple(tracks))))
+    assert {f.kind for f in analysis.findings} <= {"imu_gaps"}
+    assert np.isfinite(analysis.vibrations[1].level).all()
+
+
+def test_an_imu_of_one_sample_is_looked_past():
+    flown = flight(imus=2)
+    second = flown.context.imus[1]
+    short = second._replace(
+        t_s=second.t_s[:1],
+        stamp_us=second.stamp_us[:1],
+        w_b=second.w_b[:1],
+        f_b=second.f_b[:1],
+        m_b_ut=second.m_b_ut[:1],
+    )
+    context = flown.context._replace(imus=(flown.context.imus[0], short))
+    assert not analyse(flown._replace(context=context)).findings
+
+
+def test_turns_are_the_product_of_the_samples_turns():
+    truth = ideal("aggressive")
+    t_s = truth.t_us * 1e-6
+    edges = np.array([10.0, 10.003, 10.1, 11.37, 30.0])
+    found = turns(t_s, truth.w_b, edges)
+    place = np.searchsorted(t_s, edges, side="right")
+    for number in range(len(edges) - 1):
+        q = np.array([[1.0, 0.0, 0.0, 0.0]])
+        for row in range(place[number], place[number + 1]):
+            q = product(q, exponential(truth.w_b[row : row + 1] * 0.01))
+        np.testing.assert_allclose(found[number], q[0], atol=1e-9)
