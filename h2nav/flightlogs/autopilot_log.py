@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.flightlogs.context import Array, AttitudeTrack, Context, GpsTrack, Series
+from h2nav.flightlogs.context import (
+    Array,
+    AttitudeTrack,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Series,
+)
 from h2nav.flightlogs.imported import Event, ImportedLog
 from h2nav.flightlogs.imu_series import LEAST_HZ, Readings, Samples, Times
 from h2nav.wire.attitude import ReportedAttitude
@@ -34,7 +41,7 @@ from h2nav.wire.vehicle import (
 
 SENDER = (1, 1)
 SECOND_US = 1_000_000
-# Events are made for so long at a time: of few that exist at once the garbage collector sees little.
+# Events are made for so long at a time: of few that exist at once the collector sees little.
 BLOCK_US = SECOND_US
 # The service compares ten attitudes a second.
 ATTITUDE_STEP_US = 50_000
@@ -329,9 +336,19 @@ def vehicle_name(vehicle_type: int) -> str:
     return str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()
 
 
+def has_enough_samples(context: Context) -> bool:
+    """Whether an attitude can be made of the recording."""
+    return max(map(imu_rate_hz, context.imus), default=0.0) >= LEAST_HZ
+
+
+def imu_rate_hz(track: ImuTrack) -> float:
+    """Samples a second, by the usual time between two."""
+    return Samples(track.stamp_us, track.w_b, track.f_b).rate_hz
+
+
 def what_sensors_lack(context: Context) -> tuple[str, ...]:
     """What sensors should have told for a better review, one phrase each."""
-    rates_hz = [Samples(track.stamp_us, track.w_b, track.f_b).rate_hz for track in context.imus]
+    rates_hz = [imu_rate_hz(track) for track in context.imus]
     fixes = [track for track in context.gps if track.has_fix.any()]
     no_velocity = not any(np.isfinite(track.v_n[track.has_fix, 0]).any() for track in fixes)
     lacks = {

@@ -145,10 +145,8 @@ class SensorTiming:
         gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * self._period_s
         field_s = gyro_s if field_s is None else field_s
         was_gyro_s, was_field_s = self.delays
-        if (
-            abs(gyro_s - was_gyro_s) < LEAST_CHANGE_S
-            and abs(field_s - was_field_s) < LEAST_CHANGE_S
-        ):
+        changes_s = abs(gyro_s - was_gyro_s), abs(field_s - was_field_s)
+        if max(changes_s) < LEAST_CHANGE_S:
             return False
         self.delays = SensorDelays(gyro_s, field_s)
         return True
