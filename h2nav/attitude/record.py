@@ -175,7 +175,9 @@ def reader(
     layout = (
         f"{row.length}d" if row in found else f"{8 * row.length}x" for row in rows(record_type)
     )
-    return functools.partial(struct.Struct("".join(layout)).unpack_from, memoryview(record))
+    return functools.partial(
+        struct.Struct("".join(layout)).unpack_from, cast(ctypes.Structure, record)
+    )
 
 
 def _flat(parts: Iterable[float | list[float]]) -> tuple[float, ...]:

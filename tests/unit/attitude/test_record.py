@@ -15,6 +15,7 @@ from h2nav.attitude.record import (
     integer,
     integers,
     is_in_c,
+    reader,
     real,
     reals,
     row,
@@ -163,3 +164,24 @@ def test_the_filters_records_have_one_kind_of_number_and_no_gap_in_c(record_type
         low, high = found.range or (0, 0)
         assert -(1 << 31) <= low <= high < 1 << 31, found.name
         assert found.about, found.name
+
+
+@pytest.mark.parametrize("made", [velocity_aided.Memory, lambda: in_c(velocity_aided.Memory)])
+def test_a_reader_gives_the_numbers_of_its_fields_as_they_are_now(made):
+    memory = made()
+    read = reader(memory, velocity_aided.Memory, ("gyro_bias", "p_xx", "dfix_lag"))
+    memory.gyro_bias[:] = [1.0, 2.0, 3.0]
+    memory.q_nb[:] = [9.0, 9.0, 9.0, 9.0]
+    memory.p_xx, memory.dfix_lag = 4.0, 5.0
+    assert read() == (1.0, 2.0, 3.0, 4.0, 5.0)
+
+
+@pytest.mark.parametrize("names", [("p_xx", "gyro_bias"), ("p_xx", "nonsense")])
+def test_a_reader_of_a_struct_refuses_fields_out_of_order_and_unknown_ones(names):
+    with pytest.raises(ValueError, match="order"):
+        reader(in_c(velocity_aided.Memory), velocity_aided.Memory, names)
+
+
+def test_a_reader_of_a_struct_refuses_integers():
+    with pytest.raises(ValueError, match="floats"):
+        reader(in_c(Integers), Integers, ("level",))
