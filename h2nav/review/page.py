@@ -362,4 +362,5 @@ def _bar() -> str:
             ("on", "later", "&#9654;"),
         )
     )
-    return f'<nav class="bar">{buttons}<output id="shown"></output></nav>'
+    findings = '<a href="#findings">findings</a>'
+    return f'<nav class="bar">{findings}{buttons}<output id="shown"></output></nav>'
