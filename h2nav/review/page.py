@@ -156,7 +156,11 @@ def _no_estimate(told: dict[str, Any]) -> str:
 
 
 def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(told, findings), _list(findings)]
+    parts = [
+        '<section id="findings"><h2>What was found</h2>',
+        _verdict(told, findings),
+        _list(findings),
+    ]
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
