@@ -167,9 +167,12 @@ def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
     ]
     if checked:
         parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
-    missing = [*told["missing"], *_untested(told)]
-    if missing:
-        parts.append(f"<p><b>Could not be checked:</b> {escape('; '.join(missing))}.</p>")
+    for lack, what in (
+        ("Could not be checked", _untested(told)),
+        ("Missing in the recording", told["missing"]),
+    ):
+        if what:
+            parts.append(f"<p><b>{lack}:</b> {escape('; '.join(what))}.</p>")
     return "".join(parts) + "</section>"
 
 
