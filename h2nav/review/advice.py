@@ -70,12 +70,12 @@ ADVICE = {
     ),
     "autopilot_tilt": Advice(
         "The autopilot's roll or pitch and ours were farther apart than both can be uncertain.",
-        "Its accelerometers and vibration; the evidence says whom the GPS velocity supports.",
+        "The autopilot's accelerometers and vibration; the evidence says whom GPS supports.",
         "difference",
     ),
     "autopilot_heading": Advice(
         "The autopilot's heading and ours were farther apart than both can be uncertain.",
-        "Its compasses; the evidence says whom the GPS velocity supports.",
+        "The autopilot's compasses; the evidence says whom the GPS velocity supports.",
         "difference",
     ),
     "estimator_switch": Advice(

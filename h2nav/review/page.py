@@ -156,17 +156,23 @@ def _no_estimate(told: dict[str, Any]) -> str:
 
 
 def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    wrong = [one for one in findings if one.severity <= Severity.WARNING]
-    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(findings)]
+    parts = [
+        '<section id="findings"><h2>What was found</h2>',
+        _verdict(told, findings),
+        _list(findings),
+    ]
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
     ]
     if checked:
         parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
-    missing = [*told["missing"], *_untested(told)]
-    if missing:
-        parts.append(f"<p><b>Could not be checked:</b> {escape('; '.join(missing))}.</p>")
+    for lack, what in (
+        ("Could not be checked", _untested(told)),
+        ("Missing in the recording", told["missing"]),
+    ):
+        if what:
+            parts.append(f"<p><b>{lack}:</b> {escape('; '.join(what))}.</p>")
     return "".join(parts) + "</section>"
 
 
@@ -181,15 +187,20 @@ def _untested(told: dict[str, Any]) -> list[str]:
     return untested
 
 
-def _verdict(wrong: Sequence[Finding]) -> str:
-    if not wrong:
-        return '<p class="verdict">Nothing was found wrong.</p>'
-    count = "One thing was" if len(wrong) == 1 else f"{len(wrong)} things were"
-    return (
-        f'<p class="verdict">{count} found wrong; the worst first.</p>'
+def _verdict(told: dict[str, Any], findings: Sequence[Finding]) -> str:
+    wrong = sum(one.severity <= Severity.WARNING for one in findings)
+    if wrong:
+        count = "One thing was" if wrong == 1 else f"{wrong} things were"
+        verdict = f"{count} found wrong; the worst first."
+    else:
+        verdict = "Nothing was found wrong"
+        verdict += " in what could be looked at." if told["why_no_estimate"] else "."
+        verdict += " What may be worth knowing:" if findings else ""
+    about = (
         '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
         "after the beginning of the recording.</p>"
     )
+    return f'<p class="verdict">{verdict}</p>{about if findings else ""}'
 
 
 def _list(findings: Sequence[Finding]) -> str:
@@ -362,4 +373,5 @@ def _bar() -> str:
             ("on", "later", "&#9654;"),
         )
     )
-    return f'<nav class="bar">{buttons}<output id="shown"></output></nav>'
+    findings = '<a href="#findings">findings</a>'
+    return f'<nav class="bar">{findings}{buttons}<output id="shown"></output></nav>'

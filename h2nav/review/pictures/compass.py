@@ -31,7 +31,8 @@ def compass(flight: Flight, analysis: Analysis) -> Section:
             ("Strength of the field", _MODEL, "µT", norms),
             (
                 "Dip of the field",
-                "How steeply the field points into the ground, by the best attitude. " + _MODEL,
+                "How steeply the field points into the ground (out of it where negative), by the "
+                "best attitude. " + _MODEL,
                 "deg",
                 dips,
             ),

@@ -87,14 +87,14 @@ def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
     text = text_of(page(flight, made[1]._replace(findings=())))
     assert "Nothing was found wrong." in text
     assert "Checked: our attitude against the GPS velocity" in text
-    assert "Could not be checked: no temperatures" in text
+    assert "Missing in the recording: no temperatures" in text
 
 
 def test_without_an_estimate_the_page_says_why_before_anything_else():
     text = text_of(page(empty_flight(), Analysis()))
     why = text.index("the recording holds no IMU messages")
     assert why < text.index("Nothing was found wrong")
-    assert "Could not be checked: IMU messages; GPS" in text
+    assert "Missing in the recording: IMU messages; GPS" in text
     assert "Our own attitude" not in text
 
 
