@@ -69,6 +69,25 @@ def test_an_imu_of_one_sample_is_looked_past():
     assert not analyse(flown._replace(context=context)).findings
 
 
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 30])
+@pytest.mark.parametrize("place", [0, 5000])
+def test_scraps_of_a_flight_are_looked_at_without_a_finding(count, place):
+    flown = flight()
+    part = slice(place, place + count)
+    names = ("t_s", "stamp_us", "w_b", "f_b", "m_b_ut")
+    first = flown.context.imus[0]
+    scrap = first._replace(**{name: getattr(first, name)[part] for name in names})
+    gps = flown.context.gps[0]
+    few = gps._replace(
+        **{name: getattr(gps, name)[:count] for name in gps._fields if name != "receiver"}
+    )
+    assert flown.estimates is not None
+    seen = type(flown.estimates)(*(values[part] for values in flown.estimates))
+    context = flown.context._replace(imus=(scrap,), gps=(few,), attitudes=(), armed=())
+    found = analyse(flown._replace(context=context, estimates=seen)).findings
+    assert not found
+
+
 def test_turns_are_the_product_of_the_samples_turns():
     truth = ideal("aggressive")
     t_s = truth.t_us * 1e-6
