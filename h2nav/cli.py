@@ -75,6 +75,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "what went wrong in a flight: findings and pictures, one page per flight",
             "review flight.bin -o reviews --open",
         ),
+        ("fleet",): Command(
+            "fleet",
+            "the reviews of thousands of flights, and a table of them",
+            "fleet recordings -o reviews --workers 8",
+        ),
         ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
         ("log", "recover"): Command(
             "log_recover",
@@ -82,7 +87,14 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "log recover flight.mcap.active -o flight.mcap",
         ),
         ("log", "export"): Command(
-            "log_export", "convert a log's channels to CSV", "log export flight.mcap -o csv"
+            "log_export",
+            "a log as CSV, Parquet, trajectory or tlog",
+            "log export flight.mcap -o csv",
+        ),
+        ("log", "decode"): Command(
+            "log_decode",
+            "add the autopilot's messages as channels that viewers plot",
+            "log decode flight.mcap -o decoded.mcap",
         ),
     },
     "gains": {

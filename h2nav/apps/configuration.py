@@ -105,6 +105,8 @@ class LogSettings:
             flood of input rotates earlier flights away. 0 = a quarter of what `max_files` of
             `max_file_mb` take, or of the disk's room for logs where that is less.
         min_free_mb: free space that is left on the disk.
+        decode_autopilot: write the autopilot's common messages as channels that viewers plot as
+            well (`h2nav log decode` does it afterwards).
     """
 
     folder: str = ""
@@ -113,6 +115,7 @@ class LogSettings:
     max_files: Annotated[int, Within(1, 100_000)] = 100
     max_run_mb: Annotated[int, Within(0, 100_000_000)] = 0
     min_free_mb: Annotated[int, Within(0, 1_000_000)] = 256
+    decode_autopilot: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,12 @@ def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None
     """The daemon's log; None where none is wanted."""
     if not settings.folder:
         return None
-    return Recorder(Path(settings.folder), log_limits(settings), unix_offset_ns)
+    return Recorder(
+        Path(settings.folder),
+        log_limits(settings),
+        unix_offset_ns,
+        decode_autopilot=settings.decode_autopilot,
+    )
 
 
 def log_limits(settings: LogSettings) -> LogLimits:

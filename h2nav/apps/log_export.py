@@ -1,53 +1,110 @@
-"""`h2nav log export`: a log's channels as CSV."""
+"""`h2nav log export`: a log in the formats of other tools."""
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
+
+if TYPE_CHECKING:
+    from h2nav.io.channel_tables import ExportResult
+
+Progress = Callable[[int, int], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
     parser.add_argument("log", type=Path, metavar="LOG", help="MCAP log, closed or cut off")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the CSV files"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="DEST",
+        help="folder for the files of csv and parquet, name of the file for tum and tlog",
+    )
+    parser.add_argument(
+        "--to", choices=tuple(_EXPORTS), default="csv", help="format (default: csv)"
     )
     parser.add_argument(
         "--topic",
         action="append",
         default=[],
         metavar="TOPIC",
-        help="export only this topic; may be repeated",
+        help="export only this topic; may be repeated, but for tum (default there: /estimate)",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
-        "One file per topic, its units in the header; bytes of a link become one file per message."
+        "csv and parquet: one file per topic, with the units of its columns; bytes of a link "
+        "become one file per message. tum: the attitude (/estimate, /smoothed) or the pose "
+        "(/twist, /pose_measured) as a trajectory text, as evo reads it. tlog: the MAVLink frames "
+        "that were received, with their times; --topic chooses other links, such as "
+        "/mavlink/tx/autopilot."
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.apps.log_progress import byte_bar
-    from h2nav.io.log_export import export_csv
 
     try:
         with byte_bar("exporting") as progress:
-            result = export_csv(args.log, args.output, args.topic, progress)
+            document, lines = _EXPORTS[args.to](args, progress)
     except OSError as error:
         place = error.filename or args.output
-        raise BadInput(f"{place}: {error.strerror}; name a folder that can be written") from error
-    for topic, reason in result.skipped.items():
-        print(f"h2nav: {topic}: {reason}", file=sys.stderr)
+        raise BadInput(f"{place}: {error.strerror}; name a place that can be written") from error
     if args.json:
-        document = {
-            "files": [{"path": str(file.path), "rows": file.rows} for file in result.files],
-            "skipped": result.skipped,
-            "damaged_records": result.damaged_records,
-        }
         print_json(document)
     else:
-        for file in result.files:
-            print(f"{file.path}: {file.rows} rows")
+        sys.stdout.writelines(f"{line}\n" for line in lines)
     return 0
+
+
+def _csv(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    from h2nav.io.log_csv import export_csv
+
+    return _told(export_csv(args.log, args.output, args.topic, progress))
+
+
+def _parquet(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    extras.require("fleet", "h2nav log export --to parquet", "pyarrow.parquet")
+    from h2nav.flightlogs.log_parquet import export_parquet
+
+    return _told(export_parquet(args.log, args.output, args.topic, progress))
+
+
+def _told(result: "ExportResult") -> tuple[dict[str, Any], list[str]]:
+    for topic, reason in result.skipped.items():
+        print(f"h2nav: {topic}: {reason}", file=sys.stderr)
+    document = {
+        "files": [{"path": str(file.path), "rows": file.rows} for file in result.files],
+        "skipped": result.skipped,
+        "damaged_records": result.damaged_records,
+    }
+    return document, [f"{file.path}: {file.rows} rows" for file in result.files]
+
+
+def _tum(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    from h2nav.io.log_tum import export_tum
+
+    if len(args.topic) > 1:
+        raise BadInput("--topic: one topic at a time can become a trajectory")
+    topic = args.topic[0] if args.topic else "/estimate"
+    result = export_tum(args.log, args.output, topic, progress)
+    line = f"{result.path}: {result.poses} poses of {topic}, {result.left_out} records left out"
+    return {**result._asdict(), "path": str(result.path)}, [line]
+
+
+def _tlog(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    from h2nav.io.log_tlog import export_tlog
+
+    result = export_tlog(args.log, args.output, args.topic, progress)
+    line = f"{result.path}: {result.frames} frames, {result.skipped_bytes} other bytes left out"
+    return {**result._asdict(), "path": str(result.path)}, [line]
+
+
+_EXPORTS = {"csv": _csv, "parquet": _parquet, "tum": _tum, "tlog": _tlog}

@@ -12,6 +12,8 @@ from h2nav.errors import BadInput
 if TYPE_CHECKING:
     from h2nav.io.log_survey import LogSurvey
 
+MOST_LISTED = 40
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
@@ -58,6 +60,8 @@ def _document(found: "LogSurvey") -> dict[str, Any]:
     document["start_utc"] = _utc(document.pop("start_unix_ns")).isoformat()
     document["topics"] = [topic._asdict() for topic in found.topics]
     document["gaps"] = [gap._asdict() for gap in found.gaps]
+    document["states"] = [span._asdict() for span in found.states]
+    document["differences"] = [difference._asdict() for difference in found.differences]
     return document
 
 
@@ -86,9 +90,38 @@ def _text(found: "LogSurvey") -> str:
         f"gap: {gap.topic} silent for {gap.length_s:.2f} s at {gap.after_s:.2f} s"
         for gap in found.gaps
     ]
+    lines += _account(found)
     lines += [f"attachment: {name}, {size} bytes" for name, size in found.attachments.items()]
     lines += [
         f"metadata: {name}: " + ", ".join(f"{key} {text}" for key, text in texts.items())
         for name, texts in found.metadata.items()
     ]
     return "\n".join(lines) + "\n"
+
+
+def _account(found: "LogSurvey") -> list[str]:
+    """What the service said of its run, a line each."""
+    lines = [
+        f"state: {span.from_s:.1f} to {span.to_s:.1f} s {span.state}"
+        + (f": {span.reason}" if span.reason else "")
+        for span in found.states[:MOST_LISTED]
+    ]
+    if len(found.states) > MOST_LISTED:
+        lines.append(f"state: {len(found.states) - MOST_LISTED} more (--json lists them)")
+    lines += [f"refused: {reason} {count}" for reason, count in sorted(found.refusals.items())]
+    lines += [_finding(finding) for finding in found.findings]
+    lines += [
+        f"largest difference to {one.source}: tilt {one.tilt_deg:.1f} deg at "
+        f"{one.tilt_at_s:.1f} s ({one.tilt_verdict}), heading {one.heading_deg:.1f} deg at "
+        f"{one.heading_at_s:.1f} s ({one.heading_verdict}), of {one.compared} comparisons"
+        for one in found.differences
+    ]
+    return lines
+
+
+def _finding(finding: dict[str, Any]) -> str:
+    span = f"from {finding['from_s']:.1f} s on"
+    if finding["ended"] and isinstance(finding.get("to_s"), int | float):
+        span = f"{finding['from_s']:.1f} to {finding['to_s']:.1f} s"
+    told = f"{finding.get('source')}: {finding.get('text')} ({finding.get('evidence')})"
+    return f"finding: {finding['severity']}, {span} of the run: {told}"

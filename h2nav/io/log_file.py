@@ -105,6 +105,13 @@ class LogFile:
         channel, form = known
         self._add(channel, form.encode(record), unix_ns, publish_ns)
 
+    def add_formatted(self, topic: str, form: RecordFormat, record: Any, unix_ns: int) -> None:
+        """Adds a record whose format is known; one format per topic."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic, form)[0]
+        self._add(channel, form.encode(record), unix_ns, unix_ns)
+
     def add_attitude(self, unix_ns: int, q_nb: Quat) -> None:
         """Adds the attitude for viewers, as transform and as pose."""
         self._add(self._protobuf("/tf"), self._attitude.transform(unix_ns, q_nb), unix_ns, unix_ns)

@@ -7,7 +7,7 @@ damaged record the scan looks for the next intact one (`log_records` says what t
 import os
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -15,7 +15,15 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from h2nav.io.log_records import HEAD, LARGEST_RECORD, inner_records, intact_content, parse
+from h2nav.io.log_records import (
+    HEAD,
+    LARGEST_RECORD,
+    StoredMessage,
+    inner_records,
+    intact_content,
+    message,
+    parse,
+)
 
 _FOOTER = struct.Struct("<BQQQI")
 _SEARCH_BLOCK = 1 << 20
@@ -210,3 +218,29 @@ def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
     if entry.opcode == Opcode.CHUNK:
         return inner_records(entry.content)
     return iter(((entry.opcode, entry.body),))
+
+
+def messages_of(
+    path: Path, progress: Callable[[int, int], None]
+) -> Iterator[tuple[Channel, StoredMessage]]:
+    """All messages of a log in the order of the file, with their channels.
+
+    Messages whose channel is not known any more are passed over.
+
+    Args:
+        path: an MCAP log, closed, cut off or damaged.
+        progress: called with the bytes done and in all.
+    """
+    directory = Directory(path)
+    with path.open("rb") as stream:
+        scan = LogScan(stream)
+        for entry in scan.entries():
+            progress(scan.position, scan.size)
+            for opcode, body in records_of(entry):
+                if opcode != Opcode.MESSAGE:
+                    directory.note(opcode, body)
+                    continue
+                stored = message(body)
+                channel = directory.channel(stored.channel_id)
+                if channel is not None:
+                    yield channel, stored

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from h2nav.errors import BadInput
+from h2nav.io.log_account import Account, Difference, LogAccount, StateSpan
 from h2nav.io.log_reader import Directory, LogScan, is_closed, is_mcap, records_of
 from h2nav.io.log_records import StoredMessage, message, parse
 from h2nav.io.recorder import RECEIVED_TOPIC
@@ -70,6 +71,10 @@ class LogSurvey(NamedTuple):
         metadata: name -> texts.
         damaged_records: runs of bytes that hold no intact record, a cut-off end included.
         lost_bytes: their length together.
+        states: of the service, in their order.
+        refusals: reason -> how many samples or messages.
+        findings: what the service found to be wrong; see `LogAccount`.
+        differences: the largest ones to the autopilot's attitudes.
     """
 
     path: str
@@ -83,6 +88,10 @@ class LogSurvey(NamedTuple):
     metadata: dict[str, dict[str, str]]
     damaged_records: int
     lost_bytes: int
+    states: list[StateSpan]
+    refusals: dict[str, int]
+    findings: list[dict[str, Any]]
+    differences: list[Difference]
 
 
 class _Tally:
@@ -108,6 +117,28 @@ class _Tally:
     def rate_hz(self) -> float:
         span_s = (self.last_ns - self.first_ns) / NS_PER_S
         return (self.messages - 1) / span_s if span_s > 0 else 0.0
+
+
+class _Told:
+    """Gives the service's records to the account, by channel."""
+
+    def __init__(self, directory: Directory) -> None:
+        self._directory = directory
+        self._account = Account()
+        self._topics: dict[int, str | None] = {}
+
+    def take(self, stored: StoredMessage) -> None:
+        number = stored.channel_id
+        if number not in self._topics:
+            channel = self._directory.channel(number)
+            topic = channel.topic if channel and channel.message_encoding == "json" else None
+            self._topics[number] = topic if topic in self._account.topics else None
+        topic = self._topics[number]
+        if topic is not None:
+            self._account.take(topic, stored.log_ns, stored.data)
+
+    def result(self, start_ns: int) -> LogAccount:
+        return self._account.result(start_ns)
 
 
 def require_mcap(path: Path) -> None:
@@ -136,6 +167,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
     require_mcap(path)
     directory = Directory(path)
     tallies: dict[int, _Tally] = {}
+    told = _Told(directory)
     attachments: dict[str, int] = {}
     metadata: dict[str, dict[str, str]] = {}
     with path.open("rb") as stream:
@@ -152,6 +184,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
                 if opcode == Opcode.MESSAGE:
                     stored = message(body)
                     tallies.setdefault(stored.channel_id, _Tally()).take(stored)
+                    told.take(stored)
                 else:
                     directory.note(opcode, body)
         damaged, lost = scan.damaged_records, scan.skipped_bytes
@@ -170,6 +203,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
         metadata=metadata,
         damaged_records=damaged,
         lost_bytes=lost,
+        **told.result(start_ns)._asdict(),
     )
 
 

@@ -4,11 +4,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from h2nav.attitude.samples import Quat
 from h2nav.errors import BadInput
+from h2nav.io.autopilot_channels import AutopilotDecoder
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import ACTIVE_SUFFIX, MIB, LogLimits
@@ -56,11 +58,20 @@ class Recorder:
         limits: sizes and numbers of files, free space.
         unix_offset_ns: UNIX minus monotonic time in all `unix_ns` of this recording; it lets a
             replay have the original monotonic times back.
+        decode_autopilot: write the autopilot's common messages as channels of their own as well.
     """
 
-    def __init__(self, folder: Path | str, limits: LogLimits, unix_offset_ns: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path | str,
+        limits: LogLimits,
+        unix_offset_ns: int = 0,
+        *,
+        decode_autopilot: bool = False,
+    ) -> None:
         target = FolderTarget(Path(folder), limits)
-        self._start(LogSeries(target, unix_offset_ns), lossless=False)
+        decoder = AutopilotDecoder() if decode_autopilot else None
+        self._start(LogSeries(target, unix_offset_ns), lossless=False, decoder=decoder)
 
     @classmethod
     def to_file(cls, path: Path | str, unix_offset_ns: int = 0) -> Self:
@@ -79,7 +90,9 @@ class Recorder:
         recorder._start(LogSeries(SingleTarget(path), unix_offset_ns), lossless=True)
         return recorder
 
-    def _start(self, series: LogSeries, *, lossless: bool) -> None:
+    def _start(
+        self, series: LogSeries, *, lossless: bool, decoder: AutopilotDecoder | None = None
+    ) -> None:
         self._queue: deque[tuple[_Write, int]] = deque()
         self._bytes_in = self._bytes_out = 0  # each has one writing thread, so no lock
         self._refused = 0
@@ -87,6 +100,7 @@ class Recorder:
         self._wake, self._room = threading.Event(), threading.Event()
         self._begun = threading.Event()
         self._closing = False
+        self._decoder = decoder
         self._series = series
         self._thread = threading.Thread(target=self._run, name="h2nav-recorder", daemon=True)
         self._thread.start()
@@ -134,6 +148,8 @@ class Recorder:
         """Records bytes as they arrived, one call per datagram or read."""
         topic = RECEIVED_TOPIC + link_name
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
+        if self._decoder is not None:
+            self._put(partial(_add_decoded, self._decoder, topic, unix_ns, data), len(data))
 
     def refused(self, link_name: str, unix_ns: int, data: bytes) -> None:
         """Records bytes that arrived and were not admitted; a replay does not see them."""
@@ -236,3 +252,11 @@ class Recorder:
             if len(queue) == QUEUE_MESSAGES // 2:
                 self._room.set()
         self._room.set()
+
+
+def _add_decoded(
+    decoder: AutopilotDecoder, topic: str, unix_ns: int, data: bytes, file: LogFile
+) -> None:
+    """Adds what the autopilot said in some bytes; on the recorder's thread."""
+    for decoded in decoder.feed(topic, data):
+        file.add_formatted(decoded.topic, decoded.form, decoded.fields, unix_ns)

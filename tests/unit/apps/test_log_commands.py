@@ -2,21 +2,32 @@
 
 import csv
 import json
+import math
+import sys
 from pathlib import Path
 
 import pytest
+from log_limits import limits
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from needs import shared_data
+from pymavlink import mavutil
 
 from h2nav.cli import main
+from h2nav.integrity.findings import Finding, Severity
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_reader import LogScan
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import open_recording
-from h2nav.service.records import ImuRecord, RejectionRecord
+from h2nav.service.records import (
+    ComparisonRecord,
+    EstimateRecord,
+    HealthRecord,
+    ImuRecord,
+    RejectionRecord,
+)
 
 SECOND = 1_000_000_000
 START_NS = 1_795_260_679 * SECOND
@@ -197,7 +208,11 @@ def test_topics_of_foreign_logs_stay_inside_the_folder(tmp_path: Path) -> None:
     assert written.name == "evil_name.csv"
 
 
-@pytest.mark.parametrize("words", [["info"], ["recover", "-o", "OUT"], ["export", "-o", "OUT"]])
+@pytest.mark.parametrize(
+    "words",
+    [["info"], ["recover", "-o", "OUT"], ["export", "-o", "OUT"], ["decode", "-o", "OUT"],
+     ["export", "-o", "OUT", "--to", "tum"], ["export", "-o", "OUT", "--to", "tlog"]],
+)  # fmt: skip
 @pytest.mark.parametrize("content", [b"", b"plain text, no log", None])
 def test_no_log_is_one_line_and_exit_2(
     tmp_path: Path,
@@ -256,3 +271,291 @@ def test_export_without_a_usable_schema_names_columns_as_the_messages_do(
     assert main(["log", "export", str(path), "-o", str(tmp_path / "csv")]) == 0
     (row,) = rows_of(tmp_path / "csv" / "x.csv")
     assert row["way_m [m]"] == "1.5"
+
+
+def write_run(folder: Path) -> Path:
+    """A run of 30 s as the service writes it down."""
+    log = LogFile(folder / "run.mcap")
+
+    def add(topic: str, at_s: float, record: object) -> None:
+        t_ns = START_NS + int(at_s * SECOND)
+        log.add_record(topic, record, t_ns, t_ns)
+
+    def health(at_s: float, state: str, reason: str = "") -> None:
+        add(
+            "/health",
+            at_s,
+            HealthRecord(state, reason, "1/1", "RAW_IMU", 50.0, *[0] * 3, True, True),
+        )
+
+    health(0.0, "no_link", "link down")
+    health(2.0, "active")
+    health(3.0, "active")
+    health(10.0, "degraded", "IMU rate 40 of 50 Hz")
+    health(11.0, "degraded", "IMU rate 31 of 50 Hz")
+    health(20.0, "active")
+    for at_s, total in ((1.0, 2), (5.0, 7)):
+        add("/rejected", at_s, RejectionRecord("late", total))
+    begun = Finding("field", "IMU 1", Severity.WARNING, 4.0, 5.0, 9.0, "deg", "magnet", "dip")
+    add("/finding", 5.0, begun)
+    add("/finding", 9.0, begun._replace(to_s=9.0, size=12.0))
+    add("/finding", 25.0, begun._replace(kind="gps", source="GPS", from_s=25.0, to_s=25.5))
+    for at_s, tilt, heading in ((6.0, 1.0, -3.0), (7.0, 2.5, -8.0), (8.0, 2.0, 4.0)):
+        record = ComparisonRecord(1, "autopilot", tilt, heading, 0.1, 1.0, "h2nav", "undecided")
+        add("/comparison", at_s, record)
+    health(30.0, "active")
+    return log.close()
+
+
+def test_info_tells_what_the_service_said_of_its_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_run(tmp_path)
+    assert main(["log", "info", str(path), "--json"]) == 0
+    info = json.loads(capsys.readouterr().out)
+    assert [(span["state"], span["from_s"], span["to_s"]) for span in info["states"]] == [
+        ("no_link", 0.0, 2.0),
+        ("active", 2.0, 10.0),
+        ("degraded", 10.0, 20.0),
+        ("active", 20.0, 30.0),
+    ]
+    assert info["states"][2]["reason"] == "IMU rate 40 of 50 Hz"
+    assert info["refusals"] == {"late": 7}
+    magnet, gps = info["findings"]
+    assert (magnet["severity"], magnet["to_s"], magnet["size"], magnet["ended"]) == (
+        "warning", 9.0, 12.0, True
+    )  # fmt: skip
+    assert (gps["from_s"], gps["ended"]) == (25.0, False)
+    assert info["differences"] == [
+        {
+            "source": "autopilot", "compared": 3,
+            "tilt_deg": 2.5, "tilt_at_s": 7.0, "tilt_verdict": "h2nav",
+            "heading_deg": -8.0, "heading_at_s": 7.0, "heading_verdict": "undecided",
+        }
+    ]  # fmt: skip
+    assert main(["log", "info", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "state: 10.0 to 20.0 s degraded: IMU rate 40 of 50 Hz\n" in text
+    assert "refused: late 7\n" in text
+    assert "finding: warning, 4.0 to 9.0 s of the run: IMU 1: magnet (dip)\n" in text
+    assert "finding: warning, from 25.0 s on of the run: GPS: magnet (dip)\n" in text
+    assert "largest difference to autopilot: tilt 2.5 deg at 7.0 s (h2nav)" in text
+
+
+@pytest.mark.parametrize("topic", ["/health", "/rejected", "/finding", "/comparison"])
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"[]", b"{}", b'{"state": 5, "total": true, "from_s": "x", "tilt_deg": []}',
+     b'{"state": [], "reason": {}, "total": 1.5, "from_s": 1, "severity": {}, "source": 4}',
+     b'{"state": "a", "total": 2, "from_s": 1, "severity": "x", "to_s": null, "tilt_deg": null}'],
+)  # fmt: skip
+def test_info_of_a_foreign_log_with_our_topics(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], topic: str, data: bytes
+) -> None:
+    path = foreign_log(tmp_path, topic, data)
+    assert main(["log", "info", str(path)]) == 0
+    assert main(["log", "info", str(path), "--json"]) == 0
+
+
+def foreign_log(folder: Path, topic: str, *messages: bytes, schema: bytes = b"") -> Path:
+    path = folder / "foreign.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("", "another program")
+        number = writer.register_schema("X", "jsonschema", schema)
+        channel = writer.register_channel(topic, "json", number)
+        for sequence, data in enumerate(messages):
+            writer.add_message(channel, 1, data, 1, sequence)
+        writer.finish()
+    return path
+
+
+def recorded_takeoff(folder: Path) -> Path:
+    """The first seconds of a recorded flight in a log of ours, with what was sent."""
+    path = folder / "takeoff.mcap"
+    source = open_recording(shared_data("flights/takeoff_40s.tlog"))
+    with Recorder.to_file(path) as recorder:
+        recorder.attach("notes.txt", "text/plain", b"a calm day")
+        for t_ns, data in source.received():
+            recorder.raw("autopilot", t_ns, data)
+        recorder.sent("autopilot", t_ns, data)
+    return path
+
+
+def test_export_to_parquet_has_types_and_units(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    folder = tmp_path / "out"
+    log = str(write_log(tmp_path))
+    assert main(["log", "export", log, "-o", str(folder), "--to", "parquet"]) == 0
+    table = parquet.read_table(folder / "imu.parquet")
+    assert table.num_rows == 1000
+    assert str(table.schema.field("log_time").type) == "timestamp[ns, tz=UTC]"
+    assert table.schema.field("gyro_x_rad_s").metadata == {b"unit": b"rad/s"}
+    assert [str(table.schema.field(name).type) for name in ("t_us", "acc_x_m_s2", "clipped")] == [
+        "int64", "double", "bool"
+    ]  # fmt: skip
+    row = table.drop_columns(["log_time", "publish_time"]).slice(7, 1).to_pydict()
+    assert table.column("log_time").cast("int64")[7].as_py() == START_NS + 70_000_000
+    assert (row["t_us"], row["mag_x_ut"], row["mag_y_ut"]) == ([7], [None], [20.0])
+    assert parquet.read_table(folder / "log.parquet").column("level").to_pylist() == ["INFO"]
+    assert main(["log", "export", log, "-o", str(folder), "--to", "parquet"]) == 2
+
+
+def test_parquet_of_link_bytes_has_the_types_of_the_wire(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    log, folder = recorded_takeoff(tmp_path), tmp_path / "out"
+    assert main(["log", "export", str(log), "-o", str(folder), "--to", "parquet"]) == 0
+    table = parquet.read_table(folder / "mavlink_rx_autopilot_RAW_IMU.parquet")
+    types = {field.name: str(field.type) for field in table.schema}
+    assert (types["time_usec"], types["zacc"], types["sysid"]) == ("uint64", "int16", "uint8")
+    assert table.schema.field("zacc").metadata == {b"unit": b"mG"}
+    assert table.num_rows > 3_000
+    # More than one batch and one row group have gone through; the order is that of the log.
+    times = table.column("log_time").cast("int64").to_pylist()
+    assert times == sorted(times)
+
+
+def test_parquet_says_what_does_not_fit_its_schema(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pyarrow.parquet")
+    schema = b'{"properties": {"way_m": {"type": "number"}, "what": {"type": "array"}}}'
+    path = foreign_log(tmp_path, "/x", b'{"way_m": 1, "what": [1, "a"]}', schema=schema)
+    out = tmp_path / "good"
+    assert main(["log", "export", str(path), "-o", str(out), "--to", "parquet"]) == 0
+    table = pytest.importorskip("pyarrow.parquet").read_table(out / "x.parquet")
+    assert table.column("what").to_pylist() == ['[1,"a"]']
+    path = foreign_log(tmp_path, "/x", b'{"way_m": 1}', b'{"way_m": "far"}', schema=schema)
+    words = ["log", "export", str(path), "-o", str(tmp_path / "bad"), "--to", "parquet"]
+    assert main(words) == 0
+    assert "/x: values unlike the schema of the channel" in capsys.readouterr().err
+
+
+def test_parquet_without_its_package_names_the_extra(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    log = str(write_log(tmp_path))
+    assert main(["log", "export", log, "-o", str(tmp_path / "out"), "--to", "parquet"]) == 2
+    assert "needs the extra fleet" in capsys.readouterr().err
+
+
+def test_export_to_a_trajectory_as_evo_reads_it(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "a.mcap")
+    turn = (math.cos(0.2), 0.0, 0.0, math.sin(0.2))
+    times_ns = [START_NS, START_NS + 10_000_001, START_NS + 10_000_001, START_NS + 20_000_000]
+    for t_ns in times_ns:
+        record = EstimateRecord(1, *turn, *[0.0] * 13, 0)
+        log.add_record("/estimate", record, t_ns + 5_000, t_ns)
+    broken = EstimateRecord(1, *[math.nan] * 4, *[0.0] * 13, 0)
+    log.add_record("/estimate", broken, START_NS + SECOND, START_NS + SECOND)
+    path, output = log.close(), tmp_path / "a.tum"
+    assert main(["log", "export", str(path), "-o", str(output), "--to", "tum"]) == 0
+    lines = output.read_text().splitlines()
+    # evo passes over lines with a # at their beginning, splits at single spaces, and asks for
+    # eight numbers, unit quaternions and ascending times.
+    assert lines[0] == "# /estimate of h2nav: body (FRD) to north-east-down; no position"
+    rows = [line.split(" ") for line in lines if not line.startswith("#")]
+    assert [len(row) for row in rows] == [8, 8, 8]
+    assert [row[0] for row in rows] == [
+        "1795260679.000000000", "1795260679.010000001", "1795260679.020000000"
+    ]  # fmt: skip
+    assert [float(value) for value in rows[0][1:]] == [0.0, 0.0, 0.0, 0.0, 0.0, turn[3], turn[0]]
+    words = ["log", "export", str(path), "-o", str(tmp_path / "b"), "--to", "tum", "--topic"]
+    assert main([*words, "/smoothed"]) == 2
+    assert main([*words, "/health"]) == 2
+    assert not (tmp_path / "b").exists()
+
+
+def test_export_to_tlog_gives_the_recorded_frames_back(tmp_path: Path) -> None:
+    log, output = recorded_takeoff(tmp_path), tmp_path / "a.tlog"
+    assert main(["log", "export", str(log), "-o", str(output), "--to", "tlog"]) == 0
+    original = shared_data("flights/takeoff_40s.tlog")
+    assert output.read_bytes() == original.read_bytes()
+    connection = mavutil.mavlink_connection(str(output))
+    assert connection.recv_match(type="RAW_IMU").zacc == pytest.approx(-1000, abs=30)
+
+
+def test_tlog_of_other_links(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, output = recorded_takeoff(tmp_path), tmp_path / "a.tlog"
+    words = ["log", "export", str(log), "-o", str(output), "--to", "tlog", "--topic"]
+    assert main([*words, "/mavlink/tx/autopilot", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 1
+    output.unlink()
+    assert main([*words, "/mavlink/tx/other"]) == 2
+    assert "the log has /mavlink/rx/autopilot, /mavlink/tx/autopilot" in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_replay_of_an_exported_tlog_gives_the_same_estimates(tmp_path: Path) -> None:
+    logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    original, exported = shared_data("flights/takeoff_40s.tlog"), tmp_path / "a.tlog"
+    assert main(["replay", str(original), "-o", str(logs[0])]) == 0
+    assert main(["log", "export", str(logs[0]), "-o", str(exported), "--to", "tlog"]) == 0
+    assert main(["replay", str(exported), "-o", str(logs[1])]) == 0
+    first, second = (list(open_recording(log).records("/estimate")) for log in logs)
+    assert len(first) > 3_000
+    assert first == second
+
+
+def test_decode_adds_plottable_channels_and_leaves_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, output = recorded_takeoff(tmp_path), tmp_path / "out.mcap"
+    assert main(["log", "decode", str(log), "-o", str(output), "--json"]) == 0
+    decoded = json.loads(capsys.readouterr().out)["decoded"]
+    assert decoded["/autopilot/RAW_IMU"] > 3_000
+    before, after = open_recording(log), open_recording(output)
+    assert list(after.received()) == list(before.received())
+    assert after.attachments == before.attachments
+    assert after.metadata == before.metadata
+    with output.open("rb") as stream:
+        reader = make_reader(stream)  # by the index, which must be right
+        schema, channel, message = next(iter(reader.iter_messages("/autopilot/ATTITUDE")))
+        summary = reader.get_summary()
+    assert channel.message_encoding == "json"
+    assert schema.name == "mavlink.ATTITUDE"
+    properties = json.loads(schema.data)["properties"]
+    assert properties["roll"] == {"type": "number", "description": "[rad]"}
+    assert json.loads(message.data).keys() == properties.keys()
+    assert summary is not None
+    counts = {summary.channels[number].topic: count
+              for number, count in summary.statistics.channel_message_counts.items()}  # fmt: skip
+    assert decoded.items() <= counts.items()
+    assert counts.keys() - decoded.keys() == {"/mavlink/rx/autopilot", "/mavlink/tx/autopilot"}
+    assert output.stat().st_mode & 0o007 == 0
+    assert main(["log", "decode", str(output), "-o", str(tmp_path / "again.mcap")]) == 2
+    assert "is in it, so it is decoded already" in capsys.readouterr().err
+    assert not (tmp_path / "again.mcap").exists()
+
+
+def test_decode_at_recording_writes_the_same(tmp_path: Path) -> None:
+    log, output = recorded_takeoff(tmp_path), tmp_path / "out.mcap"
+    assert main(["log", "decode", str(log), "-o", str(output)]) == 0
+    folder = tmp_path / "recorded"
+    recording = open_recording(log)
+    with Recorder(folder, limits(), decode_autopilot=True) as recorder:
+        for number, (t_ns, data) in enumerate(recording.received()):
+            if number == 5_000:
+                break
+            recorder.raw("autopilot", t_ns, data)
+    (recorded,) = folder.glob("*.mcap")
+    for topic in ("/autopilot/ATTITUDE", "/autopilot/RAW_IMU"):
+        whole, first = (list(open_recording(path).records(topic)) for path in (output, recorded))
+        assert first == whole[: len(first)]
+        assert len(first) > 100
+
+
+def test_decode_of_a_damaged_log_saves_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, output = recorded_takeoff(tmp_path), tmp_path / "out.mcap"
+    damage_a_chunk(log)
+    assert main(["log", "decode", str(log), "-o", str(output)]) == 0
+    assert "were lost" in capsys.readouterr().err
+    assert sum(1 for _ in open_recording(output).records("/autopilot/RAW_IMU")) > 2_000
+
+
+def test_decode_of_a_log_without_an_autopilot(tmp_path: Path) -> None:
+    assert main(["log", "decode", str(write_log(tmp_path)), "-o", str(tmp_path / "o.mcap")]) == 1
+    assert not (tmp_path / "o.mcap").exists()

@@ -1,0 +1,173 @@
+"""`h2nav fleet`: the reviews of thousands of flights, on all cores of this machine or a cluster."""
+
+import argparse
+import functools
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from h2nav import __version__
+from h2nav.apps import extras, playback
+from h2nav.apps.json_output import print_json
+from h2nav.errors import BadInput
+
+if TYPE_CHECKING:
+    from h2nav.fleet.running import Outcome
+
+MEMORY_MIB = 600
+LONGEST_S = 1800.0
+_COPIED = ("kind", "vehicle", "firmware", "autopilot", "duration_s", "imu_message")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.add_argument(
+        "sources",
+        nargs="+",
+        metavar="SOURCE",
+        help="recordings: files, folders, patterns, or addresses such as s3://bucket/logs",
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="DIR", help="folder or address of the results"
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="an existing Dask cluster, such as tcp://host:8786"
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes of our own (default: one per core)"
+    )
+    parser.add_argument(
+        "--memory-mb",
+        type=int,
+        default=MEMORY_MIB,
+        metavar="MB",
+        help=f"of each worker; a flight that needs more is given up (default: {MEMORY_MIB})",
+    )
+    parser.add_argument(
+        "--longest-s",
+        type=float,
+        default=LONGEST_S,
+        metavar="S",
+        help=f"time for one flight; what takes longer is given up (default: {LONGEST_S:g})",
+    )
+    playback.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.epilog = (
+        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights whose "
+        "results are in DIR already are not reviewed again, so a run that was ended goes on when "
+        "it is started again. Broken recordings become rows that say why."
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    extras.require(
+        "fleet", "h2nav fleet", "distributed", "fsspec", "pyarrow.parquet", "bokeh", "pyulog"
+    )
+    from h2nav.fleet.running import Work, cluster, run_fleet
+    from h2nav.fleet.sources import find
+    from h2nav.fleet.store import Store
+    from h2nav.fleet.work import Limits
+
+    workers = args.workers if args.workers is not None else (os.cpu_count() or 1)
+    _check(args, workers)
+    sources = find(args.sources)
+    wished = playback.wishes(args)
+    work = Work(
+        functools.partial(review_flight, wished=wished),
+        f"{__version__} {_told(wished)}",
+        Limits(args.longest_s, args.memory_mb),
+    )
+    store = Store(args.output)
+    started_s = time.monotonic()
+    with cluster(args.scheduler, workers, args.memory_mb) as client:
+        print(f"h2nav: {len(sources)} flights, dashboard {client.dashboard_link}", file=sys.stderr)
+        with tqdm(total=len(sources), unit="flight", disable=not sys.stderr.isatty()) as bar:
+            outcome = run_fleet(client, sources, work, store, lambda task, result: bar.update())
+    document = _document(outcome, store.place(""), time.monotonic() - started_s)
+    if args.json:
+        print_json(document)
+    else:
+        _show(document)
+    return 0
+
+
+def review_flight(path: Path, folder: Path, wished: playback.Wishes) -> dict[str, Any]:
+    """Reviews one flight on a worker; see `h2nav.fleet.work.Review`."""
+    from h2nav.apps.reviewing import write_review
+
+    found = write_review(path, folder, "review", wished)
+    return {**row_of(found), "findings": found["findings"], "page": "review.html"}
+
+
+def row_of(found: dict[str, Any]) -> dict[str, Any]:
+    """A review's document as a row of the table of flights."""
+    lasted_s: dict[str, float] = {}
+    for state, spent_s in found["certainty"]["states_s"].items():
+        name = state.partition(":")[0]
+        lasted_s[name] = lasted_s.get(name, 0.0) + spent_s
+    duration_s = found["duration_s"]
+    apart = [one for one in found["differences"] if not one["is_truth"]]
+    rates_hz = [one["rate_hz"] for one in found["imus"] if one.get("rate_hz") is not None]
+    return {
+        **{name: found[name] for name in _COPIED},
+        "start": found["start_utc"],
+        "imus": len(found["imus"]),
+        "imu_rate_hz": max(rates_hz, default=None),
+        "active_share": lasted_s.get("active", 0.0) / duration_s if duration_s else None,
+        "degraded_share": lasted_s.get("degraded", 0.0) / duration_s if duration_s else None,
+        "no_estimate": found["why_no_estimate"],
+        **{
+            f"largest_{part}_deg": max(
+                (one[part]["largest_deg"] for one in apart if one[part]["largest_deg"] is not None),
+                default=None,
+            )
+            for part in ("tilt", "heading")
+        },
+    }
+
+
+def _check(args: argparse.Namespace, workers: int) -> None:
+    if workers < 1:
+        raise BadInput(f"--workers: expected at least 1, found {workers}")
+    if args.scheduler is not None and args.workers is not None:
+        raise BadInput("--workers: the cluster at --scheduler has its own; leave one of them out")
+    if args.memory_mb < 1 or not args.longest_s > 0.0:
+        raise BadInput("--memory-mb and --longest-s: expected more than 0")
+
+
+def _told(wished: playback.Wishes) -> str:
+    """What the user wants, for the key of the results; a configuration by its content."""
+    config = "" if wished.config is None else Path(wished.config).read_text(errors="replace")
+    return repr((config, wished.filter_name, wished.vehicle_class))
+
+
+def _document(outcome: "Outcome", place: str, elapsed_s: float) -> dict[str, Any]:
+    failed = [row.values for row in outcome.rows if row.values["error"]]
+    hours = sum(row.values["duration_s"] or 0.0 for row in outcome.rows) / 3600.0
+    return {
+        "output": place,
+        "flights": len(outcome.rows),
+        "done_before": outcome.done_before,
+        "failed": len(failed),
+        "findings": sum(row.values["finding_count"] for row in outcome.rows),
+        "flight_hours": round(hours, 3),
+        "elapsed_s": round(elapsed_s, 1),
+        "cpu_s": round(sum(cost["cpu_s"] for cost in outcome.costs), 1),
+        "peak_worker_mib": max((cost["peak_mib"] for cost in outcome.costs), default=None),
+        "errors": [{"source": row["source"], "error": row["error"]} for row in failed],
+    }
+
+
+def _show(document: dict[str, Any]) -> None:
+    print(
+        f"{document['flights']} flights, {document['flight_hours']:.1f} h, "
+        f"{document['findings']} findings; {document['done_before']} were done before"
+    )
+    for row in document["errors"]:
+        print(f"not reviewed: {row['source']}: {row['error']}")
+    print(f"{document['output']}index.html")

@@ -1,0 +1,139 @@
+"""The page that lists a fleet's flights, the worst first, and leads to their reviews."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from importlib import resources
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+from h2nav.fleet.store import Store
+from h2nav.fleet.tables import FINDINGS, FLIGHTS, Row, severity_rank
+from h2nav.review.html import escape, frame
+
+INDEX = "index.html"
+# More than browsers like; the tables have all.
+MOST_LISTED = 10_000
+_MOST_TOLD = 4
+_LOOKS = {
+    "critical": "severe",
+    "error": "severe",
+    "warning": "doubtful",
+    "notice": "noted",
+    "info": "noted",
+}
+
+
+class _Cell(NamedTuple):
+    """A cell of the table.
+
+    Attributes:
+        html: its content.
+        key: what it is sorted by; None = its text.
+        look: CSS class.
+    """
+
+    html: str
+    key: float | None = None
+    look: str = ""
+
+
+def write_index(rows: Sequence[Row], store: Store) -> None:
+    """Writes the page for the flights of a fleet."""
+    store.write(INDEX, page(rows).encode())
+
+
+def page(rows: Sequence[Row]) -> str:
+    """The page as HTML; it asks nobody for anything."""
+    listed = sorted(rows, key=_rank)[:MOST_LISTED]
+    heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in _HEADS)
+    body = "\n".join(_row(row) for row in listed)
+    left_out = len(rows) - len(listed)
+    more = f"<p>The {len(listed)} worst flights are listed; {FLIGHTS} has all.</p>"
+    whole = f"""<h1>{len(rows)} flights</h1>
+<p class="facts">{_summary(rows)}</p>
+{more if left_out else ""}
+<p class="about">A click on a head sorts. The whole tables: <a href="{FLIGHTS}">{FLIGHTS}</a>,
+<a href="{FINDINGS}">{FINDINGS}</a>.</p>
+<p><input id="search" type="search" placeholder="show only flights with" hidden></p>
+<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>
+{body}
+</tbody></table></div>"""
+    return frame("Flights", whole, styles=[_asset("index.css")], scripts=[_asset("index.js")])
+
+
+def _asset(name: str) -> str:
+    return resources.files("h2nav.fleet").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _rank(row: Row) -> tuple[int, int, str]:
+    """The worst first: by severity, by number of findings, by address; without a review last."""
+    values = row.values
+    rank = severity_rank(values["worst_severity"]) + (100 if values["error"] else 0)
+    return rank, -values["finding_count"], values["source"]
+
+
+def _summary(rows: Iterable[Row]) -> str:
+    counts = Counter(_verdict(row.values) for row in rows)
+    order = sorted(counts, key=lambda name: (name == "not reviewed", severity_rank(name)))
+    return ", ".join(f"<b>{counts[name]}</b> {escape(name)}" for name in order)
+
+
+def _verdict(values: dict[str, Any]) -> str:
+    if values["error"]:
+        return "not reviewed"
+    return values["worst_severity"] or "nothing found"
+
+
+_HEADS = (
+    "worst", "flight", "date", "minutes", "vehicle", "firmware", "kind", "findings", "what",
+    "tilt apart deg", "heading apart deg", "active %", "folder",
+)  # fmt: skip
+
+
+def _row(row: Row) -> str:
+    values = row.values
+    look = "failed" if values["error"] else _LOOKS.get(values["worst_severity"], "good")
+    folder, _, name = str(values["source"]).partition("::")[0].rpartition("/")
+    title = escape(name)
+    if values["review"]:
+        title = f'<a href="{escape(quote(values["review"]))}">{title}</a>'
+    told = list(row.findings[:_MOST_TOLD])
+    if len(row.findings) > _MOST_TOLD:
+        told.append(f"and {len(row.findings) - _MOST_TOLD} more")
+    what = escape(values["error"]) or "<br>".join(escape(text) for text in told)
+    cells = (
+        _Cell(escape(_verdict(values)), float(_rank(row)[0])),
+        _Cell(title, look="path"),
+        _date(values["start"]),
+        _number(values["duration_s"], 1 / 60.0, 1),
+        _Cell(escape(values["vehicle"] or "")),
+        _Cell(escape(values["firmware"] or "")),
+        _Cell(escape(values["kind"] or "")),
+        _number(values["finding_count"], 1.0, 0),
+        _Cell(what or escape(values["no_estimate"] or ""), look="told"),
+        _number(values["largest_tilt_deg"], 1.0, 1),
+        _number(values["largest_heading_deg"], 1.0, 1),
+        _number(values["active_share"], 100.0, 0),
+        _Cell(escape(folder), look="path"),
+    )
+    return f'<tr class="{look}">' + "".join(map(_cell, cells)) + "</tr>"
+
+
+def _cell(cell: _Cell) -> str:
+    key = f' data-key="{cell.key!r}"' if cell.key is not None else ""
+    look = f' class="{cell.look}"' if cell.look else ""
+    return f"<td{key}{look}>{cell.html}</td>"
+
+
+def _number(value: float | None, scale: float, digits: int) -> _Cell:
+    if value is None or not math.isfinite(value):
+        return _Cell("", -1e300, "number")  # smaller than any
+    return _Cell(f"{value * scale:.{digits}f}", float(value), "number")
+
+
+def _date(start: datetime | None) -> _Cell:
+    if start is None:
+        return _Cell("", 0.0)
+    return _Cell(f"{start:%Y-%m-%d %H:%M}", start.timestamp())

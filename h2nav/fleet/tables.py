@@ -1,0 +1,170 @@
+"""The tables of a fleet: a row per flight and a row per finding, the same whoever made them.
+
+Rows stand in the order of the recordings' addresses and hold nothing of when, where or how fast
+they were made, so that equal flights give equal files.
+"""
+
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from h2nav.fleet.store import Store
+from h2nav.fleet.work import Task
+from h2nav.integrity.findings import Severity
+
+FLIGHTS, FINDINGS = "flights.parquet", "findings.parquet"
+_GROUP_ROWS = 5000
+_NUMBER, _COUNT, _TEXT = pa.float64(), pa.int64(), pa.string()
+
+# What a review says of a flight: column -> type, unit, meaning.
+FLIGHT_COLUMNS: dict[str, tuple[Any, str, str]] = {
+    "kind": (_TEXT, "", "tlog, bytes, mcap, dataflash or ulog"),
+    "vehicle": (_TEXT, "", "what it is"),
+    "firmware": (_TEXT, "", "of the autopilot"),
+    "autopilot": (_TEXT, "", "what the service was bound to"),
+    "start": (pa.timestamp("us", tz="UTC"), "", "date of the first event"),
+    "duration_s": (_NUMBER, "s", "of the recording"),
+    "imu_message": (_TEXT, "", "where the samples come from"),
+    "imus": (_COUNT, "", "how many IMUs it was recorded of"),
+    "imu_rate_hz": (_NUMBER, "Hz", "of the samples, of the IMU that has most"),
+    "active_share": (_NUMBER, "", "of the duration in the state active"),
+    "degraded_share": (_NUMBER, "", "the same of degraded"),
+    "no_estimate": (_TEXT, "", "why there is no estimate; empty where there is one"),
+    "largest_tilt_deg": (_NUMBER, "deg", "between the autopilot's vertical and ours"),
+    "largest_heading_deg": (_NUMBER, "deg", "between the autopilot's heading and ours"),
+}
+_ENDS = {
+    "worst_severity": (_TEXT, "", "of the findings"),
+    "finding_count": (_COUNT, "", "how many findings"),
+    "error": (_TEXT, "", "why there is no review; empty where there is one"),
+    "review": (_TEXT, "", "the page, from the folder of this table"),
+}
+_STARTS = {
+    "source": (_TEXT, "", "the recording"),
+    "size_bytes": (_COUNT, "bytes", "of the recording"),
+    "key": (_TEXT, "", "of the result"),
+}
+_FINDING_COLUMNS = {
+    "source": (_TEXT, "", "the recording"),
+    "key": (_TEXT, "", "of the result"),
+    "kind": (_TEXT, "", "of the finding"),
+    "part": (_TEXT, "", "what is concerned, such as IMU 1"),
+    "severity": (_TEXT, "", "of the finding"),
+    "from_s": (_NUMBER, "s", "since the start of the recording"),
+    "to_s": (_NUMBER, "s", "the same"),
+    "size": (_NUMBER, "", "in the unit of the next column"),
+    "unit": (_TEXT, "", "of the size"),
+    "text": (_TEXT, "", "for people"),
+    "evidence": (_TEXT, "", "what shows it"),
+}
+
+
+class Row(NamedTuple):
+    """What the index says of a flight.
+
+    Attributes:
+        values: columns of the table of flights by name.
+        findings: texts of the findings, the worst first.
+    """
+
+    values: dict[str, Any]
+    findings: tuple[str, ...]
+
+
+def write_tables(
+    tasks: Iterable[tuple[Task, Mapping[str, Any]]], folder: Path, store: Store
+) -> list[Row]:
+    """Writes both tables.
+
+    Args:
+        tasks: with their results, in the order of their sources.
+        folder: on this machine, for files that are not whole yet.
+        store: gets the tables.
+
+    Returns:
+        The rows of the table of flights.
+    """
+    rows: list[Row] = []
+    with ExitStack() as stack:
+        flights = _Table(folder / FLIGHTS, {**_STARTS, **FLIGHT_COLUMNS, **_ENDS}, stack)
+        findings = _Table(folder / FINDINGS, _FINDING_COLUMNS, stack)
+        for task, result in tasks:
+            found = [_finding(task, each) for each in result.get("findings") or ()]
+            values = _flight(task, result, found)
+            flights.add(values)
+            for each in found:
+                findings.add(each)
+            told = sorted(found, key=lambda each: severity_rank(each["severity"]))
+            rows.append(Row(values, tuple(f"{each['part']}: {each['text']}" for each in told)))
+        flights.finish()
+        findings.finish()
+    for name in (FLIGHTS, FINDINGS):
+        store.take(folder / name, name)
+    return rows
+
+
+def severity_rank(name: str | None) -> int:
+    """Sorts severities by their names: the worst first, none at the end."""
+    names = [severity.name.lower() for severity in Severity]
+    return names.index(name) if name in names else len(names)
+
+
+def _flight(
+    task: Task, result: Mapping[str, Any], findings: list[dict[str, Any]]
+) -> dict[str, Any]:
+    start = result.get("start")
+    worst = min((each["severity"] for each in findings), key=severity_rank, default="")
+    return {
+        "source": _valid(task.source.address),
+        "size_bytes": task.source.size,
+        "key": task.key,
+        **{name: result.get(name) for name in FLIGHT_COLUMNS},
+        "start": datetime.fromisoformat(start) if start else None,
+        "worst_severity": worst,
+        "finding_count": len(findings),
+        "error": result.get("error") or "",
+        "review": result.get("review") or "",
+    }
+
+
+def _finding(task: Task, finding: Mapping[str, Any]) -> dict[str, Any]:
+    values = {name: finding.get(name) for name in _FINDING_COLUMNS}
+    values |= {"source": _valid(task.source.address), "key": task.key}
+    return values | {"part": finding.get("source")}
+
+
+def _valid(address: str) -> str:
+    """An address as Unicode; file names need be none."""
+    return address.encode(errors="surrogateescape").decode(errors="replace")
+
+
+class _Table:
+    """A Parquet file that is being written."""
+
+    def __init__(
+        self, path: Path, columns: Mapping[str, tuple[Any, str, str]], stack: ExitStack
+    ) -> None:
+        self._schema = pa.schema(
+            [
+                pa.field(name, kind, metadata={"unit": unit, "description": text})
+                for name, (kind, unit, text) in columns.items()
+            ]
+        )
+        self._rows: list[dict[str, Any]] = []
+        self._writer = stack.enter_context(pq.ParquetWriter(path, self._schema, compression="zstd"))
+
+    def add(self, row: dict[str, Any]) -> None:
+        self._rows.append(row)
+        if len(self._rows) == _GROUP_ROWS:
+            self.finish()
+
+    def finish(self) -> None:
+        """Writes what is held back."""
+        if self._rows:
+            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._schema))
+            self._rows = []

@@ -1,0 +1,194 @@
+"""What the service wrote down of itself: states, refusals, findings, differences to the autopilot.
+
+The records are read as anybody may have written them: what is not as the service writes it is
+passed over, and no log makes this grow beyond its limits.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import orjson
+
+from h2nav.integrity.findings import Severity
+
+MOST_STATES = 1000
+MOST_REASONS = 500
+MOST_FINDINGS = 1000
+MOST_SOURCES = 20
+NS_PER_S = 1e9
+_DIGITS = re.compile(r"[0-9]+")
+
+
+class StateSpan(NamedTuple):
+    """A time in one state.
+
+    Attributes:
+        state: of `HealthRecord`.
+        reason: why it was not active, with its figures at the beginning; empty when it was.
+        from_s: since the start of the log.
+        to_s: when the next one began, or when the last record was written.
+    """
+
+    state: str
+    reason: str
+    from_s: float
+    to_s: float
+
+
+class Difference(NamedTuple):
+    """The largest differences to an attitude of the autopilot.
+
+    Attributes:
+        source: whose attitude it is, as `ComparisonRecord` says.
+        compared: how often.
+        tilt_deg: largest angle between the verticals.
+        tilt_at_s: when, since the start of the log.
+        tilt_verdict: whose tilt the GPS velocity supported then.
+        heading_deg: the largest of the autopilot's heading less ours, with its sign.
+        heading_at_s: when.
+        heading_verdict: whose heading the GPS velocity supported then.
+    """
+
+    source: str
+    compared: int
+    tilt_deg: float
+    tilt_at_s: float
+    tilt_verdict: str
+    heading_deg: float
+    heading_at_s: float
+    heading_verdict: str
+
+
+class LogAccount(NamedTuple):
+    """All of it.
+
+    Attributes:
+        states: in their order; at most `MOST_STATES`.
+        refusals: reason -> how many samples or messages.
+        findings: the newest record of ``/finding`` on each, in the order in which they began; their
+            times are seconds since the start of the run, their severities have names. ``ended``
+            says whether it was over when the log ended.
+        differences: one per source, by its name.
+    """
+
+    states: list[StateSpan]
+    refusals: dict[str, int]
+    findings: list[dict[str, Any]]
+    differences: list[Difference]
+
+
+class Account:
+    """Takes the records of a log in their order; times in UNIX ns."""
+
+    def __init__(self) -> None:
+        self._takers = {
+            "/health": self._take_health,
+            "/rejected": self._take_rejection,
+            "/finding": self._take_finding,
+            "/comparison": self._take_comparison,
+        }
+        self._states: list[tuple[str, str, int, int]] = []
+        self._refusals: dict[str, int] = {}
+        self._findings: dict[tuple[str, str, float], dict[str, Any]] = {}
+        self._differences: dict[str, tuple[Difference, int, int]] = {}
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Those that `take` makes something of."""
+        return frozenset(self._takers)
+
+    def take(self, topic: str, log_ns: int, data: bytes) -> None:
+        """Takes a JSON message of one of the `topics`."""
+        try:
+            values = orjson.loads(data)
+        except orjson.JSONDecodeError:
+            return
+        if isinstance(values, dict):
+            self._takers[topic](log_ns, values)
+
+    def result(self, start_ns: int) -> LogAccount:
+        """What came together; `start_ns` is where the log begins."""
+
+        def since_start(t_ns: int) -> float:
+            return (t_ns - start_ns) / NS_PER_S
+
+        states = [
+            StateSpan(state, reason, since_start(from_ns), since_start(to_ns))
+            for state, reason, from_ns, to_ns in self._states
+        ]
+        differences = [
+            found._replace(tilt_at_s=since_start(tilt_ns), heading_at_s=since_start(heading_ns))
+            for _, (found, tilt_ns, heading_ns) in sorted(self._differences.items())
+        ]
+        findings = sorted(self._findings.values(), key=lambda finding: float(finding["from_s"]))
+        return LogAccount(states, self._refusals, findings, differences)
+
+    def _take_health(self, log_ns: int, values: Mapping[str, Any]) -> None:
+        now = (_text(values.get("state")), _text(values.get("reason")))
+        if self._states:
+            state, reason, from_ns, _ = self._states[-1]
+            self._states[-1] = (state, reason, from_ns, log_ns)
+            # The figures of a reason change while it lasts.
+            if state == now[0] and _DIGITS.sub("#", reason) == _DIGITS.sub("#", now[1]):
+                return
+        if now[0] and len(self._states) < MOST_STATES:
+            self._states.append((*now, log_ns, log_ns))
+
+    def _take_rejection(self, _: int, values: Mapping[str, Any]) -> None:
+        reason, total = _text(values.get("reason")), values.get("total")
+        if not isinstance(total, int) or isinstance(total, bool):
+            return
+        if reason in self._refusals or len(self._refusals) < MOST_REASONS:
+            self._refusals[reason] = max(total, self._refusals.get(reason, 0))
+
+    def _take_finding(self, _: int, values: dict[str, Any]) -> None:
+        from_s = _number(values.get("from_s"))
+        if math.isnan(from_s):
+            return
+        key = (_text(values.get("kind")), _text(values.get("source")), from_s)
+        known = self._findings.get(key)
+        if known is not None or len(self._findings) < MOST_FINDINGS:
+            # It is written when it begins, when it ends, and so on if it comes back.
+            self._findings[key] = {
+                **values,
+                "severity": _severity(values.get("severity")),
+                "ended": known is not None and not known["ended"],
+            }
+
+    def _take_comparison(self, log_ns: int, values: Mapping[str, Any]) -> None:
+        source = _text(values.get("source"))
+        tilt, heading = _number(values.get("tilt_deg")), _number(values.get("heading_deg"))
+        known = self._differences.get(source)
+        if known is None:
+            if len(self._differences) == MOST_SOURCES:
+                return
+            known = (Difference(source, 0, math.nan, 0.0, "", math.nan, 0.0, ""), log_ns, log_ns)
+        found, tilt_ns, heading_ns = known
+        found = found._replace(compared=found.compared + 1)
+        if tilt > found.tilt_deg or math.isnan(found.tilt_deg):
+            found = found._replace(tilt_deg=tilt, tilt_verdict=_text(values.get("tilt_verdict")))
+            tilt_ns = log_ns
+        if abs(heading) > abs(found.heading_deg) or math.isnan(found.heading_deg):
+            verdict = _text(values.get("heading_verdict"))
+            found = found._replace(heading_deg=heading, heading_verdict=verdict)
+            heading_ns = log_ns
+        self._differences[source] = (found, tilt_ns, heading_ns)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _number(value: Any) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number else math.nan
+
+
+def _severity(value: Any) -> str:
+    """The name of a MAV_SEVERITY."""
+    try:
+        return Severity(value).name.lower()
+    except ValueError:
+        return "unknown"
