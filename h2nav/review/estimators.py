@@ -330,7 +330,7 @@ def _beyond(
             (apart > most) & flying,
             BEYOND_FOR_S,
             Finding(
-                f"autopilot_{part}_off",
+                f"autopilot_{part}",
                 "autopilot",
                 Severity.NOTICE,
                 0.0,

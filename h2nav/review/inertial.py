@@ -193,7 +193,7 @@ class Velocity(NamedTuple):
     def variance(self, from_s: Array, to_s: Array) -> Array:
         """(M,) of the changes, (m/s)^2, by the vibration alone."""
         change = _at(to_s, self.t_s, self.values) - _at(from_s, self.t_s, self.values)
-        known: Array = np.nan_to_num(change[:, 4])
+        known: Array = np.maximum(np.nan_to_num(change[:, 4]), 0.0)
         return known
 
 
@@ -268,7 +268,7 @@ def slowed(track: ImuTrack) -> ImuTrack:
     """
     count = len(track.t_s)
     together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
-    if together < 2:
+    if together < 2 or count < 2 * together:
         return track
     whole = count // together * together
     last = slice(together - 1, whole, together)

@@ -53,8 +53,9 @@ REST_FORCE_M_S2 = 0.15
 REST_WINDOW_S = 1.0
 REST_FOR_S = 3.0
 FEWEST_WINDOWS = 3
-# An attitude that is less sure than this says nothing of a bias.
-SURE_RAD = 1.5 * DEG
+# An attitude that is less sure than this says nothing of a bias; its change over a window is surer
+# than itself.
+SURE_RAD = 4.0 * DEG
 # A scale that is off by 1 % is a false bias of a hundredth of the rate.
 FASTEST_TURN_RAD_S = 40.0 * DEG
 LONGEST_GAP_S = 0.1

@@ -10,10 +10,32 @@ from h2nav.review.analysis import analyse
 from h2nav.review.inertial import exponential, turns
 
 
-@pytest.mark.parametrize("name", ["flight", "aggressive", "hover", "spin", "loop", "square"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("flight", 1), ("aggressive", 2), ("hover", 3), ("spin", 4), ("loop", 5), ("square", 6)],
+)
 def test_a_flight_without_a_fault_gives_no_finding(name, seed):
     assert not analyse(flight(name, imus=3, seed=seed)).findings
+
+
+def test_samples_without_times_of_arrival_are_looked_at_by_their_stamps():
+    flown = flight()._replace(kind="bytes")
+    track = flown.context.imus[0]
+    odd = track._replace(t_s=np.linspace(0.0, 10.0, len(track.t_s)))
+    analysis = analyse(flown._replace(context=flown.context._replace(imus=(odd,))))
+    assert not analysis.findings
+    assert not analysis.receivers
+    assert np.median(analysis.timings[0].rate_hz) == pytest.approx(100.0, abs=2.0)
+
+
+def test_what_three_compasses_show_alike_is_told_once():
+    flown = flight(imus=3)
+    tracks = tuple(
+        t._replace(m_b_ut=t.m_b_ut + np.array([10.0, -8.0, 5.0])) for t in flown.context.imus
+    )
+    (found,) = analyse(flown._replace(context=flown.context._replace(imus=tracks))).findings
+    assert (found.kind, found.source) == ("compass_hard_iron", "compass 1")
+    assert found.evidence.endswith("compass 2 and compass 3 alike")
 
 
 def test_an_empty_recording_gives_nothing():
@@ -45,6 +67,25 @@ def test_an_imu_of_one_sample_is_looked_past():
     )
     context = flown.context._replace(imus=(flown.context.imus[0], short))
     assert not analyse(flown._replace(context=context)).findings
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 30])
+@pytest.mark.parametrize("place", [0, 5000])
+def test_scraps_of_a_flight_are_looked_at_without_a_finding(count, place):
+    flown = flight()
+    part = slice(place, place + count)
+    names = ("t_s", "stamp_us", "w_b", "f_b", "m_b_ut")
+    first = flown.context.imus[0]
+    scrap = first._replace(**{name: getattr(first, name)[part] for name in names})
+    gps = flown.context.gps[0]
+    few = gps._replace(
+        **{name: getattr(gps, name)[:count] for name in gps._fields if name != "receiver"}
+    )
+    assert flown.estimates is not None
+    seen = type(flown.estimates)(*(values[part] for values in flown.estimates))
+    context = flown.context._replace(imus=(scrap,), gps=(few,), attitudes=(), armed=())
+    found = analyse(flown._replace(context=context, estimates=seen)).findings
+    assert not found
 
 
 def test_turns_are_the_product_of_the_samples_turns():

@@ -32,11 +32,6 @@ def kinds(analysis: Analysis) -> list[str]:
     return [finding.kind for finding in analysis.findings]
 
 
-@pytest.mark.parametrize("name", ["flight", "aggressive", "hover", "case1", "rest"])
-def test_a_calibrated_compass_is_not_complained_of(name):
-    assert not analyse(flight(name)).findings
-
-
 @pytest.mark.parametrize("name", ["flight", "aggressive"])
 @pytest.mark.parametrize("follows", [False, True])
 def test_hard_iron_from_boot_is_found_whatever_the_heading_was(name, follows):

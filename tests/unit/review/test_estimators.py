@@ -58,7 +58,7 @@ def test_an_attitude_that_is_off_for_long_is_told_with_the_velocitys_verdict():
     error = np.zeros((len(t_s), 3))
     error[:, 2] = 30.0 * DEG * np.clip((t_s - 40.0) / 20.0, 0.0, 1.0)
     finding = only(with_attitude("aggressive", error))
-    assert finding.kind == "autopilot_heading_off"
+    assert finding.kind == "autopilot_heading"
     assert finding.size == pytest.approx(30.0, abs=1.5)
     assert "fits ours better" in finding.evidence
 
