@@ -349,6 +349,15 @@ class ULogWriter:
         row = np.frombuffer(_ulog_message("L", body), np.uint8)
         self._records.add(np.array([t_us]), row.view([("", f"V{len(row)}")]))
 
+    def define(self, topic: str, fields: str) -> None:
+        """A format, whatever it says."""
+        self._head.append(_ulog_message("F", f"{topic}:{fields};".encode()))
+
+    def subscribe(self, topic: str, subscription: int, number: int = 0) -> None:
+        """An instance of a topic gets a number, whether there is such a topic or not."""
+        body = struct.pack("<BH", number, subscription) + topic.encode()
+        self._subscriptions.append(_ulog_message("A", body))
+
     def add(self, topic: str, fields: str, t_us: Times, *values: object, number: int = 0) -> None:
         """A topic with its time in the first field.
 
@@ -361,21 +370,21 @@ class ULogWriter:
         """
         if topic not in self._formats:
             self._formats.add(topic)
-            text = f"{topic}:uint64_t timestamp;{fields};"
-            self._head.append(_ulog_message("F", text.encode()))
+            self.define(topic, f"uint64_t timestamp;{fields}")
         subscription = len(self._subscriptions)
-        body = struct.pack("<BH", number, subscription) + topic.encode()
-        self._subscriptions.append(_ulog_message("A", body))
+        self.subscribe(topic, subscription, number)
         row: list[tuple[str, object]] = [("size", "<u2"), ("type", "u1"), ("id", "<u2")]
         row.append(("timestamp", "<u8"))
         for field in fields.split(";"):
             kind, name = field.split(" ")
+            if name.startswith("_padding"):
+                break  # at the end, PX4 leaves it out
             kind, _, count = kind.rstrip("]").partition("[")
             row.append((name, f"({count},){TYPES[kind]}" if count else TYPES[kind]))
         rows = np.zeros(len(t_us), row)
         rows["size"], rows["type"], rows["id"] = rows.dtype.itemsize - 3, ord("D"), subscription
         rows["timestamp"] = t_us
-        for (name, _), value in zip(row[4:], values, strict=True):
+        for (name, _), value in zip(row[4:], values, strict=False):
             rows[name] = value
         self._records.add(t_us, rows)
 
@@ -428,7 +437,7 @@ def _add_vehicle_imu(writer: ULogWriter, number: int, imu: ImuBatch) -> None:
         "uint32_t delta_angle_dt;uint32_t delta_velocity_dt;uint8_t[4] _padding0"
     )
     turned, gained = imu.w_b * step_us * 1e-6, imu.f_b * step_us * 1e-6
-    values = (imu.t_us, turned, gained, step_us, step_us, 0)
+    values = (imu.t_us, turned, gained, step_us, step_us)
     writer.add("vehicle_imu", fields, imu.t_us + 500, *values, number=number)
     every = max(1, round(0.066e6 / step_us))
     t_us, gauss = imu.t_us[::every], imu.m_b_ut[::every] * 0.01

@@ -1,7 +1,7 @@
 """From received bytes to carried-out effects: the same for the daemon and for a replay."""
 
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame
+from h2nav.io.deframer import Deframer, Frame, PlacedFrame, frame_at
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
@@ -95,11 +95,23 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
         t_ns: host time of its arrival.
         now_ns: host time now.
     """
-    envelope = Envelope(t_ns, now_ns, (frame.sysid, frame.compid), frame.msg_id)
-    if not service.heeds(envelope):
+    sender = frame.sysid, frame.compid
+    if not service.heeds(t_ns, sender, frame.msg_id):
         return []
+    return read(service, Envelope(t_ns, now_ns, sender, frame.msg_id), frame.payload)
+
+
+def read(service: Service, envelope: Envelope, payload: bytes) -> list[Effect]:
+    """Reads a message that the service heeds; what it wants done.
+
+    Args:
+        service: the behaviour.
+        envelope: of the message.
+        payload: as it came.
+    """
+    message_id = envelope.message_id
     try:
-        message = READERS[frame.msg_id](codec.decode(frame))
+        message = READERS[message_id](codec.DECODERS[message_id](payload))
     except Refused as refusal:
         return service.on_refusal(envelope, refusal.reason)
     return service.on_message(envelope, message)
@@ -163,16 +175,52 @@ class Pipeline:
         self._carry_out(t_ns, found.notices)
         self._process(t_ns, found.admitted, now_ns)
 
-    def replayed(self, t_ns: int, data: bytes, frames: list[Frame]) -> None:
-        """Takes what a recording holds, deframed by who plays it.
+    @property
+    def wanted_ids(self) -> frozenset[int]:
+        """The messages that the service or the watcher wants to see."""
+        return self._message_ids | self._watched_ids
+
+    @property
+    def records(self) -> bool:
+        """Whether a log is written."""
+        return self._recorder is not None
+
+    def record_received(self, t_ns: int, data: bytes) -> None:
+        """Writes what has arrived to the log, without the frames that it completes."""
+        self._record_stream(t_ns, data)
+
+    def play(
+        self,
+        data: bytes,
+        frames: Iterable[PlacedFrame],
+        before: Callable[[int], object] | None = None,
+    ) -> None:
+        """Takes frames of `wanted_ids` that a recording holds, in their order.
+
+        It does what `received` does for each. Most frames of a recording are of no use, and cost
+        little more than the question.
 
         Args:
-            t_ns: host time of its arrival.
-            data: the bytes.
-            frames: those that the bytes completed.
+            data: where they stand.
+            frames: where each is, and how it came.
+            before: is told the time (ns) of each message before it is read.
         """
-        self._record_stream(t_ns, data)
-        self._process(t_ns, frames, t_ns)
+        service, heeds, watched = self.service, self.service.heeds, self._watched_ids
+        used = self._message_ids
+        for t_ns, msg_id, sender, at, payload_at, payload_end in frames:
+            if msg_id in watched:
+                self._watcher.frame(t_ns, frame_at(data, at))
+            if msg_id not in used:
+                continue
+            try:
+                if heeds(t_ns, sender, msg_id):
+                    if before is not None:
+                        before(t_ns)
+                    envelope = Envelope(t_ns, t_ns, sender, msg_id)
+                    effects = read(service, envelope, data[payload_at:payload_end])
+                    self._carry_out(t_ns, effects)
+            except Exception as error:
+                self._fault(t_ns, message_name(msg_id), error)
 
     def imported(self, envelope: Envelope, message: Message) -> None:
         """Takes an event of a log that the autopilot wrote itself."""
@@ -180,7 +228,7 @@ class Pipeline:
         if self._observer is not None:
             self._observer.message(t_ns, message)
         try:
-            if self.service.heeds(envelope):
+            if self.service.heeds(t_ns, envelope.sender, envelope.message_id):
                 self._carry_out(t_ns, self.service.on_message(envelope, message))
         except Exception as error:
             self._fault(t_ns, message_name(envelope.message_id), error)

@@ -3,7 +3,8 @@
 import argparse
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,8 +15,10 @@ from h2nav.apps.log_contents import RecordedInputs, inputs_of
 from h2nav.apps.pipeline import Observer, Outlets, Pipeline, Watcher
 from h2nav.errors import BadInput
 from h2nav.flightlogs.imported import ImportedLog
-from h2nav.io.deframer import Deframer
+from h2nav.io.arrivals import Arrivals
+from h2nav.io.deframer import DeframerCounters, PlacedFrame
 from h2nav.io.earth_field import earth_field_at
+from h2nav.io.frame_scan import FoundFrames, FrameScan
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
 from h2nav.service.lane import FilterFor
@@ -190,51 +193,79 @@ class Playback:
         whole_frames: see `Inputs`.
 
     Attributes:
-        deframer: of the recording's bytes.
         span_ns: from the first arrival to the newest one.
     """
 
     def __init__(self, recording: Source, *, whole_frames: bool) -> None:
-        self.deframer = Deframer()
         self.span_ns = 0
         self._recording = recording
-        self._whole_frames = whole_frames
+        self._scan = FrameScan(whole_frames=whole_frames)
+        self._first_ns: int | None = None
+        self._newest_ns = 0
+
+    @property
+    def counters(self) -> DeframerCounters:
+        """What has become of the recording's bytes."""
+        return self._scan.deframer.counters
 
     def through(
         self, *pipelines: Pipeline, before: Callable[[int], object] | None = None
     ) -> Iterator[int]:
-        """Sends everything through all the pipelines; gives the time (ns) of each event.
+        """Sends everything through all the pipelines.
 
         Args:
             pipelines: to be sent through.
-            before: is told the time (ns) of each arrival before the pipelines are.
+            before: is told the time (ns) of each message and timer before a pipeline is.
+
+        Yields:
+            The time (ns) up to which everything has been sent: of the first arrival, of the last
+            one, and often enough between them that timers come at their times.
         """
-        first_ns = before_ns = None
         if isinstance(self._recording, ImportedLog):
             yield from self._imported(self._recording, pipelines, before)
             return
-        for t_ns, data in self._recording.received():
-            if first_ns is None or before_ns is None:
-                first_ns = before_ns = t_ns
+        ids = frozenset[int]().union(*(pipeline.wanted_ids for pipeline in pipelines))
+        for arrivals in self._recording.batches():
+            batch = _Batch(arrivals, self._scan.frames_of(arrivals), ids)
+            first = 0
+            while first < len(batch.times):
+                is_very_first = self._first_ns is None
+                yield from self._time_passes(batch.times[first], pipelines, before)
+                stop = first + 1
+                if not is_very_first:
+                    stop = batch.end(first, min(each.next_timer_ns for each in pipelines))
                 for pipeline in pipelines:
-                    pipeline.link(t_ns, True)
-            # As in the daemon, timers run on while nothing arrives.
-            for silent_ns in range(before_ns + TICK_NS, min(t_ns, before_ns + SILENCE_NS), TICK_NS):
-                for pipeline in pipelines:
-                    pipeline.tick(silent_ns)
-                yield silent_ns
-            before_ns = t_ns
-            if before is not None:
-                before(t_ns)
-            frames = self.deframer.feed(data)
-            if self._whole_frames:
-                # What looks like the beginning of another frame at their end is none.
-                frames += self.deframer.flush()
+                    batch.play(pipeline, first, stop, before)
+                self._passed(batch.times[stop - 1])
+                yield self._newest_ns
+                first = stop
+
+    def _time_passes(
+        self,
+        t_ns: int,
+        pipelines: Sequence[Pipeline],
+        before: Callable[[int], object] | None,
+    ) -> Iterator[int]:
+        """Something arrives at this time: links come up, timers run."""
+        if self._first_ns is None:
+            self._first_ns = self._newest_ns = t_ns
             for pipeline in pipelines:
-                pipeline.tick(t_ns)
-                pipeline.replayed(t_ns, data, frames)
-            self.span_ns = t_ns - first_ns
-            yield t_ns
+                pipeline.link(t_ns, True)
+        # As in the daemon, timers run on while nothing arrives.
+        newest_ns = self._newest_ns
+        for silent_ns in range(newest_ns + TICK_NS, min(t_ns, newest_ns + SILENCE_NS), TICK_NS):
+            for pipeline in pipelines:
+                pipeline.tick(silent_ns)
+            yield silent_ns
+        if before is not None:
+            before(t_ns)
+        for pipeline in pipelines:
+            pipeline.tick(t_ns)
+
+    def _passed(self, t_ns: int) -> None:
+        assert self._first_ns is not None
+        self._newest_ns = t_ns
+        self.span_ns = t_ns - self._first_ns
 
     def _imported(
         self,
@@ -243,11 +274,10 @@ class Playback:
         before: Callable[[int], object] | None,
     ) -> Iterator[int]:
         """The same of a log whose events are no bytes."""
-        first_ns: int | None = None
         for envelope, message in log.events():
             t_ns = envelope.t_ns
-            if first_ns is None:
-                first_ns = t_ns
+            if self._first_ns is None:
+                self._first_ns = t_ns
                 for pipeline in pipelines:
                     pipeline.link(t_ns, True)
             if before is not None:
@@ -255,5 +285,44 @@ class Playback:
             for pipeline in pipelines:
                 pipeline.tick(t_ns)
                 pipeline.imported(envelope, message)
-            self.span_ns = t_ns - first_ns
+            self._passed(t_ns)
             yield t_ns
+
+
+class _Batch:
+    """Arrivals with those of their frames that somebody wants.
+
+    Attributes:
+        times: of arrival, ns.
+    """
+
+    def __init__(self, arrivals: Arrivals, found: FoundFrames, ids: Collection[int]) -> None:
+        self.times: list[int] = arrivals.t_ns.tolist()
+        self._arrivals = arrivals
+        self._data = found.data
+        self._completed_by, self._frames = found.wanted(ids)
+        self._pauses = [*arrivals.pauses(TICK_NS), len(self.times)]
+
+    def end(self, first: int, due_ns: int) -> int:
+        """Which arrivals come before a timer is due, or a pause begins: from `first` up to this."""
+        pause = self._pauses[bisect_right(self._pauses, first)]
+        return min(bisect_left(self.times, due_ns, first + 1), pause)
+
+    def play(
+        self,
+        pipeline: Pipeline,
+        first: int,
+        stop: int,
+        before: Callable[[int], object] | None,
+    ) -> None:
+        """Sends the arrivals from `first` up to `stop` through a pipeline."""
+        if not pipeline.records:
+            pipeline.play(self._data, self._frames_of(first, stop), before)
+            return
+        for number in range(first, stop):
+            pipeline.record_received(self.times[number], self._arrivals.piece(number))
+            pipeline.play(self._data, self._frames_of(number, number + 1), before)
+
+    def _frames_of(self, first: int, stop: int) -> list[PlacedFrame]:
+        begin = bisect_left(self._completed_by, first)
+        return self._frames[begin : bisect_left(self._completed_by, stop, begin)]

@@ -185,7 +185,7 @@ def _result(
     health = pipeline.service.health
     table = watcher.reference.table()
     duration_s = played.span_ns * 1e-9
-    counters = played.deframer.counters
+    counters = played.counters
     damaged = {name: getattr(counters, name) for name in ("bad_crc", "unknown_id", "skipped_bytes")}
     result: dict[str, Any] = {
         "imu_samples": health.samples_used,

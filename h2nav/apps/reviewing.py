@@ -11,11 +11,11 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.playback import Playback, Wishes
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
+from h2nav.flightlogs.autopilot_log import has_enough_samples
 from h2nav.flightlogs.context import Context
 from h2nav.flightlogs.imported import ImportedLog
 from h2nav.flightlogs.opening import Source, open_flight
-from h2nav.flightlogs.telemetry import MESSAGE_IDS, context_of
-from h2nav.io.frame_tables import tables
+from h2nav.flightlogs.telemetry import read_context
 from h2nav.review.analysis import Analysis, analyse
 from h2nav.review.collecting import Collector, estimates_of, most_trusted
 from h2nav.review.document import document
@@ -57,9 +57,13 @@ def review(
         BadInput: the file is no recording, or the configuration cannot be used.
     """
     source = open_flight(path)
+    context = _context(source)
+    collector = Collector()
+    if not has_enough_samples(context):
+        flight = _without_estimate(source, context)
+        return Reviewed(flight, analyse(flight))
     inputs = playback.inputs_for(source, wished)
     listener = Listener(inputs.filters.filter_for)
-    collector = Collector()
     pipeline = playback.pipeline_for(
         source, inputs, None, collector, listener.filter_for, observer=collector
     )
@@ -67,7 +71,7 @@ def review(
     for t_ns in played.through(pipeline, before=listener.arrives):
         collector.arrives(t_ns)
         progress(*source.progress)
-    flight = _flight(source, _context(source, collector), collector, pipeline.service)
+    flight = _flight(source, context, collector, pipeline.service)
     if smooths and flight.estimates is not None:
         lane = most_trusted(flight.findings, flight.lanes)
         heard = (listener, *listener.others)[lane]
@@ -108,44 +112,47 @@ def write_review(
     return found
 
 
-def _context(source: Source, collector: Collector) -> Context:
-    if isinstance(source, ImportedLog):
-        return source.context()
-    return context_of(
-        tables(source, MESSAGE_IDS),
-        collector.start_ns,
-        collector.end_ns,
-        0 if source.times_are_synthetic else source.unix_offset_ns,
-        source.notes,
+def _context(source: Source) -> Context:
+    return source.context() if isinstance(source, ImportedLog) else read_context(source)
+
+
+def _without_estimate(source: Source, context: Context) -> Flight:
+    """A flight whose sensors were recorded too seldom, or not at all."""
+    lacks = [phrase for phrase in context.missing if "IMU" in phrase]
+    return _flight(source, context, Collector(), None)._replace(
+        why_no_estimate=f"the recording holds {lacks[0] if lacks else 'too few IMU samples'}"
     )
 
 
-def _flight(source: Source, context: Context, collector: Collector, service: Service) -> Flight:
-    health = service.health
+def _flight(
+    source: Source, context: Context, collector: Collector, service: Service | None
+) -> Flight:
+    """A flight before it is smoothed and analysed; without a service it was not played."""
     estimates = collector.estimates()
+    reason = "" if service is None else service.health.reason
     return Flight(
         name=source.path.stem,
         file=source.path.name,
         kind=source.kind,
-        autopilot=service.bound_to,
+        autopilot="" if service is None else service.bound_to,
         context=context,
         estimates=estimates,
         smoothed=None,
-        why_no_estimate="" if estimates is not None else _why_none(context, health.reason),
-        imu_message=health.imu_message,
+        why_no_estimate="" if estimates is not None else _why_none(context, reason),
+        imu_message="" if service is None else service.health.imu_message,
         ratios=collector.ratios(),
         earth=collector.earth(),
         states=collector.states(),
         lanes=collector.lanes(),
         notices=tuple(collector.notices),
-        findings=service.findings,
-        rejected=service.rejected,
+        findings=() if service is None else service.findings,
+        rejected={} if service is None else service.rejected,
     )
 
 
 def _why_none(context: Context, reason: str) -> str:
-    lacks = [phrase for phrase in context.missing if "IMU" in phrase or "heartbeats" in phrase]
-    return f"the recording holds no {lacks[0]}" if lacks else reason
+    lacks = [phrase for phrase in context.missing if "heartbeats" in phrase]
+    return f"the recording holds {lacks[0]}" if lacks else reason
 
 
 def _smoothed(listener: Listener, filters: FilterFactory, collector: Collector) -> Estimates | None:

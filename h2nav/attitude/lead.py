@@ -15,6 +15,10 @@ def led(estimate: AttitudeEstimate, lead_s: float) -> AttitudeEstimate:
     """
     if lead_s == 0.0:
         return estimate
-    x, y, z = estimate.w_b
-    turn = exp((x * lead_s, y * lead_s, z * lead_s))
-    return estimate._replace(q_nb=normalize(multiply(estimate.q_nb, turn)))
+    t_us, q_nb, w_b, bias_b, innovation_n, sigma_tilt_rad, trust, sigma_heading_rad = estimate
+    x, y, z = w_b
+    q_nb = normalize(multiply(q_nb, exp((x * lead_s, y * lead_s, z * lead_s))))
+    # Twice as fast as `_replace`.
+    return AttitudeEstimate(
+        t_us, q_nb, w_b, bias_b, innovation_n, sigma_tilt_rad, trust, sigma_heading_rad
+    )

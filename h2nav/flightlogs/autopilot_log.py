@@ -7,7 +7,6 @@ the typed records that the service would have been told in flight, in the order 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from itertools import repeat
-from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.flightlogs.context import Array, AttitudeTrack, Context, GpsTrack, Series
+from h2nav.flightlogs.context import (
+    Array,
+    AttitudeTrack,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Series,
+)
 from h2nav.flightlogs.imported import Event, ImportedLog
 from h2nav.flightlogs.imu_series import LEAST_HZ, Readings, Samples, Times
 from h2nav.wire.attitude import ReportedAttitude
@@ -35,8 +41,8 @@ from h2nav.wire.vehicle import (
 
 SENDER = (1, 1)
 SECOND_US = 1_000_000
-# Events are made for so long at a time, so that few of them exist at once.
-BLOCK_US = 5 * SECOND_US
+# Events are made for so long at a time: of few that exist at once the collector sees little.
+BLOCK_US = SECOND_US
 # The service compares ten attitudes a second.
 ATTITUDE_STEP_US = 50_000
 
@@ -131,27 +137,29 @@ class AutopilotLog(ImportedLog):
         start_us = self._recorded.start_us
         length_us = max(1, max((int(s.t_us[-1]) for s in streams), default=0) - start_us)
         places = [0] * len(streams)
-        while True:
-            heads = [
-                int(s.t_us[i]) for s, i in zip(streams, places, strict=True) if i < len(s.t_us)
-            ]
-            if not heads:
-                break
+        while heads := [
+            int(s.t_us[i]) for s, i in zip(streams, places, strict=True) if i < len(s.t_us)
+        ]:
             end_us = min(heads) + BLOCK_US
-            block: list[tuple[int, int, Message]] = []
+            times, block = [], list[Event]()
             for number, stream in enumerate(streams):
-                first, last = places[number], int(np.searchsorted(stream.t_us, end_us))
-                part = slice(first, last)
-                times, ids = stream.t_us[part].tolist(), repeat(stream.message_id)
-                block += zip(times, ids, stream.make(part), strict=False)
-                places[number] = last
+                part = slice(places[number], int(np.searchsorted(stream.t_us, end_us)))
+                places[number] = part.stop
+                times.append(stream.t_us[part])
+                block += zip(
+                    _envelopes(times[-1], stream.message_id), stream.make(part), strict=False
+                )
             # What is of one time stays in the order of the streams.
-            block.sort(key=itemgetter(0))
-            for t_us, message_id, message in block:
-                t_ns = t_us * 1000
-                yield Envelope(t_ns, t_ns, SENDER, message_id), message
+            order = np.argsort(np.concatenate(times), kind="stable")
+            yield from map(block.__getitem__, order.tolist())
             self.progress = (min(size, size * (end_us - start_us) // length_us), size)
         self.progress = (size, size)
+
+
+def _envelopes(t_us: Times, message_id: int) -> Iterator[Envelope]:
+    """How messages of these times came: at once."""
+    t_ns = (t_us * 1000).tolist()
+    return map(Envelope._make, zip(t_ns, t_ns, repeat(SENDER), repeat(message_id), strict=False))
 
 
 def _streams(recorded: Recorded) -> list[_Stream]:
@@ -243,7 +251,7 @@ def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:
             track.latitude_deg[part].tolist(),
             track.longitude_deg[part].tolist(),
             track.altitude_m[part].tolist(),
-            map(tuple, track.v_n[part].tolist()),
+            _vectors(track.v_n[part]),
             track.sigma_m_s[part].tolist(),
             strict=True,
         )
@@ -300,18 +308,24 @@ def _readings(readings: Readings) -> _Stream:
     has_field = ~np.isnan(readings.m_b_ut[:, 0])
 
     def make(part: slice) -> Iterator[Message]:
-        fields = zip(has_field[part].tolist(), readings.m_b_ut[part].tolist(), strict=True)
-        return map(
-            ImuReading,
+        fields = zip(has_field[part].tolist(), _vectors(readings.m_b_ut[part]), strict=True)
+        rows = zip(
             readings.t_us[part].tolist(),
-            map(tuple, readings.w_b[part].tolist()),
-            map(tuple, readings.f_b[part].tolist()),
-            (tuple(field) if has else None for has, field in fields),
+            _vectors(readings.w_b[part]),
+            _vectors(readings.f_b[part]),
+            (field if has else None for has, field in fields),
             readings.clipped[part].tolist(),
             repeat(readings.imu),
+            strict=False,
         )
+        return map(ImuReading._make, rows)
 
     return _Stream(readings.t_us, RECORDED_IMU, make)
+
+
+def _vectors(values: Array) -> Iterator[tuple[float, ...]]:
+    """(N, k) as tuples; columns first, because that makes no lists between."""
+    return zip(*values.T.tolist(), strict=True)
 
 
 def vehicle_name(vehicle_type: int) -> str:
@@ -322,9 +336,19 @@ def vehicle_name(vehicle_type: int) -> str:
     return str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()
 
 
+def has_enough_samples(context: Context) -> bool:
+    """Whether an attitude can be made of the recording."""
+    return max(map(imu_rate_hz, context.imus), default=0.0) >= LEAST_HZ
+
+
+def imu_rate_hz(track: ImuTrack) -> float:
+    """Samples a second, by the usual time between two."""
+    return Samples(track.stamp_us, track.w_b, track.f_b).rate_hz
+
+
 def what_sensors_lack(context: Context) -> tuple[str, ...]:
     """What sensors should have told for a better review, one phrase each."""
-    rates_hz = [Samples(track.stamp_us, track.w_b, track.f_b).rate_hz for track in context.imus]
+    rates_hz = [imu_rate_hz(track) for track in context.imus]
     fixes = [track for track in context.gps if track.has_fix.any()]
     no_velocity = not any(np.isfinite(track.v_n[track.has_fix, 0]).any() for track in fixes)
     lacks = {

@@ -611,7 +611,7 @@ def _cores(
         more = ((number, log.find(other, *columns)) for number, other in others.items())
         cores += [rows._replace(number=number) for number, rows in more if rows is not None]
         if cores:
-            names = [f"{name} core {rows.number + 1}" for rows in cores]
+            names = [f"{name} core {rows.number + 1}" if others else name for rows in cores]
             pairs = zip(names, cores, strict=True)
             if columns is ANGLES:
                 return [_angles(*pair) for pair in pairs]

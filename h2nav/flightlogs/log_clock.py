@@ -59,24 +59,32 @@ def is_running(t_us: Times) -> bool:
 
 
 def in_order(t_us: Times) -> Mask:
-    """(N,) whether a time is not before one of those before it."""
-    ordered: Mask = t_us >= np.maximum.accumulate(t_us)
-    return ordered
+    """(N,) whether to keep a row, so that times never go back.
+
+    Of two neighbours in disorder, the one that is farther from those around both is wrong. Only so
+    one wrong time costs one row, and not all rows up to that time.
+    """
+    back = np.flatnonzero(np.diff(t_us) < 0)
+    kept = np.ones(len(t_us), np.bool_)
+    if not len(back):
+        return kept
+    away_us = np.abs(t_us - _usual(t_us))
+    kept[np.where(away_us[back] >= away_us[back + 1], back, back + 1)] = False
+    kept[kept] = t_us[kept] >= np.maximum.accumulate(t_us[kept])
+    return kept
+
+
+def _usual(t_us: Times) -> NDArray[np.float64]:
+    """(N,) the median of each time and its neighbours."""
+    padded = np.pad(t_us, NEIGHBOURS, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
+    usual: NDArray[np.float64] = np.median(around, axis=1)
+    return usual
 
 
 def _undamaged(t_us: Times) -> Mask:
     """(N,) whether a time is like those of its neighbours, and none of those before it is later."""
     good = (t_us >= 0) & (t_us < LATEST_US)
-    steps = np.diff(t_us)
-    if good.all() and ((steps >= 0) & (steps <= SLACK_US)).all():
-        return good
-    kept = np.flatnonzero(good)
-    if len(kept) > 2 * NEIGHBOURS:
-        padded = np.pad(t_us[kept], NEIGHBOURS, mode="edge")
-        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
-        usual = np.median(around, axis=1)
-        kept = kept[np.abs(t_us[kept] - usual) <= SLACK_US]
-    kept = kept[in_order(t_us[kept])] if len(kept) else kept
-    undamaged = np.zeros(len(t_us), np.bool_)
-    undamaged[kept] = True
-    return undamaged
+    good[good] = np.abs(t_us[good] - _usual(t_us[good])) <= SLACK_US if good.any() else False
+    good[good] = in_order(t_us[good])
+    return good

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.flightlogs.autopilot_log import vehicle_name, what_sensors_lack
 from h2nav.flightlogs.context import (
     Array,
     AttitudeTrack,
@@ -22,7 +23,9 @@ from h2nav.flightlogs.context import (
 )
 from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Severity
-from h2nav.io.frame_tables import FrameTable
+from h2nav.io.frame_scan import FrameScan
+from h2nav.io.frame_tables import FrameTable, TableMaker
+from h2nav.io.recordings import Recording
 from h2nav.service.imu_choice import preference
 from h2nav.wire.imu import (
     ABSURD_FIELD_UT,
@@ -41,8 +44,6 @@ HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 RECEIVERS = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW)
 CENTI = 1e-2
 PERCENT = 1e-2
-# A slower stream is none that an attitude could be made of.
-LEAST_IMU_HZ = 20.0
 
 MESSAGE_IDS = frozenset(
     {
@@ -66,6 +67,20 @@ MESSAGE_IDS = frozenset(
 Tables = Mapping[int, FrameTable]
 
 
+def read_context(recording: Recording) -> Context:
+    """What a recording says, in a pass of its own."""
+    maker, scan = TableMaker(MESSAGE_IDS), FrameScan()
+    start_ns: int | None = None
+    end_ns = 0
+    for arrivals in recording.batches():
+        maker.add(scan.frames_of(arrivals))
+        if len(arrivals.t_ns):
+            start_ns = int(arrivals.t_ns[0]) if start_ns is None else start_ns
+            end_ns = int(arrivals.t_ns[-1])
+    offset_ns = 0 if recording.times_are_synthetic else recording.unix_offset_ns
+    return context_of(maker.tables(), start_ns or 0, end_ns, offset_ns, dict(recording.notes))
+
+
 def context_of(
     tables: Tables, start_ns: int, end_ns: int, unix_offset_ns: int, notes: dict[str, int]
 ) -> Context:
@@ -86,7 +101,7 @@ def context_of(
     imus = _imus(clock, kind[0])
     start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
     context = Context(
-        vehicle=_vehicle(kind[1]),
+        vehicle=vehicle_name(kind[1]),
         start_unix_s=start_unix_s,
         duration_s=duration_s,
         imus=imus,
@@ -154,13 +169,6 @@ def _usual_kind(beats: FrameTable) -> tuple[int, int]:
     """MAV_AUTOPILOT and MAV_TYPE."""
     make, kind = beats.fields["autopilot"], beats.fields["type"]
     return int(np.bincount(make).argmax()), int(np.bincount(kind).argmax())
-
-
-def _vehicle(kind: int) -> str:
-    known = mavlink.enums["MAV_TYPE"]
-    if not kind or kind not in known:
-        return ""
-    return str(known[kind].name).removeprefix("MAV_TYPE_").replace("_", " ").lower()
 
 
 # --- inertial sensors -------------------------------------------------------------------------
@@ -407,18 +415,10 @@ def _date(clock: _Clock) -> float | None:
 
 def _missing(context: Context, has_autopilot: bool) -> tuple[str, ...]:
     """What the recording lacks for a better review."""
-    rates_hz = [len(track.t_s) / max(context.duration_s, 1e-9) for track in context.imus]
     lacks = {
-        "heartbeats of an autopilot, so that nobody knows what flew": not has_autopilot,
-        "IMU messages": not context.imus,
-        f"an IMU stream of at least {LEAST_IMU_HZ:.0f} Hz": bool(rates_hz)
-        and max(rates_hz) < LEAST_IMU_HZ,
-        "a magnetic field, so that the heading has no reference but the motion": bool(context.imus)
-        and not any(np.isfinite(track.m_b_ut).any() for track in context.imus),
-        "velocities of a GPS receiver": not any(
-            np.isfinite(g.v_n[:, 0]).any() for g in context.gps
-        ),
-        "the autopilot's attitude": not context.attitudes,
-        "the throttle": context.throttle is None,
+        "no heartbeats of an autopilot, so that nobody knows what flew": not has_autopilot,
+        "no attitude of the autopilot": not context.attitudes,
+        "no throttle": context.throttle is None,
     }
-    return tuple(phrase for phrase, is_missing in lacks.items() if is_missing)
+    more = tuple(phrase for phrase, is_missing in lacks.items() if is_missing)
+    return what_sensors_lack(context) + more

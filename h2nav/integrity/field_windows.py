@@ -89,22 +89,25 @@ class FieldWindows:
 
     def add(self, sample: ImuSample) -> bool:
         """Takes a sample that the strapdown has taken; True where it completes a row."""
-        now = self._strapdown.newest
-        assert now is not None
+        strapdown = self._strapdown
+        t_us = strapdown.t_us
+        assert t_us is not None
         if self._first is None:
-            self._begin(now)
+            self._begin(strapdown.newest)
             return False
         if sample.m_b_ut is not None:
-            x, y, z = self._strapdown.rate_b
+            x, y, z = strapdown.rate_b
             back = -self.delay_s
-            then = multiply(now.q_sb, exp((back * x, back * y, back * z)))
+            then = multiply(strapdown.q_sb, exp((back * x, back * y, back * z)))
             m_x, m_y, m_z = rotate(then, sample.m_b_ut)
             s_x, s_y, s_z = self._sum
             self._sum = (s_x + m_x, s_y + m_y, s_z + m_z)
             self._norms += math.hypot(m_x, m_y, m_z)
             self._fields += 1
-        if now.t_us - self._first.t_us < ROW_US:
+        if t_us - self._first.t_us < ROW_US:
             return False
+        now = strapdown.newest
+        assert now is not None
         is_row = self._fields >= FEWEST_FIELDS
         if is_row:
             self._rows.append(self._row(self._first, now))

@@ -52,6 +52,9 @@ CONFIRMED_RAD = 15.0 * DEG
 CONFIRMED_RATIO = 0.5
 # A field that went into the heading so recently holds it.
 FIELD_HOLDS_US = 1_000_000
+NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
+# A plain number: `&` of a flag makes a new one.
+FIELD_USED = int(Trust.FIELD_USED)
 
 
 class Speeds(NamedTuple):
@@ -111,7 +114,8 @@ class Monitor:
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes a sample and what the filter has made of it, not led."""
-        if sample.clipped or not any(sample.f_b):
+        t_us, _, force, _, clipped = sample
+        if clipped or force == NO_FORCE:
             # What its windows would show is known already.
             self.restart()
             return
@@ -119,18 +123,18 @@ class Monitor:
             self._velocity.restart()
             self._field.restart()
             self.ratios = InnovationRatios()
-        if estimate.trust & Trust.FIELD_USED:
-            self._field_used_us = sample.t_us
-        if self.field_is_frozen:
+        if int(estimate.trust) & FIELD_USED:
+            self._field_used_us = t_us
+        if self._checks.field_is_frozen:
             self._field.restart()
             self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
         elif self._field.add(sample):
             self._judge_field()
-        if sample.t_us - self._forces_us >= FORCE_PERIOD_US:
-            self._forces_us = sample.t_us
-            self._judge_force(sample.t_us)
-            self._forget_stale(sample.t_us)
-            self._judge(sample.t_us)
+        if t_us - self._forces_us >= FORCE_PERIOD_US:
+            self._forces_us = t_us
+            self._judge_force(t_us)
+            self._forget_stale(t_us)
+            self._judge(t_us)
             self._open(FORCE_PERIOD_US * 1e-6)
 
     def fix(self, fix: VelocityFix) -> None:
@@ -183,8 +187,8 @@ class Monitor:
 
         Such a velocity must not be fused: it would bend the attitude.
         """
-        test, now = self._tests["velocity"], self._strapdown.newest
-        if not test.is_raised or now is None or test.since_s(now.t_us) < BLAME_S:
+        test, now_us = self._tests["velocity"], self._strapdown.t_us
+        if not test.is_raised or now_us is None or test.since_s(now_us) < BLAME_S:
             return False
         return self.ratios.of_turn < OPEN_RATIO
 
@@ -218,8 +222,8 @@ class Monitor:
         on_ground = self._vehicle.on_ground is True
         if on_ground or not self._tests["field"].is_raised or not self.ratios.of_field > 1.0:
             return False
-        now, used_us = self._strapdown.newest, self._field_used_us
-        holds = now is not None and used_us is not None and now.t_us - used_us < FIELD_HOLDS_US
+        now_us, used_us = self._strapdown.t_us, self._field_used_us
+        holds = now_us is not None and used_us is not None and now_us - used_us < FIELD_HOLDS_US
         return holds or not self._is_confirmed
 
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:

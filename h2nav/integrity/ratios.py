@@ -53,5 +53,8 @@ class InnovationRatios(NamedTuple):
 
 
 def _worst(*ratios: float) -> float:
-    known = [ratio for ratio in ratios if not math.isnan(ratio)]
-    return max(known, default=math.nan)
+    worst = math.nan
+    for ratio in ratios:
+        if ratio > worst or math.isnan(worst):
+            worst = ratio
+    return worst

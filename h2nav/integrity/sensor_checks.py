@@ -52,13 +52,18 @@ class Use(Enum):
 
 
 class _Triple:
-    """Since when a sensor gives the same three values, and what happened meanwhile."""
+    """Since when a sensor gives the same three values, and what happened meanwhile.
+
+    Attributes:
+        repeats: how often the values have come again.
+        turned_rad: by which the vehicle has turned meanwhile.
+    """
 
     def __init__(self, count: float) -> None:
         self._count = count
         self._values: Vec3 | None = None
         self._since_us = 0
-        self._repeats = 0
+        self.repeats = 0
         self._flying_us: int | None = None
         self._low, self._high = 0.0, 0.0
         self.turned_rad = 0.0
@@ -74,10 +79,12 @@ class _Triple:
             is_flying: the autopilot says so.
         """
         if values != self._values:
-            self._values, self._since_us, self.turned_rad = values, t_us, 0.0
-            self._flying_us = None
-            self._repeats = -1
-        self._repeats += 1
+            self._values, self._since_us, self.turned_rad = values, t_us, turn_rad
+            self._flying_us = t_us if is_flying else None
+            self._low = self._high = force
+            self.repeats = 0
+            return
+        self.repeats += 1
         if not is_flying:
             self._flying_us = None
         elif self._flying_us is None:
@@ -96,7 +103,7 @@ class _Triple:
 
     def repeats_fine(self, t_us: int) -> bool:
         """Values that show every noise have come some times."""
-        many = self._repeats >= FINE_REPEATS and self.still_us(t_us) >= FROZEN_FINE_US
+        many = self.repeats >= FINE_REPEATS and self.still_us(t_us) >= FROZEN_FINE_US
         return many and self.is_fine
 
     @property
@@ -108,8 +115,11 @@ class _Triple:
     def is_fine(self) -> bool:
         """The values are no whole numbers of counts: their message shows every noise."""
         assert self._values is not None
-        counts = [value / self._count for value in self._values]
-        return any(abs(count - round(count)) > 1e-3 for count in counts)
+        for value in self._values:
+            count = value / self._count
+            if abs(count - round(count)) > 1e-3:
+                return True
+        return False
 
     @property
     def largest(self) -> float:
@@ -142,14 +152,27 @@ class SensorChecks:
         t_us = sample.t_us
         dt_s = 0.0 if self._t_us is None else min((t_us - self._t_us) * 1e-6, 0.1)
         self._t_us = t_us
-        rate = math.hypot(*sample.w_b)
+        _, w_b, f_b, m_b_ut, clipped = sample
+        rate = math.hypot(*w_b)
         turn_rad = dt_s * rate if rate > TURNING_RAD_S else 0.0
-        force = math.hypot(*sample.f_b)
-        self._gyro.add(t_us, sample.w_b, turn_rad, force, is_flying)
-        self._force.add(t_us, sample.f_b, turn_rad, force, is_flying)
-        self._watch_field(sample, turn_rad)
-        self._levels.add(sample)
-        gyro, accel = self._gyro_is_frozen(t_us), self._force_is_frozen(t_us)
+        force = math.hypot(*f_b)
+        self._gyro.add(t_us, w_b, turn_rad, force, is_flying)
+        self._force.add(t_us, f_b, turn_rad, force, is_flying)
+        self._watch_field(t_us, m_b_ut, turn_rad)
+        self._levels.add(t_us, f_b, clipped)
+        # Values that have just come cannot be frozen.
+        gyro = self._gyro.repeats > 0 and self._gyro_is_frozen(t_us)
+        accel = self._force.repeats > 0 and self._force_is_frozen(t_us)
+        if gyro or accel or self._frozen:
+            self._note_frozen(t_us, gyro=gyro, accel=accel)
+        if gyro:
+            return Use.NONE
+        stuck = self._axes.stuck_sensor(sample)
+        if accel or stuck is Sensor.ACCELEROMETER:
+            return Use.RATES
+        return Use.DOUBTED if stuck is Sensor.GYRO else Use.ALL
+
+    def _note_frozen(self, t_us: int, *, gyro: bool, accel: bool) -> None:
         self._frozen = {}
         if gyro and accel:
             self._frozen["imu"] = min(self._gyro.still_us(t_us), self._force.still_us(t_us))
@@ -157,12 +180,6 @@ class SensorChecks:
             self._frozen["gyro"] = self._gyro.still_us(t_us)
         elif accel:
             self._frozen["accelerometer"] = self._force.still_us(t_us)
-        if gyro:
-            return Use.NONE
-        stuck = self._axes.stuck_sensor(sample)
-        if accel or stuck is Sensor.ACCELEROMETER:
-            return Use.RATES
-        return Use.DOUBTED if stuck is Sensor.GYRO else Use.ALL
 
     def alarms(self) -> list[Alarm]:
         """What is wrong at present."""
@@ -197,29 +214,31 @@ class SensorChecks:
         gyro = self._gyro
         if gyro.largest > DEAD_ZONE_RAD_S:
             return gyro.still_us(t_us) >= FROZEN_US or gyro.repeats_fine(t_us)
+        if not gyro.has_moved:
+            return False
         # At rest a gyro's own counts may be larger than its noise.
         least_us = FROZEN_FINE_IN_FLIGHT_US if gyro.is_fine else FROZEN_IN_FLIGHT_US
-        return gyro.flown_us(t_us) >= least_us and gyro.has_moved
+        return gyro.flown_us(t_us) >= least_us
 
     def _force_is_frozen(self, t_us: int) -> bool:
         force = self._force
         if force.still_us(t_us) < FROZEN_US:
             return force.repeats_fine(t_us)
-        if force.is_fine or force.turned_rad > TURNED_FORCE_RAD:
+        if force.turned_rad > TURNED_FORCE_RAD or force.is_fine:
             return True
         return force.flown_us(t_us) >= FROZEN_IN_FLIGHT_US
 
-    def _watch_field(self, sample: ImuSample, turn_rad: float) -> None:
-        field = sample.m_b_ut
+    def _watch_field(self, t_us: int, field: Vec3 | None, turn_rad: float) -> None:
         self._field_turned_rad += turn_rad
-        if field is not None and (self._field is None or field != self._field[0]):
-            self._field, self._field_turned_rad = (field, sample.t_us), 0.0
-        since_us = sample.t_us if self._field is None else self._field[1]
-        self.field_is_frozen = (
-            field is not None
-            and sample.t_us - since_us > COMPASS_FROZEN_US
-            and self._field_turned_rad > TURNED_FIELD_RAD
-        )
+        self.field_is_frozen = False
+        if field is None:
+            return
+        if self._field is None or field != self._field[0]:
+            self._field, self._field_turned_rad = (field, t_us), 0.0
+            return
+        still_us = t_us - self._field[1]
+        has_turned = self._field_turned_rad > TURNED_FIELD_RAD
+        self.field_is_frozen = still_us > COMPASS_FROZEN_US and has_turned
 
 
 class _Levels:
@@ -234,23 +253,27 @@ class _Levels:
         self.vibration_m_s2 = 0.0
         self.clipped_share = 0.0
 
-    def add(self, sample: ImuSample) -> None:
-        """Takes a sample."""
+    def add(self, t_us: int, force: Vec3, clipped: bool) -> None:
+        """Takes what concerns it of a sample."""
+        x, y, z = force
         if self._before is not None:
-            for axis in range(3):
-                # Of a white noise the difference has twice the variance.
-                self._squares[axis] += 0.5 * (sample.f_b[axis] - self._before[axis]) ** 2
-        self._before = sample.f_b
+            # Of a white noise the difference has twice the variance.
+            a, b, c = self._before
+            squares = self._squares
+            squares[0] += 0.5 * (x - a) ** 2
+            squares[1] += 0.5 * (y - b) ** 2
+            squares[2] += 0.5 * (z - c) ** 2
+        self._before = force
         self._samples += 1
-        self._clipped += sample.clipped
+        self._clipped += clipped
         if self._since_us is None:
-            self._since_us = sample.t_us
-        if sample.t_us - self._since_us >= WINDOW_US:
+            self._since_us = t_us
+        if t_us - self._since_us >= WINDOW_US:
             self.vibration_m_s2 = math.sqrt(max(self._squares) / self._samples)
             self.clipped_share = self._clipped / self._samples
             self._squares = [0.0, 0.0, 0.0]
             self._samples = self._clipped = 0
-            self._since_us = sample.t_us
+            self._since_us = t_us
 
     def alarms(self, name: str) -> list[Alarm]:
         """What is too much, of the IMU of this name."""

@@ -49,53 +49,72 @@ class Strapdown:
     """Follows one IMU, with the gyro's bias as its filter knows it.
 
     Attributes:
-        newest: the latest moment; None before the first, and after a gap.
+        t_us: time of the latest sample; None before the first, and after a gap.
+        q_sb: turn since the start.
         rate_b: the latest rate, bias removed.
     """
 
     def __init__(self) -> None:
-        self.newest: Moment | None = None
+        self.t_us: int | None = None
+        self.q_sb: Quat = IDENTITY
         self.rate_b: Vec3 = (0.0, 0.0, 0.0)
+        self._gained_s: Vec3 = (0.0, 0.0, 0.0)
+        self._path_rad = 0.0
+        self._estimate: AttitudeEstimate | None = None
         self._past: deque[Moment] = deque()
+        self._kept_us = 0
+
+    @property
+    def newest(self) -> Moment | None:
+        """The latest moment; None before the first, and after a gap."""
+        if self.t_us is None or self._estimate is None:
+            return None
+        return _moment(self.t_us, self.q_sb, self._gained_s, self._estimate, self._path_rad)
 
     def restart(self) -> None:
         """Begins anew: nothing of before may be compared with what comes."""
-        self.newest = None
+        self.t_us = None
         self._past.clear()
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> bool:
         """Takes a sample and the estimate that it made; False where everything begins anew."""
-        before = self.newest
-        if before is None or not 0 < sample.t_us - before.t_us <= LONGEST_GAP_US:
+        t_us, before_us = sample.t_us, self.t_us
+        self._estimate = estimate
+        if before_us is None or not 0 < t_us - before_us <= LONGEST_GAP_US:
             self.restart()
-            self.newest = _moment(sample.t_us, IDENTITY, (0.0, 0.0, 0.0), estimate, 0.0)
-            self._past.append(self.newest)
+            self.t_us = t_us
+            self.q_sb, self._gained_s, self._path_rad = IDENTITY, (0.0, 0.0, 0.0), 0.0
+            self._keep()
             return False
-        dt_s = (sample.t_us - before.t_us) * 1e-6
+        dt_s = (t_us - before_us) * 1e-6
         x, y, z = self.rate_b = estimate.w_b
-        half = exp((0.5 * dt_s * x, 0.5 * dt_s * y, 0.5 * dt_s * z))
-        middle = multiply(before.q_sb, half)
+        half_s = 0.5 * dt_s
+        half = exp((half_s * x, half_s * y, half_s * z))
+        middle = multiply(self.q_sb, half)
         f_x, f_y, f_z = rotate(middle, sample.f_b)
-        g_x, g_y, g_z = before.gained_s
-        self.newest = _moment(
-            sample.t_us,
-            normalize(multiply(middle, half)),
-            (g_x + dt_s * f_x, g_y + dt_s * f_y, g_z + dt_s * f_z),
-            estimate,
-            before.path_rad + dt_s * (x * x + y * y + z * z) ** 0.5,
-        )
-        if sample.t_us - self._past[-1].t_us >= SPACING_US:
-            self._past.append(self.newest)
-            while self._past[0].t_us < sample.t_us - LENGTH_US:
+        g_x, g_y, g_z = self._gained_s
+        self.t_us = t_us
+        self.q_sb = normalize(multiply(middle, half))
+        self._gained_s = (g_x + dt_s * f_x, g_y + dt_s * f_y, g_z + dt_s * f_z)
+        self._path_rad += dt_s * (x * x + y * y + z * z) ** 0.5
+        if t_us - self._kept_us >= SPACING_US:
+            self._keep()
+            while self._past[0].t_us < t_us - LENGTH_US:
                 self._past.popleft()
         return True
 
+    def _keep(self) -> None:
+        """The moment of now goes into the past."""
+        newest = self.newest
+        assert newest is not None
+        self._past.append(newest)
+        self._kept_us = newest.t_us
+
     def at(self, t_us: int) -> Moment | None:
         """The moment of a time, what was gained interpolated; None where it is not remembered."""
-        newest = self.newest
-        if newest is None or not self._past or t_us < self._past[0].t_us:
+        after = self.newest
+        if after is None or t_us < self._past[0].t_us:
             return None
-        after = newest
         for moment in reversed(self._past):
             if moment.t_us <= t_us:
                 return _between(moment, after, t_us)

@@ -5,6 +5,7 @@ axis is called stuck only when the other two axes of its sensor vary clearly mea
 zero, where truncation makes a dead zone, only when they vary wildly.
 """
 
+import math
 from enum import Enum
 
 from h2nav.attitude.samples import ImuSample, Vec3
@@ -27,38 +28,69 @@ class Sensor(Enum):
     ACCELEROMETER = "accelerometer"
 
 
+class _Run:
+    """One axis that repeats its value.
+
+    Args:
+        since_us: when the value came first.
+        one: value of another axis then.
+        two: value of the third one.
+    """
+
+    def __init__(self, since_us: int, one: float, two: float) -> None:
+        self.since_us = since_us
+        self._low_one = self._high_one = one
+        self._low_two = self._high_two = two
+
+    def add(self, one: float, two: float) -> float:
+        """Takes the others of a sample; how far both have gone since the beginning."""
+        if one < self._low_one:
+            self._low_one = one
+        elif one > self._high_one:
+            self._high_one = one
+        if two < self._low_two:
+            self._low_two = two
+        elif two > self._high_two:
+            self._high_two = two
+        return self._high_one - self._low_one + self._high_two - self._low_two
+
+
 class _Axes:
-    """The three axes of one sensor: since when each is unchanged, and what the others did since."""
+    """The three axes of one sensor: which repeat their values, and what the others do meanwhile."""
 
     def __init__(self, span: float, dead_zone: float) -> None:
         self._span = span
         self._dead_zone = dead_zone
-        self._values: list[float | None] = [None, None, None]
-        self._since_us = [0, 0, 0]
-        # Per axis: lowest and highest of the other two, since this axis is unchanged.
-        self._low: list[list[float]] = [[], [], []]
-        self._high: list[list[float]] = [[], [], []]
+        self._before: Vec3 = (math.nan, math.nan, math.nan)
+        self._before_us = 0
+        self._runs: list[_Run | None] = [None, None, None]
+        self._any_runs = False
 
     def stuck_axis(self, t_us: int, values: Vec3) -> int | None:
         """Takes a sample; the number of the axis that is stuck, if one is."""
+        before, before_us = self._before, self._before_us
+        self._before, self._before_us = values, t_us
+        x, y, z = values
+        if x != before[0] and y != before[1] and z != before[2]:  # nearly always, of floats
+            if self._any_runs:
+                self._runs, self._any_runs = [None, None, None], False
+            return None
         found = None
         for axis in range(3):
-            others = [values[(axis + 1) % 3], values[(axis + 2) % 3]]
-            if values[axis] != self._values[axis]:
-                self._values[axis] = values[axis]
-                self._since_us[axis] = t_us
-                self._low[axis], self._high[axis] = others, others.copy()
+            if values[axis] != before[axis]:
+                self._runs[axis] = None
                 continue
-            low, high = self._low[axis], self._high[axis]
-            for i in (0, 1):
-                low[i] = min(low[i], others[i])
-                high[i] = max(high[i], others[i])
+            one, two = (axis + 1) % 3, (axis + 2) % 3
+            run = self._runs[axis]
+            if run is None:
+                run = self._runs[axis] = _Run(before_us, before[one], before[two])
+            moved = run.add(values[one], values[two])
             span = self._span
             if abs(values[axis]) < self._dead_zone:
                 span *= DEAD_ZONE_FACTOR
-            moved = high[0] - low[0] + high[1] - low[1] > span
-            if moved and t_us - self._since_us[axis] >= STUCK_US:
+            if moved > span and t_us - run.since_us >= STUCK_US:
                 found = axis
+        self._any_runs = True
         return found
 
 
@@ -74,9 +106,10 @@ class StuckAxes:
         """Takes a sample; the sensor of which an axis is stuck. `complaint` then names it."""
         gyro = self._gyro.stuck_axis(sample.t_us, sample.w_b)
         force = self._force.stuck_axis(sample.t_us, sample.f_b)
-        sensor, axis = (Sensor.GYRO, gyro) if gyro is not None else (Sensor.ACCELEROMETER, force)
-        if axis is None:
+        if gyro is None and force is None:
             self.complaint = ""
             return None
+        sensor, axis = (Sensor.GYRO, gyro) if gyro is not None else (Sensor.ACCELEROMETER, force)
+        assert axis is not None
         self.complaint = f"{sensor.value} {_AXES[axis]} is stuck"
         return sensor

@@ -20,7 +20,7 @@ PAST_US = 1_000_000
 # Attitudes are interpolated over no more than this.
 LONGEST_GAP_US = 100_000
 MOST_WAITING = 8
-COMPARED_WITH = Trust.ALIGNED | Trust.CONVERGED
+COMPARED_WITH = int(Trust.ALIGNED | Trust.CONVERGED)
 BEYOND = 3.0  # deviations
 # Two attitudes that are both right may differ by so much.
 LEAST_RAD = math.radians(3.0)
@@ -229,16 +229,16 @@ class Witness:
             sample: that it was made from.
             estimate: led to the time of the sample; None during an alignment.
         """
-        if estimate is None or COMPARED_WITH not in estimate.trust:
+        if estimate is None or int(estimate.trust) & COMPARED_WITH != COMPARED_WITH:
             self._past.clear()
             return []
         self._integrated.add(sample, estimate.q_nb)
-        past = self._past
+        t_us, past = estimate.t_us, self._past
         past.append(estimate)
-        while estimate.t_us - past[0].t_us > PAST_US:
+        while t_us - past[0].t_us > PAST_US:
             past.popleft()
-        found = []
-        while self._waiting and self._waiting[0][1] <= estimate.t_us:
+        found: list[Comparison] = []
+        while self._waiting and self._waiting[0][1] <= t_us:
             found += self._compare(*self._waiting.popleft())
         return found
 

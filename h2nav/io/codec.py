@@ -45,7 +45,7 @@ def decode(frame: Frame) -> Any:
         send are zero; surplus bytes of a newer dialect are dropped. Never raises; floats may
         be NaN or infinite, as they came.
     """
-    return _DECODERS[frame.msg_id](frame.payload)
+    return DECODERS[frame.msg_id](frame.payload)
 
 
 def record_type(msg_id: int) -> type[Any]:
@@ -134,4 +134,7 @@ def _text(value: bytes) -> str:
 _RECORDS: dict[int, type[Any]] = {
     msg_id: namedtuple(layout.name, layout.field_names) for msg_id, layout in LAYOUTS.items()
 }
-_DECODERS = {msg_id: _decoder(layout, _RECORDS[msg_id]) for msg_id, layout in LAYOUTS.items()}
+DECODERS: dict[int, Callable[[bytes], Any]] = {
+    msg_id: _decoder(layout, _RECORDS[msg_id]) for msg_id, layout in LAYOUTS.items()
+}
+"""Message id -> the function payload to fields behind `decode`."""

@@ -34,7 +34,7 @@ CHECKSUM_SIZE = 2
 LONGEST_FRAME = 280  # MAVLink 2: header 10, payload 255, checksum 2, signature 13
 
 _MARKER_1, _MARKER_2 = 0xFE, 0xFD
-_HEADER_1_SIZE, _HEADER_2_SIZE = 6, 10
+HEADER_1_SIZE, HEADER_2_SIZE = 6, 10
 _UNPACK_HEADER_1 = Struct("<xBBBBB").unpack_from  # length, seq, sysid, compid, id
 # length, incompat flags, seq, sysid, compid, id in the lower 24 bits. It reads one byte beyond the
 # header, which even an empty frame has (its checksum).
@@ -78,6 +78,11 @@ class Frame(NamedTuple):
     version: int
     signed: bool
     raw: bytes
+
+
+# A good frame where it stands in a piece of memory: time (ns) at which it was complete, message id,
+# (system id, component id), where it begins, where its payload begins and ends.
+PlacedFrame = tuple[int, int, tuple[int, int], int, int, int]
 
 
 class DeframerCounters(NamedTuple):
@@ -156,6 +161,33 @@ class Deframer:
     def pending_bytes(self) -> int:
         """Bytes kept because the frame that they may begin is incomplete."""
         return len(self._pending)
+
+    @property
+    def undecided_bytes(self) -> int | None:
+        """Bytes kept that nothing is known of yet; None where a given frame ends among them."""
+        return None if self._pending_counted else len(self._pending)
+
+    def give_back(self) -> None:
+        """Forgets the undecided bytes as though they had not been fed."""
+        self._counts["bytes_in"] -= len(self._pending)
+        self._pending = b""
+
+    def pass_over(self, size: int, frames: int, frames_v1: int, signed: int, longer: int) -> None:
+        """Counts whole frames that somebody else has checked by the same rules.
+
+        Args:
+            size: their bytes; none is kept at present, and none would be kept behind them.
+            frames: how many they are.
+            frames_v1: those of MAVLink 1.
+            signed: those with a signature.
+            longer: those that are longer than the dialect knows.
+        """
+        counts = self._counts
+        counts["bytes_in"] += size
+        counts["frames"] += frames
+        counts["frames_v1"] += frames_v1
+        counts["frames_signed"] += signed
+        counts["frames_longer"] += longer
 
     def feed(self, data: bytes) -> list[Frame]:
         """Takes the next bytes of the stream.
@@ -250,6 +282,13 @@ class Deframer:
                 counts[_REASONS.get(verdict, incomplete)] += 1
 
 
+def frame_at(data: bytes, at: int) -> Frame:
+    """The good frame that begins at `at`."""
+    found = _frame_at(data, at, len(data))
+    assert isinstance(found, Frame)
+    return found
+
+
 def begins_with_frame(data: bytes) -> bool:
     """Whether the first byte begins a good frame that is whole; costs one checksum at the most."""
     return bool(data) and not isinstance(_frame_at(data, 0, len(data)), int)
@@ -266,7 +305,7 @@ def _frame_at(buffer: bytes, at: int, size: int) -> Frame | int:
     """The frame whose start marker is at `at`, or why there is none; `size` is len(buffer)."""
     if buffer[at] != _MARKER_2:
         return _frame_v1_at(buffer, at, size)
-    if size - at < _HEADER_2_SIZE + CHECKSUM_SIZE:
+    if size - at < HEADER_2_SIZE + CHECKSUM_SIZE:
         return _incomplete_v2(buffer, at, size)
     length, flags, seq, sysid, compid, msg_id = _UNPACK_HEADER_2(buffer, at)
     if flags > SIGNED_FLAG:
@@ -274,7 +313,7 @@ def _frame_at(buffer: bytes, at: int, size: int) -> Frame | int:
     known = _KNOWN.get(msg_id & 0xFFFFFF)
     if known is None:
         return _UNKNOWN_ID
-    payload_at = at + _HEADER_2_SIZE
+    payload_at = at + HEADER_2_SIZE
     checksum_at = payload_at + length
     end = checksum_at + CHECKSUM_SIZE
     if end > size:
@@ -296,7 +335,7 @@ def _incomplete_v2(buffer: bytes, at: int, size: int) -> int:
     """What is known of a MAVLink 2 start marker with less than an empty frame behind it."""
     if size - at > 2 and buffer[at + 2] > SIGNED_FLAG:
         return _UNKNOWN_FLAGS
-    if size - at >= _HEADER_2_SIZE:
+    if size - at >= HEADER_2_SIZE:
         known = _KNOWN.get(int.from_bytes(buffer[at + 7 : at + 10], "little"))
         if known is None:
             return _UNKNOWN_ID
@@ -307,7 +346,7 @@ def _frame_v1_at(buffer: bytes, at: int, size: int) -> Frame | int:
     """The MAVLink 1 frame whose start marker is at `at`, or why there is none."""
     if buffer[at] != _MARKER_1:
         return _NO_MARKER
-    if size - at < _HEADER_1_SIZE:
+    if size - at < HEADER_1_SIZE:
         return _INCOMPLETE
     length, seq, sysid, compid, msg_id = _UNPACK_HEADER_1(buffer, at)
     known = _KNOWN.get(msg_id)
@@ -316,7 +355,7 @@ def _frame_v1_at(buffer: bytes, at: int, size: int) -> Frame | int:
     crc_extra, full_size, base_size, carries_bytes = known
     if not base_size <= length <= full_size:
         return _BAD_LENGTH
-    payload_at = at + _HEADER_1_SIZE
+    payload_at = at + HEADER_1_SIZE
     checksum_at = payload_at + length
     end = checksum_at + CHECKSUM_SIZE
     if end > size:

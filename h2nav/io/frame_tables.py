@@ -10,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.io.deframer import Deframer
+from h2nav.io.arrivals import Integers
+from h2nav.io.byte_views import values_at
 from h2nav.io.dialect import LAYOUTS
+from h2nav.io.frame_scan import FoundFrames, FrameScan
 from h2nav.io.recordings import Recording
 
 _TYPES = {
@@ -61,6 +63,35 @@ def fields_type(msg_id: int) -> "np.dtype[np.void]":
     return np.dtype(columns)
 
 
+class TableMaker:
+    """Gathers the frames of some ids while a recording is read.
+
+    Args:
+        ids: of messages of the dialect.
+    """
+
+    def __init__(self, ids: Collection[int]) -> None:
+        self._parts: dict[int, list[FrameTable]] = {msg_id: [] for msg_id in ids}
+
+    def add(self, found: FoundFrames) -> None:
+        """Takes the next frames."""
+        senders = found.senders()
+        for msg_id, parts in self._parts.items():
+            rows = np.flatnonzero(found.headers.msg_ids == msg_id)
+            if len(rows):
+                parts.append(
+                    FrameTable(
+                        found.t_ns[found.arrivals[rows]],
+                        np.stack((senders[rows] >> 8, senders[rows] & 0xFF), 1).astype(np.uint8),
+                        _fields(found, msg_id, rows),
+                    )
+                )
+
+    def tables(self) -> dict[int, FrameTable]:
+        """One per id, without rows where none came."""
+        return {msg_id: _joined(msg_id, parts) for msg_id, parts in self._parts.items()}
+
+
 def tables(recording: Recording, ids: Collection[int]) -> dict[int, FrameTable]:
     """Reads a recording front to back.
 
@@ -71,22 +102,29 @@ def tables(recording: Recording, ids: Collection[int]) -> dict[int, FrameTable]:
     Returns:
         One table per id of `ids`, without rows where none came.
     """
-    wanted = frozenset(ids)
-    found: dict[int, list[tuple[int, int, int, bytes]]] = {msg_id: [] for msg_id in wanted}
-    deframer = Deframer()
-    for t_ns, data in recording.received():
-        for frame in deframer.feed(data):
-            if frame.msg_id in wanted:
-                row = t_ns, frame.sysid, frame.compid, frame.payload
-                found[frame.msg_id].append(row)
-    return {msg_id: _table(msg_id, rows) for msg_id, rows in found.items()}
+    maker = TableMaker(ids)
+    scan = FrameScan()
+    for arrivals in recording.batches():
+        maker.add(scan.frames_of(arrivals))
+    return maker.tables()
 
 
-def _table(msg_id: int, rows: list[tuple[int, int, int, bytes]]) -> FrameTable:
+def _fields(found: FoundFrames, msg_id: int, rows: Integers) -> NDArray[Any]:
+    """Payloads with the zeros that MAVLink 2 cut off, without what the dialect does not know."""
     size = LAYOUTS[msg_id].size
-    payloads = b"".join(payload[:size].ljust(size, b"\0") for _, _, _, payload in rows)
-    return FrameTable(
-        np.array([row[0] for row in rows], dtype=np.int64),
-        np.array([row[1:3] for row in rows], dtype=np.uint8).reshape(-1, 2),
-        np.frombuffer(payloads, dtype=fields_type(msg_id)),
+    at, lengths = found.headers.payload_at[rows], found.headers.lengths[rows]
+    # What stands behind the last frame of the memory does not matter.
+    payloads = values_at(found.data + bytes(size), at, f"V{size}").view(np.uint8)
+    payloads = payloads.reshape(len(rows), size)
+    payloads[np.arange(size) >= lengths[:, np.newaxis]] = 0
+    return payloads.reshape(-1).view(fields_type(msg_id))
+
+
+def _joined(msg_id: int, parts: list[FrameTable]) -> FrameTable:
+    nothing = FrameTable(
+        np.empty(0, dtype=np.int64),
+        np.empty((0, 2), dtype=np.uint8),
+        np.empty(0, dtype=fields_type(msg_id)),
     )
+    t_ns, senders, fields = zip(nothing, *parts, strict=True)
+    return FrameTable(*map(np.concatenate, (t_ns, senders, fields)))

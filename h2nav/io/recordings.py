@@ -3,14 +3,16 @@
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import numpy as np
 import orjson
 from mcap.opcode import Opcode
 from mcap.records import Attachment as AttachmentRecord
 from mcap.records import Metadata
 
 from h2nav.errors import BadInput
+from h2nav.io.arrivals import BATCH_BYTES, Arrivals, gathered
 from h2nav.io.deframer import Deframer
 from h2nav.io.log_file import RAW_ENCODING, Attachment
 from h2nav.io.log_reader import Directory, LogScan, is_mcap, records_of
@@ -18,25 +20,10 @@ from h2nav.io.log_records import StoredMessage, message, parse
 from h2nav.io.recorder import RECEIVED_TOPIC
 from h2nav.io.tlog import TlogReader, looks_like_tlog
 
-NS_PER_US = 1_000
 NS_PER_S = 1_000_000_000
 SYNTHETIC_BYTES_S = 11_520  # a serial line at 115,200 baud, which is what raw captures come from
 SYNTHETIC_CHUNK = 64
 _PROBE_BYTES = 1 << 18
-
-
-class Arrival(NamedTuple):
-    """Bytes that arrived together.
-
-    Attributes:
-        t_ns: host monotonic time, never decreasing.
-        data: a datagram, or what one read gave.
-        link: name of the link that they came from.
-    """
-
-    t_ns: int
-    data: bytes
-    link: str
 
 
 class Recording:
@@ -70,16 +57,17 @@ class Recording:
         if self.times_are_synthetic:
             return 0
         # A pass of its own: it must not disturb the progress and notes of one under way.
-        first = next(type(self)(self.path).arrivals(), None)
-        return first.t_ns + self.unix_offset_ns if first else 0
+        first = next(type(self)(self.path).received(), None)
+        return first[0] + self.unix_offset_ns if first else 0
 
-    def arrivals(self) -> Iterator[Arrival]:
-        """What arrived, in order, over all links."""
+    def batches(self) -> Iterator[Arrivals]:
+        """What arrived, in order, over all links; many arrivals at a time."""
         raise NotImplementedError
 
     def received(self) -> Iterator[tuple[int, bytes]]:
-        """`arrivals` without the link: (t_ns, bytes)."""
-        return ((arrival.t_ns, arrival.data) for arrival in self.arrivals())
+        """The same one by one: host monotonic time (ns, never decreasing) and bytes."""
+        for batch in self.batches():
+            yield from batch.pieces()
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """The JSON records of a topic (MCAP): (unix_ns, fields); none elsewhere."""
@@ -91,13 +79,13 @@ class TlogRecording(Recording):
 
     kind = "tlog"
 
-    def arrivals(self) -> Iterator[Arrival]:
+    def batches(self) -> Iterator[Arrivals]:
         """One arrival per frame; `t_ns` is the recorder's UNIX time."""
         with self.path.open("rb") as stream:
             reader = TlogReader(stream)
-            for entry in reader.entries():
+            for batch in reader.batches():
                 self.progress = (reader.position, self.progress[1])
-                yield Arrival(entry.unix_us * NS_PER_US, entry.data, "tlog")
+                yield batch
             self.notes = _nonzero(
                 damaged_bytes=reader.damaged_bytes,
                 corrected_times=reader.corrected_times,
@@ -115,14 +103,17 @@ class BytesRecording(Recording):
     kind = "bytes"
     times_are_synthetic = True
 
-    def arrivals(self) -> Iterator[Arrival]:
+    def batches(self) -> Iterator[Arrivals]:
         """Pieces of equal size at a constant rate."""
         position = 0
         with self.path.open("rb") as stream:
-            while data := stream.read(SYNTHETIC_CHUNK):
+            while data := stream.read(BATCH_BYTES):
+                starts = np.arange(0, len(data), SYNTHETIC_CHUNK)
+                ends = np.minimum(starts + SYNTHETIC_CHUNK, len(data))
+                t_ns = (position + ends) * NS_PER_S // SYNTHETIC_BYTES_S
                 position += len(data)
                 self.progress = (position, self.progress[1])
-                yield Arrival(position * NS_PER_S // SYNTHETIC_BYTES_S, data, "bytes")
+                yield Arrivals(data, starts, ends, t_ns, framed=False)
 
 
 class McapRecording(Recording):
@@ -137,12 +128,15 @@ class McapRecording(Recording):
         with contextlib.suppress(ValueError):
             self.unix_offset_ns = int(about.get("unix_offset_ns", "0"))
 
-    def arrivals(self) -> Iterator[Arrival]:
+    def batches(self) -> Iterator[Arrivals]:
         """Each received piece with its exact monotonic time, in the order of arrival."""
-        offset = self.unix_offset_ns
+        return gathered(self.received())
+
+    def received(self) -> Iterator[tuple[int, bytes]]:
+        """The same one by one."""
         for topic, _, stored in self._messages(RAW_ENCODING):
             if topic.startswith(RECEIVED_TOPIC):
-                yield Arrival(stored.log_ns - offset, stored.data, topic[len(RECEIVED_TOPIC) :])
+                yield stored.log_ns - self.unix_offset_ns, stored.data
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """The records of `topic` as they were written; NaN reads None."""

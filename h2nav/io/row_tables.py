@@ -45,7 +45,10 @@ class Table:
 
     def only(self, wanted: NDArray[np.bool_] | slice) -> "Table":
         """The rows that are wanted."""
-        return Table(self.name, self.places[wanted], self._rows[wanted], self._divisors)
+        # Whole rows are copied at once, and not field by field.
+        form = self._rows.dtype
+        rows = self._rows.view(f"V{form.itemsize}")[wanted].view(form)
+        return Table(self.name, self.places[wanted], rows, self._divisors)
 
     def kind(self, column: str) -> str:
         """How the column is stored, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
@@ -77,7 +80,8 @@ class Table:
         return [bytes(v).split(b"\0", 1)[0].decode("utf-8", "replace") for v in stored]
 
     def _numbers(self, column: str) -> Array:
-        values = self._rows[column].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # damage may be any kind of NaN
+            values = self._rows[column].astype(np.float64)
         divisor = self._divisors.get(column)
         return values if divisor is None else values / divisor
 
@@ -91,8 +95,9 @@ def rows_at(data: bytes, places: NDArray[np.int64], row: np.dtype[np.void]) -> N
     starts = len(data) - row.itemsize + 1
     if starts <= 0 or not len(places):
         return np.empty(0, row)
-    every: NDArray[np.void] = np.ndarray((starts,), row, data, strides=(1,))
-    return every[places]
+    # As plain bytes: rows of fields would be copied field by field.
+    every: NDArray[np.void] = np.ndarray((starts,), f"V{row.itemsize}", data, strides=(1,))
+    return every[places].view(row)
 
 
 class Source(NamedTuple):

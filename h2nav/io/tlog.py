@@ -6,27 +6,21 @@ damage the bytes up to the next sound entry are passed on with the last good tim
 finds the intact frames among them.
 """
 
+import sys
 from collections.abc import Iterator
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
+import numpy as np
+
+from h2nav.io.arrivals import BATCH_BYTES, Arrivals, Integers
+from h2nav.io.byte_views import MARKER_2, marker_places, values_at
 from h2nav.io.deframer import LONGEST_FRAME, SIGNATURE_SIZE, SIGNED_FLAG
 
 TIME_SIZE = 8
-_BLOCK = 1 << 18
+NS_PER_US = 1_000
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
+_LEAST_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
-
-
-class TlogEntry(NamedTuple):
-    """Bytes with their time; one frame, or a damaged stretch.
-
-    Attributes:
-        unix_us: never smaller than that of the entry before.
-        data: the frame's bytes, or what stood there instead.
-    """
-
-    unix_us: int
-    data: bytes
 
 
 class TlogReader:
@@ -43,7 +37,7 @@ class TlogReader:
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
         self._buffer = b""
-        self._at = self._next_size = 0
+        self._at = 0
         self._ended = False
         self._last_us = 0
         self._shift_us = 0
@@ -51,48 +45,70 @@ class TlogReader:
         self.damaged_bytes = self.damaged_stretches = 0
         self.corrected_times = self.clock_steps_back = 0
 
-    def entries(self) -> Iterator[TlogEntry]:
-        """All entries in the order of the file."""
+    def batches(self) -> Iterator[Arrivals]:
+        """All entries in the order of the file; those of one block of the file at a time.
+
+        An arrival is the frame of a sound entry, or what stood there instead. Its time is the
+        recorder's UNIX time.
+        """
         while self._fill():
-            # What made the last entry sound is the size of this one.
-            size = self._next_size or _entry_size(self._buffer, self._at)
-            if size and self._is_sound(self._at, size):
-                unix_us = self._time(size)
-                data = self._buffer[self._at + TIME_SIZE : self._at + size]
-            else:
-                size = self._damaged_size()
-                self._next_size = 0
-                self.damaged_bytes += size
-                unix_us = self._last_us
-                data = self._buffer[self._at : self._at + size]
-            self._at += size
-            self.position += size
-            yield TlogEntry(unix_us, data)
+            start = self._at
+            arrivals = self._block()
+            self.position += self._at - start
+            yield arrivals
 
     def _fill(self) -> bool:
         """Keeps two whole entries in the buffer; False at the end of the file."""
-        if len(self._buffer) - self._at < _NEED and not self._ended:
-            more = self._stream.read(_BLOCK)
-            self._ended = len(more) < _BLOCK
+        if self._is_short() and not self._ended:
+            more = self._stream.read(BATCH_BYTES)
+            self._ended = len(more) < BATCH_BYTES
             self._buffer = self._buffer[self._at :] + more
             self._at = 0
         return self._at < len(self._buffer)
 
-    def _is_sound(self, at: int, size: int) -> bool:
-        follower = at + size
-        if follower == len(self._buffer):
-            self._next_size = 0
-            return self._ended
-        self._next_size = _entry_size(self._buffer, follower)
-        return self._next_size > 0
+    def _is_short(self) -> bool:
+        return len(self._buffer) - self._at < _NEED
 
-    def _time(self, size: int) -> int:
+    def _block(self) -> Arrivals:
+        """What the buffer holds, up to what cannot be judged before more is read."""
+        seen = _Seen(self._buffer, self._ended)
+        starts: list[Integers] = []
+        ends: list[Integers] = []
+        times: list[Integers] = []
+        while self._at < len(self._buffer) and (self._ended or not self._is_short()):
+            run = seen.run(self._at, self._last_us - self._shift_us)
+            if run.stop > run.start:
+                starts.append(seen.at[run] + TIME_SIZE)
+                ends.append(seen.ends[run])
+                times.append(seen.times_us[run] + self._shift_us)
+                self._at, self._last_us = int(ends[-1][-1]), int(times[-1][-1])
+            else:
+                start, end, unix_us = self._entry(seen)
+                starts.append(np.array([start]))
+                ends.append(np.array([end]))
+                times.append(np.array([unix_us]))
+                self._at = end
+        t_ns = np.concatenate(times) * NS_PER_US
+        return Arrivals(self._buffer, np.concatenate(starts), np.concatenate(ends), t_ns, True)
+
+    def _entry(self, seen: "_Seen") -> tuple[int, int, int]:
+        """Any entry or damaged stretch: where its bytes begin and end, and its time, us."""
+        at = self._at
+        end = seen.end_of_sound(at)
+        if end:
+            return at + TIME_SIZE, end, self._time(end)
+        self.damaged_stretches += 1
+        known = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
+        end = min(seen.next_sound(at), max(known, at + 1))
+        self.damaged_bytes += end - at
+        return at, end, self._last_us
+
+    def _time(self, follower: int) -> int:
         """The entry's time on a scale that never runs backwards."""
         unix_us = _raw_time(self._buffer, self._at) + self._shift_us
         if self._last_us == 0:
             self._last_us = unix_us
             return unix_us
-        follower = self._at + size
         if follower < len(self._buffer):
             next_us = _raw_time(self._buffer, follower) + self._shift_us
             outside = not self._last_us <= unix_us <= next_us
@@ -106,15 +122,65 @@ class TlogReader:
         self._last_us = unix_us
         return unix_us
 
-    def _damaged_size(self) -> int:
-        """Bytes up to the next sound entry, or to what the buffer holds for now."""
-        self.damaged_stretches += 1
-        last = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
-        for at in range(self._at + 1, last):
-            size = _entry_size(self._buffer, at)
-            if size and self._is_sound(at, size):
-                return at - self._at
-        return max(last, self._at + 1) - self._at
+
+class _Seen:
+    """All that looks like an entry in a block of a file, and where one is followed by the next.
+
+    Args:
+        buffer: the block.
+        ended: the file ends with it.
+
+    Attributes:
+        at: (N,) where each begins.
+        ends: (N,) where the next one should begin.
+        times_us: (N,) their times as they stand there.
+    """
+
+    def __init__(self, buffer: bytes, ended: bool) -> None:
+        data = np.frombuffer(buffer, dtype=np.uint8)
+        at = marker_places(data[TIME_SIZE:])
+        at = at[at <= len(data) - _LEAST_SEEN]
+        times_us = values_at(buffer, at, ">u8")
+        marker, length, flags = (data[at + TIME_SIZE + place] for place in range(3))
+        is_v2 = marker == MARKER_2
+        likely = (times_us >= _EARLIEST_US) & (times_us <= _LATEST_US)
+        likely &= ~is_v2 | (flags <= SIGNED_FLAG)
+        sizes = np.where(is_v2, 12 + SIGNATURE_SIZE * flags.astype(np.int64), 8) + length
+        self.at = at[likely]
+        self.ends = self.at + TIME_SIZE + sizes[likely]
+        self.times_us = times_us[likely].astype(np.int64)
+        follower = np.minimum(np.searchsorted(self.at, self.ends), len(self.at) - 1)
+        sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
+        self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
+        goes_on = (self.ends[:-1] == self.at[1:]) & (self.times_us[:-1] <= self.times_us[1:])
+        self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
+        # Behind this there may be an entry that cannot be judged yet.
+        last = len(data) if ended else len(data) - _NEED
+        self._judged = int(np.searchsorted(self.at, last, "right"))
+
+    def run(self, at: int, last_us: int) -> slice:
+        """The entries from `at` on that follow each other in place and time.
+
+        Args:
+            at: where the first one has to begin.
+            last_us: time of the one before, as it stands in the file.
+        """
+        first = int(np.searchsorted(self.at, at))
+        if first == len(self.at) or self.at[first] != at or self.times_us[first] < last_us:
+            return slice(0, 0)
+        end = int(self._breaks[np.searchsorted(self._breaks, first)])
+        return slice(first, min(end, self._judged))
+
+    def end_of_sound(self, at: int) -> int:
+        """Where the entry at `at` ends; 0 where no sound one begins."""
+        place = int(np.searchsorted(self._sound_at, at))
+        is_sound = place < len(self._sound_at) and self._sound_at[place] == at
+        return int(self._sound_ends[place]) if is_sound else 0
+
+    def next_sound(self, at: int) -> int:
+        """Where the first sound entry behind `at` begins; beyond the buffer without one."""
+        place = int(np.searchsorted(self._sound_at, at, "right"))
+        return int(self._sound_at[place]) if place < len(self._sound_at) else sys.maxsize
 
 
 def looks_like_tlog(start: bytes) -> bool:

@@ -35,15 +35,15 @@ DATA, FORMAT, SUBSCRIPTION, PARAMETER, INFO, TEXT, TAGGED_TEXT, DROPOUT, FLAGS =
 # values are short: what is longer is damage.
 SIZES: dict[int, tuple[int, int]] = {
     DATA: (3, 65_535),
-    FORMAT: (3, 65_535),
+    FORMAT: (3, 4_096),
     SUBSCRIPTION: (4, 512),
     PARAMETER: (6, 512),
-    INFO: (2, 65_535),
+    INFO: (2, 4_096),
     TEXT: (9, 4_096),
     TAGGED_TEXT: (11, 4_096),
     DROPOUT: (2, 2),
     FLAGS: (40, 512),
-    ord("M"): (3, 65_535),
+    ord("M"): (3, 4_096),
     ord("Q"): (7, 512),
     ord("R"): (2, 2),
     ord("S"): (8, 8),
@@ -70,8 +70,8 @@ MOST_COLUMNS = 4_096
 LARGEST_ROW = 65_533
 APPENDED = 1  # flag: data were appended, at the places that are told
 FLAGS_BODY = struct.Struct("<8x8s3Q")
-LARGEST_MESSAGE = HEADER_BYTES + 65_535
-RESYNC_BYTES = 1 << 18
+# After damage so many bytes are looked at together, at first and at last.
+LEAST_SEARCH, MOST_SEARCH = 1 << 13, 1 << 18
 NUMBERS = 1 << 16
 Bytes = NDArray[np.uint8]
 
@@ -320,16 +320,15 @@ class _Chain:
     def _next_message(self, place: int, end: int) -> int:
         """The next place where a message begins that two others follow, or the end."""
         place += 1
+        step = LEAST_SEARCH
         while place < end:
             # The last ones of a block may have followers beyond it; the next block has them first.
-            block = np.frombuffer(
-                self._data, np.uint8, min(RESYNC_BYTES + 2 * LARGEST_MESSAGE, end - place), place
-            )
-            begins = self._beginnings(block, is_last=place + len(block) == end)[:RESYNC_BYTES]
-            found = int(begins.argmax()) if len(begins) else 0
-            if len(begins) and begins[found]:
-                return place + found
-            place += RESYNC_BYTES
+            block = np.frombuffer(self._data, np.uint8, min(2 * step, end - place), place)
+            begins = self._beginnings(block, is_last=place + len(block) == end)[:step]
+            if begins.any():
+                return place + int(begins.argmax())
+            place += step
+            step = min(4 * step, MOST_SEARCH)
         return end
 
     def _beginnings(self, block: Bytes, *, is_last: bool) -> NDArray[np.bool_]:

@@ -100,10 +100,11 @@ def normalize(q: Quat) -> Quat:
     Raises:
         ValueError: q is zero or not finite, so it names no rotation.
     """
-    length = norm(q)
+    w, x, y, z = q
+    length = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0.0 < length < math.inf:
         raise ValueError(f"quaternion {q} has no direction")
-    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+    return (w / length, x / length, y / length, z / length)
 
 
 def angle(p: Quat, q: Quat) -> float:

@@ -70,12 +70,12 @@ ADVICE = {
     ),
     "autopilot_tilt": Advice(
         "The autopilot's roll or pitch and ours were farther apart than both can be uncertain.",
-        "Who is right stands in the evidence; if it is not decided there, its accelerometer.",
+        "Its accelerometers and vibration; the evidence says whom the GPS velocity supports.",
         "difference",
     ),
     "autopilot_heading": Advice(
         "The autopilot's heading and ours were farther apart than both can be uncertain.",
-        "Who is right stands in the evidence; its compasses first.",
+        "Its compasses; the evidence says whom the GPS velocity supports.",
         "difference",
     ),
     "estimator_switch": Advice(

@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import GpsTrack, ImuTrack
+from h2nav.flightlogs.context import GpsTrack, ImuTrack, Span
 from h2nav.integrity.findings import Finding
 from h2nav.review.compass import look_at_compass
 from h2nav.review.ending import look_at_ending
 from h2nav.review.estimators import look_at_estimators
 from h2nav.review.flight import Flight
-from h2nav.review.inertial import Mask, best_attitude
+from h2nav.review.inertial import Mask, best_attitude, slowed
 from h2nav.review.receiver import look_at_receiver
 from h2nav.review.sensor_bias import look_at_biases
 from h2nav.review.spectra import look_at_spectra, look_at_vibration
@@ -24,6 +24,12 @@ from h2nav.review.tracks import (
     Timing,
     Vibration,
 )
+
+# Recordings of streams, whose messages have rhythms of their own.
+TELEMETRY = ("tlog", "mcap")
+# Raw bytes came at times that nobody wrote down; only the stamps inside them are real.
+WITHOUT_TIMES = "bytes"
+ALIKE_S, ALIKE_SHARE = 2.0, 0.25
 
 
 class Analysis(NamedTuple):
@@ -54,12 +60,42 @@ class Analysis(NamedTuple):
 def analyse(flight: Flight) -> Analysis:
     """Looks at a whole flight."""
     context = flight.context
-    armed = context.armed
-    best = best_attitude(flight)
     compasses = tuple(_in_order(track) for track in context.imus)
     tracks = tuple(t for t in map(_numbers, compasses) if len(t.t_s) > 1)
+    if flight.kind == WITHOUT_TIMES:
+        return _of_samples(flight, tuple(_stamped(track) for track in tracks), ())
+    analysis = _of_samples(flight, tracks, context.armed)
+    best = best_attitude(flight)
+    slow = tuple(slowed(track) for track in tracks)
+    biases, found = look_at_biases(slow, best, context.armed, flight.findings)
+    fields, fits, receivers = [], [], []
+    for track in compasses:
+        is_raw = "PX4" in f"{flight.autopilot} {context.firmware}" and "SCALED" in track.source
+        field, fit, own = look_at_compass(track, best, flight.earth, context, is_raw=is_raw)
+        fields += [] if field is None else [field]
+        fits += [] if fit is None else [fit]
+        found += own
+    first = _soundest(flight, slow)
+    for gps in context.gps:
+        is_polled = flight.kind in TELEMETRY
+        receiver, own = look_at_receiver(_fixes(gps), context, first, best, is_polled=is_polled)
+        receivers.append(receiver)
+        found += own
+    found += look_at_estimators(context, first, best, flight.findings)
+    found += look_at_ending(first, context.armed) if first is not None else []
+    return analysis._replace(
+        findings=tuple(sorted([*analysis.findings, *_gathered(found)], key=lambda f: f.from_s)),
+        fields=tuple(fields),
+        compasses=tuple(fits),
+        biases=biases,
+        receivers=tuple(receivers),
+    )
+
+
+def _of_samples(flight: Flight, tracks: tuple[ImuTrack, ...], armed: tuple[Span, ...]) -> Analysis:
+    """What the samples alone show."""
     found: list[Finding] = []
-    timings, vibrations, fields, fits, receivers = [], [], [], [], []
+    timings, vibrations = [], []
     for track in tracks:
         timing, own = look_at_timing(track, armed)
         timings.append(timing)
@@ -67,33 +103,33 @@ def analyse(flight: Flight) -> Analysis:
         vibration, own = look_at_vibration(track, armed, is_told=_is_told(flight, track))
         vibrations.append(vibration)
         found += own
-    spectra, own = look_at_spectra(tracks, context.bursts, armed)
-    found += own
-    biases, own = look_at_biases(tracks, best, armed, flight.findings)
-    found += own
-    for track in compasses:
-        is_raw = "PX4" in f"{flight.autopilot} {context.firmware}" and "SCALED" in track.source
-        field, fit, own = look_at_compass(track, best, flight.earth, context, is_raw=is_raw)
-        fields += [] if field is None else [field]
-        fits += [] if fit is None else [fit]
-        found += own
-    first = _soundest(flight, tracks)
-    for gps in context.gps:
-        receiver, own = look_at_receiver(_fixes(gps), context, first, best)
-        receivers.append(receiver)
-        found += own
-    found += look_at_estimators(context, first, best, flight.findings)
-    found += look_at_ending(first, armed) if first is not None else []
-    return Analysis(
-        tuple(sorted(found, key=lambda finding: finding.from_s)),
-        spectra,
-        tuple(vibrations),
-        tuple(fields),
-        tuple(fits),
-        biases,
-        tuple(timings),
-        tuple(receivers),
-    )
+    spectra, own = look_at_spectra(tracks, flight.context.bursts, armed)
+    gathered = tuple(_gathered([*found, *own]))
+    return Analysis(gathered, spectra=spectra, vibrations=tuple(vibrations), timings=tuple(timings))
+
+
+def _gathered(found: list[Finding]) -> list[Finding]:
+    """What several sensors show alike is told once, of the first of them."""
+    kept: list[Finding] = []
+    others: dict[int, list[str]] = {}
+    for finding in found:
+        place = next((i for i, one in enumerate(kept) if _is_same(one, finding)), None)
+        if place is None:
+            kept.append(finding)
+        else:
+            others.setdefault(place, []).append(finding.source)
+    for place, sources in others.items():
+        one = kept[place]
+        kept[place] = one._replace(evidence=f"{one.evidence}; {' and '.join(sources)} alike")
+    return kept
+
+
+def _is_same(one: Finding, other: Finding) -> bool:
+    """The same, at the same time, of another sensor."""
+    if one.kind != other.kind or one.source == other.source:
+        return False
+    close = abs(one.from_s - other.from_s) < ALIKE_S and abs(one.to_s - other.to_s) < ALIKE_S
+    return close and abs(one.size - other.size) <= ALIKE_SHARE * abs(one.size)
 
 
 def _is_told(flight: Flight, track: ImuTrack) -> bool:
@@ -111,6 +147,11 @@ def _soundest(flight: Flight, tracks: tuple[ImuTrack, ...]) -> ImuTrack | None:
     return min(tracks, key=wrong_s, default=None)
 
 
+def _stamped(track: ImuTrack) -> ImuTrack:
+    """Samples at the times of their own stamps."""
+    return _in_order(track._replace(t_s=(track.stamp_us - track.stamp_us[0]) * 1e-6))
+
+
 def _in_order(track: ImuTrack) -> ImuTrack:
     """Samples whose times increase."""
     return _part(track, np.diff(track.t_s, prepend=-np.inf) >= 0.0)
@@ -118,8 +159,8 @@ def _in_order(track: ImuTrack) -> ImuTrack:
 
 def _numbers(track: ImuTrack) -> ImuTrack:
     """Samples of a gyro and an accelerometer: all zero is what a compass without an IMU shows."""
-    values = np.hstack((track.w_b, track.f_b))
-    good = np.isfinite(values.sum(axis=1)) & (np.abs(track.f_b).sum(axis=1) > 0.0)
+    ones = np.ones(3)
+    good = np.isfinite(track.w_b @ ones + track.f_b @ ones) & (np.abs(track.f_b) @ ones > 0.0)
     return _part(track, good)
 
 

@@ -58,6 +58,8 @@ SUDDEN_ROWS, SUDDEN_SHARE = 5, 0.5
 MOST_STEPS = 8
 # The part of the flight that stands for all of it is at least so long.
 USUAL_S = 15.0
+# A step so soon after arming may be the take-off.
+AROUND_S = 12.0
 MG_PER_UT = 10.0
 
 
@@ -161,7 +163,7 @@ def look_at_compass(
     pieces = _pieces(rows)
     usual = min(pieces, key=_strangeness)
     fit = best_fit(usual)
-    found = _steps(track.imu, pieces, usual)
+    found = _steps(track.imu, rows, pieces, usual)
     if fit is not None:
         found += _constant(track.imu, usual, fit, context, is_raw=is_raw)
         found += _motors(track.imu, usual, fit, is_current=context.throttle is None)
@@ -172,6 +174,11 @@ def _strangeness(piece: Rows) -> tuple[bool, float]:
     """How far the field of a part is from the earth's; short ones stand for nothing."""
     own = np.linalg.norm(piece.m_b_ut - piece.earth_b_ut, axis=1)
     return bool(piece.t_s[-1] - piece.t_s[0] < USUAL_S), float(np.median(own))
+
+
+def _in_flight(rows: Rows, t_s: float) -> bool:
+    """Whether the motors turned all the while around a time."""
+    return bool(rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all())
 
 
 def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context) -> Rows | None:
@@ -300,7 +307,7 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.linalg.norm(np.median(apart, axis=0)))
 
 
-def _steps(compass: int, pieces: list[Rows], usual: Rows) -> list[Finding]:
+def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Finding]:
     """What has changed in each part but the usual one, against that one."""
     own = np.median(usual.m_b_ut - usual.earth_b_ut, axis=0)
     least = STEP_SHARE * float(np.median(usual.norm_ut))
@@ -315,18 +322,20 @@ def _steps(compass: int, pieces: list[Rows], usual: Rows) -> list[Finding]:
         if piece is usual or size < least:
             continue
         x, y, z = change * MG_PER_UT
+        flew = all(_in_flight(rows, cut) for cut in cuts if from_s <= cut <= to_s)
+        why = "a magnet, a motor or a wire" if flew else "the ground that it stood on, or motors"
         found.append(
             Finding(
                 "compass_step",
                 f"compass {compass + 1}",
-                Severity.WARNING,
+                Severity.WARNING if flew else Severity.NOTICE,
                 float(from_s),
                 float(to_s),
                 size * MG_PER_UT,
                 "mG",
                 f"field of the vehicle itself changed by {size * MG_PER_UT:.0f} mG",
-                f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: a "
-                "magnet, a motor or a wire near it, and not the place that was flown over",
+                f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: {why} "
+                "near the compass",
             )
         )
     return found

@@ -14,17 +14,12 @@ from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS, aids, covered_s
 from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
+from h2nav.review.gathering import all_findings
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
 
 FORMAT = 1
 DIGITS = 6  # significant ones; a file may hold more than any sensor has
 MOST_TEXTS = 500
-
-
-def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
-    """Of the checks in flight and of the whole flight, the worst first, each once."""
-    both = dict.fromkeys((*flight.findings, *analysis.findings))
-    return tuple(sorted(both, key=lambda one: (one.severity, one.from_s, one.kind)))
 
 
 def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:

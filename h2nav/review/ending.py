@@ -13,7 +13,7 @@ STILL_S = 2.0
 TOPPLED_RAD = 60.0 * DEG
 # Landings stay below 3 g at an autopilot's sample rates; an airframe breaks beyond.
 HARD_M_S2 = 6.0 * GRAVITY_M_S2
-IMPACT_S = 20.0
+IMPACT_S, PICKED_UP_S = 20.0, 6.0
 
 
 def look_at_ending(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
@@ -21,7 +21,9 @@ def look_at_ending(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
     if not armed or len(track.t_s) < 2:
         return []
     before = track.t_s < armed[0].from_s + STILL_S
-    after = track.t_s > armed[-1].to_s - IMPACT_S
+    # Later on somebody may have picked it up.
+    end_s = armed[-1].to_s
+    after = (track.t_s > end_s - IMPACT_S) & (track.t_s < end_s + PICKED_UP_S)
     stood = _rest(track, before, last=False)
     lies = _rest(track, after, last=True)
     if stood is None or lies is None:

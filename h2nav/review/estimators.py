@@ -332,12 +332,12 @@ def _beyond(
             Finding(
                 f"autopilot_{part}_off",
                 "autopilot",
-                Severity.WARNING,
+                Severity.NOTICE,
                 0.0,
                 0.0,
                 0.0,
                 "deg",
-                f"the autopilot's {part} is off by {{size:.0f}} deg",
+                f"{part} of the autopilot and ours differ by {{size:.0f}} deg",
                 "beyond three deviations of ours",
             ),
         )
@@ -345,8 +345,12 @@ def _beyond(
         for piece in pieces:
             if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
                 continue
-            verdict = _verdict(context, imu, own, best, (piece.from_s, piece.to_s))
-            found.append(piece._replace(evidence=f"{piece.evidence}; {verdict}"))
+            verdict, is_ours = _verdict(context, imu, own, best, (piece.from_s, piece.to_s))
+            told_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
+            if is_ours:
+                text = f"the autopilot's {part} is off by {piece.size:.0f} deg"
+                told_as = told_as._replace(severity=Severity.WARNING, text=text)
+            found.append(told_as)
     return found
 
 
@@ -374,17 +378,17 @@ def _verdict(
     own: Attitudes,
     best: Attitudes,
     span: tuple[float, float],
-) -> str:
-    """Whose attitude the receiver's velocity fits better."""
+) -> tuple[str, bool]:
+    """Whose attitude the receiver's velocity fits better, and whether it is ours."""
     gps = context.gps[0] if context.gps else None
     if gps is None or imu is None:
-        return "no velocity shows who is right"
+        return "no velocity shows who is right", False
     at_s = gps.t_s[(gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix]
     v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
     late = np.searchsorted(at_s, at_s + WINDOW_S)
     first = np.flatnonzero(late < len(at_s))
     if len(first) < 5:
-        return "no velocity shows who is right"
+        return "no velocity shows who is right", False
     change = v_n[late[first]] - v_n[first]
     rest = []
     for track in (own, best):
@@ -393,9 +397,10 @@ def _verdict(
         rest.append(float(np.sqrt(np.nanmean((change - inertial) ** 2))))
     theirs, ours = rest
     if min(theirs, ours) > BETTER * max(theirs, ours) or not all(map(math.isfinite, rest)):
-        return "the receiver's velocity does not show who is right"
+        return "the receiver's velocity does not show who is right", False
     right = "ours" if ours < theirs else "the autopilot's"
-    return (
+    words = (
         f"the receiver's velocity fits {right} better (rms {ours:.2f} m/s with ours, "
         f"{theirs:.2f} with the autopilot's)"
     )
+    return words, ours < theirs

@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 LONGEST_GAP_S = 0.5
 # A sample that comes later than this after the one before holds for no longer.
 LONGEST_STEP_S = 0.1
+SLOWED_HZ = 100.0
 
 
 class Attitudes(NamedTuple):
@@ -175,34 +176,42 @@ class Velocity(NamedTuple):
 
     Attributes:
         t_s: (N,) of the samples.
-        v_n: (N, 3) NED, m/s.
-        unknown_s: (N,) for how long until then there was no sample or no attitude.
+        values: (N, 5) NED, m/s; for how long until then there was no sample or no attitude, s; the
+            variance of what slow samples of a vibration add, (m/s)^2.
     """
 
     t_s: Array
-    v_n: Array
-    unknown_s: Array
+    values: Array
 
     def between(self, from_s: Array, to_s: Array) -> Array:
         """(M, 3) changes from one time to another; NaN where something is unknown between."""
-        ends = (from_s, to_s)
-        first, last = (np.stack([_at(t, self.t_s, v) for v in self.v_n.T], axis=1) for t in ends)
-        before, after = (_at(t, self.t_s, self.unknown_s) for t in ends)
-        change: Array = last - first
-        change[~(after - before < 0.5 * LONGEST_STEP_S)] = np.nan
-        return change
+        change = _at(to_s, self.t_s, self.values) - _at(from_s, self.t_s, self.values)
+        moved: Array = change[:, :3]
+        moved[~(change[:, 3] < 0.5 * LONGEST_STEP_S)] = np.nan
+        return moved
+
+    def variance(self, from_s: Array, to_s: Array) -> Array:
+        """(M,) of the changes, (m/s)^2, by the vibration alone."""
+        change = _at(to_s, self.t_s, self.values) - _at(from_s, self.t_s, self.values)
+        known: Array = np.nan_to_num(change[:, 4])
+        return known
 
 
 def _at(at_s: Array, t_s: Array, values: Array) -> Array:
-    inside: Array = np.interp(at_s, t_s, values, left=np.nan, right=np.nan)
-    return inside
+    """(M, k) values between those of the samples; NaN beyond the ends."""
+    after = np.clip(np.searchsorted(t_s, at_s), 1, len(t_s) - 1)
+    first, last = t_s[after - 1], t_s[after]
+    share = ((at_s - first) / np.maximum(last - first, 1e-9))[:, None]
+    found: Array = values[after - 1] + share * (values[after] - values[after - 1])
+    found[~((at_s >= t_s[0]) & (at_s <= t_s[-1]))] = np.nan
+    return found
 
 
 def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
     """Specific force turned by the attitude and integrated, gravity taken off.
 
     Args:
-        track: at least one sample.
+        track: at least two samples.
         q_nb: (N, 4) attitude at each of them; NaN where it is not known.
     """
     is_known = ~np.isnan(q_nb.sum(axis=1))
@@ -212,7 +221,18 @@ def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
     dt = np.clip(gap, 0.0, LONGEST_STEP_S)
     acceleration[1:] = 0.5 * (acceleration[1:] + acceleration[:-1])
     unknown_s = np.cumsum(np.where(is_known, gap - dt, gap))
-    return Velocity(track.t_s, np.cumsum(acceleration * dt[:, None], axis=0), unknown_s)
+    v_n = np.cumsum(acceleration * dt[:, None], axis=0)
+    return Velocity(track.t_s, np.column_stack((v_n, unknown_s, noise(track.f_b, dt))))
+
+
+def noise(values: Array, dt_s: Array) -> Array:
+    """(N,) variance of the integral until each sample, if steps between samples are noise.
+
+    Slow samples of a vibration are as good as noise.
+    """
+    apart = np.diff(values, axis=0, prepend=values[:1])
+    variance: Array = np.cumsum(0.5 * (apart**2).sum(axis=1) * dt_s**2)
+    return variance
 
 
 def within(t_s: Array, spans: Iterable[Span]) -> Mask:
@@ -232,10 +252,33 @@ def runs(is_so: Mask) -> list[tuple[int, int]]:
 def means(t_s: Array, values: Array, edges_s: Array) -> Array:
     """(M - 1, k) means of the values between successive times; NaN where there are none."""
     place = np.searchsorted(t_s, edges_s)
-    sums = np.vstack((np.zeros(values.shape[1]), np.cumsum(values, axis=0)))[place]
-    counts = np.diff(place)[:, None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(counts > 0, np.diff(sums, axis=0) / counts, np.nan)
+    counts = np.diff(place)
+    found = np.full((len(counts), values.shape[1]), np.nan)
+    filled = counts > 0
+    if filled.any():
+        used = values[: place[-1]]
+        found[filled] = np.add.reduceat(used, place[:-1][filled], axis=0) / counts[filled, None]
+    return found
+
+
+def slowed(track: ImuTrack) -> ImuTrack:
+    """Means of as many samples as leave 100 a second or more, at the time of their last one.
+
+    The motion of a vehicle is in them; its vibration is not. The compass is left out.
+    """
+    count = len(track.t_s)
+    together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
+    if together < 2:
+        return track
+    whole = count // together * together
+    last = slice(together - 1, whole, together)
+    return track._replace(
+        t_s=track.t_s[last],
+        stamp_us=track.stamp_us[last],
+        w_b=track.w_b[:whole].reshape(-1, together, 3).mean(axis=1),
+        f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1),
+        m_b_ut=track.m_b_ut[last],
+    )
 
 
 def thinned(length: int, most: int) -> NDArray[np.intp]:

@@ -7,15 +7,15 @@ from h2nav.integrity.findings import Finding, Severity
 from h2nav.review.advice import advice
 from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS
-from h2nav.review.document import all_findings, document
+from h2nav.review.document import document
 from h2nav.review.flight import Flight
+from h2nav.review.gathering import all_findings, together
 from h2nav.review.html import asset, data_block, escape, frame, table
 from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
 from h2nav.review.pictures.columns import shown_s
 from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
 
 MOST_FINDINGS = 40
-SAME_TIME_S = 2.0
 _WORDS = {"severe": "serious", "doubtful": "warning", "noted": "note"}
 _KINDS = {
     "tlog": "telemetry log",
@@ -37,7 +37,7 @@ def page(flight: Flight, analysis: Analysis) -> str:
         A file that opens without a network: findings, how sure they are, pictures.
     """
     told = document(flight, analysis)
-    findings = all_findings(flight, analysis)
+    findings = together(all_findings(flight, analysis))
     sections = [section for section in _sections(flight, analysis, findings) if _is_filled(section)]
     drawn = _Drawn()
     body = "\n".join(
@@ -156,9 +156,8 @@ def _no_estimate(told: dict[str, Any]) -> str:
 
 
 def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    together = _together(findings)
-    wrong = [one for one in together if one.severity <= Severity.WARNING]
-    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(together)]
+    wrong = [one for one in findings if one.severity <= Severity.WARNING]
+    parts = ['<section id="findings"><h2>What was found</h2>', _verdict(wrong), _list(findings)]
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
@@ -193,27 +192,6 @@ def _verdict(wrong: Sequence[Finding]) -> str:
     )
 
 
-def _together(findings: Sequence[Finding]) -> list[Finding]:
-    """One finding for what several sensors of the same kind show at the same time."""
-    found: list[Finding] = []
-    for one in findings:
-        for place, other in enumerate(found):
-            if _is_same(one, other):
-                largest = max(one, other, key=lambda each: each.size)
-                source = ", ".join(sorted({*other.source.split(", "), one.source}))
-                found[place] = largest._replace(source=source)
-                break
-        else:
-            found.append(one)
-    return found
-
-
-def _is_same(one: Finding, other: Finding) -> bool:
-    is_sensor = one.source.rpartition(" ")[2].isdigit()
-    is_then = max(abs(one.from_s - other.from_s), abs(one.to_s - other.to_s)) <= SAME_TIME_S
-    return is_sensor and is_then and one[0] == other[0] and one.severity == other.severity
-
-
 def _list(findings: Sequence[Finding]) -> str:
     def items(some: Iterable[Finding]) -> str:
         return f'<ol class="findings">{"".join(_item(one) for one in some)}</ol>'
@@ -231,7 +209,8 @@ def _item(finding: Finding) -> str:
     of_kind, level = advice(finding.kind), _level(finding.severity)
     source = finding.source
     text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
-    size = f"{_figure(finding.size)} {finding.unit}".strip()
+    # A size without a unit counts what the text counts too.
+    size = f"{_figure(finding.size)} {finding.unit}" if finding.unit else ""
     lines = [
         ("means", of_kind.means),
         ("shown by", finding.evidence),

@@ -37,7 +37,8 @@ TILT_SIGMA_RAD = 0.5 * DEG
 LARGEST_JITTER_S = 0.25
 LASTING_S = 1.5
 # Lags that are tried; receivers for vehicles have 0.05 to 0.4 s.
-EARLIEST_LAG_S, LATEST_LAG_S, LAG_STEP_S = -0.2, 1.2, 0.02
+EARLIEST_LAG_S, LATEST_LAG_S, COARSE_LAG_S, LAG_STEP_S = -0.2, 1.2, 0.1, 0.02
+MOST_LAG_FIXES = 5000
 LAG_WINDOW_S = 1.0
 # The vehicle has to change its velocity by as much (rms over a window) for a lag to show, and the
 # best lag has to explain it.
@@ -69,7 +70,12 @@ class _Moves(NamedTuple):
 
 
 def look_at_receiver(
-    gps: GpsTrack, context: Context, track: ImuTrack | None, best: Attitudes | None
+    gps: GpsTrack,
+    context: Context,
+    track: ImuTrack | None,
+    best: Attitudes | None,
+    *,
+    is_polled: bool,
 ) -> tuple[Receiver, list[Finding]]:
     """One receiver.
 
@@ -78,20 +84,24 @@ def look_at_receiver(
         context: armed state and parameters.
         track: samples that its motion is compared with; None without any.
         best: the attitude; None without one.
+        is_polled: its fixes come in a stream that has a rhythm of its own, so that they may be
+            older by a period than at the receiver.
     """
     name = "GPS" if gps.receiver == 0 else f"GPS {gps.receiver + 1}"
     found = [*_lost(name, gps, context), *_quality(name, gps, context)]
     position_m = _jumps(gps)
-    found += _told_jumps(name, gps, position_m)
+    found += _told_jumps(name, gps, position_m, within(gps.t_s, context.armed))
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
     moves = _moves(gps)
     if track is not None and best is not None and len(moves.t_s) > 10:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = _lag(moves, velocity)
-        found += _told_lag(name, moves, lag_s, context)
+        found += _told_lag(name, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
-        found += _contradictions(name, moves, velocity, own, best)
+        tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
+        flying = within(moves.t_s, context.armed)
+        found += _contradictions(name, moves, velocity, tilt, flying, own)
         difference = _change(gps.t_s, gps.v_n, velocity, LENGTHS_S[0], own)
     place = thinned(len(gps.t_s), MOST_POINTS)
     shown = Receiver(
@@ -139,48 +149,68 @@ def _change(t_s: Array, v_n: Array, velocity: Velocity, length_s: float, lag_s: 
 
 def _lag(moves: _Moves, velocity: Velocity) -> float:
     """How late the receiver's velocity is, s; NaN where the motion does not show it."""
-    lags = np.arange(EARLIEST_LAG_S, LATEST_LAG_S + 0.5 * LAG_STEP_S, LAG_STEP_S)
-    changes = [
-        _change(moves.t_s, moves.v_n, velocity, LAG_WINDOW_S, lag)[:, moves.axes] for lag in lags
-    ]
-    whole = np.isfinite(changes).all(axis=(0, 2))
-    if whole.sum() < FEWEST_LAG_WINDOWS:
+    if len(moves.t_s) > MOST_LAG_FIXES:
+        # A long flight shows it in a part from its middle.
+        first = (len(moves.t_s) - MOST_LAG_FIXES) // 2
+        part = slice(first, first + MOST_LAG_FIXES)
+        moves = _Moves(moves.t_s[part], moves.v_n[part], moves.sigma_m_s[part], moves.axes)
+    coarse: Array = np.arange(EARLIEST_LAG_S, LATEST_LAG_S + 0.5 * COARSE_LAG_S, COARSE_LAG_S)
+    around, _ = _cost(moves, velocity, coarse)
+    if around is None:
         return math.nan
-    squares = np.array([(change[whole] ** 2).sum(axis=1) for change in changes])
-    # The fixes that contradict at every lag say nothing of it.
-    usual = squares.min(axis=0)
-    kept = usual <= np.quantile(usual, 0.9)
-    cost = squares[:, kept].mean(axis=1)
-    still = _change(moves.t_s, 0.0 * moves.v_n, velocity, LAG_WINDOW_S, 0.0)[:, moves.axes]
-    moved = float((still[whole][kept] ** 2).sum(axis=1).mean())
-    best = int(np.argmin(cost))
-    if not 0 < best < len(lags) - 1:
+    best = float(coarse[np.argmin(around)])
+    steps = round(COARSE_LAG_S / LAG_STEP_S) + 1
+    lags = LAG_STEP_S * np.arange(-steps, steps + 1, dtype=np.float64) + best
+    cost, seconds = _cost(moves, velocity, lags)
+    still = moves._replace(v_n=0.0 * moves.v_n)
+    moved, _ = _cost(still, velocity, np.zeros(1))
+    if cost is None or moved is None:
         return math.nan
-    if moved < MOVED_M_S**2 or cost[best] > EXPLAINED * moved:
+    place = int(np.argmin(cost))
+    if not 0 < place < len(lags) - 1 or moved[0] < MOVED_M_S**2:
         return math.nan
-    left, middle, right = cost[best - 1 : best + 2]
-    bend = left - 2.0 * middle + right
+    left, middle, right = cost[place - 1 : place + 2]
+    bend = max(left - 2.0 * middle + right, 1e-12)
     # Of so many independent windows the variance of the top follows from the parabola's bend.
-    seconds = max(kept.sum() * float(np.median(np.diff(moves.t_s))) / LAG_WINDOW_S, 1.0)
-    sigma = LAG_STEP_S * math.sqrt(2.0 * middle / (max(bend, 1e-12) * seconds))
-    if sigma > SURE_LAG_S:
+    sigma = LAG_STEP_S * math.sqrt(2.0 * middle / (bend * max(seconds / LAG_WINDOW_S, 1.0)))
+    if middle > EXPLAINED * moved[0] or sigma > SURE_LAG_S:
         return math.nan
-    return float(lags[best] + 0.5 * LAG_STEP_S * (left - right) / max(bend, 1e-12))
+    return float(lags[place] + 0.5 * LAG_STEP_S * (left - right) / bend)
 
 
-def _told_lag(name: str, moves: _Moves, lag_s: float, context: Context) -> list[Finding]:
+def _cost(moves: _Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, float]:
+    """(L,) mean squares of what each lag leaves, over the same windows, and their seconds."""
+    changes = np.array(
+        [_change(moves.t_s, moves.v_n, velocity, LAG_WINDOW_S, lag)[:, moves.axes] for lag in lags]
+    )
+    squares = (changes**2).sum(axis=2)
+    squares = squares[:, np.isfinite(squares).all(axis=0)]
+    if squares.shape[1] < FEWEST_LAG_WINDOWS:
+        return None, 0.0
+    # The fixes that contradict at every lag say nothing of it.
+    least = squares.min(axis=0)
+    kept = least <= np.quantile(least, 0.9)
+    seconds = float(kept.sum() * np.median(np.diff(moves.t_s)))
+    cost: Array = squares[:, kept].mean(axis=1)
+    return cost, seconds
+
+
+def _told_lag(
+    name: str, moves: _Moves, lag_s: float, context: Context, polled_s: float
+) -> list[Finding]:
     if math.isnan(lag_s):
         return []
     configured = next(
         (context.parameters[p] for p in DELAY_PARAMETERS if context.parameters.get(p)), None
     )
     apart = None if configured is None else lag_s - configured * 1e-3
-    is_late = lag_s > LATEST_USABLE_S
-    if not is_late and (apart is None or abs(apart) < LAG_APART_S):
+    period_s = float(np.median(np.diff(moves.t_s)))
+    is_late = lag_s > LATEST_USABLE_S + polled_s + 0.5 * period_s
+    if not is_late and (apart is None or -LAG_APART_S < apart < LAG_APART_S + polled_s):
         return []
     evidence = (
-        "its changes of velocity fit the specific force, turned by the attitude, best when it is "
-        f"taken as {lag_s * 1e3:.0f} ms old"
+        "by arrival, its changes of velocity fit the specific force, turned by the attitude, best "
+        f"when it is taken as {lag_s * 1e3:.0f} ms old"
     )
     if configured is not None:
         evidence += f"; {configured:.0f} ms are configured"
@@ -214,20 +244,21 @@ def _by_jitter(moves: _Moves, velocity: Velocity, lag_s: float) -> Array:
 
 
 def _contradictions(
-    name: str, moves: _Moves, velocity: Velocity, lag_s: float, best: Attitudes
+    name: str, moves: _Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
 ) -> list[Finding]:
     """Where a change of velocity is none that the IMU could have missed."""
     worst = np.zeros(len(moves.t_s))
     ratio = np.zeros(len(moves.t_s))
     begins = moves.t_s.copy()
-    tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
     receiver = math.sqrt(2.0) * np.hypot(
         np.maximum(moves.sigma_m_s, LEAST_SIGMA_M_S), _by_jitter(moves, velocity, lag_s)
     )
     for length_s in LENGTHS_S:
         change = _change(moves.t_s, moves.v_n, velocity, length_s, lag_s)[:, moves.axes]
-        size = np.nan_to_num(np.linalg.norm(change, axis=1))
-        sigma = np.hypot(receiver, length_s * np.hypot(FORCE_SIGMA_M_S2, GRAVITY_M_S2 * tilt))
+        size = np.where(flying, np.nan_to_num(np.linalg.norm(change, axis=1)), 0.0)
+        at_s = moves.t_s - lag_s
+        slow = length_s * np.hypot(FORCE_SIGMA_M_S2, GRAVITY_M_S2 * tilt)
+        sigma = np.sqrt(receiver**2 + slow**2 + velocity.variance(at_s - length_s, at_s))
         own = size / (GATE * sigma)
         better = own > ratio
         worst, ratio = np.where(better, size, worst), np.where(better, own, ratio)
@@ -282,8 +313,8 @@ def _jumps(gps: GpsTrack) -> Array:
     return apart
 
 
-def _told_jumps(name: str, gps: GpsTrack, position_m: Array) -> list[Finding]:
-    places = np.flatnonzero(np.nan_to_num(position_m) > JUMP_M)
+def _told_jumps(name: str, gps: GpsTrack, position_m: Array, flying: Mask) -> list[Finding]:
+    places = np.flatnonzero((np.nan_to_num(position_m) > JUMP_M) & flying)
     if not len(places):
         return []
     size = float(position_m[places].max())

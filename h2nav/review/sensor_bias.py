@@ -18,6 +18,7 @@ from h2nav.review.inertial import (
     conjugate,
     logarithm,
     means,
+    noise,
     rotate,
     thinned,
     turns,
@@ -57,6 +58,8 @@ SURE_RAD = 1.5 * DEG
 # A scale that is off by 1 % is a false bias of a hundredth of the rate.
 FASTEST_TURN_RAD_S = 40.0 * DEG
 LONGEST_GAP_S = 0.1
+# What slow samples of a vibrating gyro may make of a window's mean.
+SHAKEN_RAD_S = 0.3 * DEG
 DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
 
 
@@ -157,6 +160,8 @@ def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, M
     turned = np.linalg.norm(track.w_b, axis=1) * np.minimum(gaps, LONGEST_GAP_S)
     path = np.add.reduceat(turned, place)[:-1]
     rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | (longest > LONGEST_GAP_S)
+    shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
+    rough |= np.sqrt(shaken) > SHAKEN_RAD_S * length_s
     rough |= ~is_known | (path > FASTEST_TURN_RAD_S * length_s)
     return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
 
@@ -309,8 +314,14 @@ def _disagreeing(
     """Pairs that differ; with three IMUs the odd one is named."""
     beyond: dict[tuple[int, int], Array] = {}
     for one, other in itertools.combinations(range(len(values)), 2):
-        apart = np.linalg.norm(values[one] - values[other], axis=1)
-        if np.count_nonzero(apart > limit) >= FEWEST_WINDOWS:
+        difference = values[one] - values[other]
+        apart = np.linalg.norm(difference, axis=1)
+        places = apart > limit
+        # What vibration makes of slow samples points now here, now there.
+        if (
+            np.count_nonzero(places) >= FEWEST_WINDOWS
+            and np.linalg.norm(difference[places].mean(axis=0)) > limit
+        ):
             beyond[one, other] = apart
     blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
     found = []

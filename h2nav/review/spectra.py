@@ -19,6 +19,9 @@ from h2nav.review.tracks import Peak, Spectrum, Vibration
 MOST_BINS = 256
 MOST_COLUMNS = 300
 FEWEST_WINDOWS = 4
+# A long flight is looked at in pieces with gaps between them.
+MOST_WINDOWS = 1500
+AT_ONCE = 64
 UNITS = {"gyro": "rad/s", "accelerometer": "m/s^2"}
 # Times may differ from equal steps by this share of a window.
 UNEVEN_SHARE = 0.02
@@ -103,11 +106,11 @@ def _of_bursts(bursts: list[Burst], armed: tuple[Span, ...]) -> _Windows | None:
         for first in range(0, len(burst.values) - length + 1, max(length // 2, 1)):
             pieces.append(burst.values[first : first + length])
             times.append(burst.t_s + (first + 0.5 * length) / rate)
-    return _densities(np.array(times), np.array(pieces), rate)
+    return _densities(np.array(times), np.array(pieces).transpose(0, 2, 1), rate)
 
 
 def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows | None:
-    """Half-overlapping windows of a stream, those without a gap."""
+    """Windows of a stream that overlap by half where they are not too many, without gaps."""
     values = track.w_b if sensor == "gyro" else track.f_b
     t_s = track.t_s
     length = 2 * MOST_BINS
@@ -117,7 +120,8 @@ def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows
     period = float(np.median(np.diff(stamp_s)))
     if period <= 0.0:
         return None
-    starts = np.arange(0, len(t_s) - length + 1, length // 2)
+    step = max(length // 2, (len(t_s) - length) // MOST_WINDOWS)
+    starts = np.arange(0, len(t_s) - length + 1, step)
     nominal = (length - 1) * period
     span = stamp_s[starts + length - 1] - stamp_s[starts]
     good = np.abs(span - nominal) < UNEVEN_SHARE * nominal
@@ -127,23 +131,27 @@ def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows
     if len(starts) < FEWEST_WINDOWS:
         return None
     times = t_s[starts + length // 2]
-    windows = np.lib.stride_tricks.sliding_window_view(values, length, axis=0)[starts]
-    return _densities(
-        times, windows.transpose(0, 2, 1), 1.0 / float(np.mean(span[good]) / (length - 1))
-    )
+    windows = np.lib.stride_tricks.sliding_window_view(values, length, axis=0)
+    rate_hz = (length - 1) / float(np.mean(span[good]))
+    return _densities(times, windows[starts], rate_hz)
 
 
 def _densities(t_s: Array, pieces: Array, rate_hz: float) -> _Windows:
-    """Densities of (W, n, 3) pieces: Hann windows, the mean and slope taken off."""
-    length = pieces.shape[1]
-    slope = np.linspace(-1.0, 1.0, length)[:, None]
-    pieces = pieces - pieces.mean(axis=1, keepdims=True)
-    tilt = (pieces * slope).sum(axis=1, keepdims=True) / (slope**2).sum()
-    hann = np.hanning(length + 1)[:-1, None]
-    spectrum = np.fft.rfft((pieces - tilt * slope) * hann, axis=1)[:, 1:]
-    power = np.abs(spectrum) ** 2 * (2.0 / (rate_hz * float((hann**2).sum())))
-    frequency = np.arange(1, length // 2 + 1) * (rate_hz / length)
-    return _Windows(t_s, power[:, :MOST_BINS], frequency[:MOST_BINS], rate_hz)
+    """Densities of (W, 3, n) pieces: Hann windows, the mean and slope taken off."""
+    length = pieces.shape[2]
+    slope = np.linspace(-1.0, 1.0, length)
+    hann = np.hanning(length + 1)[:-1]
+    power = np.empty((len(pieces), min(length // 2, MOST_BINS), 3))
+    # As many at a time as a processor's cache holds.
+    for first in range(0, len(pieces), AT_ONCE):
+        part = pieces[first : first + AT_ONCE]
+        part = part - part.mean(axis=2, keepdims=True)
+        part = part - (part @ slope / float(slope @ slope))[:, :, None] * slope
+        spectrum = np.fft.rfft(part * hann, axis=2)[:, :, 1 : power.shape[1] + 1]
+        power[first : first + AT_ONCE] = (spectrum.real**2 + spectrum.imag**2).transpose(0, 2, 1)
+    power *= 2.0 / (rate_hz * float(hann @ hann))
+    frequency = np.arange(1, power.shape[1] + 1) * (rate_hz / length)
+    return _Windows(t_s, power, frequency, rate_hz)
 
 
 def _spectrum(windows: _Windows, imu: int, sensor: str, is_burst: bool) -> Spectrum:
@@ -291,7 +299,7 @@ def look_at_vibration(
         is_told: a check in flight has told of this IMU's vibration already.
     """
     t_s = track.t_s
-    clipped = np.abs(track.f_b).max(axis=1, initial=0.0) >= CLIPPED_M_S2
+    clipped = (np.abs(track.f_b) >= CLIPPED_M_S2) @ np.ones(3) > 0.0
     rate_hz = (len(t_s) - 1) / max(float(t_s[-1] - t_s[0]), 1e-9) if len(t_s) > 1 else 0.0
     level = vibe(track.f_b, rate_hz)
     flying = within(t_s, armed)
@@ -322,17 +330,20 @@ def _low_pass(values: Array, cutoff_hz: float, rate_hz: float) -> Array:
     inner = np.where(apart >= 0, share * powers[np.clip(apart, 0, BLOCK)], 0.0)
     count = -(-len(values) // BLOCK)
     padded = np.vstack((values, np.zeros((count * BLOCK - len(values), 3))))
-    blocks = inner @ padded.reshape(count, BLOCK, 3)
+    columns = padded.reshape(count, BLOCK, 3).transpose(1, 0, 2).reshape(BLOCK, -1)
+    inside = (inner @ columns).reshape(BLOCK, count, 3)
+    states = np.empty((count, 3))
     state = values[0]
-    for number in range(count):
-        blocks[number] += powers[1:, None] * state
-        state = blocks[number, -1]
-    smooth: Array = blocks.reshape(-1, 3)[: len(values)]
+    for number, own in enumerate(inside[-1]):
+        states[number] = state
+        state = own + powers[BLOCK] * state
+    blocks = inside + powers[1:, None, None] * states
+    smooth: Array = blocks.transpose(1, 0, 2).reshape(-1, 3)[: len(values)]
     return smooth
 
 
 def _level(track: ImuTrack, level: Array, flying: Mask, rate_hz: float) -> list[Finding]:
-    worst = level.max(axis=1, initial=0.0)
+    worst = np.maximum(np.maximum(level[:, 0], level[:, 1]), level[:, 2])
     is_high = (worst > VIBE_LIMIT_M_S2) & flying
     if is_high.sum() < LASTING_S * rate_hz:
         return []

@@ -45,7 +45,7 @@ def look_at_timing(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Timing, li
     """Rate, gaps and lateness of one IMU.
 
     Args:
-        track: at least one sample.
+        track: its samples.
         armed: where gaps matter.
     """
     if len(track.t_s) < FEWEST:

@@ -46,6 +46,10 @@ class Comparing:
         """Whether this one of `MESSAGES` is worth reading."""
         return self._limits[message_id].allows(t_ns)
 
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time none of this id is worth reading."""
+        return self._limits[message_id].next_ns
+
     def on_sample(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Effect]:
         """Our newest estimate, None during an alignment."""
         return _records(self.witness.add(sample, estimate))

@@ -154,11 +154,14 @@ class Estimation:
 
     def considers(self, t_ns: int, message_id: int) -> bool:
         """Whether this message could be of use now, before it is even read."""
-        return any(lane.considers(t_ns, message_id) for lane in self._lanes)
+        for lane in self._lanes:  # noqa: SIM110 - a generator costs more than what it asks
+            if lane.considers(t_ns, message_id):
+                return True
+        return False
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
-        outcomes = {}
+        outcomes: dict[int, Outcome] = {}
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
@@ -172,9 +175,10 @@ class Estimation:
                 if outcome.sample is not None:
                     outcomes[lane.imu] = outcome
         told = ""
-        if len(self._lanes) > 1:
+        if self._twins:
             self._find_twins(t_ns)
-            told = self._look(t_ns)
+            if t_ns - self._looked_ns >= LOOK_NS:
+                told = self._look(t_ns)
         outcome = self._sendable(t_ns, outcomes.get(self._lane.imu, NO_SAMPLE))
         return outcome._replace(switched=told) if told else outcome
 
@@ -186,6 +190,13 @@ class Estimation:
                 if lane.is_refused and lane is not self._sent:
                     lane.rest(t_ns)
                 return
+
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either.
+
+        It holds until the next `begin`.
+        """
+        return min(lane.idle_until_ns(message_id) for lane in self._lanes)
 
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
@@ -233,12 +244,10 @@ class Estimation:
         self._newest = sample.t_us, t_ns
         self._has_sent |= outcome.estimate is not None
         self.used += 1
-        return outcome._replace(event=event)
+        return outcome if event is outcome.event else outcome._replace(event=event)
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; tells of a change."""
-        if t_ns - self._looked_ns < LOOK_NS:
-            return ""
         self._looked_ns = t_ns
         for lane in self._lanes:
             lane.judge(t_ns)

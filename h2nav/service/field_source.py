@@ -44,9 +44,9 @@ class FieldSource:
         """The autopilot's time starts again, and its streams have to be asked for again."""
         self._waiting = self._heard_ns = self._since_ns = None
 
-    def wants(self, message_id: int, chosen: ImuMessage | None) -> bool:
-        """Whether only the field of this message is of use, beside that of the chosen one."""
-        return message_id == CALIBRATED_ID and chosen is not None and self._may_borrow(chosen)
+    def is_wanted(self, chosen: ImuMessage | None) -> bool:
+        """Whether the field of `CALIBRATED_ID` is of use beside the chosen message."""
+        return chosen is not None and self._may_borrow(chosen)
 
     def hears(self, t_ns: int, field: Vec3 | None) -> None:
         """Takes the field of a message that is wanted; None where it brings no new one."""

@@ -34,6 +34,9 @@ def preference(autopilot: int, chosen: str) -> tuple[int, ...]:
     return tuple(IDS_BY_NAME[name] for name in names)
 
 
+FOREVER_NS = 1 << 62
+
+
 class LaneMessages(NamedTuple):
     """The messages that may feed one filter.
 
@@ -105,6 +108,17 @@ class ImuChoice:
             return True
         better = self._rank[message_id] < self._rank[self._chosen]
         return better and self._used < self.SETTLED
+
+    @property
+    def is_settled(self) -> bool:
+        """No other message takes over before the one in use is silent."""
+        return self._chosen is not None and self._used >= self.SETTLED
+
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either."""
+        if self._chosen is None or message_id not in self._rank:
+            return FOREVER_NS
+        return self._last_ns + self.SILENT_NS
 
     def takes(self, message_id: int, t_ns: int) -> None:
         """A message that is considered has been read: it is the one in use now."""

@@ -19,7 +19,7 @@ from h2nav.integrity.findings import Alarm
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.service.autopilot import Identity
-from h2nav.service.field_source import FieldSource
+from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.lane_selection import Condition
@@ -245,8 +245,9 @@ class Lane:
             if t_ns < self._rests_until_ns:
                 return False
             self._rests_until_ns, self._refusals, self.is_spoilt = None, 0, True
-        choice = self._choice
-        return choice.considers(message_id, t_ns) or self._fields.wants(message_id, choice.chosen)
+        if self._choice.considers(message_id, t_ns):
+            return True
+        return message_id == CALIBRATED_ID and self._fields.is_wanted(self._choice.chosen)
 
     def take(
         self, t_ns: int, message_id: int, reading: ImuReading, goes_on: tuple[int, int] | None
@@ -299,6 +300,14 @@ class Lane:
     def is_refused(self) -> bool:
         """Nothing of its stream can be used."""
         return self._refusals >= REFUSALS
+
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not considered now will not be, either."""
+        if self._rests_until_ns is not None:
+            return self._rests_until_ns
+        if message_id == CALIBRATED_ID and not self._choice.is_settled:
+            return 0  # a message that borrows its field may come into use
+        return self._choice.idle_until_ns(message_id)
 
     # --- what else is known -------------------------------------------------------------------
 
@@ -376,7 +385,10 @@ class Lane:
             self._offset = (x - u + a, y - v + b, z - w + c)
 
     def _sample(self, t_ns: int, t_us: int, message_id: int, reading: ImuReading) -> ImuSample:
-        return self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading).at(t_us)
+        _, w_b, f_b, m_b_ut, clipped, _ = self._fields.choose(
+            t_ns, IMU_MESSAGES[message_id], reading
+        )
+        return ImuSample(t_us, w_b, f_b, m_b_ut, clipped)
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         self._newest_us = sample.t_us
@@ -393,9 +405,9 @@ class Lane:
         self._counted += 1
         self._refusals = 0
         self.last_used_ns = t_ns
-        sample = _usable(
-            sample, use, is_at_end=is_at_end, has_field=not self._monitor.field_is_frozen
-        )
+        if use is not Use.ALL or is_at_end or self._monitor.field_is_frozen:
+            has_field = not self._monitor.field_is_frozen
+            sample = _usable(sample, use, is_at_end=is_at_end, has_field=has_field)
         if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
             self._filter.use_delays(self.timing.delays)
             self._monitor.use_delays(self.timing.delays)
@@ -406,7 +418,8 @@ class Lane:
             self.restart()
             self._rejected["filter_error"] += 1
             return Outcome(sample, event=event)
-        if unled is not None and not all(map(math.isfinite, unled.q_nb + unled.w_b)):
+        # Neither attitude nor rates are so large that their sum is not finite where they are.
+        if unled is not None and not math.isfinite(sum(unled.q_nb) + sum(unled.w_b)):
             self.restart()
             self._rejected["non_finite_estimate"] += 1
             unled = None

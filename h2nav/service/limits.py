@@ -30,6 +30,11 @@ class RateLimit:
         self._free_ns = free_ns + self._period_ns
         return True
 
+    @property
+    def next_ns(self) -> int:
+        """Before this time no event may happen."""
+        return 0 if self._free_ns is None else self._free_ns - self._slack_ns
+
 
 class Steady(Generic[T]):
     """A value that others can change only by sending the new one, and nothing else, for long.

@@ -1,7 +1,7 @@
 """What we send of an estimate, and how often."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -82,11 +82,15 @@ class _Output(Generic[E]):
         self._latest: E | None = None
         self.default_hz: float = rate_hz
         self.rate_hz: float = rate_hz
-        self.due_us: float | None = None
+        self._due_us: float | None = None
+        # Between these nothing is due: most estimates are told by two comparisons.
+        self._after_us = self._before_us = 0.0
 
     def take(self, estimate: E) -> Messages:
         """What is made of it, where it is due."""
         self._latest = estimate
+        if self._after_us < estimate.t_us < self._before_us:
+            return ()
         return self._make(estimate) if self._is_due(estimate.t_us) else ()
 
     def latest(self) -> Messages:
@@ -97,17 +101,26 @@ class _Output(Generic[E]):
         """The latest estimate is stale."""
         self._latest = None
 
+    def set_rate(self, rate_hz: float) -> None:
+        """Changes the rate from the next estimate on."""
+        self.rate_hz = rate_hz
+        self._due_us = None
+        self._after_us = self._before_us = 0.0
+
     def _is_due(self, t_us: int) -> bool:
         if self.rate_hz <= 0.0:
             return False
         period_us = 1e6 / self.rate_hz
-        if self.due_us is None or abs(t_us - self.due_us) > 2.0 * period_us + 1e5:
-            self.due_us = t_us + period_us
-            return True
-        if t_us < self.due_us - EARLY * period_us:
-            return False
-        self.due_us += period_us
-        return True
+        is_due = True
+        if self._due_us is None or abs(t_us - self._due_us) > 2.0 * period_us + 1e5:
+            self._due_us = t_us + period_us
+        elif t_us < self._due_us - EARLY * period_us:
+            is_due = False
+        else:
+            self._due_us += period_us
+        self._after_us = self._due_us - 2.0 * period_us - 1e5
+        self._before_us = self._due_us - EARLY * period_us
+        return is_due
 
 
 class Outputs:
@@ -116,7 +129,7 @@ class Outputs:
     Attributes:
         sent: attitude messages, since start.
         are_held: nothing is due, because the estimates are late.
-        assessment: of the newest estimate.
+        assess: says what is thought of the newest estimate; asked where that is to be sent.
 
     Args:
         settings: the rates; 0 switches a message off.
@@ -139,11 +152,11 @@ class Outputs:
         }
         self._assessments: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Output(
-                lambda estimate: _status(estimate, self.assessment),
+                lambda estimate: _status(estimate, self.assess()),
                 settings.estimator_status_rate_hz,
             ),
             mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(
-                lambda _: _differences(self.assessment.difference),
+                lambda _: _differences(self.assess().difference),
                 settings.difference_rate_hz,
             ),
         }
@@ -158,19 +171,20 @@ class Outputs:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self.sent = 0
         self.are_held = False
-        self.assessment = Assessment()
+        self.assess: Callable[[], Assessment] = Assessment
 
-    def due(self, estimate: AttitudeEstimate) -> Iterator[OutMessage]:
+    def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
         """The messages to send for this attitude."""
+        due: list[OutMessage] = []
         for output in self._attitudes.values():
-            messages = output.take(estimate)
-            if not self.are_held:
-                self.sent += len(messages)
-                yield from messages
+            due += output.take(estimate)
+        attitudes = len(due)
         for output in self._assessments.values():
-            messages = output.take(estimate)
-            if not self.are_held:
-                yield from messages
+            due += output.take(estimate)
+        if self.are_held:
+            return []
+        self.sent += attitudes
+        return due
 
     def due_odometry(self, motion: Motion) -> Messages:
         """ODOMETRY of this estimate, where it is due."""
@@ -204,9 +218,7 @@ class Outputs:
 
     def set_rate(self, message_id: int, rate_hz: float) -> None:
         """Changes a rate, within 0 and `MAX_RATE_HZ`."""
-        output = self._outputs[message_id]
-        output.rate_hz = min(max(rate_hz, 0.0), MAX_RATE_HZ)
-        output.due_us = None
+        self._outputs[message_id].set_rate(min(max(rate_hz, 0.0), MAX_RATE_HZ))
 
 
 def _status(estimate: AttitudeEstimate, assessment: Assessment) -> Messages:

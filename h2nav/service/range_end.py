@@ -37,13 +37,13 @@ class _Axis:
         self._largest = 0.0
         self._end: float | None = None
 
+    def forget(self) -> None:
+        """A value has come that lies at no end."""
+        self._value, self._repeated = 0.0, 0
+
     def is_at_end(self, value: float, others: tuple[float, float]) -> bool:
-        """Takes a sample; whether this axis stands at the end of its range."""
+        """Takes a large value; whether this axis stands at the end of its range."""
         size = abs(value)
-        if size < self._ranges[0] * (1.0 - SCALE_ERROR) - self._offset:
-            self._repeated = 0  # where sensors spend their lives
-            self._value = value
-            return False
         if self._end is not None and size > self._end:
             self._end = None
         if value == self._value:
@@ -63,21 +63,43 @@ class _Axis:
         return any(abs(size - end) <= self._offset + SCALE_ERROR * end for end in self._ranges)
 
 
+class _Axes:
+    """The three axes of one sensor."""
+
+    def __init__(self, ranges: tuple[float, ...], offset: float) -> None:
+        # Where sensors spend their lives: no range ends below.
+        self._usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
+        self._axes = [_Axis(ranges, offset) for _ in range(3)]
+        self._were_usual = True
+
+    def any_at_end(self, values: Vec3) -> bool:
+        """Takes a sample; whether one of the axes stands at the end of its range."""
+        x, y, z = values
+        usual = self._usual
+        if -usual < x < usual and -usual < y < usual and -usual < z < usual:
+            if not self._were_usual:
+                for axis in self._axes:
+                    axis.forget()
+                self._were_usual = True
+            return False
+        self._were_usual = False
+        found = False
+        # Each axis has to see every sample.
+        for axis, value, others in zip(self._axes, values, ((y, z), (z, x), (x, y)), strict=True):
+            if abs(value) < usual:
+                axis.forget()
+            else:
+                found |= axis.is_at_end(value, others)
+        return found
+
+
 class RangeEnds:
     """Watches the three axes of gyro and accelerometer of one stream of samples."""
 
     def __init__(self) -> None:
-        self._gyro = [_Axis(GYRO_RANGES_RAD_S, GYRO_OFFSET_RAD_S) for _ in range(3)]
-        self._force = [_Axis(FORCE_RANGES_M_S2, FORCE_OFFSET_M_S2) for _ in range(3)]
+        self._gyro = _Axes(GYRO_RANGES_RAD_S, GYRO_OFFSET_RAD_S)
+        self._force = _Axes(FORCE_RANGES_M_S2, FORCE_OFFSET_M_S2)
 
     def holds(self, sample: ImuSample) -> bool:
         """Takes a sample; whether one of its axes stands at the end of its range."""
-        return _any_at_end(self._gyro, sample.w_b) | _any_at_end(self._force, sample.f_b)
-
-
-def _any_at_end(axes: list[_Axis], values: Vec3) -> bool:
-    x, y, z = values
-    # Each axis has to see every sample.
-    at_end = axes[0].is_at_end(x, (y, z))
-    at_end |= axes[1].is_at_end(y, (z, x))
-    return axes[2].is_at_end(z, (x, y)) | at_end
+        return self._gyro.any_at_end(sample.w_b) | self._force.any_at_end(sample.f_b)

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections import Counter, deque
+from collections import Counter
 from typing import NamedTuple
 
 SAMPLING_NS = 100_000_000
@@ -44,39 +44,42 @@ class _Snapshot(NamedTuple):
 
 
 class RateMeter:
-    """Counts messages, and looks at the counts ten times a second."""
+    """Looks at the counts of messages ten times a second.
+
+    Attributes:
+        counts: message id -> how many have come; whoever hears one counts it.
+    """
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
-        self._snapshots: deque[_Snapshot] = deque()
+        self.counts: Counter[int] = Counter()
+        self._snapshots: list[_Snapshot] = []
+        self._times_ns: list[int] = []  # of the snapshots, to find one quickly
         self._first_ns: dict[int, int] = {}
 
     def restart(self) -> None:
         """Forgets all that came."""
-        self._counts.clear()
+        self.counts.clear()
         self._snapshots.clear()
+        self._times_ns.clear()
         self._first_ns.clear()
-
-    def arrived(self, message_id: int) -> None:
-        """Counts one message."""
-        self._counts[message_id] += 1
 
     def sample(self, t_ns: int) -> bool:
         """Notes the counts at host time `t_ns`; False where that is not yet due."""
-        if self._snapshots and t_ns - self._snapshots[-1].t_ns < SAMPLING_NS:
+        if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
-        for message_id in self._counts.keys() - self._first_ns.keys():
+        for message_id in self.counts.keys() - self._first_ns.keys():
             self._first_ns[message_id] = t_ns
-        self._snapshots.append(_Snapshot(t_ns, dict(self._counts)))
-        while self._snapshots[0].t_ns < t_ns - LONGEST_SPAN_NS:
-            self._snapshots.popleft()
+        self._snapshots.append(_Snapshot(t_ns, dict(self.counts)))
+        self._times_ns.append(t_ns)
+        old = bisect_left(self._times_ns, t_ns - LONGEST_SPAN_NS)
+        del self._snapshots[:old], self._times_ns[:old]
         return True
 
     def since(self, message_id: int, t_ns: int) -> Arrivals:
         """What came from host time `t_ns` to the latest look, within `LONGEST_SPAN_NS`."""
         if not self._snapshots:
             return Arrivals(0, 0.0)
-        place = bisect_left(self._snapshots, t_ns, key=lambda snapshot: snapshot.t_ns)
+        place = bisect_left(self._times_ns, t_ns)
         first = self._snapshots[min(place, len(self._snapshots) - 1)]
         last = self._snapshots[-1]
         messages = last.counts.get(message_id, 0) - first.counts.get(message_id, 0)

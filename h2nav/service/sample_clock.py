@@ -82,7 +82,8 @@ class SampleClock:
         if 0 < step_us <= MAX_GAP_US:
             if self._is_ahead(t_ns, step_us):
                 return self._try_candidate(t_ns, raw_us, Verdict.STRAY)
-            return Verdict.NEXT, self._accept(t_ns, t_us)
+            self._newest_us, self._newest_ns = t_us, t_ns
+            return Verdict.NEXT, t_us
         if step_us == 0:
             return Verdict.DUPLICATE, t_us
         if -LATE_US < step_us < 0:

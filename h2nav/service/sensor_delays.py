@@ -77,12 +77,14 @@ class SensorTiming:
         self._filter_age_s: float | None = None
         self._newest_us: int | None = None
         self._period_s: float | None = None
+        self._ages: Ages | None = None  # as `sampled` has used them last
+        self._field_is_raw = False
         self.delays = SensorDelays()
 
     def begin(self, identity: Identity) -> None:
         """Another autopilot, of which only its make is known."""
         self._identity = identity
-        self._filter_age_s = None
+        self._filter_age_s = self._ages = None
         self.restart()
 
     def restart(self) -> None:
@@ -108,6 +110,7 @@ class SensorTiming:
         else:
             return False
         before, self._filter_age_s = self.ages().rates_s, age_s
+        self._ages = None
         return age_s != before
 
     def ages(self, *, field_is_raw: bool = False) -> Ages:
@@ -136,14 +139,16 @@ class SensorTiming:
         self._follow(t_us)
         if self._period_s is None:
             return False
-        rates_s, field_s = self.ages(field_is_raw=field_is_raw)
-        lateness_s = 0.0 if rates_s is None else rates_s - 0.5 * self._period_s
-        found = SensorDelays(lateness_s, lateness_s if field_s is None else field_s)
-        if all(
-            abs(new - old) < LEAST_CHANGE_S for new, old in zip(found, self.delays, strict=True)
-        ):
+        if field_is_raw != self._field_is_raw or self._ages is None:
+            self._ages, self._field_is_raw = self.ages(field_is_raw=field_is_raw), field_is_raw
+        rates_s, field_s = self._ages
+        gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * self._period_s
+        field_s = gyro_s if field_s is None else field_s
+        was_gyro_s, was_field_s = self.delays
+        changes_s = abs(gyro_s - was_gyro_s), abs(field_s - was_field_s)
+        if max(changes_s) < LEAST_CHANGE_S:
             return False
-        self.delays = found
+        self.delays = SensorDelays(gyro_s, field_s)
         return True
 
     @property

@@ -125,6 +125,7 @@ class Service:
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
         self._lateness = Lateness()
+        self._outputs.assess = self._assessment
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -142,6 +143,8 @@ class Service:
         self.time_sync = TimeSync()
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
+        self._bound_address: Sender | None = None
+        self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
         self._parameter = ParameterRequest()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
@@ -257,21 +260,40 @@ class Service:
         may_bind = self._autopilot.may_be_replaced(envelope.t_ns)
         return is_autopilot and may_bind and self._autopilot.accepts(envelope.sender)
 
-    def heeds(self, envelope: Envelope) -> bool:
-        """Whether a message has to be read; it is counted as having arrived in any case."""
-        t_ns, _, sender, message_id = envelope
-        owned = self._autopilot.owns(sender)
-        if owned and self._streams is not None:
-            self._streams.arrived(message_id)
-        if message_id in comparing.MESSAGES:
-            return owned and self._comparing.heeds(t_ns, message_id)
-        if message_id not in IMU_MESSAGES:
-            return message_id in READERS
-        if owned:
+    def heeds(self, t_ns: int, sender: Sender, message_id: int) -> bool:
+        """Whether a message has to be read; it is counted as having arrived in any case.
+
+        Args:
+            t_ns: host time of its arrival.
+            sender: system and component id.
+            message_id: one of `message_ids`.
+        """
+        if sender == self._bound_address:
+            if self._streams is not None:
+                self._streams.arrived(message_id)
+            if t_ns < self._idle_until_ns.get(message_id, 0):
+                return False
+            return self._heeds_own(t_ns, message_id)
+        if message_id in IMU_MESSAGES:
+            bound = self._autopilot.identity is not None
+            self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
+            return False
+        return message_id not in comparing.MESSAGES and message_id in READERS
+
+    def _heeds_own(self, t_ns: int, message_id: int) -> bool:
+        """The same of a message of the bound autopilot; remembers how long the answer holds."""
+        if message_id in IMU_MESSAGES:
             self._autopilot.brings_imu()
-            return self._estimation.considers(t_ns, message_id)
-        bound = self._autopilot.identity is not None
-        self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
+            if self._estimation.considers(t_ns, message_id):
+                return True
+            idle_until_ns = self._estimation.idle_until_ns(message_id)
+        elif message_id in comparing.MESSAGES:
+            if self._comparing.heeds(t_ns, message_id):
+                return True
+            idle_until_ns = self._comparing.idle_until_ns(message_id)
+        else:
+            return message_id in READERS
+        self._idle_until_ns[message_id] = idle_until_ns
         return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
@@ -369,6 +391,8 @@ class Service:
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
+        self._bound_address = identity.address
+        self._idle_until_ns.clear()
         self._parameter = ParameterRequest(self._estimation.timing.parameter)
         bound = self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
         return [*bound, self._delays_record()]
@@ -389,9 +413,6 @@ class Service:
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
-            self._outputs.assessment = Assessment(
-                self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
-            )
             effects += self._send_all(self._outputs.due(estimate))
         # Rates and forces are late, and what is computed with them needs the attitude they had.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
@@ -402,6 +423,11 @@ class Service:
         if not self._standing.is_active:
             effects += self._judge(envelope.now_ns)
         return effects
+
+    def _assessment(self) -> Assessment:
+        return Assessment(
+            self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
+        )
 
     def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
         """At rest on the ground; a complaint is looked into wherever the vehicle is."""

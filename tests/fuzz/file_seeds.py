@@ -48,7 +48,13 @@ def tlog() -> list[bytes]:
 @functools.cache
 def link_bytes() -> list[bytes]:
     """The same without the times."""
-    return [b"".join(entry.data for entry in TlogReader(io.BytesIO(tlog()[0])).entries())]
+    return [
+        b"".join(
+            data
+            for batch in TlogReader(io.BytesIO(tlog()[0])).batches()
+            for _, data in batch.pieces()
+        )
+    ]
 
 
 @functools.cache

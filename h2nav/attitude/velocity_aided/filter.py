@@ -14,7 +14,7 @@ from typing import NamedTuple
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -93,6 +93,17 @@ _VELOCITY_USED = int(Trust.VELOCITY_USED)
 _TRUST = tuple(
     int(Trust.ALIGNED) + sum(int(flag) for bit, flag in _BITS if bits & bit) for bits in range(64)
 )
+# What an estimate takes from the kernel's memory, in its order.
+_ESTIMATED = (
+    *("q_nb", "gyro_bias", "dtilt_n", "dtilt_e", "p_xx", "p_yy", "p_zz", "heading_variance"),
+    *("velocity_noise", "k_tilt", "k_velocity", "age_s", "mag_ref_dip", "mag_accepted_age_s"),
+    *("aided", "innovation", "extra_tilt_sigma", "mag_offset_norm", "mag_offset_dip"),
+    *("heading_unknown", "heading_witnessed", "dtilt_accel_n", "dtilt_accel_e", "p_accel"),
+    "fix_period_s",
+)
+_REFERENCED_VARIANCE = REFERENCED_RAD * REFERENCED_RAD
+_OFFSET_VARIANCE = FIELD_OFFSET**2
+_HEADING_VARIANCE_SHARE = HEADING_SHARE**2
 
 
 class VelocityAidedFilter:
@@ -120,10 +131,9 @@ class VelocityAidedFilter:
         self._air: AirAlignment | None = None
         self._witness = HeadingWitness()
         s, u = self._memory, self._sample
-        # A C struct makes a new view whenever it is asked for a vector, and iterating over a view
-        # takes five times as long as a slice: they are asked for once, and read by slices.
-        self._vectors = (s.q_nb, s.gyro_bias, s.innovation, s.dtilt_n, s.dtilt_e)
+        # A C struct makes a new view whenever it is asked for a vector: they are asked for once.
         self._measured = (u.gyro, u.accel, u.mag)
+        self._read = reader(s, Memory, _ESTIMATED)
         s.mag_accepted_age_s = -1.0
         s.p_xx = s.p_yy = s.p_zz = self._g.bias_variance
         self.use_vehicle(VehicleState())
@@ -210,18 +220,19 @@ class VelocityAidedFilter:
         nothing; the rate of a clipped one is doubted. A sample that is not later than the one
         before changes nothing: the estimate before it comes again.
         """
-        if self._t_us is not None and sample.t_us <= self._t_us:
-            return self._estimate(self._t_us, 0) if self._aligned else None
+        t_us, before_us = sample.t_us, self._t_us
+        if before_us is not None and t_us <= before_us:
+            return self._standing(before_us, 0)
         if not is_plausible(sample):
-            return self._estimate(sample.t_us, memory.SATURATED) if self._aligned else None
-        if self._t_us is None or (sample.t_us - self._t_us) * 1e-6 > LONGEST_GAP_S:
+            return self._standing(t_us, memory.SATURATED)
+        if before_us is None or (t_us - before_us) * 1e-6 > LONGEST_GAP_S:
             if self._aligned and self._sample.rest_prior == 0.0:
                 return self._resume(sample)
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
         u, s = self._sample, self._memory
-        u.dt_s = (sample.t_us - (self._t_us or 0)) * 1e-6
+        u.dt_s = (t_us - (before_us or 0)) * 1e-6
         gyro, accel, mag = self._measured
         gyro[:], accel[:] = sample.w_b, sample.f_b
         m = sample.m_b_ut
@@ -230,13 +241,13 @@ class VelocityAidedFilter:
             mag[:] = m
             u.has_mag = 1.0 if is_plausible_field(m) else 0.0
         u.clipped = clipping(sample)
-        self._fill_velocity(sample.t_us)
+        self._fill_velocity(t_us)
         bits = self._step(s, self._g, u)
-        self._t_us = sample.t_us
+        self._t_us = t_us
         if self._air is not None:
             self._follow_in_air(self._air, sample)
-        self._aiding.remember(sample.t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
-        return self._estimate(sample.t_us, bits)
+        self._aiding.remember(t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
+        return self._estimate(t_us, sample.w_b, bits)
 
     def follow(self, t_us: int) -> None:
         """Goes on from a sample of this time, to which a batch has brought memory and sample."""
@@ -245,11 +256,12 @@ class VelocityAidedFilter:
     def _fill_velocity(self, t_us: int) -> None:
         """Writes the velocity's part of the kernel's sample."""
         s, u = self._memory, self._sample
-        u.aided = 1.0 if self._aiding.is_aided(t_us) else 0.0
+        aiding = self._aiding
+        u.aided = 1.0 if aiding.is_aided(t_us) else 0.0
         u.has_fix = 0.0
-        if not self._aiding.waits:
+        if not aiding.waits:
             return
-        fix = self._aiding.take(t_us, (s.gained_n, s.gained_e))
+        fix = aiding.take(t_us, (s.gained_n, s.gained_e))
         if fix is not None:
             u.has_fix = 1.0
             u.fix_velocity_n, u.fix_velocity_e = fix.v_n
@@ -433,34 +445,64 @@ class VelocityAidedFilter:
         self._witness.clear()
         self._watch_in_air(sample.t_us)
         self._sample.gyro[:] = sample.w_b
-        return self._estimate(sample.t_us, memory.RESTARTED)
+        return self._estimate(sample.t_us, sample.w_b, memory.RESTARTED)
 
-    def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
-        s = self._memory
-        q_nb, gyro_bias, innovation, dtilt_n, dtilt_e = self._vectors
+    def _standing(self, t_us: int, bits: int) -> AttitudeEstimate | None:
+        """The estimate of before, where there is one."""
         x, y, z = self._measured[0][:]
-        bias_x, bias_y, bias_z = gyro_bias[:]
-        q_w, q_x, q_y, q_z = q_nb[:]
-        to_n, to_e, to_d = innovation[:]
+        return self._estimate(t_us, (x, y, z), bits) if self._aligned else None
+
+    def _estimate(self, t_us: int, gyro: Vec3, bits: int) -> AttitudeEstimate:
+        # fmt: off
+        (
+            q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, n_x, n_y, n_z, _, e_x, e_y, e_z, _,
+            p_xx, p_yy, p_zz, heading_variance, velocity_noise, k_tilt, k_velocity, age_s,
+            dip, mag_age_s, aided, to_n, to_e, to_d, extra_sigma, offset_norm, offset_dip,
+            heading_unknown, heading_witnessed, accel_n_x, accel_n_y, accel_e_x, accel_e_y,
+            accel_xx, accel_xy, accel_yy, fix_period_s,
+        ) = self._read()
+        # fmt: on
         trust = _TRUST[bits]
-        if s.age_s > CONVERGED_S:
+        if age_s > CONVERGED_S:
             trust |= _CONVERGED
-        is_known = s.heading_variance < REFERENCED_RAD * REFERENCED_RAD
-        is_known = is_known and s.heading_unknown == 0.0
+        is_known = heading_variance < _REFERENCED_VARIANCE and heading_unknown == 0.0
         if is_known:
             trust |= _YAW_REFERENCED
-        is_found = is_known or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0
-        if s.aided > 0.0:
+        # Tilt: of the gain set, the bias through it, and what is beyond; Eq. (11), (27), (30).
+        bias = (
+            p_xx * (n_x * n_x + e_x * e_x)
+            + p_yy * (n_y * n_y + e_y * e_y)
+            + p_zz * (n_z * n_z + e_z * e_z)
+        )
+        gain_set = 2.0 * k_tilt * k_velocity * velocity_noise
+        if aided > 0.0:
             trust |= _VELOCITY_USED
+            # The gains at a fix are those of a second times its period.
+            gain_set /= fix_period_s * fix_period_s
+            for x, y in ((accel_n_x, accel_n_y), (accel_e_x, accel_e_y)):
+                bias += accel_xx * x * x + 2.0 * accel_xy * x * y + accel_yy * y * y
+        sigma_tilt_rad = TILT_SHARE * math.sqrt(
+            max(gain_set + bias, 0.0) + extra_sigma * extra_sigma
+        )
+        # Heading: of theta, and of what a constant disturbance may hide; Eq. (48).
+        sigma_heading_rad = LOST_HEADING_RAD
+        if is_known or mag_age_s >= 0.0 or heading_witnessed > 0.0:
+            hidden = 0.5 * (offset_norm**2 + offset_dip**2) + _OFFSET_VARIANCE
+            # Rounding may leave a variance of nothing a little below it.
+            known = _HEADING_VARIANCE_SHARE * max(heading_variance, 0.0)
+            sigma_heading_rad = min(
+                math.sqrt(known + hidden / math.cos(dip) ** 2), LOST_HEADING_RAD
+            )
+        g_x, g_y, g_z = gyro
         return AttitudeEstimate(
             t_us,
             (q_w, q_x, q_y, q_z),
-            (x - bias_x, y - bias_y, z - bias_z),
+            (g_x - bias_x, g_y - bias_y, g_z - bias_z),
             (bias_x, bias_y, bias_z),
             (to_n, to_e, to_d),
-            _tilt_sigma_rad(s, dtilt_n, dtilt_e),
+            sigma_tilt_rad,
             _ALL_TRUST[trust],
-            _heading_sigma_rad(s) if is_found else LOST_HEADING_RAD,
+            sigma_heading_rad,
         )
 
 
@@ -527,50 +569,13 @@ def clipping(sample: ImuSample) -> float:
 
 def is_plausible(sample: ImuSample) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
-    w, f = sample.w_b, sample.f_b
-    return (
-        abs(w[0]) + abs(w[1]) + abs(w[2]) < MOST_RATE_RAD_S
-        and abs(f[0]) + abs(f[1]) + abs(f[2]) < MOST_FORCE_M_S2
-    )
+    _, (p, q, r), (x, y, z), *_ = sample
+    return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
 
 
 def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
     """False for what no magnetometer can have measured, and for none."""
     return m_b_ut is not None and abs(m_b_ut[0]) + abs(m_b_ut[1]) + abs(m_b_ut[2]) < MOST_FIELD_UT
-
-
-def _tilt_sigma_rad(s: Memory, dtilt_n: Sequence[float], dtilt_e: Sequence[float]) -> float:
-    """Predicted one-sigma tilt error: of the gain set, the bias through it, and what is beyond.
-
-    Source: docs/filter.md Eq. (11), (27), (30).
-    """
-    n_x, n_y, n_z, _ = dtilt_n[:]
-    e_x, e_y, e_z, _ = dtilt_e[:]
-    bias = (
-        s.p_xx * (n_x * n_x + e_x * e_x)
-        + s.p_yy * (n_y * n_y + e_y * e_y)
-        + s.p_zz * (n_z * n_z + e_z * e_z)
-    )
-    gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
-    if s.aided > 0.0:
-        # The gains at a fix are those of a second times its period.
-        gain_set /= s.fix_period_s * s.fix_period_s
-        xx, xy, yy = s.p_accel[:]
-        for x, y in (s.dtilt_accel_n[:], s.dtilt_accel_e[:]):
-            bias += xx * x * x + 2.0 * xy * x * y + yy * y * y
-    unknown = s.extra_tilt_sigma * s.extra_tilt_sigma
-    return TILT_SHARE * math.sqrt(max(gain_set + bias, 0.0) + unknown)
-
-
-def _heading_sigma_rad(s: Memory) -> float:
-    """Predicted one-sigma heading error: of theta, and of what a constant disturbance may hide.
-
-    Source: docs/filter.md Eq. (48).
-    """
-    hidden = 0.5 * (s.mag_offset_norm**2 + s.mag_offset_dip**2) + FIELD_OFFSET**2
-    # Rounding may leave a variance of nothing a little below it.
-    known = HEADING_SHARE**2 * max(s.heading_variance, 0.0)
-    return min(math.sqrt(known + hidden / math.cos(s.mag_ref_dip) ** 2), LOST_HEADING_RAD)
 
 
 def _window_of(numbers: Sequence[float]) -> alignment.Alignment:

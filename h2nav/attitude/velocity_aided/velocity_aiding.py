@@ -130,7 +130,7 @@ class VelocityAiding:
         if gained is None:
             past.clear()
         elif not past or t_us - past[-1][0] >= SPACING_US:
-            past.append((float(t_us), *gained))
+            past.append((float(t_us), gained[0], gained[1]))
 
     def values(self) -> tuple[float, ...]:
         """Everything remembered, as flat numbers."""

@@ -37,8 +37,7 @@ function show(from, to) {
 
 function tell() {
   const digits = shown.to - shown.from < 20 ? 1 : 0;
-  const whole = shown.to - shown.from > END * 0.999;
-  document.getElementById("shown").textContent = (whole ? "whole recording: " : "") +
+  document.getElementById("shown").textContent =
     `${shown.from.toFixed(digits)} to ${shown.to.toFixed(digits)} s`;
   for (const part of document.querySelectorAll("[data-track]")) {
     const isOut = Number(part.dataset.to) < shown.from || Number(part.dataset.from) > shown.to;
@@ -73,18 +72,28 @@ function written(ctx, text, left, right, middle, ratio) {
   if (fits.length > 2 || fits === text) ctx.fillText(fits, left + 3 * ratio, middle);
 }
 
-function backdrop(plot) {
+function eachMode(plot, draw) {
   inside(plot, (ctx, box, ratio, x) => {
-    ctx.font = `${11 * ratio}px sans-serif`;
-    ctx.textBaseline = "top";
     for (const [from, to, name, colour] of review.modes) {
       const left = Math.max(x(from), box.left), right = Math.min(x(to), box.left + box.width);
-      if (right <= left) continue;
-      ctx.fillStyle = colour;
-      ctx.fillRect(left, box.top, right - left, box.height);
-      ctx.fillStyle = SOFT;
-      written(ctx, name, left, right, box.top + 2 * ratio, ratio);
+      if (right > left) draw(ctx, box, ratio, {left, right, name, colour});
     }
+  });
+}
+
+function backdrop(plot) {
+  eachMode(plot, (ctx, box, _, {left, right, colour}) => {
+    ctx.fillStyle = colour;
+    ctx.fillRect(left, box.top, right - left, box.height);
+  });
+}
+
+function modeNames(plot) {
+  eachMode(plot, (ctx, box, ratio, {left, right, name}) => {
+    ctx.font = `${11 * ratio}px sans-serif`;
+    ctx.textBaseline = "top";
+    ctx.fillStyle = SOFT;
+    written(ctx, name, left, right, box.top + 2 * ratio, ratio);
   });
 }
 
@@ -95,6 +104,7 @@ function chosen(plot) {
     ctx.fillStyle = "rgba(176, 58, 0, 0.08)";
     ctx.fillRect(left, box.top, width, box.height);
     ctx.strokeStyle = "rgba(176, 58, 0, 0.7)";
+    ctx.setLineDash([]);
     ctx.lineWidth = ratio;
     ctx.strokeRect(left, box.top - ratio, width, box.height + 2 * ratio);
   });
@@ -161,14 +171,14 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
   for (const trace of traces) {
     const at = made.length + 1;
     made.push({
-      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, show: trace.shown,
+      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, auto: trace.sets_range,
       dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
       value: (_, value) => value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
     });
     data.push(decoded(trace.values));
     if (!trace.low) continue;
     for (const edge of [trace.high, trace.low]) {
-      made.push({label: "", stroke: "transparent", width: 0, class: "edge", show: trace.shown,
+      made.push({label: "", stroke: "transparent", width: 0, class: "edge", auto: false,
         points: {show: false}, of: at});
       data.push(decoded(edge));
     }
@@ -196,7 +206,7 @@ function onTime(options, height) {
     },
     hooks: {
       ...options.hooks, setScale: [followed], drawClear: [backdrop],
-      draw: [chosen, ...(options.hooks?.draw ?? [])],
+      draw: [modeNames, chosen, ...(options.hooks?.draw ?? [])],
     },
   };
 }
@@ -215,8 +225,8 @@ function lines(picture) {
 }
 
 function curves(picture) {
-  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, true);
   const x = floats(picture.x);
+  const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, x.length < 60);
   const scale = picture.is_logarithmic ? {distr: 3}
     : {range: reach({limits: [], digits: picture.digits, at_least: null})};
   return [{
@@ -267,11 +277,14 @@ function heat(picture) {
     return part[row] ? `${(row / (rows - 1) * picture.to_hz).toFixed(0)} Hz` : "–";
   };
   const grid = times(2000);
-  return [onTime({
+  const options = onTime({
     series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
       {label: "strongest", stroke: "#08306b", value: strongest}],
-    axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}}, hooks: {draw: [draw]},
-  }, isNarrow() ? 190 : 220), [grid, new Array(grid.length).fill(null)]];
+    axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}},
+  }, isNarrow() ? 190 : 220);
+  options.hooks.drawClear = [];
+  options.hooks.draw = [draw, chosen];
+  return [options, [grid, new Array(grid.length).fill(null)]];
 }
 
 function rows(picture) {
@@ -298,15 +311,21 @@ function rows(picture) {
     const here = t === null ? [] : spans.filter(([from, to]) => from <= t && t <= to);
     return here.length ? here.map((span) => span[2]).join(", ") : "–";
   };
+  // A row without a label goes on with the one above it.
+  const labelled = [];
+  for (const [label, spans] of picture.rows)
+    if (label) labelled.push([label, [...spans]]);
+    else labelled.at(-1)[1].push(...spans);
   const grid = times(2000), nothing = new Array(grid.length).fill(null);
   const options = onTime({
     series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
-      ...picture.rows.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
+      ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
     axes: axes("s", "", 0, {values: (_, ticks) => ticks.map(() => ""), grid: {show: false}, ticks: {show: false}}),
-    scales: {y: {range: () => [0, 1]}}, hooks: {draw: [draw]},
+    scales: {y: {range: () => [0, 1]}},
   }, step * count + 34 + 8);
   options.hooks.drawClear = [];
-  return [options, [grid, ...picture.rows.map(() => nothing)]];
+  options.hooks.draw = [chosen, draw];
+  return [options, [grid, ...labelled.map(() => nothing)]];
 }
 
 // --- the page -----------------------------------------------------------------------------------
@@ -319,7 +338,7 @@ function made(place) {
   const isTimed = picture.kind !== "curves";
   if (isTimed) timed.push(plot);
   all.push({place, plot});
-  place.classList.add("drawn");
+  place.classList.add("drawn", picture.kind);
   new ResizeObserver(() => {
     if (place.clientWidth && place.clientWidth !== plot.width) plot.setSize({width: place.clientWidth, height: plot.height});
   }).observe(place);

@@ -82,10 +82,9 @@ def _rarest_heading(voices: list[_Voice]) -> float:
     """Where the picture's headings begin and end, rad: where the nose points least."""
     headings = [euler(voice.q_nb).heading for voice in voices]
     known = [heading[np.isfinite(heading)] for heading in headings]
-    counts = sum(
-        np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
-        for heading in known
-    )
+    counts = np.zeros(SECTORS)
+    for heading in known:
+        counts += np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
     # The middle of the widest gap, not its edge: of nine sectors together.
     around = np.convolve(np.tile(counts, 3), np.ones(9), "same")[SECTORS : 2 * SECTORS]
     return (float(np.argmin(around)) + 0.5) * 2.0 * np.pi / SECTORS
@@ -126,7 +125,7 @@ def difference(flight: Flight) -> Section:
             "deg",
             (*_traces(columns, found, "tilt"), _limit(columns, found[0], "tilt")),
             digits=2,
-            at_least=(0.0, 1.0),
+            at_least=(0.0, 3.0),
         ),
         Lines(
             "Heading: difference",
@@ -139,6 +138,7 @@ def difference(flight: Flight) -> Section:
                 _limit(columns, found[0], "heading", sign=-1.0),
             ),
             digits=2,
+            at_least=(-6.0, 6.0),
         ),
     )
     return Section("difference", "Autopilot against h2nav", pictures)
@@ -158,7 +158,8 @@ def _limit(columns: Columns, found: Difference, part: str, sign: float = 1.0) ->
     limit = found.tilt_limit_rad if part == "tilt" else found.heading_limit_rad
     points = sign * BEYOND * _bounded(limit / BEYOND) / DEG
     label = "three deviations" if sign > 0.0 else "three deviations, below"
-    return Trace(label, "#555555", columns.of(found.t_s, points), is_dashed=True)
+    drawn = columns.of(found.t_s, points)
+    return Trace(label, "#555555", drawn, is_dashed=True, sets_range=False)
 
 
 def certainty(flight: Flight) -> Section:

@@ -21,7 +21,7 @@ class Trace(NamedTuple):
         low: (N,) lower edge of a band around it; None without.
         high: (N,) upper edge of it.
         is_dashed: how it is drawn.
-        is_shown: at first; a click on the legend changes it.
+        sets_range: what is drawn has room for all of it; not so for limits, which may be anywhere.
     """
 
     label: str
@@ -30,7 +30,7 @@ class Trace(NamedTuple):
     low: Points | None = None
     high: Points | None = None
     is_dashed: bool = False
-    is_shown: bool = True
+    sets_range: bool = True
 
 
 class Mark(NamedTuple):
@@ -117,7 +117,7 @@ class Row(NamedTuple):
     """What was when.
 
     Attributes:
-        label: of the row.
+        label: of the row; empty where it goes on with the one above.
         spans: in order.
         colours: of each of them.
     """
@@ -204,7 +204,7 @@ def _trace(trace: Trace) -> dict[str, object]:
         "label": trace.label,
         "colour": trace.colour,
         "dashed": trace.is_dashed,
-        "shown": trace.is_shown,
+        "sets_range": trace.sets_range,
         "values": _floats(trace.values),
         "low": _floats(trace.low) if trace.low is not None and has_band else None,
         "high": _floats(trace.high) if trace.high is not None and has_band else None,

@@ -15,18 +15,17 @@ MOST_MARKS = 4
 
 def spectra(analysis: Analysis) -> Section:
     """The first IMU's gyro and accelerometer first, the others on demand."""
-    pictures: list[Picture] = []
-    for spectrum in analysis.spectra:
-        pictures.append(_over_time(spectrum))
-        pictures.append(_mean(spectrum))
     first = min((spectrum.imu for spectrum in analysis.spectra), default=0)
-    count = 2 * sum(spectrum.imu == first for spectrum in analysis.spectra)
     return Section(
         "spectra",
         "Vibration by frequency",
-        tuple(pictures[:count]),
-        further=tuple(pictures[count:]),
+        _pictures([one for one in analysis.spectra if one.imu == first]),
+        further=_pictures([one for one in analysis.spectra if one.imu != first]),
     )
+
+
+def _pictures(spectra: list[Spectrum]) -> tuple[Picture, ...]:
+    return (*(_over_time(one) for one in spectra), *(_mean(one) for one in spectra))
 
 
 def _name(spectrum: Spectrum) -> str:

@@ -54,7 +54,7 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
 
 
 def _found(findings: tuple[Finding, ...]) -> list[Row]:
-    """The worst findings in the first row, what overlaps them below."""
+    """The worst findings in the first row, what overlaps them in rows without a label below."""
     rows: list[list[Finding]] = []
     for one in findings:
         free = [row for row in rows if all(_is_apart(one, other) for other in row)]
@@ -64,7 +64,7 @@ def _found(findings: tuple[Finding, ...]) -> list[Row]:
             rows.append([one])
     return [
         Row(
-            "findings" if number == 0 else "findings, continued",
+            "findings" if number == 0 else "",
             tuple(Span(one.from_s, one.to_s, one.text) for one in row),
             tuple(_severity(one.severity) for one in row),
         )

@@ -36,7 +36,7 @@ def test_without_an_offset_the_log_is_on_the_monotonic_clock(tmp_path: Path) -> 
         recorder.raw("udp", 12_345, b"bytes")
     recording = open_recording(path)
     assert recording.unix_offset_ns == 0
-    assert [arrival.t_ns for arrival in recording.arrivals()] == [12_345]
+    assert [t_ns for t_ns, _ in recording.received()] == [12_345]
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
@@ -57,10 +57,10 @@ def test_what_goes_in_comes_out(tmp_path: Path) -> None:
     assert recorder.trouble is None
     assert recorder.path is not None
     recording = open_recording(recorder.path)
-    assert [tuple(arrival) for arrival in recording.arrivals()] == [
-        (1, b"\xfd\x00", "serial"),
-        (1, b"second at the same time", "udp"),
-        (1, b"third", "serial"),
+    assert list(recording.received()) == [
+        (1, b"\xfd\x00"),
+        (1, b"second at the same time"),
+        (1, b"third"),
     ]
     assert list(recording.records("/recorder")) == [(offset + 3, status._asdict())]
     assert recording.attachments["gains/a.yaml"].data == b"gains: 1\n"

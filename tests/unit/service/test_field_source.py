@@ -17,7 +17,7 @@ def field_at(source, t_ns, message=SCALED, reading=READING):
 
 def test_each_calibrated_field_is_used_once_and_no_raw_one_beside_it():
     source = FieldSource(PX4, lends=True)
-    assert source.wants(HIGHRES.message_id, SCALED)
+    assert source.is_wanted(SCALED)
     assert field_at(source, 0) is None
     source.hears(1, CALIBRATED)
     assert [field_at(source, t_ns) for t_ns in (2, 3)] == [CALIBRATED, None]
@@ -59,7 +59,7 @@ def test_after_a_reboot_the_streams_are_waited_for_again():
 
 def test_other_autopilots_and_a_chosen_message_keep_their_own_field():
     for source in (FieldSource(ARDUPILOT, lends=True), FieldSource(PX4, lends=False)):
-        assert not source.wants(HIGHRES.message_id, SCALED)
+        assert not source.is_wanted(SCALED)
         source.hears(0, CALIBRATED)
         assert field_at(source, 1) == RAW
-    assert not FieldSource(PX4, lends=True).wants(HIGHRES.message_id, HIGHRES)
+    assert not FieldSource(PX4, lends=True).is_wanted(HIGHRES)

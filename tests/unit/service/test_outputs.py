@@ -67,7 +67,7 @@ def test_rates_follow_time_over_an_epoch_change():
 
 def status(trust, **assessment):
     outputs = Outputs(OutputSettings())
-    outputs.assessment = Assessment(**assessment)
+    outputs.assess = lambda: Assessment(**assessment)
     (message,) = [
         message
         for message in outputs.due(estimate(0)._replace(trust=trust))
@@ -112,7 +112,7 @@ def test_the_differences_go_out_when_there_are_any():
     list(outputs.due(estimate(0)))
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT) == ()
     found = Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
-    outputs.assessment = Assessment(difference=found)
+    outputs.assess = lambda: Assessment(difference=found)
     tilt, heading = outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT)
     assert (tilt.name, tilt.value) == ("h2_tiltdif", pytest.approx(math.degrees(0.1)))
     assert (heading.name, heading.value) == ("h2_yaw_dif", pytest.approx(-math.degrees(0.2)))

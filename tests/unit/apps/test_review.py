@@ -1,0 +1,76 @@
+"""The command `h2nav review`: a page and a document per flight, whatever else is in the list."""
+
+import json
+from pathlib import Path
+
+import pytest
+from replayed import Replayed, rewritten
+
+from h2nav.apps import reviewing
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.playback import Wishes
+from h2nav.apps.review import page_names
+from h2nav.cli import BAD_INPUT, SUCCESS, main
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> Path:
+    return rewritten(tmp_path_factory.mktemp("flight") / "short.tlog", first_s=12.0)
+
+
+def test_a_flight_becomes_a_page_and_a_document(flight, tmp_path, capsys):
+    assert main(["review", str(flight), "-o", str(tmp_path), "--json"]) == SUCCESS
+    (printed,) = json.loads(capsys.readouterr().out)
+    written = json.loads((tmp_path / "short.json").read_bytes())
+    assert printed == written
+    assert written["file"] == "short.tlog"
+    assert written["duration_s"] == pytest.approx(12.0, abs=0.1)
+    assert written["why_no_estimate"] is None
+    page = (tmp_path / "short.html").read_text(encoding="utf-8")
+    assert "short.tlog" in page
+    assert page.rstrip().endswith("</html>")
+
+
+def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
+    daemon = Replayed(flight, Configuration()).estimates
+    reviewed = reviewing.review(flight, Wishes(), smooths=False).flight.estimates
+    assert reviewed is not None
+    expected = [(each.q_w, each.q_x, each.q_y, each.q_z) for each in daemon]
+    assert list(map(tuple, reviewed.q_nb.tolist())) == expected
+
+
+def test_the_smoothed_attitude_can_be_left_out(flight):
+    assert reviewing.review(flight, Wishes()).flight.smoothed is not None
+    assert reviewing.review(flight, Wishes(), smooths=False).flight.smoothed is None
+
+
+def test_what_cannot_be_reviewed_is_named_and_the_others_are(flight, tmp_path, capsys):
+    garbage = tmp_path / "garbage.bin"
+    garbage.write_bytes(b"no flight at all" * 100)
+    absent = tmp_path / "absent.ulg"
+    status = main(["review", str(garbage), str(absent), str(flight), "-o", str(tmp_path / "out")])
+    said = capsys.readouterr().err
+    assert status == BAD_INPUT
+    assert str(garbage) in said
+    assert str(absent) in said
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "short.html",
+        "short.json",
+    ]
+
+
+def test_a_recording_without_an_autopilot_says_why_there_is_no_estimate(tmp_path):
+    path = rewritten(tmp_path / "silent.tlog", without=0, first_s=8.0)
+    reviewed = reviewing.review(path, Wishes()).flight
+    assert reviewed.estimates is None
+    assert "heartbeats" in reviewed.why_no_estimate
+
+
+def test_flights_of_one_name_get_pages_of_their_own():
+    flights = [
+        Path("a/flight.bin"),
+        Path("b/flight.tlog"),
+        Path("c/flight.tlog"),
+        Path("other.ulg"),
+    ]
+    assert page_names(flights) == ["flight_bin", "flight_tlog", "flight_tlog-2", "other"]

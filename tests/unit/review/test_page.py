@@ -1,0 +1,212 @@
+"""The page and its document: what is told, in which order, how large, and hostile texts."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from made_flight import FINDINGS, GPS_LOST, MAGNET_S, made_analysis, made_flight
+
+from h2nav.flightlogs.context import Context, Said, Span
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.review.advice import ADVICE
+from h2nav.review.analysis import Analysis
+from h2nav.review.document import document
+from h2nav.review.flight import EarthFields, Flight, Ratios
+from h2nav.review.page import duration, page
+
+NOTHING = np.zeros(0)
+HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\u202e"
+
+
+def empty_flight(why="the recording holds no IMU messages"):
+    """What a recording without anything gives."""
+    return Flight(
+        name="empty",
+        file="empty.tlog",
+        kind="tlog",
+        autopilot="",
+        context=Context(missing=("IMU messages", "GPS")),
+        estimates=None,
+        smoothed=None,
+        why_no_estimate=why,
+        imu_message="",
+        ratios=Ratios(NOTHING, (), np.zeros((0, 0))),
+        earth=EarthFields(NOTHING, NOTHING, NOTHING, NOTHING),
+        states=(),
+        lanes=(),
+        notices=(),
+        findings=(),
+        rejected={},
+    )
+
+
+@pytest.fixture(scope="module")
+def made():
+    flight = made_flight()
+    return flight, made_analysis(flight)
+
+
+def text_of(html):
+    """What is read, without scripts and styles."""
+    html = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.DOTALL)
+    return " ".join(re.sub(r"<[^>]*>", " ", html).split())
+
+
+def test_findings_come_first_and_the_worst_of_them_first(made):
+    text = text_of(page(*made))
+    places = [
+        text.index(part)
+        for part in (
+            "Flight review: made",
+            "3 things were found wrong",
+            "compass disturbed",
+            "autopilot heading off 14 deg",
+            "no fix for 50 s",
+            "gyro vibrates at 84 Hz",
+            "Checked:",
+            "How sure we are",
+            "Attitude",
+        )
+    ]
+    assert places == sorted(places)
+
+
+def test_a_finding_has_span_size_evidence_and_what_to_check(made):
+    text = text_of(page(*made))
+    finding, advice = FINDINGS[0], ADVICE["compass_field"]
+    start = text.index("240 to 360 s: compass disturbed")
+    item = text[start : text.index("244 to 362 s")]
+    assert "14 deg" in item
+    assert finding.evidence in item.replace("&#x27;", "'")
+    assert advice.check in item
+
+
+def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
+    flight = made[0]._replace(findings=())
+    text = text_of(page(flight, made[1]._replace(findings=())))
+    assert "Nothing was found wrong." in text
+    assert "Checked: our attitude against the GPS velocity" in text
+    assert "Could not be checked: no temperatures" in text
+
+
+def test_without_an_estimate_the_page_says_why_before_anything_else():
+    text = text_of(page(empty_flight(), Analysis()))
+    why = text.index("the recording holds no IMU messages")
+    assert why < text.index("Nothing was found wrong")
+    assert "Could not be checked: IMU messages; GPS" in text
+    assert "Our own attitude" not in text
+
+
+def test_what_a_recording_shows_without_an_estimate_is_shown(made):
+    flight = made[0]._replace(
+        estimates=None, smoothed=None, why_no_estimate="IMU at 2 Hz", findings=()
+    )
+    html = page(flight, made[1])
+    assert 'id="attitude"' in html
+    assert 'id="difference"' not in html
+    assert 'id="track"' in html
+
+
+def test_neighbouring_sensors_that_show_the_same_are_told_once(made):
+    shaken = [
+        Finding("vibration_level", f"IMU {k}", Severity.WARNING, 50.0 + k, 90.0, 40.0 + k, "m/s^2",
+                f"vibration up to {40 + k} m/s^2", "VIBE")
+        for k in (1, 2)
+    ]  # fmt: skip
+    flight = made[0]._replace(findings=tuple(shaken))
+    text = text_of(page(flight, Analysis()))
+    assert "One thing was found wrong" in text
+    assert "IMU 1, IMU 2: vibration up to 42 m/s^2" in text
+    assert len(document(flight, Analysis())["findings"]) == 2
+
+
+def test_hostile_texts_stay_texts(made):
+    flight, analysis = made
+    finding = FINDINGS[0]._replace(text=HOSTILE, evidence=HOSTILE, source=HOSTILE, unit=HOSTILE)
+    context = flight.context._replace(
+        firmware=HOSTILE,
+        vehicle=HOSTILE,
+        modes=(Span(0.0, 600.0, HOSTILE),),
+        attitudes=tuple(track._replace(name=HOSTILE) for track in flight.context.attitudes),
+        said=(Said(3.0, Severity.INFO, HOSTILE),),
+        missing=(HOSTILE,),
+        notes={HOSTILE: 1},
+    )
+    html = page(
+        flight._replace(
+            name=HOSTILE, file=HOSTILE, kind=HOSTILE, context=context, findings=(finding,),
+            states=(Span(0.0, 600.0, HOSTILE),), notices=((1.0, "INFO", HOSTILE),),
+            why_no_estimate=HOSTILE, rejected={HOSTILE: 2},
+        ),
+        analysis,
+    )  # fmt: skip
+    assert "<script>alert" not in html
+    assert "<img" not in html
+    assert "\u202e" not in html
+    assert html.count("&lt;script&gt;alert(&#x27;x&#x27;)") > 10
+
+
+def test_nothing_outside_of_the_file_is_asked_for(made):
+    html = page(*made)
+    assert not re.search(r"<link(?! rel=\"icon\" href=\"data:,\")", html)
+    assert not re.search(r"<script[^>]*\bsrc\b|@import|url\(|<iframe|<img", html)
+    addresses = {match[0] for match in re.finditer(r"https?://[\w./-]+", html)}
+    assert addresses == {"https://github.com/leeoniya/uPlot"}  # the library's own name, a comment
+
+
+def test_half_an_hour_of_three_imus_at_400_hz_is_below_5_mb():
+    flight = made_flight(1800.0, 400.0, imus=3)
+    assert len(page(flight, made_analysis(flight)).encode()) <= 5_000_000
+
+
+def test_the_document_holds_what_the_page_tells(made):
+    flight, analysis = made
+    found = json.loads(json.dumps(document(flight, analysis), allow_nan=False))
+    assert found["name"] == "made"
+    assert found["start_utc"] == "2023-11-14T22:13:20Z"
+    assert [one["kind"] for one in found["findings"]] == [
+        "compass_field", "autopilot_heading", "gps_lost", "vibration_line",
+    ]  # fmt: skip
+    assert found["findings"][0]["from_s"] == MAGNET_S[0]
+    assert found["findings"][2]["text"] == GPS_LOST.text
+    assert found["certainty"]["smoothed"]["tilt"]["median_deg"] == pytest.approx(0.15)
+    assert found["certainty"]["states_s"]["degraded: attitude contradicts field"] == 110.0
+    tested = found["certainty"]["tested"]["attitude by GPS velocity"]
+    assert len(tested["spans"]) == 2
+    assert tested["share_percent"] == pytest.approx(90.3, abs=0.2)
+    assert [one["imu"] for one in found["imus"]] == [1, 2]
+    assert found["compasses"][0]["throttle_percent"][-1] == 100.0
+
+
+def test_differences_are_those_that_were_made(made):
+    rows = {one["name"]: one for one in document(*made)["differences"]}
+    assert rows["EKF3"]["heading"]["largest_deg"] == pytest.approx(14.2, abs=0.1)
+    assert rows["EKF3"]["heading"]["beyond_limit_percent"] == pytest.approx(19.7, abs=0.5)
+    assert rows["EKF3"]["tilt"]["largest_deg"] < 0.15
+    assert rows["AHRS2"]["tilt"]["median_deg"] == pytest.approx(1.5, abs=0.05)
+    assert rows["truth"]["is_truth"]
+    assert rows["truth"]["heading"]["beyond_limit_percent"] == 0.0
+
+
+def test_what_has_no_figure_is_null(made):
+    flight, analysis = made
+    nan = np.full(len(flight.estimates.t_s), np.nan)
+    estimates = flight.estimates._replace(sigma_tilt_rad=nan, sigma_heading_rad=nan)
+    found = document(flight._replace(estimates=estimates, smoothed=None), analysis)
+    assert found["certainty"]["h2nav"]["tilt"]["median_deg"] is None
+    assert found["certainty"]["smoothed"] is None
+    assert found["differences"][0]["tilt"]["beyond_limit_percent"] is None
+    json.dumps(found, allow_nan=False)
+
+
+def test_the_document_of_an_empty_recording_has_the_same_keys(made):
+    assert document(empty_flight(), Analysis()).keys() == document(*made).keys()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(0.0, "0 s"), (119.4, "119 s"), (725.0, "12 min 5 s"), (3725.0, "1 h 2 min")],
+)
+def test_durations_are_told_as_people_do(seconds, told):
+    assert duration(seconds) == told

@@ -1,0 +1,211 @@
+"""The page in a real browser without a network: no complaint, no request, zoom and findings."""
+
+import json
+
+import pytest
+from made_flight import FINDINGS, MAGNET_S, made_analysis, made_flight
+from needs import need_package, need_program
+
+from h2nav.flightlogs.context import Said, Span
+from h2nav.integrity.findings import Severity
+from h2nav.review.page import page
+
+SHOWN = "return [window.review.shown.from, window.review.shown.to]"
+AXES = "return window.review.timed.map((plot) => [plot.scales.x.min, plot.scales.x.max])"
+PATIENCE_S = 60
+
+
+@pytest.fixture(scope="module")
+def browser():
+    chromium, driver = need_program("chromium"), need_program("chromedriver")
+    selenium = need_package("selenium.webdriver")
+    service = need_package("selenium.webdriver.chrome.service").Service(driver)
+    options = selenium.ChromeOptions()
+    options.binary_location = chromium
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1400,1000",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    running = selenium.Chrome(options=options, service=service)
+    running.set_script_timeout(PATIENCE_S)
+    yield running
+    running.quit()
+
+
+@pytest.fixture(scope="module")
+def made():
+    flight = made_flight()
+    return flight, made_analysis(flight)
+
+
+def opened(browser, tmp_path, html):
+    """Opens a page and waits until all of its pictures are drawn."""
+    path = tmp_path / "page.html"
+    path.write_text(html, encoding="utf-8")
+    for kind in ("browser", "performance"):
+        browser.get_log(kind)  # what was before
+    browser.get(path.as_uri())
+    wait_until(browser, "return document.documentElement.dataset.drawn")
+    return path
+
+
+def wait_until(browser, script, *arguments):
+    wait = need_package("selenium.webdriver.support.ui").WebDriverWait
+    wait(browser, PATIENCE_S, 0.02).until(lambda _: browser.execute_script(script, *arguments))
+
+
+def axes_follow(browser):
+    """Every picture over time shows what is said to be shown."""
+    wait_until(
+        browser,
+        "const {from, to} = window.review.shown;"
+        "return window.review.timed.every((plot) => Math.abs(plot.scales.x.min - from) < 1e-6 "
+        "&& Math.abs(plot.scales.x.max - to) < 1e-6)",
+    )
+    return browser.execute_script(SHOWN)
+
+
+def requests(browser):
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    return [
+        event["params"]["request"]["url"]
+        for event in events
+        if event["method"] == "Network.requestWillBeSent"
+    ]
+
+
+def test_it_opens_without_a_complaint_and_asks_nobody(browser, made, tmp_path):
+    path = opened(browser, tmp_path, page(*made))
+    assert browser.get_log("browser") == []
+    assert [url for url in requests(browser) if not url.startswith("data:")] == [path.as_uri()]
+    assert len(browser.execute_script(AXES)) > 15
+
+
+def test_every_picture_has_ink(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    empty = browser.execute_script(
+        "return [...document.querySelectorAll('.plot.drawn canvas')].filter((canvas) => {"
+        "const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;"
+        "return !data.some((value) => value !== 0); }).length"
+    )
+    assert empty == 0
+
+
+def test_findings_are_seen_at_once(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    items = browser.find_elements("css selector", ".finding")
+    assert len(items) == len(FINDINGS) + 1
+    assert items[0].is_displayed()
+    assert items[0].location["y"] < 400
+    assert "compass disturbed" in items[0].text
+
+
+def test_a_click_on_a_finding_shows_its_time_in_all_pictures(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    browser.find_element("css selector", ".finding button").click()
+    from_s, to_s = axes_follow(browser)
+    assert 180.0 < from_s < MAGNET_S[0]
+    assert MAGNET_S[1] < to_s < 420.0
+    classes = browser.find_element("css selector", ".finding").get_attribute("class")
+    assert "shown" in classes.split()
+    dimmed = browser.find_elements("css selector", "[data-track].out")
+    assert dimmed
+
+
+def test_zooming_one_picture_zooms_all_of_them(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    chains = need_package("selenium.webdriver.common.action_chains").ActionChains
+    place = browser.find_element("css selector", "#attitude .u-over")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", place)
+    chains(browser).move_to_element_with_offset(place, -200, 0).click_and_hold().move_by_offset(
+        200, 0
+    ).release().perform()
+    wait_until(browser, "return window.review.shown.to < 500")
+    from_s, to_s = axes_follow(browser)
+    width = place.size["width"]
+    assert to_s - from_s == pytest.approx(600.0 * 200.0 / width, rel=0.05)
+    assert to_s == pytest.approx(300.0, abs=5.0)
+
+    chains(browser).double_click(place).perform()
+    wait_until(browser, "return window.review.shown.to === 600")
+    assert axes_follow(browser) == [0, 600]
+
+
+def test_the_buttons_move_the_axis_of_time(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    for move, shown in (
+        ("closer", [150, 450]),
+        ("on", [300, 600]),
+        ("back", [150, 450]),
+        ("wider", [0, 600]),
+        ("closer", [150, 450]),
+        ("whole", [0, 600]),
+    ):
+        browser.find_element("css selector", f"[data-move={move}]").click()
+        assert axes_follow(browser) == shown
+
+
+def test_pointing_tells_values_in_every_picture(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    chains = need_package("selenium.webdriver.common.action_chains").ActionChains
+    place = browser.find_element("css selector", "#attitude .u-over")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", place)
+    chains(browser).move_to_element(place).perform()
+    wait_until(
+        browser,
+        "return [...document.querySelectorAll('#difference .u-legend .u-value')]"
+        ".some((cell) => / deg$/.test(cell.textContent))",
+    )
+    told = browser.find_element("css selector", "#timeline .u-legend").get_attribute("textContent")
+    assert "AUTO" in told
+
+
+def test_a_click_in_the_legend_hides_a_line(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    label = browser.find_elements("css selector", "#attitude .u-legend .u-series th")[1]
+    browser.execute_script("arguments[0].click()", label)
+    wait_until(browser, "return window.review.timed.some((plot) => plot.series[1].show === false)")
+
+
+def test_hostile_texts_run_nothing(browser, made, tmp_path):
+    hostile = "<img src=x onerror=\"document.title='run'\"><script>document.title='run'</script>"
+    flight, analysis = made
+    context = flight.context._replace(
+        modes=(Span(0.0, 600.0, hostile),),
+        attitudes=tuple(track._replace(name=hostile) for track in flight.context.attitudes),
+        said=(Said(3.0, Severity.INFO, hostile),),
+    )
+    finding = FINDINGS[0]._replace(text=hostile, evidence=hostile, source=hostile)
+    opened(
+        browser,
+        tmp_path,
+        page(flight._replace(context=context, findings=(finding,), name=hostile), analysis),
+    )
+    assert browser.title.startswith("Flight review: <img")
+    assert browser.get_log("browser") == []
+    assert not browser.find_elements("css selector", "img")
+    assert hostile in browser.find_element("css selector", ".finding").text
+    label = browser.find_elements("css selector", "#attitude .u-legend .u-label")[1]
+    assert label.get_attribute("textContent") == hostile
+
+
+def test_on_a_phone_nothing_is_wider_than_the_screen(browser, made, tmp_path):
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True},
+    )
+    try:
+        opened(browser, tmp_path, page(*made))
+        assert browser.execute_script("return document.documentElement.scrollWidth") == 390
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_it_prints_with_its_pictures_on_the_paper(browser, made, tmp_path):
+    opened(browser, tmp_path, page(*made))
+    printed = browser.execute_cdp_cmd("Page.printToPDF", {})["data"]
+    assert len(printed) > 100_000
+    widths = browser.execute_script("return window.review.timed.map((plot) => plot.width)")
+    assert min(widths) > 700  # afterwards as before
