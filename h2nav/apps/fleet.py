@@ -65,9 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
-    extras.require(
-        "fleet", "h2nav fleet", "distributed", "fsspec", "pyarrow.parquet", "bokeh", "pyulog"
-    )
+    extras.require("fleet", "h2nav fleet", "distributed", "fsspec", "pyarrow.parquet")
     from h2nav.fleet.running import Work, cluster, run_fleet
     from h2nav.fleet.sources import find
     from h2nav.fleet.store import Store

@@ -89,6 +89,8 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": 1.0,
         "distributed.comm.timeouts.connect": "60s",
+        # On a busy machine a worker takes its time to start again; the cluster must not drop it.
+        "distributed.deploy.lost-worker-timeout": "600s",
     }
     with (
         dask.config.set(settings),

@@ -119,10 +119,11 @@ def test_the_wheel_offers_its_extras(wheel):
 
 
 def test_every_declared_package_is_imported_and_the_other_way_round():
-    """Of the base, of synthesis and of plots; the peers are imported by name, at their filter."""
+    """Of the base, synthesis, plots and fleet; the peers are imported by name, at their filter."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"]]
+    fleet = [line for line in extras["fleet"] if not line.startswith("h2nav")]
+    lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"], *fleet]
     imported = {
         name
         for path in (REPOSITORY / "h2nav").rglob("*.py")
