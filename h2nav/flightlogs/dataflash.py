@@ -36,6 +36,7 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
+from h2nav.flightlogs.dataflash_errors import said_of_error
 from h2nav.flightlogs.imu_series import Fields, Mask, Samples, Times
 from h2nav.flightlogs.log_clock import LogClock, in_order, is_running
 from h2nav.flightlogs.spans import spans
@@ -66,6 +67,8 @@ BURST_PAUSE = 5.0
 LEAST_BURST = 64
 BURST_KINDS = {0: "accelerometer", 1: "gyro"}
 MOST_BURSTS = 2_000
+# An error and its text follow each other at once.
+IN_WORDS_S = 0.5
 # What FRAME_CLASS says of a copter, as MAV_TYPE; 0 and 1 are quadrotors.
 COPTERS = {
     2: mavlink.MAV_TYPE_HEXAROTOR,
@@ -227,8 +230,24 @@ class Log:
         """All rows of a message; None where there are none with these columns."""
         table = self._tables.find(name, *columns)
         times = None if table is None else _times(table)
-        if table is None or times is None:
+        return None if table is None or times is None else self._believed(table, times)
+
+    def told(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
+        """Like `find`, of what is told now and then, which until 2015 had no time.
+
+        Rows without one are as old as those before them in the file; where they `begins` something,
+        as those after them, because an autopilot may have logged nothing until then.
+        """
+        table = self._tables.find(name, *columns)
+        if table is None:
             return None
+        times = _times(table)
+        if times is None:
+            times = (self.clock.after if begins else self.clock.at)(table.places)
+        return self._believed(table, times)
+
+    def _believed(self, table: Table, times: Times) -> Rows | None:
+        name = table.name
         good = self.clock.believes(table.places, times)
         good[good] = in_order(times[good])
         self.note(f"rows of {name} far from the times around them", int((~good).sum()))
@@ -659,7 +678,7 @@ def _primary(log: Log) -> tuple[Span, ...]:
 
 
 def _settings(log: Log) -> tuple[Setting, ...]:
-    rows = log.find("PARM", "Name", "Value")
+    rows = log.told("PARM", "Name", "Value")
     if rows is None:
         return ()
     values = rows.table.numbers("Value")
@@ -668,18 +687,35 @@ def _settings(log: Log) -> tuple[Setting, ...]:
 
 
 def _said(log: Log) -> tuple[Said, ...]:
-    """Texts; the log does not say how severe they are."""
-    rows = log.find("MSG", "Message")
+    """Texts and errors; the log does not say how severe they are."""
+    said = []
+    rows = log.told("MSG", "Message")
+    if rows is not None:
+        pairs = zip(rows.t_s.tolist(), rows.table.texts("Message"), strict=True)
+        said = [Said(t_s, Severity.INFO, text) for t_s, text in pairs if text]
+    return tuple(sorted(said + _errors(log, said), key=lambda one: one.t_s))
+
+
+def _errors(log: Log, said: list[Said]) -> list[Said]:
+    """What ERR tells by numbers, where the autopilot did not say it in words as well."""
+    rows = log.told("ERR", "Subsys", "ECode")
     if rows is None:
-        return ()
-    texts = rows.table.texts("Message")
-    pairs = zip(rows.t_s.tolist(), texts, strict=True)
-    return tuple(Said(t_s, Severity.INFO, text) for t_s, text in pairs if text)
+        return []
+    table = rows.table
+    pairs = zip(table.integers("Subsys").tolist(), table.integers("ECode").tolist(), strict=True)
+    in_words = np.array([one.t_s for one in said if one.t_s > 0.0])
+    return [
+        Said(t_s, Severity.INFO, f"error: {text}")
+        for t_s, text in zip(
+            rows.t_s.tolist(), (said_of_error(*pair) for pair in pairs), strict=True
+        )
+        if text and not (np.abs(in_words - t_s) < IN_WORDS_S).any()
+    ]
 
 
 def _firmware(log: Log, said: tuple[Said, ...]) -> str:
     """Such as ``ArduCopter V4.0.4 (93ffdf4b)``."""
-    rows = log.find("VER", "FWS")
+    rows = log.told("VER", "FWS")
     if rows is not None:
         return rows.table.texts("FWS")[0]
     names = tuple(name for kind in KINDS for name in kind.names)
@@ -704,7 +740,7 @@ def _vehicle_type(kind: Kind, parameters: dict[str, float]) -> int:
 
 
 def _modes(log: Log, kind: Kind) -> tuple[Span, ...]:
-    rows = log.find("MODE", "Mode")
+    rows = log.told("MODE", "Mode")
     if rows is None:
         return ()
     if rows.table.kind("Mode") == "S":
@@ -718,7 +754,7 @@ def _modes(log: Log, kind: Kind) -> tuple[Span, ...]:
 def _armed(log: Log) -> tuple[Span, ...] | None:
     """While it was armed; None where nothing says so."""
     changes: list[tuple[float, bool]] = []
-    rows = log.find("ARM", "ArmState")
+    rows = log.told("ARM", "ArmState")
     if rows is not None:
         states = rows.table.integers("ArmState") != 0
         changes = list(zip(rows.t_s.tolist(), states.tolist(), strict=True))
@@ -744,11 +780,13 @@ def _airborne(log: Log) -> Series | None:
 
 def _changes(log: Log, begins: int, ends: int) -> list[tuple[float, bool]]:
     """When something began (True) and ended (False), by the events of the log."""
-    rows = log.find("EV", "Id")
-    if rows is None:
-        return []
-    pairs = zip(rows.t_s.tolist(), rows.table.integers("Id").tolist(), strict=True)
-    return [(t_s, number == begins) for t_s, number in pairs if number in (begins, ends)]
+    found = []
+    for number, is_begin in ((begins, True), (ends, False)):
+        rows = log.told("EV", "Id", begins=is_begin)
+        if rows is not None:
+            are_so = rows.table.integers("Id") == number
+            found += [(t_s, is_begin) for t_s in rows.t_s[are_so].tolist()]
+    return sorted(found)
 
 
 def _throttle(log: Log) -> Series | None:

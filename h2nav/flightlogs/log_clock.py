@@ -49,11 +49,21 @@ class LogClock:
         believed: Mask = (t_us >= earliest) & (t_us <= self._t_us[after] + SLACK_US)
         return believed
 
-    def at(self, place: int) -> int:
-        """The time at a place of the file: that of the row before it."""
+    def at(self, places: Times) -> Times:
+        """(N,) the times at places of the file: those of the rows before them."""
         if not len(self._t_us):
-            return 0
-        return int(self._t_us[max(0, int(np.searchsorted(self._places, place)) - 1)])
+            return np.zeros(len(places), np.int64)
+        before = np.maximum(np.searchsorted(self._places, places) - 1, 0)
+        times: Times = self._t_us[before]
+        return times
+
+    def after(self, places: Times) -> Times:
+        """(N,) those of the rows after them."""
+        if not len(self._t_us):
+            return np.zeros(len(places), np.int64)
+        following = np.searchsorted(self._places, places).clip(max=len(self._t_us) - 1)
+        times: Times = self._t_us[following]
+        return times
 
 
 def is_running(t_us: Times) -> bool:

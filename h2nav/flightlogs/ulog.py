@@ -593,9 +593,10 @@ def _primary(log: Log) -> tuple[Span, ...]:
 
 def _settings(log: Log) -> tuple[Setting, ...]:
     """Parameters; a change has the time of the data around it."""
-    clock = log.clock
+    told = log.file.parameters
+    times = log.clock.at(np.array([place for place, _, _ in told], np.int64)).tolist()
     return tuple(
-        Setting(clock.at(place), name, value) for place, name, value in log.file.parameters
+        Setting(t_us, name, value) for t_us, (_, name, value) in zip(times, told, strict=True)
     )
 
 

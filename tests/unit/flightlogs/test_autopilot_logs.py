@@ -238,6 +238,50 @@ def test_slow_samples_are_said_to_be_too_slow(tmp_path: Path) -> None:
     assert [(span.from_s, span.name) for span in log.context().armed] == [(0.0, "armed")]
 
 
+def log_without_times(errors: Any = ((11, 2),)) -> DataflashWriter:
+    """As until 2015: only samples have times; logging pauses from 4 to 10 s, disarmed."""
+    t_us = START_US + np.arange(1000) * 10_000
+    t_us[400:] += 6_000_000
+    writer = DataflashWriter()
+    rates = np.zeros((6, len(t_us)))
+    rates[5] = -9.8
+    writer.add("IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", t_us, *rates)
+    start = t_us[:1] + 1
+    writer.add("MSG", "Z", "Message", start, np.array([b"ArduCopter V3.2 (c8e0f3e1)"]))
+    writer.add("PARM", "Nf", "Name,Value", start, np.array([b"FRAME"]), 1.0)
+    writer.add("MODE", "Mh", "Mode,ThrCrs", t_us[[100]] + 1, 5, 500)
+    events = np.array([t_us[0] - 1, t_us[399] + 1, t_us[400] - 1])
+    writer.add("EV", "B", "Id", events, [10, 11, 10])
+    for subsystem, code in errors:
+        writer.add("ERR", "BB", "Subsys,ECode", t_us[[200]] + 1, subsystem, code)
+    return writer
+
+
+def test_what_has_no_time_has_that_of_its_place(tmp_path: Path) -> None:
+    context = opened(tmp_path, log_without_times().bytes()).context()
+    assert (context.firmware, context.vehicle) == ("ArduCopter V3.2 (c8e0f3e1)", "quadrotor")
+    assert context.parameters == {"FRAME": 1.0}
+    assert [(span.from_s, span.name) for span in context.modes] == [(1.0, "LOITER")]
+    armed = [time_s for span in context.armed for time_s in (span.from_s, span.to_s)]
+    # It logs while it is armed: what ends belongs to the rows before, what begins to those after.
+    assert armed == pytest.approx([0.0, 3.99, 10.0, 15.99])
+
+
+def test_errors_are_said_in_words_and_once(tmp_path: Path) -> None:
+    errors = ((11, 2), (16, 0), (24, 1), (5, 1), (99, 1))
+    writer = log_without_times(errors)
+    texts = [said.text for said in opened(tmp_path, writer.bytes()).context().said][1:]
+    assert texts == [
+        "error: GPS glitch",
+        "error: EKF check: over",
+        "error: EKF primary changed: 1",
+        "error: radio failsafe",
+    ]
+    writer.add("MSG", "Z", "Message", np.array([START_US + 2_000_002]), np.array([b"GPS Glitch"]))
+    texts = [said.text for said in opened(tmp_path, writer.bytes()).context().said][1:]
+    assert texts == ["GPS Glitch"]
+
+
 def test_batches_become_bursts(tmp_path: Path) -> None:
     writer = imu_log(START_US + np.arange(200) * 10_000)
     head, block_us = np.array([START_US + 500_000]), START_US + 500_000 + np.arange(32) * 100
