@@ -48,6 +48,7 @@ class Row(NamedTuple):
         sigma_tilt_rad: of the attitude.
         sigma_heading_rad: of the attitude.
         path_rad: turned through until its end.
+        turn_variance: of that turn, rad^2, by what slow samples have missed.
     """
 
     t_us: int
@@ -59,6 +60,7 @@ class Row(NamedTuple):
     sigma_tilt_rad: float
     sigma_heading_rad: float
     path_rad: float
+    turn_variance: float
 
 
 class FieldWindows:
@@ -162,6 +164,11 @@ class FieldWindows:
             return 1.0
         return self._rows[-1].norm_ut / self.reference.norm_ut
 
+    @property
+    def has_norm(self) -> bool:
+        """The norm of the latest row, in which no attitude has a part, is the earth's."""
+        return abs(self.norm_share - 1.0) < GATE * NORM_SIGMA
+
     def turn(self, rows: int) -> tuple[float, float]:
         """How far the field has turned in space in so many seconds: rad, and its test ratio.
 
@@ -178,6 +185,7 @@ class FieldWindows:
             + (RATE_SIGMA_RAD_S * rows) ** 2
             + (SCALE_SIGMA * path) ** 2
             + (DELAY_SIGMA_S * path / rows) ** 2
+            + (last.turn_variance - first.turn_variance)
         )
         ratio = turn_rad / (GATE * math.sqrt(variance))
         if ratio < NO_TURN_RATIO or self._is_rigid(first, last, turn_rad):
@@ -213,6 +221,7 @@ class FieldWindows:
             last.sigma_tilt_rad,
             last.sigma_heading_rad,
             last.path_rad,
+            last.turn_variance,
         )
 
     def _is_of_earth(self, row: Row) -> bool:

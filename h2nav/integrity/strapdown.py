@@ -18,6 +18,11 @@ SPACING_US = 50_000
 LENGTH_US = 12_000_000
 # After a gap of more nobody knows what the sensors would have shown.
 LONGEST_GAP_US = 300_000
+# Autopilots filter rates and forces at 20 Hz and more before they record single values of them. Of
+# slower streams than twice that, the sums know the motion between two samples no more.
+SLOW_US = 25_000
+# What the second difference of a white sequence has of its variance.
+SECOND_DIFFERENCE = 6.0
 # Of an attitude whose filter predicts no deviation.
 ASSUMED_TILT_RAD = 2.0 * DEG
 ASSUMED_HEADING_RAD = 5.0 * DEG
@@ -34,6 +39,8 @@ class Moment(NamedTuple):
         sigma_tilt_rad: of that estimate; assumed where its filter predicts none.
         sigma_heading_rad: the same.
         path_rad: angle turned through, whatever its direction.
+        turn_variance: of `q_sb`, rad^2, by what happened between slow samples.
+        gained_variance: of `gained_s`, (m/s)^2, likewise.
     """
 
     t_us: int
@@ -43,6 +50,8 @@ class Moment(NamedTuple):
     sigma_tilt_rad: float
     sigma_heading_rad: float
     path_rad: float
+    turn_variance: float
+    gained_variance: float
 
 
 class Strapdown:
@@ -60,6 +69,8 @@ class Strapdown:
         self.rate_b: Vec3 = (0.0, 0.0, 0.0)
         self._gained_s: Vec3 = (0.0, 0.0, 0.0)
         self._path_rad = 0.0
+        self._turn_variance = self._gained_variance = 0.0
+        self._slow: deque[tuple[Vec3, Vec3]] = deque(maxlen=3)
         self._estimate: AttitudeEstimate | None = None
         self._past: deque[Moment] = deque()
         self._kept_us = 0
@@ -69,12 +80,26 @@ class Strapdown:
         """The latest moment; None before the first, and after a gap."""
         if self.t_us is None or self._estimate is None:
             return None
-        return _moment(self.t_us, self.q_sb, self._gained_s, self._estimate, self._path_rad)
+        estimate, tilt_rad, heading_rad = self._estimate, *_sigmas(self._estimate)
+        q_ns = multiply(estimate.q_nb, conjugate(self.q_sb))
+        return Moment(
+            self.t_us,
+            self.q_sb,
+            self._gained_s,
+            q_ns,
+            tilt_rad,
+            heading_rad,
+            self._path_rad,
+            self._turn_variance,
+            self._gained_variance,
+        )
 
     def restart(self) -> None:
         """Begins anew: nothing of before may be compared with what comes."""
         self.t_us = None
         self._past.clear()
+        self._slow.clear()
+        self._turn_variance = self._gained_variance = 0.0
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> bool:
         """Takes a sample and the estimate that it made; False where everything begins anew."""
@@ -97,11 +122,23 @@ class Strapdown:
         self.q_sb = normalize(multiply(middle, half))
         self._gained_s = (g_x + dt_s * f_x, g_y + dt_s * f_y, g_z + dt_s * f_z)
         self._path_rad += dt_s * (x * x + y * y + z * z) ** 0.5
+        if t_us - before_us > SLOW_US:
+            self._is_slow(dt_s, sample)
         if t_us - self._kept_us >= SPACING_US:
             self._keep()
             while self._past[0].t_us < t_us - LENGTH_US:
                 self._past.popleft()
         return True
+
+    def _is_slow(self, dt_s: float, sample: ImuSample) -> None:
+        """A sample says little of its time: by how much samples jump, so much may be missing."""
+        self._slow.append((self.rate_b, sample.f_b))
+        if len(self._slow) < 3:
+            return
+        (rate_1, force_1), (rate_2, force_2), (rate_3, force_3) = self._slow
+        scale = dt_s * dt_s / SECOND_DIFFERENCE
+        self._turn_variance += scale * _bend(rate_1, rate_2, rate_3)
+        self._gained_variance += scale * _bend(force_1, force_2, force_3)
 
     def _keep(self) -> None:
         """The moment of now goes into the past."""
@@ -122,20 +159,19 @@ class Strapdown:
         return None
 
 
-def _moment(
-    t_us: int, q_sb: Quat, gained_s: Vec3, estimate: AttitudeEstimate, path_rad: float
-) -> Moment:
-    q_ns = multiply(estimate.q_nb, conjugate(q_sb))
+def _sigmas(estimate: AttitudeEstimate) -> tuple[float, float]:
+    """Deviations of tilt and heading, rad."""
     tilt_rad, heading_rad = estimate.sigma_tilt_rad, estimate.sigma_heading_rad
-    return Moment(
-        t_us,
-        q_sb,
-        gained_s,
-        q_ns,
+    return (
         ASSUMED_TILT_RAD if math.isnan(tilt_rad) else tilt_rad,
         ASSUMED_HEADING_RAD if math.isnan(heading_rad) else heading_rad,
-        path_rad,
     )
+
+
+def _bend(a: Vec3, b: Vec3, c: Vec3) -> float:
+    """Square of a second difference."""
+    x, y, z = a[0] - 2.0 * b[0] + c[0], a[1] - 2.0 * b[1] + c[1], a[2] - 2.0 * b[2] + c[2]
+    return x * x + y * y + z * z
 
 
 def _between(before: Moment, after: Moment, t_us: int) -> Moment:

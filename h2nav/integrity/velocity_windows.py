@@ -161,7 +161,11 @@ def inertial_variance(first: Moment, last: Moment) -> float:
     force = FORCE_SIGMA_M_S2 * t_s
     rate = 0.5 * GRAVITY_M_S2 * RATE_SIGMA_RAD_S * t_s * t_s
     scale = GRAVITY_M_S2 * t_s * SCALE_SIGMA * (last.path_rad - first.path_rad)
-    return tilt * tilt + force * force + rate * rate + scale * scale
+    variance = tilt * tilt + force * force + rate * rate + scale * scale
+    missed = last.gained_variance - first.gained_variance
+    # The turn goes astray from the beginning of the window to its end.
+    astray = last.turn_variance - first.turn_variance
+    return variance + missed + (GRAVITY_M_S2 * t_s) ** 2 * astray / 3.0
 
 
 def _acceleration(first: Moment, last: Moment) -> Level:

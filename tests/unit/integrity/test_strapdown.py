@@ -1,6 +1,7 @@
 """Dead reckoning against exact motions."""
 
 import math
+import random
 
 import pytest
 from needs import DEG
@@ -54,3 +55,26 @@ def test_a_gap_begins_anew():
     assert not strapdown.add(late, told(late, quaternion.IDENTITY))
     assert strapdown.newest.gained_s == (0.0, 0.0, 0.0)
     assert strapdown.at(20_000) is None
+
+
+@pytest.mark.parametrize(("period_us", "is_slow"), [(20_000, False), (40_000, True)])
+def test_slow_samples_of_a_shaken_sensor_are_trusted_by_as_much_as_they_jump(period_us, is_slow):
+    rng = random.Random(5)
+    strapdown, sigma = Strapdown(), 0.1
+    for i in range(10_000_000 // period_us):
+        w_b = tuple(rng.gauss(0.0, sigma) for _ in range(3))
+        sample = ImuSample(i * period_us, w_b, (0.0, 0.0, -9.8))
+        strapdown.add(sample, told(sample, quaternion.IDENTITY))
+    count = 10_000_000 // period_us
+    white = 3.0 * count * (sigma * period_us * 1e-6) ** 2 if is_slow else 0.0
+    assert strapdown.newest.turn_variance == pytest.approx(white, rel=0.25)
+    assert strapdown.newest.gained_variance == 0.0
+
+
+def test_slow_samples_of_a_smooth_motion_are_trusted():
+    strapdown = Strapdown()
+    for i in range(250):
+        w_b = (0.0, 0.0, 0.5 * math.sin(0.5 * i * 0.04))
+        sample = ImuSample(i * 40_000, w_b, (0.0, 0.0, -9.8))
+        strapdown.add(sample, told(sample, quaternion.IDENTITY))
+    assert math.sqrt(strapdown.newest.turn_variance) < 0.02 * DEG
