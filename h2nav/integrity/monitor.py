@@ -46,6 +46,13 @@ BLAME_S = 2.5
 GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
 FORCE_PERIOD_US = 200_000
+FORCE_SHARE = FORCE_PERIOD_US * 1e-6 / LONG_S
+# A tilt, and more than it, of which nobody would speak any more.
+MOST_DEG = 90.0
+# Of a contradiction to gravity, what the accelerometer's size has to explain to be the cause; and
+# sideways to down, of which an attitude that is wrong by less than 50 deg makes more.
+BY_SIZE = 0.5
+UPRIGHT = 2.0
 # A heading is confirmed by velocities that would have shown an error of this.
 CONFIRMED_RAD = 15.0 * DEG
 # ... or by 10 s of a field that is the earth's beyond doubt.
@@ -89,6 +96,7 @@ class Monitor:
         self._vehicle = VehicleState()
         self._forces_us = 0
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
+        self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
@@ -132,6 +140,7 @@ class Monitor:
             self._judge_field()
         if t_us - self._forces_us >= FORCE_PERIOD_US:
             self._forces_us = t_us
+            self._force_m_s2 += FORCE_SHARE * (math.hypot(*force) - self._force_m_s2)
             self._judge_force(t_us)
             self._forget_stale(t_us)
             self._judge(t_us)
@@ -244,12 +253,10 @@ class Monitor:
         window = max(self._windows, key=lambda w: w.ratio, default=None)
         length_s, size, tilt = 0.0, 0.0, 0.0
         if window is not None:
-            length_s, tilt = window.length_s, window.tilt_rad / DEG
+            length_s, tilt = window.length_s, min(window.tilt_rad / DEG, MOST_DEG)
             size = math.hypot(*window.residual_m_s)
-        evidence = (
-            f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, "
-            f"as {tilt:.0f} deg of tilt would"
-        )
+        explained = f"as {tilt:.0f} deg of tilt would" if tilt < MOST_DEG else "as no tilt would"
+        evidence = f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, {explained}"
         if self.velocity_is_false:
             evidence += "; gyro and field agree, so the velocity is false and is not used"
         text = "attitude contradicts velocity"
@@ -263,11 +270,19 @@ class Monitor:
             f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
         )
         text = "attitude contradicts gravity"
+        # No attitude lifts; and one that lets a force of the right size fall does not explain this.
+        by_size_m_s = LONG_S * (GRAVITY_M_S2 - self._force_m_s2)
+        is_upright = math.hypot(north, east) < UPRIGHT * down
+        if down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down):
+            text = "force contradicts gravity"
+            evidence += f"; its size is {self._force_m_s2:.1f} m/s^2: the accelerometer is wrong"
         return _error("attitude_gravity", "IMU", tilt, text, evidence, since_s)
 
     def _turn_alarm(self, since_s: float) -> Alarm:
-        turn = self._field.turn(10)[0] / DEG
-        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in 10 s"
+        # So soon after a restart there may be no 10 s.
+        length_s = 10 if not math.isnan(self.ratios.turn_10s) else 1
+        turn = self._field.turn(length_s)[0] / DEG
+        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {length_s} s"
         text = "gyro contradicts field and gravity"
         return _error("gyro_field", "gyro", turn, text, evidence, since_s)
 
@@ -281,7 +296,7 @@ class Monitor:
             Severity.ERROR if matters else Severity.WARNING,
             max(abs(heading), abs(dip)),
             "deg",
-            "attitude contradicts field" if matters else "compass disturbed",
+            "attitude contradicts field" if matters and field.has_norm else "compass disturbed",
             f"heading {heading:+.0f} deg, dip {dip:+.0f} deg, norm {field.norm_share:.0%} of the "
             f"earth's",
             degrades=matters,

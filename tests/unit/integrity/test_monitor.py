@@ -123,6 +123,27 @@ def test_an_accelerometer_of_twice_the_scale_is_found_without_velocities():
     assert 0.0 <= first_alarm(rows, "attitude_gravity") < 12.0
 
 
+@pytest.mark.parametrize(
+    ("scale", "turns_rad_s", "text"),
+    [
+        (0.8, 0.0, "force contradicts gravity"),
+        (1.4, 0.0, "force contradicts gravity"),
+        (1.0, 0.3, "attitude contradicts gravity"),
+    ],
+)
+def test_a_wrong_accelerometer_and_a_wrong_attitude_are_told_apart(scale, turns_rad_s, text):
+    drive = from_fault(
+        lambda sample: sample._replace(
+            w_b=(sample.w_b[0] + turns_rad_s, *sample.w_b[1:]),
+            f_b=tuple(scale * value for value in sample.f_b),
+        )
+    )
+    alarms = [a for _, found, _, _ in watched(drive, gps=False) for a in found]
+    texts = [alarm.text for alarm in alarms if alarm.kind == "attitude_gravity"]
+    assert texts
+    assert texts.count(text) > 0.8 * len(texts)
+
+
 def test_a_frozen_imu_is_told_at_once():
     held = flight().flight.samples[4000]
     rows = watched(from_fault(lambda s: s._replace(w_b=held.w_b, f_b=held.f_b)))
