@@ -89,7 +89,9 @@ class _Spell:
     def look(self, t_us: int, *, is_so: bool) -> int | None:
         """For how long, us; None when it is not so."""
         if is_so:
-            self._since_us = t_us if self._since_us is None else self._since_us
+            # Of a time in which nobody looked nothing is known.
+            if self._since_us is None or t_us - self.seen_us > STALE_US:
+                self._since_us = t_us
             self.seen_us = t_us
         elif t_us - self.seen_us > PAUSE_US:
             self._since_us = None

@@ -14,6 +14,9 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Tell
 
 PERIOD_NS = SECOND_NS // 5
+# Nothing has come for so long; and until then nobody has looked at what comes now.
+QUIET_NS = 2 * SECOND_NS
+AGAIN_NS = SECOND_NS
 TOPIC = "/finding"
 DIGITS = re.compile(r"[0-9]+")
 
@@ -39,6 +42,7 @@ class Judgement:
         self._findings = Findings()
         self._start_ns: int | None = None
         self._looked_ns = 0
+        self._again_ns = 0
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -62,8 +66,13 @@ class Judgement:
             self._start_ns = t_ns
         if t_ns - self._looked_ns < PERIOD_NS:
             return []
+        if 0 < self._looked_ns < t_ns - QUIET_NS:
+            # What was wrong before a pause is not known to be wrong after it.
+            self._again_ns = t_ns + AGAIN_NS
         self._looked_ns = t_ns
         alarms = [alarm for one in self._judged for alarm in one.alarms()]
+        if t_ns < self._again_ns:
+            alarms = []
         begun, news = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
         effects: list[Effect] = [Record(TOPIC, finding) for finding in news]
         for alarm in begun:

@@ -1,0 +1,26 @@
+"""What is wrong, told a few times a second."""
+
+from h2nav.integrity.findings import Alarm, Severity
+from h2nav.service.judgement import Judgement
+from h2nav.service.limits import SECOND_NS
+
+WRONG = Alarm("attitude_gravity", "IMU", Severity.ERROR, 1.0, "deg", "wrong", "shown", True, 4.0)
+
+
+class Always:
+    """Somebody who does not notice that no more samples come."""
+
+    def alarms(self) -> tuple[Alarm, ...]:
+        return (WRONG,)
+
+
+def test_what_was_wrong_before_a_pause_is_not_told_again_at_its_end() -> None:
+    judgement = Judgement(lambda *_: [], Always())
+    times = [t / 10.0 for t in range(10, 100)] + [60.0, 60.3, 60.6, 60.9]
+    for t_s in times:
+        judgement.look(round(t_s * SECOND_NS))
+    (finding,) = judgement.findings
+    assert finding.to_s < 10.0
+    assert not judgement.objections
+    judgement.look(round(61.2 * SECOND_NS))
+    assert len(judgement.findings) == 2
