@@ -24,3 +24,19 @@ def spans(t_s: Sequence[float], names: Iterable[str], end_s: float) -> tuple[Spa
             found.append(Span(at_s, end_s, name))
         before = name
     return tuple(found)
+
+
+def without(found: Iterable[Span], others: Iterable[Span]) -> tuple[Span, ...]:
+    """Spans less others, which are in order and do not overlap."""
+    rest = []
+    cuts = tuple(others)
+    for span in found:
+        from_s = span.from_s
+        for cut in cuts:
+            if cut.to_s > from_s and cut.from_s < span.to_s:
+                if cut.from_s > from_s:
+                    rest.append(span._replace(from_s=from_s, to_s=cut.from_s))
+                from_s = cut.to_s
+        if from_s < span.to_s:
+            rest.append(span._replace(from_s=from_s))
+    return tuple(rest)

@@ -132,6 +132,11 @@ ADVICE = {
         "vibration",
     ),
     "imu_gaps": Advice("Samples are missing.", _LINK, "timing"),
+    "log_paused": Advice(
+        "The autopilot logged nothing at all for a while, as most do while they are disarmed.",
+        "Nothing; to record all the time, have the autopilot log while it is disarmed.",
+        "timing",
+    ),
     "imu_slow": Advice("Fewer samples than a good estimate needs.", _LINK, "timing"),
     "imu_twice": Advice("Samples were recorded twice.", _LINK, "timing"),
     "late_bursts": Advice("Samples came late and in bursts.", _LINK, "timing"),

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.flightlogs.context import GpsTrack, ImuTrack, Span
+from h2nav.flightlogs.spans import without
 from h2nav.integrity.findings import Finding
 from h2nav.review.compass import look_at_compass
 from h2nav.review.ending import look_at_ending
@@ -14,7 +15,7 @@ from h2nav.review.inertial import Mask, best_attitude, slowed
 from h2nav.review.receiver import look_at_receiver
 from h2nav.review.sensor_bias import look_at_biases
 from h2nav.review.spectra import look_at_spectra, look_at_vibration
-from h2nav.review.timing import look_at_timing
+from h2nav.review.timing import look_at_pauses, look_at_timing, pauses
 from h2nav.review.tracks import (
     Bias,
     CompassFit,
@@ -59,12 +60,15 @@ class Analysis(NamedTuple):
 
 def analyse(flight: Flight) -> Analysis:
     """Looks at a whole flight."""
-    context = flight.context
+    # A ground station that records nothing has a link that does not carry it.
+    is_own_log = flight.kind not in (*TELEMETRY, WITHOUT_TIMES)
+    paused = pauses(flight.context) if is_own_log else ()
+    context = flight.context._replace(armed=without(flight.context.armed, paused))
     compasses = tuple(_in_order(track) for track in context.imus)
     tracks = tuple(t for t in map(_numbers, compasses) if len(t.t_s) > 1)
     if flight.kind == WITHOUT_TIMES:
-        return _of_samples(flight, tuple(_stamped(track) for track in tracks), ())
-    analysis = _of_samples(flight, tracks, context.armed)
+        return _of_samples(flight, tuple(_stamped(track) for track in tracks), (), ())
+    analysis = _of_samples(flight, tracks, context.armed, paused)
     best = best_attitude(flight)
     slow = tuple(slowed(track) for track in tracks)
     biases, found = look_at_biases(slow, best, context.armed, flight.findings)
@@ -92,12 +96,18 @@ def analyse(flight: Flight) -> Analysis:
     )
 
 
-def _of_samples(flight: Flight, tracks: tuple[ImuTrack, ...], armed: tuple[Span, ...]) -> Analysis:
+def _of_samples(
+    flight: Flight,
+    tracks: tuple[ImuTrack, ...],
+    armed: tuple[Span, ...],
+    paused: tuple[Span, ...],
+) -> Analysis:
     """What the samples alone show."""
     found: list[Finding] = []
     timings, vibrations = [], []
+    found += look_at_pauses(paused)
     for track in tracks:
-        timing, own = look_at_timing(track, armed)
+        timing, own = look_at_timing(track, armed, paused)
         timings.append(timing)
         found += own
         vibration, own = look_at_vibration(track, armed, is_told=_is_told(flight, track))

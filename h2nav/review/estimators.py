@@ -53,6 +53,10 @@ class _Phrase(NamedTuple):
     text: str
 
 
+# Who crashes is disarmed at once.
+CRASH = "said_crash"
+
+
 def _phrase(kind: str, pattern: str, text: str) -> _Phrase:
     return _Phrase(kind, re.compile(pattern, re.IGNORECASE), text)
 
@@ -79,7 +83,7 @@ PHRASES = (
         "sensor or attitude unhealthy",
     ),
     _phrase(
-        "said_crash",
+        CRASH,
         r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
         "crash or loss of thrust",
     ),
@@ -120,7 +124,9 @@ def _said(context: Context) -> list[Finding]:
         texts = [
             said
             for said in context.said
-            if pattern.search(said.text) and not PREARM.search(said.text) and _counts(context, said)
+            if pattern.search(said.text)
+            and not PREARM.search(said.text)
+            and _counts(context, said, is_end=kind == CRASH)
         ]
         if kind == "estimator_switch" and context.primary:
             continue
@@ -129,9 +135,10 @@ def _said(context: Context) -> list[Finding]:
     return found
 
 
-def _counts(context: Context, said: Said) -> bool:
-    """Said in flight; what is said at the very end belongs to disarming."""
-    return any(span.from_s <= said.t_s <= span.to_s - 1.0 for span in context.armed)
+def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
+    """Said in flight; what is said at the very end belongs to disarming, unless it `is_end`."""
+    margin_s = 1.0 if is_end else -1.0
+    return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
 
 
 def _told(kind: str, text: str, texts: list[Said]) -> Finding:

@@ -6,9 +6,9 @@ was delayed on the way and is not lost; where both jump, samples are lost.
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, ImuTrack, Span
+from h2nav.flightlogs.context import Array, Context, ImuTrack, Span
 from h2nav.integrity.findings import Finding, Severity
-from h2nav.review.inertial import runs, within
+from h2nav.review.inertial import Mask, runs, within
 from h2nav.review.tracks import Timing
 
 MOST_COLUMNS = 1000
@@ -41,12 +41,50 @@ LATE_SHARE = 0.001
 WINDOW_S = 10.0
 
 
-def look_at_timing(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Timing, list[Finding]]:
+def pauses(context: Context) -> tuple[Span, ...]:
+    """Between which times nothing at all was recorded: nobody logged, so no sensor is to blame."""
+    imus = [track.t_s for track in context.imus if len(track.t_s)]
+    if not imus:
+        return ()
+    from_s, to_s = min(t_s[0] for t_s in imus), max(t_s[-1] for t_s in imus)
+    others = [*(track.t_s for track in context.attitudes), *(track.t_s for track in context.gps)]
+    t_s = np.sort(np.concatenate([*imus, *others]))
+    t_s = t_s[(t_s >= from_s) & (t_s <= to_s)]
+    places = np.flatnonzero(np.diff(t_s) > LOST_S)
+    return tuple(Span(float(t_s[i]), float(t_s[i + 1]), "paused") for i in places)
+
+
+def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
+    """One finding for all of them."""
+    if not paused:
+        return []
+    lengths = [span.to_s - span.from_s for span in paused]
+    times = f"{len(paused)} times" if len(paused) > 1 else "once"
+    shown = "; ".join(f"{span.from_s:.1f} to {span.to_s:.1f} s" for span in paused[:4])
+    return [
+        Finding(
+            "log_paused",
+            "log",
+            Severity.INFO,
+            paused[0].from_s,
+            paused[-1].to_s,
+            sum(lengths),
+            "s",
+            f"logging paused {times}, for {sum(lengths):.0f} s in all",
+            f"no message of any kind from {shown}{' ...' if len(paused) > 4 else ''}",
+        )
+    ]
+
+
+def look_at_timing(
+    track: ImuTrack, armed: tuple[Span, ...], paused: tuple[Span, ...] = ()
+) -> tuple[Timing, list[Finding]]:
     """Rate, gaps and lateness of one IMU.
 
     Args:
         track: its samples.
         armed: where gaps matter.
+        paused: where nothing was recorded, see `pauses`.
     """
     if len(track.t_s) < FEWEST:
         return _empty(track), []
@@ -54,7 +92,8 @@ def look_at_timing(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Timing, li
     late_s, drift_ppm = _lateness(track.t_s, stamp_s)
     timing = _columns(track, stamp_s, late_s)
     name = f"IMU {track.imu + 1}"
-    found = [*_gaps(name, track, stamp_s, armed), *_rate(name, track, stamp_s)]
+    found = [*_gaps(name, track, stamp_s, armed, paused)]
+    found += _rate(name, track, stamp_s, paused)
     if drift_ppm is not None and abs(drift_ppm) > DRIFT_PPM:
         found.append(_drift(name, track, drift_ppm))
     if drift_ppm is None or abs(drift_ppm) < SIMULATED_PPM:
@@ -117,11 +156,17 @@ def _largest(values: Array, place: np.ndarray) -> Array:
     return np.where(np.diff(place) > 0, largest, np.nan)
 
 
-def _gaps(name: str, track: ImuTrack, stamp_s: Array, armed: tuple[Span, ...]) -> list[Finding]:
+def _gaps(
+    name: str,
+    track: ImuTrack,
+    stamp_s: Array,
+    armed: tuple[Span, ...],
+    paused: tuple[Span, ...],
+) -> list[Finding]:
     """Samples that never came, while the motors could turn."""
     steps = np.diff(stamp_s)
     period = float(np.median(steps))
-    flying = within(track.t_s[:-1], armed)
+    flying = within(track.t_s[:-1], armed) & ~_is_paused(track.t_s, paused)
     is_gap = (steps > GAP_PERIODS * period) & (steps > 0.5 * LONG_GAP_S) & flying
     if period <= 0.0 or not is_gap.any():
         return []
@@ -148,15 +193,23 @@ def _gaps(name: str, track: ImuTrack, stamp_s: Array, armed: tuple[Span, ...]) -
     ]
 
 
-def _rate(name: str, track: ImuTrack, stamp_s: Array) -> list[Finding]:
+def _is_paused(t_s: Array, paused: tuple[Span, ...]) -> Mask:
+    """(N - 1,) whether a pause lies between two samples."""
+    middles = np.array([0.5 * (span.from_s + span.to_s) for span in paused])
+    found: Mask = np.diff(np.searchsorted(middles, t_s)) > 0
+    return found
+
+
+def _rate(name: str, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) -> list[Finding]:
     """Too slow, or the same samples twice."""
     steps = np.diff(stamp_s)
     from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
     found = []
-    rate = (len(track.t_s) - 1) / max(to_s - from_s, 1e-9)
+    logged_s = to_s - from_s - float(np.diff(track.t_s)[_is_paused(track.t_s, paused)].sum())
+    rate = (len(track.t_s) - 1) / max(logged_s, 1e-9)
     if rate < SLOW_HZ:
         text = f"only {rate:.0f} samples a second were recorded"
-        evidence = f"{len(track.t_s)} of {track.source} in {to_s - from_s:.0f} s"
+        evidence = f"{len(track.t_s)} of {track.source} in {logged_s:.0f} s"
         found.append(
             Finding("imu_slow", name, Severity.NOTICE, from_s, to_s, rate, "Hz", text, evidence)
         )

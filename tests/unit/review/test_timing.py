@@ -40,6 +40,30 @@ def test_a_second_without_samples_is_a_warning():
     assert (finding.kind, finding.severity) == ("imu_gaps", Severity.WARNING)
 
 
+def test_a_log_that_pauses_blames_no_sensor():
+    flown = flight()._replace(kind="dataflash")
+    context = flown.context
+
+    def rest(t_s: np.ndarray) -> np.ndarray:
+        return (t_s < 40.0) | (t_s > 60.0)
+
+    paused = with_imu(flown, **kept(context.imus[0], rest(context.imus[0].t_s)))
+    attitudes = tuple(
+        track._replace(t_s=track.t_s[rest(track.t_s)], q_nb=track.q_nb[rest(track.t_s)])
+        for track in context.attitudes
+    )
+    gps = tuple(
+        type(track)(track.receiver, *(values[rest(track.t_s)] for values in track[1:]))
+        for track in context.gps
+    )
+    found = paused._replace(context=paused.context._replace(attitudes=attitudes, gps=gps))
+    finding = only(found)
+    assert (finding.kind, finding.severity) == ("log_paused", Severity.INFO)
+    assert finding.size == pytest.approx(20.0, abs=0.1)
+    # What a ground station does not get was lost on its link.
+    assert "imu_gaps" in {f.kind for f in analyse(found._replace(kind="tlog")).findings}
+
+
 def test_samples_that_come_twice_are_told():
     flown = flight()
     first = flown.context.imus[0]
