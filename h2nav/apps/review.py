@@ -12,6 +12,8 @@ from h2nav.apps.log_progress import byte_bar
 from h2nav.apps.playback import Wishes
 from h2nav.errors import BadInput, TaskFailed
 
+# The page has all of them.
+MOST_SHOWN = 20
 _CLOSING = """\
 recordings: telemetry logs of a ground station (.tlog), raw MAVLink bytes, our own logs (.mcap), and
 the logs that autopilots write themselves: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg).
@@ -99,7 +101,9 @@ def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> 
 def _show(document: dict[str, Any], page: Path) -> None:
     findings = document["findings"]
     print(f"{page}: {document['duration_s']:.0f} s, {len(findings) or 'no'} findings")
-    for each in findings:
+    for each in findings[:MOST_SHOWN]:
         span = f"{each['from_s']:.1f} to {each['to_s']:.1f} s"
         print(f"  {each['severity']}: {span}: {each['source']}: {each['text']}")
+    if len(findings) > MOST_SHOWN:
+        print(f"  and {len(findings) - MOST_SHOWN} more")
     sys.stdout.flush()

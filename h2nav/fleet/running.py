@@ -100,6 +100,7 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
             memory_limit=round(memory_mib * MIB * _NANNY_SHARE),
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
+            preload=["h2nav.fleet.interrupts"],
             silence_logs=logging.CRITICAL,
         ) as own,
         Client(own, set_as_default=False) as client,  # type: ignore[no-untyped-call]

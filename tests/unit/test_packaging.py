@@ -122,7 +122,8 @@ def test_every_declared_package_is_imported_and_the_other_way_round():
     """Of the base, synthesis, plots and fleet; the peers are imported by name, at their filter."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    fleet = [line for line in extras["fleet"] if not line.startswith("h2nav")]
+    # distributed draws its dashboard with bokeh, and says so only when it is missing.
+    fleet = [line for line in extras["fleet"] if Requirement(line).name != "bokeh"]
     lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"], *fleet]
     imported = {
         name
