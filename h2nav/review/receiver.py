@@ -54,6 +54,7 @@ DELAY_PARAMETERS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
 LOST_S = 1.0
+USUAL_SHARE = 0.98
 FEWEST_SATELLITES = 6
 # EKF3 stops trusting a velocity of more (EK3_CHECK_SCALE 100 %).
 POOR_SIGMA_M_S = 1.0
@@ -339,12 +340,14 @@ def _lost(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
     """No fix, or no report, while armed, after there was one."""
     had_fix = np.maximum.accumulate(gps.has_fix) if len(gps.t_s) else gps.has_fix
     found = []
+    # Reports may come in bursts: what is usual between two of them is no loss.
+    usual_s = float(np.quantile(np.diff(gps.t_s), USUAL_SHARE)) if len(gps.t_s) > 1 else 0.0
     for span in context.armed:
         inside = (gps.t_s >= span.from_s) & (gps.t_s <= span.to_s)
         good = np.concatenate(([span.from_s], gps.t_s[inside & gps.has_fix], [span.to_s]))
         if not (had_fix & inside).any():
             continue
-        for place in np.flatnonzero(np.diff(good) > LOST_S + 2.0 * _period(gps)):
+        for place in np.flatnonzero(np.diff(good) > LOST_S + 2.0 * max(_period(gps), usual_s)):
             lasted = float(good[place + 1] - good[place])
             found.append(
                 Finding(
