@@ -142,22 +142,28 @@ def _json_type(scalar: Any) -> str | None:
 
 def _encoder(fields: tuple[str, ...]) -> Callable[[Any], bytes]:
     times = [(name, fields.index(name)) for name in fields if _POINT_IN_TIME.search(name)]
-    dumps, strict = orjson.dumps, orjson.OPT_STRICT_INTEGER
 
     def encode(record: tuple[Any, ...]) -> bytes:
         values = dict(zip(fields, record, strict=True))
         for name, place in times:
             if record[place] is not None:
                 values[name] = time_object(record[place])
-        try:
-            return dumps(values, option=strict)
-        except orjson.JSONEncodeError:
-            return dumps({name: _within_json(value) for name, value in values.items()})
+        return json_object(values)
 
     return encode
 
 
+def json_object(values: dict[str, Any]) -> bytes:
+    """Fields as one JSON object; NaN, and integers that JSON's readers do not keep, are null."""
+    try:
+        return orjson.dumps(values, option=orjson.OPT_STRICT_INTEGER)
+    except orjson.JSONEncodeError:
+        return orjson.dumps({name: _within_json(value) for name, value in values.items()})
+
+
 def _within_json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_within_json(each) for each in value]
     too_large = isinstance(value, int) and abs(value) > LARGEST_JSON_INTEGER
     return None if too_large else value
 

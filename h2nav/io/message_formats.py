@@ -11,7 +11,7 @@ import orjson
 from pymavlink.dialects.v20 import ardupilotmega
 
 from h2nav.io.dialect import LAYOUTS, WireField
-from h2nav.io.log_schema import LARGEST_JSON_INTEGER, RecordFormat
+from h2nav.io.log_schema import RecordFormat, json_object
 
 _FLOATS = ("float", "double")
 
@@ -52,20 +52,4 @@ def _property(field: WireField, unit: str) -> dict[str, Any]:
 
 
 def _encoder(names: tuple[str, ...]) -> Callable[[Any], bytes]:
-    dumps, strict = orjson.dumps, orjson.OPT_STRICT_INTEGER
-
-    def encode(fields: tuple[Any, ...]) -> bytes:
-        values = dict(zip(names, fields, strict=True))
-        try:
-            return dumps(values, option=strict)
-        except orjson.JSONEncodeError:
-            return dumps({name: _within_json(value) for name, value in values.items()})
-
-    return encode
-
-
-def _within_json(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_within_json(each) for each in value]
-    too_large = isinstance(value, int) and abs(value) > LARGEST_JSON_INTEGER
-    return None if too_large else value
+    return lambda fields: json_object(dict(zip(names, fields, strict=True)))
