@@ -64,7 +64,8 @@ ADVICE = {
         "innovations",
     ),
     "gyro_field": Advice(
-        "The gyro said that the earth's field turned, which it does not: a wrong gyro.",
+        "The gyro said that the earth's field turned, which it does not: a wrong gyro. About the "
+        "vertical a field of something near the compass may also have done it.",
         _SENSOR,
         "innovations",
     ),
