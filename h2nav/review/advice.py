@@ -69,6 +69,11 @@ ADVICE = {
         _SENSOR,
         "innovations",
     ),
+    "accelerometer_bias_step": Advice(
+        "The accelerometer began to show a force that the vehicle's motion does not have.",
+        "Its mounting and temperature; a step that comes again is a failing sensor.",
+        "bias",
+    ),
     "autopilot_tilt": Advice(
         "The autopilot's roll or pitch and ours were farther apart than both can be uncertain.",
         "The autopilot's accelerometers and vibration; the evidence says whom GPS supports.",
