@@ -110,24 +110,19 @@ def analyse(flight: Flight) -> Analysis:
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
-    """The jumps of a single accelerometer that no velocity explains as well.
+    """The jumps of a single accelerometer where velocities contradict nothing else.
 
-    Where one does, that is one finding, which says both.
+    One that a velocity explains as well is one finding, which says both. Where velocities contradict
+    at other times, they, or the attitude, are no measure of a jump.
     """
-    left = []
+    places = [i for i, other in enumerate(found) if other.kind == "gps_velocity"]
     for step in steps:
-        place = next((i for i, other in enumerate(found) if _explains(other, step)), None)
-        if place is None:
-            left.append(step)
-        else:
-            told = f"{found[place].evidence}; or the {step.text} {step.evidence}"
-            found[place] = found[place]._replace(evidence=told)
-    return left
-
-
-def _explains(other: Finding, step: Finding) -> bool:
-    near = other.from_s - REACH_S < step.to_s and step.from_s < other.to_s + REACH_S
-    return other.kind == "gps_velocity" and near
+        for i in places:
+            if found[i].from_s - REACH_S < step.to_s and step.from_s < found[i].to_s + REACH_S:
+                told = f"{found[i].evidence}; or the {step.text} {step.evidence}"
+                found[i] = found[i]._replace(evidence=told)
+                break
+    return [] if places else steps
 
 
 def _of_samples(
