@@ -112,8 +112,8 @@ def analyse(flight: Flight) -> Analysis:
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
     """The jumps of a single accelerometer where velocities contradict nothing else.
 
-    One that a velocity explains as well is one finding, which says both. Where velocities contradict
-    at other times, they, or the attitude, are no measure of a jump.
+    One that a velocity explains as well is one finding, which says both. Where velocities
+    contradict at other times, they, or the attitude, are no measure of a jump.
     """
     places = [i for i, other in enumerate(found) if other.kind == "gps_velocity"]
     for step in steps:
