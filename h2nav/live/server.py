@@ -1,0 +1,279 @@
+"""The page and its metrics over HTTP: whoever reaches the port may look, and can change nothing.
+
+Everything has a limit: connections, viewers, the size of a request, the time that it may take to
+come and that its answer may take to be read. A viewer that reads slowly is sent less, never late.
+"""
+
+import asyncio
+import contextlib
+import ipaddress
+import socket
+from datetime import timedelta
+from importlib import resources
+from typing import Any, cast
+
+import orjson
+from prometheus_client import CONTENT_TYPE_LATEST
+from tornado.gen import with_timeout
+from tornado.http1connection import HTTP1Connection
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import PeriodicCallback
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.locks import Condition
+from tornado.netutil import bind_sockets
+from tornado.web import Application, HTTPError, RequestHandler
+
+from h2nav.live import messages
+from h2nav.live.metrics import metrics_text
+from h2nav.live.state import LiveState
+
+PERIOD_MS = 100
+# So many attitudes are sent for each overview.
+ATTITUDES_PER_OVERVIEW = 5
+MOST_CONNECTIONS = 64
+MOST_VIEWERS = 16
+MOST_HEADER_BYTES = 8192
+MOST_BODY_BYTES = 1024
+# A request has to be there, and an answer to be read, within this.
+PATIENCE_S = 15.0
+# Of a viewer that does not keep up, so much is on its way and old: less than two seconds.
+SEND_BUFFER_BYTES = 16384
+WAITING = 32
+AGAIN_MS = 1000
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'"
+)
+ASSETS = {
+    "": ("page.html", "text/html; charset=utf-8"),
+    "page.css": ("page.css", "text/css; charset=utf-8"),
+    "page.js": ("page.js", "text/javascript; charset=utf-8"),
+    "icon.svg": ("icon.svg", "image/svg+xml"),
+}
+
+
+class PageServer:
+    """Serves what a state holds, on the running event loop.
+
+    Args:
+        state: what is shown.
+        host: address to listen on.
+        port: to listen on; 0 = one that the kernel chooses.
+
+    Attributes:
+        port: where it listens.
+
+    Raises:
+        OSError: the address cannot be listened on.
+    """
+
+    def __init__(self, state: LiveState, host: str, port: int) -> None:
+        sockets = bind_sockets(port, host, backlog=WAITING)
+        for each in sockets:
+            each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        self.port: int = sockets[0].getsockname()[1]
+        self._broadcast = _Broadcast(state)
+        is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
+        shared = {"is_private": is_private}
+        application = Application(
+            [
+                ("/events", _Events, {"broadcast": self._broadcast, **shared}),
+                ("/metrics", _Metrics, {"state": state, "broadcast": self._broadcast, **shared}),
+                ("/(.*)", _Asset, shared),
+            ],
+            log_function=lambda handler: None,  # a line per request would be a flood
+        )
+        self._server = _LimitedServer(
+            application,
+            max_header_size=MOST_HEADER_BYTES,
+            max_body_size=MOST_BODY_BYTES,
+            max_buffer_size=MOST_HEADER_BYTES + MOST_BODY_BYTES,
+            chunk_size=MOST_HEADER_BYTES,
+            idle_connection_timeout=PATIENCE_S,
+            body_timeout=PATIENCE_S,
+        )
+        self._server.add_sockets(sockets)
+        self._broadcast.start()
+
+    def close(self) -> None:
+        """Listens no more, and hangs up."""
+        self._broadcast.stop()
+        self._server.stop()
+        self._server.hang_up()
+
+
+class _LimitedServer(HTTPServer):
+    """Hangs up on a connection that is one too many."""
+
+    def initialize(self, *args: Any, **settings: Any) -> None:
+        super().initialize(*args, **settings)
+        self._streams: set[IOStream] = set()
+
+    def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
+        self._streams = {each for each in self._streams if not each.closed()}
+        if len(self._streams) >= MOST_CONNECTIONS:
+            stream.close()
+            return
+        self._streams.add(stream)
+        super().handle_stream(stream, address)
+
+    def hang_up(self) -> None:
+        for stream in self._streams:
+            stream.close()
+
+
+class _Broadcast:
+    """What all viewers are sent is made once, and not at all where there are none.
+
+    Attributes:
+        viewers: how many there are.
+        moment: the newest attitudes, as an event of the stream.
+        overview: the newest overview, likewise.
+        number: of that overview.
+    """
+
+    def __init__(self, state: LiveState) -> None:
+        self._state = state
+        self._condition = Condition()
+        self._clock = PeriodicCallback(self._tick, PERIOD_MS)
+        self._ticks = 0
+        self.viewers = 0
+        self.moment = self.overview = b""
+        self.number = 0
+
+    def start(self) -> None:
+        self._clock.start()
+
+    def stop(self) -> None:
+        self._clock.stop()
+
+    async def next(self) -> None:
+        """Waits until there is something new."""
+        await self._condition.wait()
+
+    def renew(self) -> None:
+        """Makes an overview now."""
+        self.number += 1
+        self.overview = _event("overview", messages.overview(self._state))
+
+    def _tick(self) -> None:
+        if not self.viewers:
+            return
+        self.moment = _event("attitudes", messages.attitudes(self._state))
+        self._ticks += 1
+        if self._ticks % ATTITUDES_PER_OVERVIEW == 0:
+            self.renew()
+        self._condition.notify_all()
+
+
+def _event(name: str, content: dict[str, Any]) -> bytes:
+    return b"event: %s\ndata: %s\n\n" % (name.encode(), orjson.dumps(content))
+
+
+class _Handler(RequestHandler):
+    """What all answers have in common."""
+
+    def initialize(self, is_private: bool) -> None:
+        self._is_private = is_private
+
+    def set_default_headers(self) -> None:
+        self.clear_header("Server")
+        self.set_header("Content-Security-Policy", POLICY)
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Cache-Control", "no-cache")
+
+    def prepare(self) -> None:
+        # A stranger's web page may give its own name our address; the browser tells which it is.
+        if self._is_private and not _is_loopback(self.request.host_name):
+            raise HTTPError(403)
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code} {self._reason}\n")
+
+    async def sent(self, written: "asyncio.Future[None]") -> None:
+        """Waits until an answer is read; hangs up on who does not read it."""
+        try:
+            await with_timeout(
+                timedelta(seconds=PATIENCE_S), written, quiet_exceptions=StreamClosedError
+            )
+        except TimeoutError:
+            cast(HTTP1Connection, self.request.connection).stream.close()
+            raise StreamClosedError from None
+
+
+class _Asset(_Handler):
+    """The page and what it consists of."""
+
+    async def get(self, name: str) -> None:
+        if name not in ASSETS:
+            raise HTTPError(404)
+        file, kind = ASSETS[name]
+        self.set_header("Content-Type", kind)
+        with contextlib.suppress(StreamClosedError):
+            await self.sent(self.finish(_asset(file)))
+
+    head = get
+
+
+class _Metrics(_Handler):
+    """What Prometheus asks for."""
+
+    def initialize(self, is_private: bool, state: LiveState, broadcast: _Broadcast) -> None:
+        super().initialize(is_private)
+        self._state, self._broadcast = state, broadcast
+
+    async def get(self) -> None:
+        self.set_header("Content-Type", CONTENT_TYPE_LATEST)
+        text = metrics_text(self._state, self._broadcast.viewers)
+        with contextlib.suppress(StreamClosedError):
+            await self.sent(self.finish(text))
+
+
+class _Events(_Handler):
+    """The stream that the page lives on: Server-Sent Events, which go one way only."""
+
+    def initialize(self, is_private: bool, broadcast: _Broadcast) -> None:
+        super().initialize(is_private)
+        self._broadcast = broadcast
+
+    async def get(self) -> None:
+        broadcast = self._broadcast
+        if broadcast.viewers >= MOST_VIEWERS:
+            raise HTTPError(503)
+        self.set_header("Content-Type", "text/event-stream")
+        self.set_header("X-Accel-Buffering", "no")
+        broadcast.viewers += 1
+        try:
+            await self._stream(broadcast)
+        except StreamClosedError:
+            pass
+        finally:
+            broadcast.viewers -= 1
+
+    async def _stream(self, broadcast: _Broadcast) -> None:
+        broadcast.renew()
+        self.write(f"retry: {AGAIN_MS}\n\n")
+        number = -1
+        while True:
+            if broadcast.number != number:
+                number = broadcast.number
+                self.write(broadcast.overview)
+            self.write(broadcast.moment)
+            await self.sent(self.flush())
+            await broadcast.next()
+
+
+def _asset(name: str) -> bytes:
+    return resources.files("h2nav.live").joinpath("assets", name).read_bytes()
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
