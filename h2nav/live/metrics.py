@@ -5,7 +5,7 @@ A value that is not known has no sample.
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -87,7 +87,9 @@ class _Snapshot(Collector):
 
     def collect(self) -> Iterator[Metric]:
         yield _gauge("info", "Which h2nav this is.", ("version",), [((__version__,), 1.0)])
-        yield _gauge("silence_seconds", "Since the daemon was heard.", (), [((), self._state.silent_s)])
+        yield _gauge(
+            "silence_seconds", "Since the daemon was heard.", (), [((), self._state.silent_s)]
+        )
         yield _gauge("live_viewers", "Who look at the page.", (), [((), self._viewers)])
         yield from self._states()
         for row in _COUNTERS:

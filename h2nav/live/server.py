@@ -10,26 +10,20 @@ import ipaddress
 import socket
 from datetime import timedelta
 from importlib import resources
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
-import orjson
 from prometheus_client import CONTENT_TYPE_LATEST
 from tornado.gen import with_timeout
 from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import PeriodicCallback
 from tornado.iostream import IOStream, StreamClosedError
-from tornado.locks import Condition
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 
-from h2nav.live import messages
+from h2nav.live.broadcast import Broadcast
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
 
-PERIOD_MS = 100
-# So many attitudes are sent for each overview.
-ATTITUDES_PER_OVERVIEW = 5
 MOST_CONNECTIONS = 64
 MOST_VIEWERS = 16
 MOST_HEADER_BYTES = 8192
@@ -72,13 +66,13 @@ class PageServer:
         for each in sockets:
             each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self.port: int = sockets[0].getsockname()[1]
-        self._broadcast = _Broadcast(state)
+        self._broadcast = Broadcast(state)
         is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
-        shared = {"is_private": is_private}
+        shared = {"shared": _Shared(state, self._broadcast, is_private)}
         application = Application(
             [
-                ("/events", _Events, {"broadcast": self._broadcast, **shared}),
-                ("/metrics", _Metrics, {"state": state, "broadcast": self._broadcast, **shared}),
+                ("/events", _Events, shared),
+                ("/metrics", _Metrics, shared),
                 ("/(.*)", _Asset, shared),
             ],
             log_function=lambda handler: None,  # a line per request would be a flood
@@ -122,59 +116,25 @@ class _LimitedServer(HTTPServer):
             stream.close()
 
 
-class _Broadcast:
-    """What all viewers are sent is made once, and not at all where there are none.
+class _Shared(NamedTuple):
+    """What the handlers work with.
 
     Attributes:
-        viewers: how many there are.
-        moment: the newest attitudes, as an event of the stream.
-        overview: the newest overview, likewise.
-        number: of that overview.
+        state: what is shown.
+        broadcast: of it.
+        is_private: only this computer reaches the port.
     """
 
-    def __init__(self, state: LiveState) -> None:
-        self._state = state
-        self._condition = Condition()
-        self._clock = PeriodicCallback(self._tick, PERIOD_MS)
-        self._ticks = 0
-        self.viewers = 0
-        self.moment = self.overview = b""
-        self.number = 0
-
-    def start(self) -> None:
-        self._clock.start()
-
-    def stop(self) -> None:
-        self._clock.stop()
-
-    async def next(self) -> None:
-        """Waits until there is something new."""
-        await self._condition.wait()
-
-    def renew(self) -> None:
-        """Makes an overview now."""
-        self.number += 1
-        self.overview = _event("overview", messages.overview(self._state))
-
-    def _tick(self) -> None:
-        if not self.viewers:
-            return
-        self.moment = _event("attitudes", messages.attitudes(self._state))
-        self._ticks += 1
-        if self._ticks % ATTITUDES_PER_OVERVIEW == 0:
-            self.renew()
-        self._condition.notify_all()
-
-
-def _event(name: str, content: dict[str, Any]) -> bytes:
-    return b"event: %s\ndata: %s\n\n" % (name.encode(), orjson.dumps(content))
+    state: LiveState
+    broadcast: Broadcast
+    is_private: bool
 
 
 class _Handler(RequestHandler):
     """What all answers have in common."""
 
-    def initialize(self, is_private: bool) -> None:
-        self._is_private = is_private
+    def initialize(self, shared: _Shared) -> None:
+        self.shared = shared
 
     def set_default_headers(self) -> None:
         self.clear_header("Server")
@@ -186,7 +146,7 @@ class _Handler(RequestHandler):
 
     def prepare(self) -> None:
         # A stranger's web page may give its own name our address; the browser tells which it is.
-        if self._is_private and not _is_loopback(self.request.host_name):
+        if self.shared.is_private and not _is_loopback(self.request.host_name):
             raise HTTPError(403)
 
     def write_error(self, status_code: int, **_: Any) -> None:
@@ -221,13 +181,9 @@ class _Asset(_Handler):
 class _Metrics(_Handler):
     """What Prometheus asks for."""
 
-    def initialize(self, is_private: bool, state: LiveState, broadcast: _Broadcast) -> None:
-        super().initialize(is_private)
-        self._state, self._broadcast = state, broadcast
-
     async def get(self) -> None:
         self.set_header("Content-Type", CONTENT_TYPE_LATEST)
-        text = metrics_text(self._state, self._broadcast.viewers)
+        text = metrics_text(self.shared.state, self.shared.broadcast.viewers)
         with contextlib.suppress(StreamClosedError):
             await self.sent(self.finish(text))
 
@@ -235,12 +191,8 @@ class _Metrics(_Handler):
 class _Events(_Handler):
     """The stream that the page lives on: Server-Sent Events, which go one way only."""
 
-    def initialize(self, is_private: bool, broadcast: _Broadcast) -> None:
-        super().initialize(is_private)
-        self._broadcast = broadcast
-
     async def get(self) -> None:
-        broadcast = self._broadcast
+        broadcast = self.shared.broadcast
         if broadcast.viewers >= MOST_VIEWERS:
             raise HTTPError(503)
         self.set_header("Content-Type", "text/event-stream")
@@ -253,7 +205,7 @@ class _Events(_Handler):
         finally:
             broadcast.viewers -= 1
 
-    async def _stream(self, broadcast: _Broadcast) -> None:
+    async def _stream(self, broadcast: Broadcast) -> None:
         broadcast.renew()
         self.write(f"retry: {AGAIN_MS}\n\n")
         number = -1

@@ -1,7 +1,7 @@
 """What is known of the daemon at present, for whoever asks.
 
-Ages are of the time at which something came to this process, by a clock that nobody sets: the host's
-UNIX clock jumps where a computer without a battery learns the date from the network.
+Ages count from when something came to this process, by a clock that nobody sets: the host's UNIX
+clock jumps where a computer without a battery learns the date from the network.
 """
 
 import time
@@ -19,7 +19,7 @@ MOST_FINDINGS = 50
 MOST_TEXTS = 100
 # Topics of which several records are current at a time, and what tells those apart.
 KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aiding": "kind"}
-# What an autopilot makes us say has a limit (`service/limits.py`); this one is for our own mistakes.
+# What an autopilot makes us say is limited by the service; this is for mistakes of ours.
 MOST_CURRENT = 256
 COUNTING = ("/health", "/link", "/feed", "/recorder")
 COUNTED_OVER_NS = 800_000_000
