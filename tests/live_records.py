@@ -81,9 +81,22 @@ FLYING = (
 )
 
 
-def flying_state():
+class Clock:
+    """Time that passes only where a test says so."""
+
+    def __init__(self):
+        self.now_ns = 5_000_000_000
+
+    def __call__(self):
+        return self.now_ns
+
+    def pass_s(self, seconds):
+        self.now_ns += round(seconds * 1e9)
+
+
+def flying_state(clock=None):
     """A state that has been told everything once."""
-    state = LiveState()
+    state = LiveState(clock or Clock())
     for topic, record in FLYING:
         state.take(topic, UNIX_NS, record)
     state.text(UNIX_NS, LogLevel.INFO, "active")
@@ -106,8 +119,9 @@ class Served:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
-        self._server = self.run(PageServer, state, host, 0)
-        self.port = self._server.port
+        self._host = host
+        self.port = 0
+        self.open_server()
 
     def run(self, call, *arguments):
         """Calls something in the server's thread; what it returns."""
@@ -125,11 +139,17 @@ class Served:
         """A connection to it."""
         return socket.create_connection(("127.0.0.1", self.port), WAIT_S)
 
+    def open_server(self) -> None:
+        """The page is served, on the same port as before."""
+        self._server = self.run(PageServer, self.state, self._host, self.port)
+        self.port = self._server.port
+
     def close_server(self) -> None:
         """The page is no longer served."""
         self.run(self._server.close)
 
     def end(self) -> None:
+        """Nothing of it is left."""
         self.close_server()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(WAIT_S)

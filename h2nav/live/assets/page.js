@@ -57,7 +57,6 @@ function span(seconds) {
 const ago = (seconds) => (seconds < 1 ? "now" : `${span(seconds)} ago`);
 
 function bytes(count) {
-  if (count === null) return "–";
   if (count < 1e3) return `${count.toFixed(0)} B`;
   return count < 1e6 ? `${(count / 1e3).toFixed(1)} kB` : `${(count / 1e6).toFixed(1)} MB`;
 }
@@ -172,7 +171,7 @@ class Strip {
   say(difference, value, sigma) {
     const isBeyond = value !== null && sigma !== null && Math.abs(value) > LIMIT * sigma;
     this.box.classList.toggle("beyond", isBeyond);
-    this.box.querySelector("output").textContent = value === null ? "–" : signed(value);
+    this.box.querySelector("output").textContent = value === null ? "–" : this.part === "tilt" ? degrees(value) : signed(value);
     let words = "nothing to compare with just now";
     if (value !== null) {
       words = sigma === null ? "no deviation is known" : `one deviation is ${degrees(sigma)}: `;
@@ -256,7 +255,8 @@ function showState() {
   document.body.classList.toggle("old", isOld);
   setText(at("#word"), word);
   setText(at("#sentence"), sentence);
-  const alarms = isOld || !overview ? [] : overview.alarms;
+  // What is named as the cause is not said twice.
+  const alarms = isOld || !overview ? [] : overview.alarms.filter((text) => !reason.includes(text));
   header.dataset.state = state;
   header.classList.toggle("wrong", alarms.length > 0);
   const shown = [...at("#alarms").children].map((item) => item.textContent);
@@ -300,11 +300,12 @@ function showFindings(findings) {
   const items = findings.map((finding) => {
     const item = element("li", "", finding.severity);
     item.classList.toggle("open", finding.is_open);
-    const length = finding.is_open ? "" : `, lasted ${span(finding.to_s - finding.from_s)}`;
+    const began = `began ${ago(finding.age_s)}`;
+    const ended = `${began}, lasted ${span(finding.to_s - finding.from_s)}`;
     item.append(
       element("b", `${finding.source}: ${finding.text}`),
       element("span", finding.evidence),
-      element("small", `began ${ago(finding.age_s)}${length}`),
+      element("small", finding.is_open ? `now; ${began}` : ended),
     );
     return item;
   });
@@ -382,7 +383,8 @@ function recording({ recorder, per_s: rates }) {
 
 function link({ link: counters, per_s: rates }) {
   if (!counters) return ["link", "–", false];
-  const parts = [`${bytes(rates.bytes_in)}/s in, ${bytes(rates.bytes_out)}/s out`];
+  const isKnown = rates.bytes_in !== null;
+  const parts = isKnown ? [`${bytes(rates.bytes_in)}/s in, ${bytes(rates.bytes_out)}/s out`] : ["up"];
   if (counters.frames_dropped) parts.push(`${counters.frames_dropped} frames dropped`);
   if (counters.opened > 1) parts.push(`opened ${counters.opened} times`);
   return ["link", parts.join(", "), false];

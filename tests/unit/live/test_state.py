@@ -1,7 +1,7 @@
 """What the viewer remembers: the newest of everything, its age, and never too much."""
 
 import pytest
-from live_records import UNIX_NS, estimate, finding, health, lane, status
+from live_records import UNIX_NS, Clock, estimate, finding, health, lane, status
 
 from h2nav.attitude.samples import Trust
 from h2nav.io.foxglove_messages import LogLevel
@@ -10,14 +10,6 @@ from h2nav.live.state import LiveState
 from h2nav.service.records import RejectionRecord
 
 SECOND_NS = 1_000_000_000
-
-
-class Clock:
-    def __init__(self):
-        self.now_ns = 5 * SECOND_NS
-
-    def __call__(self):
-        return self.now_ns
 
 
 @pytest.fixture
@@ -42,11 +34,11 @@ def test_the_newest_record_of_each_kind_is_kept(state):
 
 def test_ages_do_not_follow_the_hosts_clock(state, clock):
     state.take("/estimate", UNIX_NS, estimate())
-    clock.now_ns += 2 * SECOND_NS
+    clock.pass_s(2.0)
     state.take("/health", UNIX_NS - 3600 * SECOND_NS, health())
     assert state.age_s(state.newest("/estimate").heard_ns) == 2.0
     assert state.silent_s == 0.0
-    clock.now_ns += SECOND_NS
+    clock.pass_s(1.0)
     assert state.silent_s == 1.0
 
 
@@ -89,7 +81,7 @@ def test_counters_become_rates_over_about_a_second(state):
 
 def test_what_estimates_rest_on_is_remembered_with_its_age(state, clock):
     state.take("/estimate", UNIX_NS, estimate(trust=int(Trust.ALIGNED | Trust.FIELD_USED)))
-    clock.now_ns += SECOND_NS
+    clock.pass_s(1.0)
     state.take("/estimate", UNIX_NS, estimate(trust=int(Trust.ALIGNED)))
     assert state.trusted_s() == {Trust.ALIGNED: 0.0, Trust.FIELD_USED: 1.0}
 
