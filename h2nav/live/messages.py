@@ -41,16 +41,15 @@ def attitudes(state: LiveState) -> dict[str, Any]:
 
 def overview(state: LiveState) -> dict[str, Any]:
     """State, findings, lines of the program, test ratios and counters."""
-    status, velocity = state.newest("/status"), state.newest("/aiding", "velocity")
     return {
         "version": __version__,
-        "status": _record(status),
+        "status": _record(state.newest("/status")),
         "health": _record(state.newest("/health")),
         "alarms": state.alarms,
         "findings": _findings(state),
         "lines": _lines(state),
         "holding": _holding(state),
-        "velocity_age_s": None if velocity is None else state.age_s(velocity.heard_ns),
+        "velocity": _velocity(state),
         "lanes": [_record(seen) for seen in state.all_of("/lanes")],
         "refused": [_record(seen) for seen in state.all_of("/rejected")],
         "link": _record(state.newest("/link")),
@@ -110,6 +109,15 @@ def _difference(status: Any) -> dict[str, Any] | None:
             "heading_verdict",
         )
     }
+
+
+def _velocity(state: LiveState) -> dict[str, Any] | None:
+    """The last velocity that aided the filter, and whose it is."""
+    seen = state.newest("/aiding", "velocity")
+    if seen is None:
+        return None
+    source = "GPS receiver" if seen.record.independent else "autopilot"
+    return {"source": source, "age_s": state.age_s(seen.heard_ns)}
 
 
 def _record(seen: Seen | None) -> dict[str, Any] | None:

@@ -42,8 +42,12 @@ function element(tag, text, className = "") {
   return made;
 }
 
-const fixed = (value, digits) =>
-  value === null || value === undefined ? "–" : value.toFixed(digits).replace("-", "−");
+function fixed(value, digits) {
+  if (value === null || value === undefined) return "–";
+  const text = value.toFixed(digits);
+  return text.replace("-", Number(text) === 0 ? "" : "−");
+}
+
 const degrees = (value, digits = 1) => `${fixed(value, digits)}°`;
 const signed = (value) => (value > 0 ? "+" : "") + degrees(value);
 
@@ -184,8 +188,10 @@ class Strip {
 
   draw(now_s) {
     const known = this.points.filter((point) => point.value !== null);
-    const largest = known.map((point) => Math.max(Math.abs(point.value), LIMIT * (point.sigma ?? 0)));
-    const top = Math.max(1, ...largest) * 1.1;
+    const sure = known.filter((point) => point.sigma !== null);
+    // The band may become much wider than any difference; at its narrowest it is seen whole.
+    const narrowest = sure.length ? LIMIT * Math.min(...sure.map((point) => point.sigma)) : 0;
+    const top = 1.15 * Math.max(1, narrowest, ...known.map((point) => Math.abs(point.value)));
     const low = this.part === "tilt" ? 0 : -top;
     const x = (point) => (SHOWN_S - (now_s - point.t_s)).toFixed(1);
     const y = (value) => ((100 * (top - value)) / (top - low)).toFixed(1);
@@ -198,15 +204,16 @@ class Strip {
         pen = "L";
       }
     }
-    const sure = known.filter((point) => point.sigma !== null);
-    const above = sure.map((point) => `${x(point)} ${y(LIMIT * point.sigma)}`);
-    const below = sure.map((point) => `${x(point)} ${y(Math.max(low, -LIMIT * point.sigma))}`).reverse();
+    const edge = (sign) => (point) =>
+      `${x(point)} ${y(Math.min(top, Math.max(low, sign * LIMIT * point.sigma)))}`;
+    const above = sure.map(edge(1));
+    const below = sure.map(edge(-1)).reverse();
     this.curve.setAttribute("d", curve);
     this.band.setAttribute("d", sure.length ? `M${[...above, ...below].join("L")}Z` : "");
     this.zero.setAttribute("y1", y(0));
     this.zero.setAttribute("y2", y(0));
     this.legend.replaceChildren(
-      element("span", `2 min ago`), element("span", `${degrees(low, 0)} to ${degrees(top, 0)}`), element("span", "now"),
+      element("span", "2 min ago"), element("span", `${degrees(low, 0)} to ${degrees(top, 0)}`), element("span", "now"),
     );
   }
 }
@@ -255,8 +262,7 @@ function showState() {
   document.body.classList.toggle("old", isOld);
   setText(at("#word"), word);
   setText(at("#sentence"), sentence);
-  // What is named as the cause is not said twice.
-  const alarms = isOld || !overview ? [] : overview.alarms.filter((text) => !reason.includes(text));
+  const alarms = isOld || !overview ? [] : troubles(overview, reason);
   header.dataset.state = state;
   header.classList.toggle("wrong", alarms.length > 0);
   const shown = [...at("#alarms").children].map((item) => item.textContent);
@@ -264,6 +270,16 @@ function showState() {
     at("#alarms").replaceChildren(...alarms.map((text) => element("li", text)));
   }
   document.title = `${word} · h2nav`;
+}
+
+// What is wrong besides the cause of the state, which is not said twice.
+function troubles({ alarms, velocity: last, holding }, reason) {
+  const told = alarms.filter((text) => !reason.includes(text));
+  if (last && last.age_s > NO_VELOCITY_S) {
+    const held = holding.length ? `held by ${holding.join(" and ")}` : "the gyro's alone";
+    told.push(`no velocity of the ${last.source} for ${span(last.age_s)}; the attitude is ${held}`);
+  }
+  return told;
 }
 
 // A text that stays is not set again: a screen reader would read it again.
@@ -300,10 +316,11 @@ function showFindings(findings) {
   const items = findings.map((finding) => {
     const item = element("li", "", finding.severity);
     item.classList.toggle("open", finding.is_open);
+    const isNamed = finding.text.startsWith(finding.source);
     const began = `began ${ago(finding.age_s)}`;
     const ended = `${began}, lasted ${span(finding.to_s - finding.from_s)}`;
     item.append(
-      element("b", `${finding.source}: ${finding.text}`),
+      element("b", isNamed ? finding.text : `${finding.source}: ${finding.text}`),
       element("span", finding.evidence),
       element("small", finding.is_open ? `now; ${began}` : ended),
     );
@@ -367,10 +384,10 @@ function held({ holding }) {
   return ["attitude held by", holding.length ? holding.join(", ") : "the gyro alone", !holding.length];
 }
 
-function velocity({ velocity_age_s: age_s }) {
-  if (age_s === null) return ["GPS velocity", "none so far", false];
-  const isLost = age_s > NO_VELOCITY_S;
-  return ["GPS velocity", isLost ? `none for ${span(age_s)}` : "comes", isLost];
+function velocity({ velocity: last }) {
+  if (!last) return ["velocity", "none so far", false];
+  const isLost = last.age_s > NO_VELOCITY_S;
+  return ["velocity", isLost ? `none for ${span(last.age_s)}` : `comes from the ${last.source}`, isLost];
 }
 
 function recording({ recorder, per_s: rates }) {

@@ -5,8 +5,19 @@ import re
 
 import pytest
 from browsers import headless_browser, wait_until
-from live_records import UNIX_NS, Clock, estimate, finding, flying_state, health, served, status
+from live_records import (
+    HELD,
+    UNIX_NS,
+    Clock,
+    estimate,
+    finding,
+    flying_state,
+    health,
+    served,
+    status,
+)
 
+from h2nav.attitude.samples import Trust
 from h2nav.integrity.findings import Severity
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.live.state import LiveState
@@ -150,12 +161,24 @@ def test_what_was_not_told_is_not_shown(browser, page):
     assert ratios[ratios.index("gravity") + 1] == "–"
 
 
+def test_a_velocity_that_is_missed_is_told(browser, page, clock):
+    says(browser, "#figures", "comes from the GPS receiver")
+    assert text_of(browser, "#alarms") == ""
+    clock.pass_s(12.0)
+    page.take("/status", status())
+    page.take("/estimate", estimate(trust=HELD & ~Trust.VELOCITY_USED))
+    says(
+        browser, "#alarms",
+        "no velocity of the GPS receiver for 12 s; the attitude is held by gravity and compass",
+    )  # fmt: skip
+    says(browser, "#figures", "none for 12 s")
+
+
 def test_a_daemon_that_says_nothing_any_more_is_missed(browser, page, clock):
     clock.pass_s(75.0)
     says(browser, "#word", "Silent")
     says(browser, "#sentence", "h2nav has said nothing for 1 min 15 s; what is shown is old.")
     wait_until(browser, "return document.body.classList.contains('old')")
-    says(browser, "#figures", "none for 1 min 15 s")  # GPS velocity
     wait_until(browser, "return document.querySelector('#ours').classList.contains('absent')")
     page.take("/status", status())
     page.take("/estimate", estimate())
