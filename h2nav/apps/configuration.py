@@ -150,6 +150,19 @@ class SigningSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """What others see while the daemon runs; read-only, and open to whoever reaches the ports.
+
+    Attributes:
+        address: HOST:PORT of the status page and the metrics; empty = nothing is shown.
+        foxglove_port: of the Foxglove WebSocket on the same host; 0 = none.
+    """
+
+    address: str = ""
+    foxglove_port: Annotated[int, Within(0, 65535)] = 8765
+
+
+@dataclass(frozen=True, slots=True)
 class Configuration:
     """The whole file, one field per section."""
 
@@ -164,6 +177,7 @@ class Configuration:
     odometry: OdometrySettings = field(default_factory=OdometrySettings)
     log: LogSettings = field(default_factory=LogSettings)
     signing: SigningSettings = field(default_factory=SigningSettings)
+    live: LiveSettings = field(default_factory=LiveSettings)
 
     @property
     def service(self) -> ServiceSettings:
