@@ -104,7 +104,12 @@ class Console:
         if self._events is None:
             return
         unix_s = round(self._clock.unix_ns(t_ns) * 1e-9, 3)
-        event = {"event": name, "unix_s": unix_s, **values, "attitude": _attitude(self._fresh(t_ns))}
+        event = {
+            "event": name,
+            "unix_s": unix_s,
+            **values,
+            "attitude": _attitude(self._fresh(t_ns)),
+        }
         self._events.say(json_text(event) + "\n")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
-from h2nav.apps.order_input import OrderInput, order_input
+from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 from h2nav.io.links import Link
@@ -29,7 +29,6 @@ from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stre
 
 SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
-QUIT = "quit"
 MOST_BIAS_DEG_S = 100.0
 BITS_PER_BYTE_ON_A_LINE = 10
 
@@ -107,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
             autopilot = FakeAutopilot(options)
             vehicle = AutopilotBytes(autopilot, start_ns, len(links), signing)
             user = _User(orders, Orders(autopilot))
-            if sys.stdin is not None and sys.stdin.isatty():
+            if orders.has_keys:
                 print(
                     f"{key_table()}\n: NAME ...  a whole order, `help` lists them", file=sys.stderr
                 )

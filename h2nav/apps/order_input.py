@@ -12,10 +12,17 @@ from typing import Protocol, TextIO
 READ_BYTES = 4096
 LONGEST_LINE = 1000
 TYPE_A_LINE = ":"
+QUIT = "quit"  # the order that ends a program
 
 
 class OrderInput(Protocol):
-    """Where orders come from."""
+    """Where orders come from.
+
+    Attributes:
+        has_keys: somebody may sit at a terminal.
+    """
+
+    has_keys: bool
 
     def fileno(self) -> int | None:
         """What to wait for; None while there is nothing to be read."""
@@ -48,6 +55,8 @@ def order_input(keys: Mapping[str, str], stream: TextIO | None = None) -> Iterat
 class _Nobody:
     """A program that was started without standard input."""
 
+    has_keys = False
+
     def fileno(self) -> int | None:
         return None
 
@@ -57,6 +66,8 @@ class _Nobody:
 
 class _Lines:
     """A pipe, a file, or /dev/null."""
+
+    has_keys = False
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
@@ -77,6 +88,8 @@ class _Lines:
 
 class _Keys:
     """A terminal, as long as we are in its foreground: elsewhere, reading it would stop us."""
+
+    has_keys = True
 
     def __init__(self, descriptor: int, keys: Mapping[str, str]) -> None:
         self._descriptor = descriptor

@@ -52,8 +52,8 @@ def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:
     """
     health, status, log = sight
     return [
-        f"{health.state}: {health.reason}" if health.reason else health.state,
-        _sources(health, status),
+        _state(health, status),
+        _source(health, status),
         f"{'':10}{ANGLES.format('roll', 'pitch', 'yaw')}  deg",
         _our_attitude(ours),
         _their_attitude(status),
@@ -80,15 +80,19 @@ def euler_deg(q_nb: Quat) -> tuple[float, float, float]:
     return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
 
 
-def _sources(health: HealthRecord, status: StatusRecord) -> str:
+def _state(health: HealthRecord, status: StatusRecord) -> str:
+    state = f"{health.state}: {health.reason}" if health.reason else health.state
+    armed = ", armed" if health.armed else ""
+    return f"{state:30}  {status.vehicle}{armed}" if status.vehicle else state
+
+
+def _source(health: HealthRecord, status: StatusRecord) -> str:
     parts = [health.imu_message or "no IMU"]
     if health.imu_rate_hz:  # 0 = not measured yet
         parts.append(f"{health.imu_rate_hz:.0f} Hz")
     if status.age_ms is not None:
         parts.append(f"age {status.age_ms:.0f} ms")
     parts.append(f"used {health.samples_used}  refused {health.samples_rejected}")
-    if status.vehicle:
-        parts.append(f"{status.vehicle}{', armed' if health.armed else ''}")
     return "  ".join(parts)
 
 
@@ -110,7 +114,7 @@ def _their_attitude(status: StatusRecord) -> str:
 
 def _difference(status: StatusRecord) -> str:
     if status.tilt_deg is None or status.heading_deg is None:
-        return f"{'difference':10} nothing was compared just now"
+        return f"{'difference':10} nothing to compare at present"
     tilt = f"tilt {_in_sigmas(status.tilt_deg, status.sigma_tilt_deg)}"
     heading = f"heading {_in_sigmas(status.heading_deg, status.sigma_heading_deg)}"
     backed = "".join(
@@ -137,7 +141,8 @@ def _log(log: LogSight | None) -> str:
     counters = log.counters
     lost = counters.dropped_queue_full + counters.lost_disk + counters.rejected
     said = f", {lost} messages LOST" if lost else ""
-    return f"{'log':10} {counters.file_bytes / 1e6:.1f} MB{said}  {log.path or ''}"
+    path = f"  {log.path.name} in {log.path.parent}" if log.path is not None else ""
+    return f"{'log':10} {counters.file_bytes / 1e6:.1f} MB{said}{path}"
 
 
 def _alarms(alarms: list[str]) -> list[str]:

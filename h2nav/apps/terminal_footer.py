@@ -69,4 +69,6 @@ def _size(stream: TextIO) -> os.terminal_size:
     except OSError:  # the terminal has gone
         return USUAL_SIZE
     # 0 where a terminal does not know its size
-    return os.terminal_size(known_side or usual for known_side, usual in zip(known, USUAL_SIZE, strict=True))
+    return os.terminal_size(
+        known_side or usual for known_side, usual in zip(known, USUAL_SIZE, strict=True)
+    )
