@@ -27,19 +27,24 @@ class Voice:
         with contextlib.suppress(io.UnsupportedOperation, ValueError):
             self._descriptor = stream.fileno()
 
-    def say(self, text: str) -> None:
-        """Writes a text, whole or not at all."""
+    def say(self, text: str) -> bool:
+        """Writes a text, whole or not at all.
+
+        Returns:
+            Whether it was written.
+        """
         if self._stream is None:
-            return
+            return False
         try:
-            if self._descriptor is None:
-                self._stream.write(text)
-            elif _has_room(self._descriptor, text):
-                self._stream.write(text)
+            if self._descriptor is not None and not _has_room(self._descriptor, text):
+                return False
+            self._stream.write(text)
+            if self._descriptor is not None:
                 self._stream.flush()
         except OSError:
             discard(self._stream)
             self._stream = None
+        return self._stream is not None
 
 
 def _has_room(descriptor: int, text: str) -> bool:
