@@ -8,17 +8,26 @@ import select
 import subprocess
 import sys
 import tempfile
+import threading
+import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from h2nav.apps.configuration import Configuration, LinkSettings, LogSettings
+from h2nav.apps.configuration import (
+    Configuration,
+    LinkSettings,
+    LiveSettings,
+    LogSettings,
+    contradictions,
+)
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.panel import Sight
+from h2nav.apps.run import USUAL_ADDRESS
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.reference import ErrorTable, Reference
@@ -30,6 +39,8 @@ from h2nav.sim.orders import KEYS, key_table
 from h2nav.sim.scenarios import SCENARIOS
 
 DEFAULT_SECONDS = 20.0
+# There is something to look at.
+LIVE_SECONDS = 600.0
 LONGEST_SECONDS = 3600.0
 # The demo fails when it does not come near this: something is broken then.
 WORST_TOTAL_DEG = 5.0
@@ -42,7 +53,7 @@ LONGEST_ANSWER = 65536
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
     parser.add_argument(
-        "--seconds", type=float, default=DEFAULT_SECONDS, help="how long to fly (default 20)"
+        "--seconds", type=float, help="how long to fly (default 20, with --live 600)"
     )
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="folder of the log (default: a temporary one)"
@@ -55,26 +66,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"scenario to fly: {', '.join(SCENARIOS)} (default: flight)",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the simulated sensors")
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        const=USUAL_ADDRESS,
+        metavar="HOST:PORT",
+        help=f"show it on a status page and a Foxglove WebSocket (default: {USUAL_ADDRESS})",
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Flies the demo; TaskFailed when the daemon did not do its job."""
+    if args.seconds is None:
+        args.seconds = DEFAULT_SECONDS if args.live is None else LIVE_SECONDS
     if not 0.0 < args.seconds <= LONGEST_SECONDS:
         raise BadInput(f"--seconds: expected a number above 0 up to {LONGEST_SECONDS:.0f}")
-    folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
-    configuration = Configuration(
-        link=LinkSettings("udpin:127.0.0.1:0"),
-        autopilot=AutopilotSettings(simulation_truth=True),
-        log=LogSettings(folder=str(folder)),
-    )
-    onlooker = _Onlooker()
+    configuration = _configuration(args)
+    onlooker = _Onlooker(opens_page=args.open)
     print(f"flying scenario {args.scenario!r} for {args.seconds:g} s", file=sys.stderr)
     with order_input(KEYS | {"q": QUIT}) as orders, StopSignals().installed() as stop:
         if orders.has_keys:
             print(key_table(), file=sys.stderr)
         with Session(configuration, onlooker) as session:
             session.open()
+            onlooker.session = session
             with _fake_autopilot(session.link.local_port, args) as autopilot:
                 onlooker.user = _User(orders, autopilot, stop)
                 session.run(stop, args.seconds)
@@ -92,11 +109,39 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-class _Onlooker(Console):
-    """Shows what the daemon shows, collects the error table, and serves who gives orders."""
+def _configuration(args: argparse.Namespace) -> Configuration:
+    """What the daemon runs with."""
+    if args.open and args.live is None:
+        raise BadInput("--open: there is no page without --live; give both")
+    folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
+    configuration = Configuration(
+        link=LinkSettings("udpin:127.0.0.1:0"),
+        autopilot=AutopilotSettings(simulation_truth=True),
+        log=LogSettings(folder=str(folder)),
+        live=LiveSettings(args.live or ""),
+    )
+    complaints = contradictions(configuration)
+    if complaints:
+        raise BadInput(*complaints)
+    return configuration
 
-    def __init__(self) -> None:
+
+def _open_page(url: str) -> None:
+    """Opens the page in the user's browser, whose start may take its time."""
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+class _Onlooker(Console):
+    """Shows what the daemon shows, collects the error table, and serves who gives orders.
+
+    Args:
+        opens_page: in the browser, once it is there.
+    """
+
+    def __init__(self, *, opens_page: bool) -> None:
         super().__init__()
+        self._opens_page = opens_page
+        self.session: Session | None = None
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
         self.user: _User | None = None
@@ -110,6 +155,9 @@ class _Onlooker(Console):
 
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
         super().status(t_ns, look)
+        if self._opens_page and self.session is not None and self.session.page_url:
+            self._opens_page = False
+            _open_page(self.session.page_url)
         if self.user is not None:
             for answer in self.user.serve():
                 self.notice(t_ns, Severity.NOTICE, answer)

@@ -79,6 +79,11 @@ class Session:
         """Opens the link now, so that its port is known before `run`."""
         self.link.maintain(time.monotonic_ns())
 
+    @property
+    def page_url(self) -> str:
+        """Of the live view's page; empty while there is none."""
+        return "" if self._live is None else self._live.page_url
+
     def run(self, stop: StopSignals, seconds: float | None = None) -> None:
         """Works until a stop signal, or for a time."""
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
