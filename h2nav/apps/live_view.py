@@ -158,7 +158,7 @@ class LiveView:
     def _lost(self, t_ns: int, reason: str) -> Said:
         """The viewer is of no use any more; another one is started later."""
         assert self._viewer is not None
-        self._is_lost = True
+        self._is_lost, self._shown_port = True, 0
         self._viewer.kill()
         self.feed.end()
         self._back_off.failed(t_ns)
