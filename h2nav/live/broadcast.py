@@ -22,9 +22,7 @@ class Broadcast:
 
     Attributes:
         viewers: how many there are.
-        moment: the newest attitudes, as an event of the stream.
-        overview: the newest overview, likewise.
-        number: of that overview.
+        events: the newest of each name, as it goes to all of them.
     """
 
     def __init__(self, state: LiveState) -> None:
@@ -32,9 +30,9 @@ class Broadcast:
         self._condition = Condition()
         self._clock = PeriodicCallback(self._tick, PERIOD_MS)
         self._ticks = 0
+        self._told: tuple[object, ...] = ()
         self.viewers = 0
-        self.moment = self.overview = b""
-        self.number = 0
+        self.events: dict[str, bytes] = {}
 
     def start(self) -> None:
         """Begins, on the running event loop."""
@@ -49,18 +47,29 @@ class Broadcast:
         await self._condition.wait()
 
     def renew(self) -> None:
-        """Makes an overview now."""
-        self.number += 1
-        self.overview = _event("overview", messages.overview(self._state))
+        """Makes everything anew, for somebody who has nothing yet."""
+        self._told = ()
+        self._overview()
+        self._attitudes()
 
     def _tick(self) -> None:
         if not self.viewers:
             return
-        self.moment = _event("attitudes", messages.attitudes(self._state))
         self._ticks += 1
         if self._ticks % ATTITUDES_PER_OVERVIEW == 0:
-            self.renew()
+            self._overview()
+        self._attitudes()
         self._condition.notify_all()
+
+    def _attitudes(self) -> None:
+        self.events["attitudes"] = _event("attitudes", messages.attitudes(self._state))
+
+    def _overview(self) -> None:
+        told = (self._state.findings, self._state.texts)
+        if told != self._told:  # long, and rarely new
+            self._told = told
+            self.events["told"] = _event("told", messages.told(self._state))
+        self.events["overview"] = _event("overview", messages.overview(self._state))
 
 
 def _event(name: str, content: dict[str, Any]) -> bytes:

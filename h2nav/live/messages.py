@@ -1,4 +1,4 @@
-"""What the page is sent: the attitudes ten times a second, everything else twice a second.
+"""What the page is sent: the attitudes ten times a second, the rest twice; texts when they are new.
 
 Keys carry their units; what is not known is null. Ages are s.
 """
@@ -19,7 +19,6 @@ HOLDING = {
     Trust.VELOCITY_USED: "velocity",
     Trust.REST: "rest",
 }
-MOST_LINES = 30
 COUNTED = (
     ("/health", ("samples_used", "samples_rejected", "estimates_sent")),
     ("/link", ("bytes_in", "bytes_out")),
@@ -40,14 +39,12 @@ def attitudes(state: LiveState) -> dict[str, Any]:
 
 
 def overview(state: LiveState) -> dict[str, Any]:
-    """State, findings, lines of the program, test ratios and counters."""
+    """State, alarms, test ratios and counters."""
     return {
         "version": __version__,
         "status": _record(state.newest("/status")),
         "health": _record(state.newest("/health")),
         "alarms": state.alarms,
-        "findings": _findings(state),
-        "lines": _lines(state),
         "holding": _holding(state),
         "velocity": _velocity(state),
         "lanes": [_record(seen) for seen in state.all_of("/lanes")],
@@ -57,6 +54,24 @@ def overview(state: LiveState) -> dict[str, Any]:
         "daemon": _record(state.newest("/feed")),
         "per_s": {name: state.per_s(topic, name) for topic, names in COUNTED for name in names},
     }
+
+
+def told(state: LiveState) -> dict[str, Any]:
+    """Findings and lines of the program, both newest first."""
+    findings = [
+        {
+            **told.finding._asdict(),
+            "severity": told.finding.severity.name.lower(),
+            "age_s": state.age_s(told.began_ns),
+            "is_open": told.is_open,
+        }
+        for told in reversed(state.findings)
+    ]
+    lines = [
+        {"level": line.level.name.lower(), "text": line.text, "age_s": state.age_s(line.heard_ns)}
+        for line in reversed(state.texts)
+    ]
+    return {"findings": findings, "lines": lines}
 
 
 def _ours(state: LiveState) -> dict[str, Any] | None:
@@ -122,27 +137,6 @@ def _velocity(state: LiveState) -> dict[str, Any] | None:
 
 def _record(seen: Seen | None) -> dict[str, Any] | None:
     return None if seen is None else dict(seen.record._asdict())
-
-
-def _findings(state: LiveState) -> list[dict[str, Any]]:
-    """Newest first."""
-    return [
-        {
-            **told.finding._asdict(),
-            "severity": told.finding.severity.name.lower(),
-            "age_s": state.age_s(told.began_ns),
-            "is_open": told.is_open,
-        }
-        for told in reversed(state.findings)
-    ]
-
-
-def _lines(state: LiveState) -> list[dict[str, Any]]:
-    """Newest first."""
-    return [
-        {"level": line.level.name.lower(), "text": line.text, "age_s": state.age_s(line.heard_ns)}
-        for line in state.texts[: -MOST_LINES - 1 : -1]
-    ]
 
 
 def _holding(state: LiveState) -> list[str]:

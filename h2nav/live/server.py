@@ -30,8 +30,8 @@ MOST_HEADER_BYTES = 8192
 MOST_BODY_BYTES = 1024
 # A request has to be there, and an answer to be read, within this.
 PATIENCE_S = 15.0
-# Of a viewer that does not keep up, so much is on its way and old: less than two seconds.
-SEND_BUFFER_BYTES = 16384
+# What waits for a viewer that does not keep up grows old: little may wait.
+SEND_BUFFER_BYTES = 4096
 WAITING = 32
 AGAIN_MS = 1000
 POLICY = (
@@ -208,12 +208,12 @@ class _Events(_Handler):
     async def _stream(self, broadcast: Broadcast) -> None:
         broadcast.renew()
         self.write(f"retry: {AGAIN_MS}\n\n")
-        number = -1
+        seen: dict[str, bytes] = {}
         while True:
-            if broadcast.number != number:
-                number = broadcast.number
-                self.write(broadcast.overview)
-            self.write(broadcast.moment)
+            for name, event in broadcast.events.items():
+                if seen.get(name) is not event:
+                    seen[name] = event
+                    self.write(event)
             await self.sent(self.flush())
             await broadcast.next()
 

@@ -16,7 +16,7 @@ from h2nav.io.foxglove_messages import LogLevel
 Record = tuple[Any, ...]
 
 MOST_FINDINGS = 50
-MOST_TEXTS = 100
+MOST_TEXTS = 50
 # Topics of which several records are current at a time, and what tells those apart.
 KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aiding": "kind"}
 # What an autopilot makes us say is limited by the service; this is for mistakes of ours.

@@ -225,6 +225,7 @@ let heard_ms = -Infinity;
 let silent_s = 0;
 let latest = null;
 let overview = null;
+let told = { findings: [], lines: [], heard_ms: 0 };
 
 function showAttitudes(data) {
   latest = data;
@@ -293,8 +294,7 @@ function showOverview(data) {
   for (const strip of strips) strip.add(latest ? latest.difference : null, now_s);
   setText(at("#version"), `h2nav ${data.version}`);
   showRatios(data.status);
-  showFindings(data.findings);
-  showLines(data.lines);
+  showTold();
   showLanes(data.lanes);
   showFigures(data);
 }
@@ -312,12 +312,19 @@ function showRatios(status) {
   at("#ratios").replaceChildren(...rows);
 }
 
-function showFindings(findings) {
+// Both with the ages that they have by now.
+function showTold() {
+  const since_s = (performance.now() - told.heard_ms) / 1e3;
+  showFindings(told.findings, since_s);
+  showLines(told.lines, since_s);
+}
+
+function showFindings(findings, since_s) {
   const items = findings.map((finding) => {
     const item = element("li", "", finding.severity);
     item.classList.toggle("open", finding.is_open);
     const isNamed = finding.text.startsWith(finding.source);
-    const began = `began ${ago(finding.age_s)}`;
+    const began = `began ${ago(finding.age_s + since_s)}`;
     const ended = `${began}, lasted ${span(finding.to_s - finding.from_s)}`;
     item.append(
       element("b", isNamed ? finding.text : `${finding.source}: ${finding.text}`),
@@ -329,10 +336,10 @@ function showFindings(findings) {
   at("#findings ol").replaceChildren(...(items.length ? items : [element("li", "Nothing is wrong so far.")]));
 }
 
-function showLines(lines) {
+function showLines(lines, since_s) {
   const items = lines.map((line) => {
     const item = element("li", "", line.level);
-    item.append(element("small", ago(line.age_s)), element("span", line.text));
+    item.append(element("small", ago(line.age_s + since_s)), element("span", line.text));
     return item;
   });
   at("#lines ol").replaceChildren(...items);
@@ -433,6 +440,10 @@ function listen() {
   });
   heed("attitudes", showAttitudes);
   heed("overview", showOverview);
+  heed("told", (data) => {
+    told = { ...data, heard_ms };
+    showTold();
+  });
 }
 
 listen();

@@ -1,12 +1,14 @@
 """The port of the page: what it serves, what it refuses, and whom it hangs up on."""
 
 import contextlib
+import itertools
 import json
 import time
 
 import pytest
 from live_records import UNIX_NS, WAIT_S, estimate, flying_state, served
 
+from h2nav.io.foxglove_messages import LogLevel
 from h2nav.live import server as live_server
 
 
@@ -112,8 +114,9 @@ def test_an_address_for_all_may_have_any_name():
 def test_the_stream_brings_attitudes_and_overviews(page):
     with listening(page) as connection:
         stream = events(connection)
-        name, overview = next(stream)
-        assert name == "overview"
+        first = dict(itertools.islice(stream, 3))
+        assert [line["text"] for line in first["told"]["lines"]] == ["active"]
+        overview = first["overview"]
         assert overview["health"]["state"] == "active"
         assert overview["holding"] == ["gravity", "compass", "velocity"]
         page.take("/estimate", estimate(roll_deg=33.0))
@@ -123,7 +126,11 @@ def test_the_stream_brings_attitudes_and_overviews(page):
             if name == "attitudes" and data["h2nav"]["roll_deg"] != 10.4
         )
         assert roll == 33.0
-        assert next(name for name, _ in stream if name == "overview")
+        names = itertools.takewhile(lambda name: name != "overview", (name for name, _ in stream))
+        assert "told" not in names  # nothing new was told
+        page.run(page.state.text, UNIX_NS, LogLevel.WARNING, "degraded: a cause")
+        told = next(data for name, data in stream if name == "told")
+        assert [line["text"] for line in told["lines"]] == ["degraded: a cause", "active"]
 
 
 def test_one_viewer_too_many_is_told_so(page, monkeypatch):
