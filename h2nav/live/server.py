@@ -10,6 +10,7 @@ import ipaddress
 import socket
 from datetime import timedelta
 from importlib import resources
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from prometheus_client import CONTENT_TYPE_LATEST
@@ -38,11 +39,11 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'"
 )
-ASSETS = {
-    "": ("page.html", "text/html; charset=utf-8"),
-    "page.css": ("page.css", "text/css; charset=utf-8"),
-    "page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "icon.svg": ("icon.svg", "image/svg+xml"),
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
 }
 
 
@@ -68,7 +69,7 @@ class PageServer:
         self.port: int = sockets[0].getsockname()[1]
         self._broadcast = Broadcast(state)
         is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
-        shared = {"shared": _Shared(state, self._broadcast, is_private)}
+        shared = {"shared": _Shared(state, self._broadcast, _assets(), is_private)}
         application = Application(
             [
                 ("/events", _Events, shared),
@@ -122,11 +123,13 @@ class _Shared(NamedTuple):
     Attributes:
         state: what is shown.
         broadcast: of it.
+        assets: the files of the page by their names.
         is_private: only this computer reaches the port.
     """
 
     state: LiveState
     broadcast: Broadcast
+    assets: dict[str, bytes]
     is_private: bool
 
 
@@ -168,12 +171,12 @@ class _Asset(_Handler):
     """The page and what it consists of."""
 
     async def get(self, name: str) -> None:
-        if name not in ASSETS:
+        content = self.shared.assets.get(name or "page.html")
+        if content is None:
             raise HTTPError(404)
-        file, kind = ASSETS[name]
-        self.set_header("Content-Type", kind)
+        self.set_header("Content-Type", KINDS[Path(name or "page.html").suffix])
         with contextlib.suppress(StreamClosedError):
-            await self.sent(self.finish(_asset(file)))
+            await self.sent(self.finish(content))
 
     head = get
 
@@ -218,8 +221,10 @@ class _Events(_Handler):
             await broadcast.next()
 
 
-def _asset(name: str) -> bytes:
-    return resources.files("h2nav.live").joinpath("assets", name).read_bytes()
+def _assets() -> dict[str, bytes]:
+    """The files of the page by their names."""
+    folder = resources.files("h2nav.live").joinpath("assets")
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
 def _is_loopback(host: str) -> bool:

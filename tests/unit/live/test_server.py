@@ -65,7 +65,7 @@ def is_hung_up_on(connection):
     ("path", "kind", "part"),
     [
         ("/", "text/html", b"<title>h2nav</title>"),
-        ("/page.js", "text/javascript", b"use strict"),
+        ("/page.js", "text/javascript", b"EventSource"),
         ("/page.css", "text/css", b"body"),
         ("/icon.svg", "image/svg+xml", b"<svg"),
         ("/metrics", "text/plain", b"h2nav_samples_used_total 2000.0"),
