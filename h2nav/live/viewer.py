@@ -74,8 +74,9 @@ async def _show(feed: FeedReader, greeting: Greeting) -> None:
         page = servers.enter_context(contextlib.closing(_listening(state, host, port)))
         foxglove: FoxgloveServer | None = None
         if foxglove_port:
-            made = FoxgloveServer(host, foxglove_port, configuration)
-            foxglove = servers.enter_context(contextlib.closing(made))
+            foxglove = FoxgloveServer(configuration)
+            servers.callback(foxglove.close)
+            await foxglove.listen(host, foxglove_port)
         feed.say(Word(page.port))
         await _pass_on(feed, state, foxglove, page.port)
 
