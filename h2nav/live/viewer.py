@@ -18,7 +18,7 @@ from h2nav.live.state import LiveState
 NICENESS = 10
 # Strangers can make the servers hold connections and frames; nobody else shall pay for it.
 MOST_FILES = 512
-MOST_MEMORY_BYTES = 512 * 1024 * 1024
+MOST_MEMORY_BYTES = 256 * 1024 * 1024
 FIRST_VICTIM = "1000"
 # Packets between two looks at who else waits.
 MOST_PACKETS = 64
