@@ -67,7 +67,8 @@ live_view.start_viewer = start
 sys.exit(main(sys.argv[1:]))
 """
 PROCESS, THREAD, NOTHING = "process", "thread", "no live view"
-START_S = 3.0
+START_S = 2.0
+LONGEST_START_S = 30.0
 CLIENT_NICENESS = 10
 
 
@@ -195,6 +196,20 @@ def free_tcp_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def wait_for(ports: Ports) -> None:
+    """Until both are listened on."""
+    end_s = time.monotonic() + LONGEST_START_S
+    for port in ports:
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+                break
+            except OSError:
+                if time.monotonic() > end_s:
+                    raise
+                time.sleep(0.1)
+
+
 def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
@@ -215,6 +230,8 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
         stack.callback(process.wait)
         stack.callback(process.terminate)
         time.sleep(START_S)
+        if address:
+            wait_for(ports)
         stack.enter_context(lookers_on(ports, candidate))
         sender = Sender(port, rate_hz)
         sender.fly(WARM_UP_S)
