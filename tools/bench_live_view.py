@@ -3,8 +3,8 @@
 The same sender feeds each candidate over UDP loopback, as in `bench_live`:
 
 * no live view;
-* a viewer's process: nobody looks on; a Foxglove client that subscribes to everything and reads;
-  one that subscribes to everything and never reads; ten that read; and
+* a viewer's process: nobody looks on; somebody with a Foxglove client that subscribes to
+  everything and with the page's stream; one who has both and never reads; ten who read; and
 * the same viewer as a thread of the daemon, which was the alternative.
 
 Clients run as processes of their own, on the same machine and niced. Candidates take turns in
@@ -27,7 +27,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from bench_live import WARM_UP_S, Sender, cpu_seconds, free_port
@@ -67,7 +67,8 @@ live_view.start_viewer = start
 sys.exit(main(sys.argv[1:]))
 """
 PROCESS, THREAD, NOTHING = "process", "thread", "no live view"
-START_S = 3.0
+START_S = 2.0
+LONGEST_START_S = 30.0
 CLIENT_NICENESS = 10
 
 
@@ -76,8 +77,8 @@ class Candidate(NamedTuple):
 
     Attributes:
         viewer: PROCESS, THREAD or NOTHING.
-        readers: Foxglove clients that subscribe to everything and read.
-        deaf: those that never read.
+        readers: who read, each a Foxglove client and a stream of the page.
+        deaf: who never read.
     """
 
     viewer: str
@@ -108,7 +109,7 @@ class Figures(NamedTuple):
     """Of one flight.
 
     Attributes:
-        late_us: from the datagram to its ATTITUDE.
+        late_us: from the datagram to its ATTITUDE, of each sample.
         sent: samples.
         cpu: of the daemon, s/s.
         viewer_cpu: of the viewer's process.
@@ -122,48 +123,61 @@ class Figures(NamedTuple):
     memory_mib: float
 
 
-def look_on(port: int, count: int, reads: bool, ready: "multiprocessing.Event") -> None:
-    """Connects clients that subscribe to everything, and reads for ever, or never."""
+class Ports(NamedTuple):
+    """Where a candidate shows what it shows."""
+
+    page: int
+    foxglove: int
+
+
+def look_on(ports: Ports, count: int, reads: bool, ready: Any) -> None:
+    """Connects so many who subscribe to everything, and read for ever, or never."""
     os.nice(CLIENT_NICENESS)
 
-    async def client() -> None:
-        connection = await websocket_connect(
-            f"ws://127.0.0.1:{port}/", subprotocols=["foxglove.sdk.v1"]
-        )
+    async def foxglove() -> None:
+        url = f"ws://127.0.0.1:{ports.foxglove}/"
+        connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
         while True:
             message = await connection.read_message()
             if isinstance(message, str) and json.loads(message)["op"] == "advertise":
                 channels = json.loads(message)["channels"]
                 wanted = [{"id": c["id"], "channelId": c["id"]} for c in channels]
-                await connection.write_message(
-                    json.dumps({"op": "subscribe", "subscriptions": wanted})
-                )
+                subscription = {"op": "subscribe", "subscriptions": wanted}
+                await connection.write_message(json.dumps(subscription))
                 ready.release()
                 while not reads:
                     await asyncio.sleep(3600.0)
 
-    async def clients() -> None:
-        await asyncio.gather(*(client() for _ in range(count)))
+    async def page() -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", ports.page)
+        writer.write(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{ports.page}\r\n\r\n".encode())
+        assert b"200" in await reader.readline(), "the page has no stream"
+        ready.release()
+        while not reads or await reader.read(65536):
+            await asyncio.sleep(0.0 if reads else 3600.0)
 
-    asyncio.run(clients())
+    async def all_of_them() -> None:
+        await asyncio.gather(*(each() for each in (foxglove, page) for _ in range(count)))
+
+    asyncio.run(all_of_them())
 
 
 @contextmanager
-def lookers_on(port: int, candidate: Candidate) -> Iterator[None]:
-    """The clients of a candidate, while the block lasts."""
+def lookers_on(ports: Ports, candidate: Candidate) -> Iterator[None]:
+    """Those of a candidate, while the block lasts."""
     count = candidate.readers or candidate.deaf
     if not count:
         yield
         return
     ready = multiprocessing.Semaphore(0)
     process = multiprocessing.Process(
-        target=look_on, args=(port, count, bool(candidate.readers), ready), daemon=True
+        target=look_on, args=(ports, count, bool(candidate.readers), ready), daemon=True
     )
     process.start()
     try:
-        for _ in range(count):
+        for _ in range(2 * count):
             if not ready.acquire(timeout=20.0):
-                raise SystemExit("a client could not subscribe")
+                raise SystemExit("somebody could not look on")
         yield
     finally:
         process.kill()
@@ -182,14 +196,30 @@ def free_tcp_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def wait_for(ports: Ports) -> None:
+    """Until both are listened on."""
+    end_s = time.monotonic() + LONGEST_START_S
+    for port in ports:
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+                break
+            except OSError:
+                if time.monotonic() > end_s:
+                    raise
+                time.sleep(0.1)
+
+
 def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        port, foxglove = free_port(), free_tcp_port()
-        address = "" if candidate.viewer == NOTHING else "127.0.0.1:0"
+        port, ports = free_port(), Ports(free_tcp_port(), free_tcp_port())
+        address = "" if candidate.viewer == NOTHING else f"127.0.0.1:{ports.page}"
         config = Path(folder) / "config.yaml"
         config.write_text(
-            CONFIG.format(port=port, folder=folder, hz=rate_hz, address=address, foxglove=foxglove)
+            CONFIG.format(
+                port=port, folder=folder, hz=rate_hz, address=address, foxglove=ports.foxglove
+            )
         )
         program = ["-c", IN_A_THREAD] if candidate.viewer == THREAD else ["-m", "h2nav"]
         process = subprocess.Popen(
@@ -200,7 +230,9 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
         stack.callback(process.wait)
         stack.callback(process.terminate)
         time.sleep(START_S)
-        stack.enter_context(lookers_on(foxglove, candidate))
+        if address:
+            wait_for(ports)
+        stack.enter_context(lookers_on(ports, candidate))
         sender = Sender(port, rate_hz)
         sender.fly(WARM_UP_S)
         sender.forget()
@@ -214,10 +246,22 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
     return Figures(sender.latencies_us, sender.sent, cpu, sum(viewer), int(memory) / 1024)
 
 
+def told(flights: list[Figures]) -> str:
+    """The median of all rounds: other work on the machine comes in bursts."""
+    p50, p99 = np.median([np.percentile(flight.late_us, [50, 99]) for flight in flights], axis=0)
+    cpu, viewer_cpu, memory = np.median([flight[2:] for flight in flights], axis=0)
+    answered = sum(len(flight.late_us) for flight in flights)
+    return (
+        f"answered {answered}/{sum(flight.sent for flight in flights)}  p50 {p50:5.0f} us  "
+        f"p99 {p99:6.0f} us  CPU {100 * cpu:5.1f} %  viewer {100 * viewer_cpu:5.1f} %  "
+        f"memory {memory:.0f} MiB"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--rates", type=float, nargs="+", default=(100.0, 400.0), metavar="HZ")
     parser.add_argument("--only", default="", help="candidates whose name has this in it")
     args = parser.parse_args()
@@ -228,19 +272,7 @@ def main() -> None:
             for candidate in candidates:
                 found[candidate].append(fly(candidate, args.seconds, hz))
         for candidate, flights in found.items():
-            late = np.array([late for flight in flights for late in flight.late_us])
-            p50, p99 = np.percentile(late, [50, 99]) if len(late) else (np.nan, np.nan)
-            cpu, viewer_cpu = (
-                100.0 * float(np.median([getattr(flight, name) for flight in flights]))
-                for name in ("cpu", "viewer_cpu")
-            )
-            print(
-                f"{hz:3.0f} Hz  {candidate.name:24} answered {len(late)}/"
-                f"{sum(flight.sent for flight in flights)}  p50 {p50:5.0f} us  p99 {p99:6.0f} us  "
-                f"CPU {cpu:5.1f} %  viewer {viewer_cpu:5.1f} %  "
-                f"memory {max(flight.memory_mib for flight in flights):.0f} MiB",
-                flush=True,
-            )
+            print(f"{hz:3.0f} Hz  {candidate.name:24} {told(flights)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import socket
 
 import pytest
 from needs import need_package
@@ -14,6 +15,7 @@ from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord
 
 need_package("foxglove")
 from foxglove_client import FoxgloveClient, until  # noqa: E402
+from tornado.iostream import StreamClosedError  # noqa: E402
 
 from h2nav.live.foxglove_server import FROM_THE_START, FoxgloveServer  # noqa: E402
 
@@ -29,12 +31,14 @@ ESTIMATE = EstimateRecord(7, 0.5, -0.5, 0.5, -0.5, *[0.25] * 13, 3)
 
 async def connected(server):
     """A client that knows all channels that are there from the start."""
+    if not server.port:
+        await server.listen("127.0.0.1", 0)
     return await FoxgloveClient.connected(server.port, {*FROM_THE_START, *protobuf_schemas()})
 
 
 @pytest.fixture
 def server():
-    running = FoxgloveServer("127.0.0.1", 0, CONFIGURATION)
+    running = FoxgloveServer(CONFIGURATION)
     yield running
     running.close()
 
@@ -157,5 +161,22 @@ def test_clients_cannot_publish(server):
 
 
 def test_a_port_that_is_taken_is_told_with_a_remedy(server):
-    with pytest.raises(BadInput, match=r"live.foxglove_port: 127.0.0.1:\d+: .*in use.*; choose"):
-        FoxgloveServer("127.0.0.1", server.port, {})
+    with socket.socket() as squatter:
+        squatter.bind(("127.0.0.1", 0))
+        squatter.listen()
+        taken = squatter.getsockname()[1]
+        with pytest.raises(BadInput, match=rf"foxglove_port: 127.0.0.1:{taken}: .*in use; choose"):
+            asyncio.run(server.listen("127.0.0.1", taken))
+
+
+def test_a_server_that_has_ended_is_noticed(server):
+    async def check():
+        client = await connected(server)
+        client.close()
+        server._server.stop()
+        with pytest.raises((StreamClosedError, ConnectionError)):
+            await FoxgloveClient.connected(server.port)
+        with pytest.raises(RuntimeError, match="has ended"):
+            server.show("/imu", T_NS, IMU)
+
+    asyncio.run(check())
