@@ -54,6 +54,15 @@ class Said(NamedTuple):
     text: str
 
 
+def require_packages() -> None:
+    """Looks for what the viewer will import.
+
+    Raises:
+        BadInput: a package of the extra is missing.
+    """
+    extras.require_installed("live", "live.address", "foxglove", "prometheus_client", "tornado")
+
+
 def start_viewer(end: socket.socket) -> "subprocess.Popen[bytes]":
     """Starts a viewer as a process, with the same modules as ours."""
     modules = os.pathsep.join(path for path in sys.path if path)
@@ -82,7 +91,7 @@ class LiveView:
     """
 
     def __init__(self, configuration: Configuration) -> None:
-        extras.require_installed("live", "live.address", "foxglove", "prometheus_client", "tornado")
+        require_packages()
         self._settings = configuration.live
         self._address = parse_listen_address(configuration.live.address)
         self._greeting = Greeting(
