@@ -42,7 +42,7 @@ def estimate(roll_deg=0.0, pitch_deg=0.0, yaw_deg=0.0, trust=HELD):
 def status(roll_deg=0.0, pitch_deg=0.0, yaw_deg=0.0, **changes):
     q_nb = quaternion.from_euler(roll_deg * DEG, pitch_deg * DEG, yaw_deg * DEG)
     made = StatusRecord(
-        "active", "", "ArduPilot multirotor 1/1", 4.0, *q_nb, "autopilot", 30.0, 0.4, -1.25, 0.6,
+        "active", "", "ArduPilot multirotor 1/1", 4.0, *q_nb, "autopilot", 0.0, 0.4, -1.25, 0.6,
         2.0, "undecided", "undecided", 0.2, float("nan"), 0.15, 0.1, "",
     )  # fmt: skip
     return made._replace(**changes)

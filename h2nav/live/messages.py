@@ -91,6 +91,7 @@ def _ours(state: LiveState) -> dict[str, Any] | None:
 
 
 def _autopilots(state: LiveState, seen: Seen) -> dict[str, Any] | None:
+    """The autopilot's attitude, brought to the time of ours where that can be done."""
     status = seen.record
     if status.autopilot_q_w is None:
         return None
@@ -100,6 +101,8 @@ def _autopilots(state: LiveState, seen: Seen) -> dict[str, Any] | None:
         status.autopilot_q_y,
         status.autopilot_q_z,
     )
+    told_ns = seen.heard_ns - round(status.autopilot_age_ms * 1e6)
+    q_nb = state.track.carried(told_ns, q_nb) or q_nb
     roll_deg, pitch_deg, yaw_deg = map(math.degrees, quaternion.to_euler(q_nb))
     return {
         "source": status.autopilot_source,

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 from h2nav.attitude.samples import Trust
 from h2nav.integrity.findings import Finding
 from h2nav.io.foxglove_messages import LogLevel
+from h2nav.live.track import Track
+from h2nav.service.records import EstimateRecord
 
 Record = tuple[Any, ...]
 
@@ -93,6 +95,7 @@ class LiveState:
 
     Attributes:
         findings_told: how many there were.
+        track: our attitudes.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -104,6 +107,7 @@ class LiveState:
         self._findings: deque[Told] = deque(maxlen=MOST_FINDINGS)
         self._texts: deque[Text] = deque(maxlen=MOST_TEXTS)
         self.findings_told = 0
+        self.track = Track()
 
     def take(self, topic: str, unix_ns: int, record: Record) -> None:
         """A record of the log, or one of the live topics.
@@ -122,9 +126,8 @@ class LiveState:
             self._current[key] = Seen(now_ns, record)
         if topic in self._counters:
             self._counters[topic].take(unix_ns, record)
-        elif topic == "/estimate":
-            for flag in Trust(record.trust):  # type: ignore[attr-defined]
-                self._trusted_ns[flag] = now_ns
+        elif isinstance(record, EstimateRecord):
+            self._take_estimate(now_ns, record)
 
     def text(self, unix_ns: int, level: LogLevel, text: str) -> None:
         """A line of the program.
@@ -184,6 +187,11 @@ class LiveState:
     def trusted_s(self) -> dict[Trust, float]:
         """How long ago each sign of what estimates rest on was seen last."""
         return {flag: self.age_s(heard_ns) for flag, heard_ns in self._trusted_ns.items()}
+
+    def _take_estimate(self, now_ns: int, ours: EstimateRecord) -> None:
+        self.track.add(now_ns, (ours.q_w, ours.q_x, ours.q_y, ours.q_z))
+        for flag in Trust(ours.trust):
+            self._trusted_ns[flag] = now_ns
 
     def _take_finding(self, now_ns: int, finding: Finding) -> None:
         for place, told in enumerate(self._findings):

@@ -74,16 +74,18 @@ def horizon(browser, which):
     return -float(roll), float(pitch) / UNITS_PER_DEG
 
 
-def test_it_shows_both_attitudes_as_they_come(browser, page):
+def test_it_shows_both_attitudes_as_they_come(browser, page, clock):
     wait_until(browser, BALL % "ours")
     assert horizon(browser, "ours") == pytest.approx((10.4, -5.2))
     assert horizon(browser, "theirs") == pytest.approx((10.0, -5.0))
     assert " ".join(text_of(browser, "#ours .angles").split()) == (
         "roll +10.4° ± 0.3° pitch −5.2° ± 0.3° heading 81.0° ± 1.5°"
     )
+    clock.pass_s(0.1)
     page.take("/estimate", estimate(-60.0, 70.0, -90.0))
     says(browser, "#ours .angles", "270.0°")
     assert horizon(browser, "ours") == pytest.approx((-60.0, 70.0))
+    assert horizon(browser, "theirs") == pytest.approx((-60.0, 70.0), abs=2.0)  # turned with us
     assert browser.get_log("browser") == []
 
 
