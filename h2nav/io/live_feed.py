@@ -179,8 +179,8 @@ class LiveFeed:
                 data = self._socket.recv(LONGEST_WORD_BYTES)
             except BlockingIOError:
                 return
-            except OSError as error:
-                raise ConnectionResetError(str(error)) from error
+            except ConnectionResetError:
+                continue  # it is gone; what it has said before comes now
             if not data:
                 raise ConnectionResetError("the viewer has closed its end")
             yield _word(data)

@@ -7,12 +7,12 @@ import foxglove
 from foxglove import Channel, Context, Parameter, Schema
 from foxglove.websocket import Capability, ServerListener
 
-from h2nav.errors import BadInput
 from h2nav.integrity.findings import Finding
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.io.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
 from h2nav.io.live_feed import FAST_TOPICS, Line
 from h2nav.io.log_schema import RecordFormat, record_format
+from h2nav.live.guard import Guard
 from h2nav.service import records
 
 # A client that does not read loses the oldest of so many.
@@ -36,37 +36,24 @@ FROM_THE_START: dict[str, type[tuple[Any, ...]]] = {
 class FoxgloveServer:
     """Shows records to every client that subscribes; nothing that a client says changes anything.
 
+    The library's server is behind a `Guard`, on a port of the loopback that the kernel chooses.
+
     Args:
-        host: address to listen on.
-        port: to listen on; 0 = one that the kernel chooses.
         configuration: of the daemon, section -> key -> value.
-
-    Attributes:
-        port: where it listens.
-
-    Raises:
-        BadInput: the address cannot be listened on.
     """
 
-    def __init__(
-        self, host: str, port: int, configuration: Mapping[str, Mapping[str, Any]]
-    ) -> None:
+    def __init__(self, configuration: Mapping[str, Mapping[str, Any]]) -> None:
         self._context = Context()
-        try:
-            self._server = foxglove.start_server(
-                name="h2nav",
-                host=host,
-                port=port,
-                capabilities=[Capability.Parameters],
-                server_listener=_Parameters(configuration),
-                context=self._context,
-                message_backlog_size=BACKLOG_MESSAGES,
-            )
-        except (OSError, RuntimeError) as error:
-            raise BadInput(
-                f"live.foxglove_port: {host}:{port}: {error}; choose another, or 0 for none"
-            ) from None
-        self.port = self._server.port
+        self._server = foxglove.start_server(
+            name="h2nav",
+            host="127.0.0.1",
+            port=0,
+            capabilities=[Capability.Parameters],
+            server_listener=_Parameters(configuration),
+            context=self._context,
+            message_backlog_size=BACKLOG_MESSAGES,
+        )
+        self._guard = Guard(self._server.port)
         self._attitude = AttitudeMessages()
         self._channels: dict[str, Channel] = {}
         self._formats: dict[tuple[str, type], RecordFormat] = {}
@@ -76,13 +63,32 @@ class FoxgloveServer:
             self._form(topic, kind)
 
     @property
+    def port(self) -> int:
+        """Where it listens; 0 before."""
+        return self._guard.port
+
+    async def listen(self, host: str, port: int) -> None:
+        """Lets clients in; port 0 lets the kernel choose.
+
+        Raises:
+            BadInput: the address cannot be listened on.
+        """
+        await self._guard.listen(host, port)
+
+    @property
     def wants_all(self) -> bool:
         """Whether somebody looks at what comes with every sample."""
         fast = (*FAST_TOPICS, "/tf", "/pose")
         return any(self._has_readers(topic) for topic in fast)
 
     def show(self, topic: str, unix_ns: int, record: tuple[Any, ...]) -> None:
-        """Gives a record, and for an estimate its attitude, to those who have subscribed."""
+        """Gives a record, and for an estimate its attitude, to those who have subscribed.
+
+        Raises:
+            RuntimeError: the library's server has ended.
+        """
+        if self._guard.is_alone:
+            raise RuntimeError("the Foxglove server has ended")
         if not 0 <= unix_ns <= LONGEST_NS:
             return
         if isinstance(record, Line):
@@ -96,7 +102,8 @@ class FoxgloveServer:
             self._show_attitude(unix_ns, record)
 
     def close(self) -> None:
-        """Listens no more."""
+        """Listens no more, and hangs up."""
+        self._guard.close()
         self._server.stop()
 
     def _show_attitude(self, unix_ns: int, record: records.EstimateRecord) -> None:

@@ -119,7 +119,7 @@ def test_the_wheel_offers_its_extras(wheel):
 
 
 def test_every_declared_package_is_imported_and_the_other_way_round():
-    """Of the base, synthesis, plots, fleet and live; the peers are imported by name, at their filter."""
+    """Of the base and of most extras; the peers are imported by name, at their filter."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     # distributed draws its dashboard with bokeh, and says so only when it is missing.

@@ -2,8 +2,7 @@
 
 import asyncio
 import base64
-import json
-import struct
+import socket
 
 import pytest
 from needs import need_package
@@ -15,7 +14,8 @@ from h2nav.io.log_schema import record_format
 from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord
 
 need_package("foxglove")
-from tornado.websocket import websocket_connect  # noqa: E402
+from foxglove_client import FoxgloveClient, until  # noqa: E402
+from tornado.iostream import StreamClosedError  # noqa: E402
 
 from h2nav.live.foxglove_server import FROM_THE_START, FoxgloveServer  # noqa: E402
 
@@ -24,80 +24,28 @@ CONFIGURATION = {
     "signing": {"accept_unsigned": ("RADIO_STATUS", "RADIO")},
     "odometry": {"angles_deg": ()},
 }
-WAIT_S = 20.0
 T_NS = 1_700_000_000_123_456_789
 IMU = ImuRecord(7, 0.1, 0.2, 0.3, 0.0, 0.0, -9.8, None, None, None, False)
 ESTIMATE = EstimateRecord(7, 0.5, -0.5, 0.5, -0.5, *[0.25] * 13, 3)
 
 
-class Client:
-    """Speaks the protocol on one connection."""
-
-    def __init__(self, connection):
-        self._connection = connection
-        self.channels = {}
-
-    @classmethod
-    async def connected(cls, port):
-        connection = await websocket_connect(
-            f"ws://127.0.0.1:{port}/", subprotocols=["foxglove.sdk.v1"]
-        )
-        client = cls(connection)
-        info = await client.received()
-        assert info["op"] == "serverInfo"
-        client.info = info
-        while not client.channels.keys() >= FROM_THE_START.keys() | protobuf_schemas().keys():
-            client.take(await client.received())
-        return client
-
-    async def received(self):
-        message = await asyncio.wait_for(self._connection.read_message(), WAIT_S)
-        assert message is not None, "the server has closed the connection"
-        return json.loads(message) if isinstance(message, str) else message
-
-    def take(self, message):
-        assert message["op"] == "advertise"
-        self.channels |= {channel["topic"]: channel for channel in message["channels"]}
-
-    async def say(self, **words):
-        await self._connection.write_message(json.dumps(words))
-
-    async def subscribe(self, *topics):
-        wanted = [
-            {"id": self.channels[t]["id"], "channelId": self.channels[t]["id"]} for t in topics
-        ]
-        await self.say(op="subscribe", subscriptions=wanted)
-
-    async def data(self):
-        """Topic, time and payload of the next message."""
-        message = await self.received()
-        kind, number, t_ns = struct.unpack_from("<BIQ", message)
-        assert kind == 1
-        topics = {channel["id"]: topic for topic, channel in self.channels.items()}
-        return topics[number], t_ns, message[13:]
-
-    def close(self):
-        self._connection.close()
+async def connected(server):
+    """A client that knows all channels that are there from the start."""
+    if not server.port:
+        await server.listen("127.0.0.1", 0)
+    return await FoxgloveClient.connected(server.port, {*FROM_THE_START, *protobuf_schemas()})
 
 
 @pytest.fixture
 def server():
-    running = FoxgloveServer("127.0.0.1", 0, CONFIGURATION)
+    running = FoxgloveServer(CONFIGURATION)
     yield running
     running.close()
 
 
-async def until(condition):
-    async def wait():
-        while not condition():
-            await asyncio.sleep(0.01)
-
-    await asyncio.wait_for(wait(), WAIT_S)
-
-
 def test_every_channel_has_the_schema_of_the_log(server):
     async def check():
-        client = await Client.connected(server.port)
+        client = await connected(server)
         for topic, kind in FROM_THE_START.items():
             form, channel = record_format(kind), client.channels[topic]
             assert channel["encoding"] == "json"
@@ -116,14 +64,16 @@ def test_every_channel_has_the_schema_of_the_log(server):
 
 def test_records_lines_and_the_attitude_arrive_with_their_times(server):
     async def check():
-        client = await Client.connected(server.port)
+        client = await connected(server)
         topics = ("/imu", "/estimate", "/tf", "/pose", "/log")
         await client.subscribe(*topics)
         await until(lambda: all(server._has_readers(topic) for topic in topics))
         server.show("/imu", T_NS, IMU)
         server.show("/estimate", T_NS + 1, ESTIMATE)
         server.show("/log", T_NS + 2, Line(LogLevel.ERROR, "GPS lost"))
-        got = {topic: (t_ns, data) for topic, t_ns, data in [await client.data() for _ in topics]}
+        got = {
+            topic: (t_ns, data) for topic, t_ns, data in [await client.message() for _ in topics]
+        }
         assert {topic: t_ns - T_NS for topic, (t_ns, _) in got.items()} == {
             "/imu": 0, "/estimate": 1, "/tf": 1, "/pose": 1, "/log": 2,
         }  # fmt: skip
@@ -141,11 +91,11 @@ def test_records_lines_and_the_attitude_arrive_with_their_times(server):
 
 def test_a_topic_that_comes_later_is_a_channel_from_then_on(server):
     async def check():
-        client = await Client.connected(server.port)
+        client = await connected(server)
         server.show(
             "/later", T_NS, HealthRecord("active", "", "1/1", "", 0.0, 0, 0, 0, False, True)
         )
-        client.take(await client.received())
+        await client.learn(["/later"])
         assert client.channels["/later"]["schemaName"] == "h2nav.HealthRecord"
         client.close()
 
@@ -155,7 +105,7 @@ def test_a_topic_that_comes_later_is_a_channel_from_then_on(server):
 def test_it_knows_whether_somebody_looks_at_every_sample(server):
     async def check():
         assert not server.wants_all
-        one, other = [await Client.connected(server.port) for _ in range(2)]
+        one, other = [await connected(server) for _ in range(2)]
         await one.subscribe("/health")
         await until(lambda: server._has_readers("/health"))
         assert not server.wants_all
@@ -180,7 +130,7 @@ def test_the_configuration_can_be_read_and_not_written(server):
         return {each["name"]: each.get("value") for each in answer["parameters"]}
 
     async def check():
-        client = await Client.connected(server.port)
+        client = await connected(server)
         whole = {
             "autopilot.imu_rate_hz": 100.0,
             "autopilot.imu_message": "auto",
@@ -203,7 +153,7 @@ def test_the_configuration_can_be_read_and_not_written(server):
 
 def test_clients_cannot_publish(server):
     async def check():
-        client = await Client.connected(server.port)
+        client = await connected(server)
         assert client.info["capabilities"] == ["parameters", "parametersSubscribe"]
         client.close()
 
@@ -211,5 +161,22 @@ def test_clients_cannot_publish(server):
 
 
 def test_a_port_that_is_taken_is_told_with_a_remedy(server):
-    with pytest.raises(BadInput, match=r"live.foxglove_port: 127.0.0.1:\d+: .*in use.*; choose"):
-        FoxgloveServer("127.0.0.1", server.port, {})
+    with socket.socket() as squatter:
+        squatter.bind(("127.0.0.1", 0))
+        squatter.listen()
+        taken = squatter.getsockname()[1]
+        with pytest.raises(BadInput, match=rf"foxglove_port: 127.0.0.1:{taken}: .*in use; choose"):
+            asyncio.run(server.listen("127.0.0.1", taken))
+
+
+def test_a_server_that_has_ended_is_noticed(server):
+    async def check():
+        client = await connected(server)
+        client.close()
+        server._server.stop()
+        with pytest.raises((StreamClosedError, ConnectionError)):
+            await FoxgloveClient.connected(server.port)
+        with pytest.raises(RuntimeError, match="has ended"):
+            server.show("/imu", T_NS, IMU)
+
+    asyncio.run(check())
