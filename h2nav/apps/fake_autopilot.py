@@ -4,6 +4,7 @@ import argparse
 import select
 import socket
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from h2nav.io.signing_keys import read_signing_key
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.imu_model import MPU_9250
-from h2nav.sim.orders import KEYS, Orders, key_table, name_tables
+from h2nav.sim.orders import HELP, KEYS, Orders, key_table, name_tables
 from h2nav.sim.personalities import personality
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.streams import Stream
@@ -36,7 +37,8 @@ BITS_PER_BYTE_ON_A_LINE = 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = name_tables()
+    orders = textwrap.indent(HELP, "  ")
+    parser.epilog = f"{name_tables()}\n\norders on standard input while it flies:\n{orders}"
     parser.add_argument(
         "--connect",
         required=True,

@@ -80,6 +80,7 @@ class _Lines:
         data = _read(self._descriptor)
         if not data:
             self._descriptor = None
+            data = b"\n" if self._begun else b""  # the last line may lack its end
         *whole, begun = (self._begun + data).split(b"\n")
         # What is longer is no order; its end alone will be refused as one.
         self._begun = begun[-LONGEST_LINE:]
@@ -95,23 +96,24 @@ class _Keys:
         self._descriptor = descriptor
         self._keys = keys
         self._as_it_was = termios.tcgetattr(descriptor)
-        self._is_ours = False
         self._is_gone = False
         self._types_line = False
 
     def fileno(self) -> int | None:
-        was_ours, self._is_ours = self._is_ours, self._is_in_foreground()
-        if self._is_ours and not was_ours:
+        if not self._is_in_foreground():
+            return None
+        # Also after the program was stopped, when the shell has had the terminal.
+        if not self._types_line and self._gathers_lines():
             self._set(as_it_was=False)
-        return self._descriptor if self._is_ours else None
+        return self._descriptor
 
     def read(self) -> list[str]:
         data = _read(self._descriptor)
-        self._is_gone = not data
         text = data.decode(errors="replace")
         if self._types_line:
             self._set(as_it_was=False)
             return text.splitlines()
+        self._is_gone = not data
         if TYPE_A_LINE in text:
             self._set(as_it_was=True)
         return [self._keys[key] for key in text if key in self._keys]
@@ -125,6 +127,12 @@ class _Keys:
         try:
             return not self._is_gone and os.tcgetpgrp(self._descriptor) == os.getpgrp()
         except OSError:
+            return False
+
+    def _gathers_lines(self) -> bool:
+        try:
+            return bool(termios.tcgetattr(self._descriptor)[3] & termios.ICANON)
+        except termios.error:
             return False
 
     def _set(self, *, as_it_was: bool) -> None:

@@ -38,7 +38,8 @@ scenario NAME | scenario next                reboot at the start of this flight
 status                                       what is flown, and what is wrong
 list                                         the names of scenarios and faults
 keys                                         what single keys do on a terminal
-help                                         this list"""
+help                                         this list
+quit                                         the program ends"""
 # Over as soon as they have begun.
 _INSTANT = ("reboot", "rate")
 

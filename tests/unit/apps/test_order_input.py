@@ -36,10 +36,9 @@ def test_lines_of_a_pipe_come_whole(pipe):
 def test_at_its_end_nothing_is_waited_for_any_more(pipe):
     there, here = pipe
     with order_input(KEYS, there) as orders:
-        here.write(b"clear\n")
+        here.write(b"clear\nstatus")
         here.close()
-        assert orders.read() == ["clear"]
-        assert orders.read() == []
+        assert [orders.read(), orders.read()] == [["clear"], ["status"]]
         assert orders.fileno() is None
 
 
@@ -110,6 +109,11 @@ def wait_for_line_mode(keyboard):
         select.select([], [], [], 0.01)
 
 
+def wait_for_keys(keyboard):
+    while termios.tcgetattr(keyboard)[3] & termios.ICANON:
+        select.select([], [], [], 0.01)
+
+
 def test_keys_act_at_once_a_colon_begins_a_line_and_the_terminal_is_given_back():
     with on_a_terminal() as (keyboard, reports):
         assert reports.readline() == "ready 0\n"
@@ -121,6 +125,16 @@ def test_keys_act_at_once_a_colon_begins_a_line_and_the_terminal_is_given_back()
         wait_for_line_mode(keyboard)
         os.write(keyboard, b"drop=0.3 onn\x7f\r")
         assert reports.readline() == "drop=0.3 on\n"
+        os.write(keyboard, b":")
+        wait_for_line_mode(keyboard)
+        os.write(keyboard, b"\x04")  # Ctrl-D: no line after all
+        wait_for_keys(keyboard)
+        as_the_shell_does = termios.tcgetattr(keyboard)
+        as_the_shell_does[3] |= termios.ICANON | termios.ECHO
+        termios.tcsetattr(keyboard, termios.TCSANOW, as_the_shell_does)
+        os.write(keyboard, b"0\n")
+        assert reports.readline() == "clear\n"
+        wait_for_keys(keyboard)
         os.write(keyboard, b"gq")
         assert [reports.readline() for _ in range(3)] == ["gps-lost\n", "quit\n", "True\n"]
 
