@@ -138,7 +138,9 @@ class LiveState:
             text: the line.
         """
         self._heard_ns = self._clock()
-        self._texts.append(Text(self._heard_ns, level, text))
+        # A path in it may hold bytes that are no text.
+        readable = text.encode(errors="replace").decode()
+        self._texts.append(Text(self._heard_ns, level, readable))
 
     @property
     def silent_s(self) -> float:

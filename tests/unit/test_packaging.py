@@ -103,7 +103,7 @@ def test_the_wheel_holds_every_module_and_the_data(wheel):
         held = set(stream.namelist())
     data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*")}
     modules = repository_files("h2nav/**/*.py")
-    assert held >= modules | data | {"h2nav/py.typed"}
+    assert held >= modules | data | repository_files("h2nav/*/assets/*") | {"h2nav/py.typed"}
     assert {name for name in held if name.endswith((".py", ".yaml", ".json"))} == modules | data
 
 

@@ -3,6 +3,19 @@ import { degrees, signed } from "./words.js";
 
 const SHOWN_S = 120;
 const LIMIT = 3; // deviations
+const LONGEST_GAP_S = 2;
+
+// Points without a gap between them: nothing is drawn where nothing was heard.
+function runs(points) {
+  const found = [];
+  let last_s = -Infinity;
+  for (const point of points) {
+    if (point.t_s - last_s > LONGEST_GAP_S) found.push([]);
+    found.at(-1).push(point);
+    last_s = point.t_s;
+  }
+  return found;
+}
 
 // The difference of the last two minutes, in the band that is expected.
 export class Strip {
@@ -54,21 +67,12 @@ export class Strip {
     const low = this.part === "tilt" ? 0 : -top;
     const x = (point) => (SHOWN_S - (now_s - point.t_s)).toFixed(1);
     const y = (value) => ((100 * (top - value)) / (top - low)).toFixed(1);
-    let curve = "";
-    let pen = "M";
-    for (const point of this.points) {
-      if (point.value === null) pen = "M";
-      else {
-        curve += `${pen}${x(point)} ${y(point.value)}`;
-        pen = "L";
-      }
-    }
     const edge = (sign) => (point) =>
       `${x(point)} ${y(Math.min(top, Math.max(low, sign * LIMIT * point.sigma)))}`;
-    const above = sure.map(edge(1));
-    const below = sure.map(edge(-1)).reverse();
-    this.curve.setAttribute("d", curve);
-    this.band.setAttribute("d", sure.length ? `M${[...above, ...below].join("L")}Z` : "");
+    const line = (run) => `M${run.map((point) => `${x(point)} ${y(point.value)}`).join("L")}`;
+    const area = (run) => `M${[...run.map(edge(1)), ...run.map(edge(-1)).reverse()].join("L")}Z`;
+    this.curve.setAttribute("d", runs(known).map(line).join(""));
+    this.band.setAttribute("d", runs(sure).map(area).join(""));
     this.zero.setAttribute("y1", y(0));
     this.zero.setAttribute("y2", y(0));
     this.legend.replaceChildren(

@@ -142,6 +142,17 @@ def test_the_difference_is_judged_by_its_deviation(browser, page):
     says(browser, "#tilt p", "nothing to compare with")
 
 
+def test_nothing_is_drawn_where_nothing_was_heard(browser, page):
+    begun = "return document.querySelector('#tilt .curve').getAttribute('d').split('M').length - 1"
+    wait_until(browser, f"{begun} === 1")
+    page.close_server()
+    says(browser, "#sentence", "not answered for 3 s")
+    page.open_server()
+    wait_until(browser, f"{begun} === 2")
+    band = browser.execute_script("return document.querySelector('#tilt .band').getAttribute('d')")
+    assert band.count("Z") == 2
+
+
 def test_figures_of_samples_recording_and_link(browser, page):
     figures = text_of(browser, "#figures")
     for words in (

@@ -86,6 +86,11 @@ def test_what_estimates_rest_on_is_remembered_with_its_age(state, clock):
     assert state.trusted_s() == {Trust.ALIGNED: 0.0, Trust.FIELD_USED: 1.0}
 
 
+def test_a_line_with_a_path_that_is_no_text_can_be_shown(state):
+    state.text(UNIX_NS, LogLevel.ERROR, "log: /logs/\udcff: disk full")
+    assert state.texts[0].text == "log: /logs/?: disk full"
+
+
 def test_nothing_grows_without_bound(state):
     for number in range(1000):
         state.take("/finding", UNIX_NS, finding(from_s=float(number)))
