@@ -135,6 +135,10 @@ def _compared(status: StatusRecord) -> dict[str, Any]:
         "autopilot_attitude": None if theirs is None else {**told, **_angles(theirs)},
         "autopilot_sigma_tilt_deg": status.sigma_tilt_deg,
         "autopilot_sigma_heading_deg": status.sigma_heading_deg,
+        "velocity_ratio": status.velocity_ratio,
+        "force_ratio": status.force_ratio,
+        "field_ratio": status.field_ratio,
+        "turn_ratio": status.turn_ratio,
         "alarms": status.alarms.splitlines(),
     }
 

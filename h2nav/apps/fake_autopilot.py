@@ -109,9 +109,7 @@ def run(args: argparse.Namespace) -> int:
             vehicle = AutopilotBytes(autopilot, start_ns, len(links), signing)
             user = _User(orders, Orders(autopilot))
             if orders.has_keys:
-                print(
-                    f"{key_table()}\n: NAME ...  a whole order, `help` lists them", file=sys.stderr
-                )
+                print(key_table(), file=sys.stderr)
             while not (stop.stopped or user.has_quit) and (
                 end_ns is None or time.monotonic_ns() < end_ns
             ):

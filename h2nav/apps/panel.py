@@ -58,6 +58,7 @@ def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:
         _our_attitude(ours),
         _their_attitude(status),
         _difference(status),
+        _ratios(status),
         _log(log),
         *_alarms(status.alarms.splitlines()),
     ]
@@ -125,6 +126,18 @@ def _difference(status: StatusRecord) -> str:
     return f"{'difference':10} {tilt}, {heading}{backed}"
 
 
+def _ratios(status: StatusRecord) -> str:
+    """How near each test of the measurements is to failing; a lost receiver has no velocity."""
+    ratios = {
+        "velocity": status.velocity_ratio,
+        "force": status.force_ratio,
+        "field": status.field_ratio,
+        "turn": status.turn_ratio,
+    }
+    shown = "  ".join(f"{name} {_size(ratio)}" for name, ratio in ratios.items())
+    return f"{'tests':10} {shown}  (1 = fails)"
+
+
 def _in_sigmas(difference_deg: float, sigma_deg: float | None) -> str:
     """A difference, and how many of its deviations it is."""
     text = f"{difference_deg:.1f} deg"
@@ -156,5 +169,5 @@ def _angles(roll_deg: float, pitch_deg: float, yaw_deg: float) -> str:
     return ANGLES.format(f"{roll_deg:+.2f}", f"{pitch_deg:+.2f}", f"{yaw_deg:+.2f}")
 
 
-def _size(deg: float) -> str:
-    return NOTHING if math.isnan(deg) else f"{deg:.2f}"
+def _size(value: float) -> str:
+    return NOTHING if math.isnan(value) else f"{value:.2f}"

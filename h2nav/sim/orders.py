@@ -179,7 +179,9 @@ def shown(fault: Fault) -> str:
 
 def key_table() -> str:
     """What each key stands for, several to a line."""
-    entries = [f"{key} {order}" for key, order in {**KEYS, "q": "quit"}.items()]
+    entries = [
+        f"{key} {order}" for key, order in {**KEYS, ":": "type an order", "q": "quit"}.items()
+    ]
     rows = [entries[at : at + 4] for at in range(0, len(entries), 4)]
     return "\n".join("  ".join(f"{entry:19}" for entry in row).rstrip() for row in rows)
 

@@ -122,3 +122,4 @@ def test_events_have_time_and_attitude(flight, capsys):
     assert len(status["autopilot_attitude"]["q_nb"]) == 4
     assert status["autopilot_sigma_tilt_deg"] > 0.0
     assert status["alarms"] == []
+    assert 0.0 < status["velocity_ratio"] < 1.0

@@ -14,7 +14,7 @@ HEALTH = HealthRecord("active", "", "1/1", "RAW_IMU", 99.6, 5012, 3, 2500, True,
 HALF_TURN = quaternion.from_euler(0.1, -0.2, math.pi / 2)
 STATUS = StatusRecord(
     "active", "", "ArduPilot quadrotor 1/1", 12.4, *HALF_TURN, "autopilot", 40.0,
-    0.31, -1.2, 0.62, 2.4, "undecided", "undecided", 0.1, 0.1, 0.1, 0.1, "",
+    0.31, -1.2, 0.62, 2.4, "undecided", "undecided", 0.31, 0.12, math.nan, 1.5, "",
 )  # fmt: skip
 LOG = LogSight(Path("/logs/a.mcap"), None, RecorderRecord(900, 0, 0, 0, 1_540_000, 1))
 OURS = EstimateRecord(
@@ -34,6 +34,7 @@ def test_all_is_well():
         "h2nav        +12.35    -3.20  +123.40  sigma: tilt 0.31, heading -",
         "autopilot     +5.73   -11.46   +90.00",
         "difference tilt 0.3 deg (0.5 sigma), heading -1.2 deg (0.5 sigma)",
+        "tests      velocity 0.31  force 0.12  field -  turn 1.50  (1 = fails)",
         "log        1.5 MB  a.mcap in /logs",
     ]
 
@@ -52,13 +53,14 @@ def test_nothing_is_known_yet():
         "h2nav             -        -        -",
         "autopilot         -        -        -",
         "difference nothing to compare at present",
+        "tests      velocity -  force -  field -  turn -  (1 = fails)",
         "log        none",
     ]
 
 
 def test_what_is_wrong_stands_at_the_end_and_of_many_only_some():
-    assert lines(status=STATUS._replace(alarms="a\nb"))[7:] == ["! a", "! b"]
-    assert lines(status=STATUS._replace(alarms="a\nb\nc\nd\ne\nf"))[7:] == [
+    assert lines(status=STATUS._replace(alarms="a\nb"))[8:] == ["! a", "! b"]
+    assert lines(status=STATUS._replace(alarms="a\nb\nc\nd\ne\nf"))[8:] == [
         "! a", "! b", "! c", "! and 3 more",
     ]  # fmt: skip
 
@@ -84,6 +86,6 @@ def test_the_second_estimator_is_named():
 
 def test_trouble_with_the_log_is_seen():
     lost = LOG._replace(counters=LOG.counters._replace(lost_disk=2, dropped_queue_full=1))
-    assert "3 messages LOST" in lines(log=lost)[6]
-    assert lines(log=LOG._replace(trouble="disk full"))[6].endswith("NOT RECORDING: disk full")
-    assert lines(log=LOG._replace(path=None))[6] == "log        1.5 MB"
+    assert "3 messages LOST" in lines(log=lost)[7]
+    assert lines(log=LOG._replace(trouble="disk full"))[7].endswith("NOT RECORDING: disk full")
+    assert lines(log=LOG._replace(path=None))[7] == "log        1.5 MB"
