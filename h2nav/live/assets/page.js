@@ -142,7 +142,7 @@ function showFindings(findings, since_s) {
     );
     return item;
   });
-  if (!items.length) items.push(element("li", "Nothing is wrong so far."));
+  if (!items.length) items.push(element("li", "Nothing was found so far."));
   at("#findings ol").replaceChildren(...items);
 }
 
