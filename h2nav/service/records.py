@@ -162,6 +162,55 @@ class HealthRecord(NamedTuple):
         return ", ".join(filter(None, (self.state, self.reason, source)))
 
 
+class StatusRecord(NamedTuple):
+    """What somebody who looks on wants to know a few times a second; not in the log.
+
+    Attributes:
+        state: see `HealthRecord`.
+        reason: why it is not active; empty when it is.
+        vehicle: what the service is bound to, for people; empty before.
+        age_ms: since the newest sample that was used arrived; empty before the first.
+        autopilot_q_w: the autopilot's own attitude, body to NED, Hamilton, scalar first; empty
+            where it has not told it just now.
+        autopilot_source: autopilot (ATTITUDE) or AHRS2; empty likewise.
+        autopilot_age_ms: since that attitude arrived.
+        tilt_deg: angle between the autopilot's vertical and ours; empty where nothing was compared
+            just now.
+        heading_deg: the autopilot's heading less ours.
+        sigma_tilt_deg: deviation of the difference, both attitudes' together.
+        sigma_heading_deg: the same; empty where our heading has no reference.
+        tilt_verdict: whose tilt the GPS velocity supports: h2nav, autopilot or undecided.
+        heading_verdict: the same of the heading.
+        velocity_ratio: innovation test ratio, 1 = the test fails; empty where nothing was measured.
+        force_ratio: the same of the force against a velocity that is merely bounded.
+        field_ratio: the same of the magnetic field.
+        turn_ratio: the same of the gyro against the magnetic field.
+        alarms: what is wrong at present, one per line.
+    """
+
+    state: str
+    reason: str
+    vehicle: str
+    age_ms: float | None
+    autopilot_q_w: float | None
+    autopilot_q_x: float | None
+    autopilot_q_y: float | None
+    autopilot_q_z: float | None
+    autopilot_source: str
+    autopilot_age_ms: float | None
+    tilt_deg: float | None
+    heading_deg: float | None
+    sigma_tilt_deg: float | None
+    sigma_heading_deg: float | None
+    tilt_verdict: str
+    heading_verdict: str
+    velocity_ratio: float
+    force_ratio: float
+    field_ratio: float
+    turn_ratio: float
+    alarms: str
+
+
 class LaneRecord(NamedTuple):
     """One IMU and its filter, written once a second where there are several.
 

@@ -92,7 +92,7 @@ def test_the_archive_is_enough_to_build_and_test(archive):
     with tarfile.open(archive) as stream:
         held = {name.partition("/")[2] for name in stream.getnames()}
     assert held >= repository_files(
-        "h2nav/**/*.py", "h2nav/py.typed", "gains/**/*.yaml", "configs/*.yaml", "native/*.c",
+        "h2nav/**/*.py", "h2nav/py.typed", "gains/**/*.yaml", "configs/*", "native/*.c",
         "tests/**/*.py", "tests/data/*", "tools/**/*.py", ".ci/run", "packaging/requirements.lock",
         "docs/**/*.md", "packaging/**/*.service", "Makefile", "setup.py", "LICENSE",
     )  # fmt: skip
@@ -101,10 +101,10 @@ def test_the_archive_is_enough_to_build_and_test(archive):
 def test_the_wheel_holds_every_module_and_the_data(wheel):
     with zipfile.ZipFile(wheel) as stream:
         held = set(stream.namelist())
-    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*.yaml")}
+    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*")}
     modules = repository_files("h2nav/**/*.py")
-    assert held >= modules | data | {"h2nav/py.typed"}
-    assert {name for name in held if name.endswith((".py", ".yaml"))} == modules | data
+    assert held >= modules | data | repository_files("h2nav/*/assets/*") | {"h2nav/py.typed"}
+    assert {name for name in held if name.endswith((".py", ".yaml", ".json"))} == modules | data
 
 
 def test_the_wheel_offers_its_extras(wheel):
@@ -119,12 +119,13 @@ def test_the_wheel_offers_its_extras(wheel):
 
 
 def test_every_declared_package_is_imported_and_the_other_way_round():
-    """Of the base, synthesis, plots and fleet; the peers are imported by name, at their filter."""
+    """Of the base and of most extras; the peers are imported by name, at their filter."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     # distributed draws its dashboard with bokeh, and says so only when it is missing.
     fleet = [line for line in extras["fleet"] if Requirement(line).name != "bokeh"]
-    lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"], *fleet]
+    others = (*extras["synthesis"], *extras["plots"], *extras["live"])
+    lines = [*project["dependencies"], *others, *fleet]
     imported = {
         name
         for path in (REPOSITORY / "h2nav").rglob("*.py")
