@@ -10,6 +10,7 @@ from h2nav.errors import BadInput
 from h2nav.io import plain_yaml, strict_yaml
 from h2nav.io.dialect import LAYOUTS
 from h2nav.io.link_urls import SerialUrl, parse_link_url
+from h2nav.io.listen_address import parse_listen_address
 from h2nav.io.signing import SETUP_SIGNING_ID
 from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
 from h2nav.service.settings import (
@@ -259,6 +260,7 @@ def contradictions(configuration: Configuration) -> list[str]:
         *_filter_complaints(configuration.filter),
         *_motion_complaints(configuration),
         *_signing_complaints(configuration.signing),
+        *_live_complaints(configuration.live),
     ]
 
 
@@ -342,6 +344,21 @@ def _signing_complaints(settings: SigningSettings) -> list[str]:
     return complaints
 
 
+def _live_complaints(settings: LiveSettings) -> list[str]:
+    if not settings.address:
+        return []
+    try:
+        address = parse_listen_address(settings.address)
+    except BadInput as error:
+        return [f"live.address: {line}" for line in error.lines]
+    if address.port and address.port == settings.foxglove_port:
+        return [
+            f"live.foxglove_port: {address.port} is the port of live.address too; give another, "
+            "or 0 for no Foxglove WebSocket"
+        ]
+    return []
+
+
 class LinkLoad(NamedTuple):
     """What the configuration puts on the link to the autopilot, bytes/s.
 
@@ -403,7 +420,11 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
 
 def warnings(configuration: Configuration) -> list[str]:
     """What works and may yet be unwise, each with its key."""
-    return _former_names(configuration.filter) + _link_warnings(configuration)
+    return [
+        *_former_names(configuration.filter),
+        *_link_warnings(configuration),
+        *_live_warnings(configuration.live),
+    ]
 
 
 def _former_names(settings: FilterSettings) -> list[str]:
@@ -427,4 +448,13 @@ def _link_warnings(configuration: Configuration) -> list[str]:
         f"link.url: what we ask for and send is {100.0 * share:.0f} % of what {link.baud} baud "
         "carry one way; on a radio that a ground station shares, start from "
         "`h2nav check-config --example telemetry-radio`"
+    ]
+
+
+def _live_warnings(settings: LiveSettings) -> list[str]:
+    if not settings.address or parse_listen_address(settings.address).is_loopback:
+        return []
+    return [
+        f"live.address: {settings.address} shows attitude, state and configuration to whoever "
+        "reaches it, without a password; 127.0.0.1 shows them to this machine alone"
     ]

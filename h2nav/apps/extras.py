@@ -32,9 +32,27 @@ def require(extra: str, asker: str, *modules: str) -> None:
             if _package(failed) != _package(module):
                 reason = f"for {_package(module)}: {reason}"
             what = f"'h2nav[{extra}]'" if is_absent else f"--force-reinstall {_project(failed)}"
-            raise BadInput(
-                f"{asker}: needs the extra {extra} ({reason}); remedy: {_pip()} install {what}"
-            ) from None
+            raise _missing(extra, asker, reason, what) from None
+
+
+def require_installed(extra: str, asker: str, *packages: str) -> None:
+    """The same for packages that another process will import: looks for them only.
+
+    Args:
+        extra: of `pyproject.toml`.
+        asker: the command or the option that needs it, as it is typed.
+        packages: by the names under which they are imported.
+
+    Raises:
+        BadInput: one of them is missing.
+    """
+    for package in packages:
+        if importlib.util.find_spec(package) is None:
+            raise _missing(extra, asker, f"{package} is not installed", f"'h2nav[{extra}]'")
+
+
+def _missing(extra: str, asker: str, reason: str, what: str) -> BadInput:
+    return BadInput(f"{asker}: needs the extra {extra} ({reason}); remedy: {_pip()} install {what}")
 
 
 def _package(module: str) -> str:

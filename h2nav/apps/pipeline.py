@@ -3,7 +3,7 @@
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -21,6 +21,9 @@ from h2nav.service.records import EstimateRecord, estimate_record, imu_record
 from h2nav.service.service import Service
 from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
+
+if TYPE_CHECKING:  # loaded where there is a live view
+    from h2nav.io.live_feed import LiveFeed
 
 LINK_NAME = "autopilot"
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
@@ -77,6 +80,7 @@ class Outlets(NamedTuple):
         recorder: the log; None without one.
         watcher: who looks on.
         observer: who looks at more; None = nobody.
+        live: what the live view shows; None without one.
     """
 
     unix_ns: Callable[[int], int]
@@ -84,6 +88,7 @@ class Outlets(NamedTuple):
     recorder: Recorder | None
     watcher: Watcher
     observer: Observer | None = None
+    live: "LiveFeed | None" = None
 
 
 def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
@@ -143,7 +148,17 @@ class Pipeline:
         self._component_id = component_id
         self._system_id = service.system_id
         self._encoder = self._new_encoder()
-        self._unix_ns, self._send, self._recorder, self._watcher, self._observer = outlets
+        (
+            self._unix_ns,
+            self._send,
+            self._recorder,
+            self._watcher,
+            self._observer,
+            self._live,
+        ) = outlets
+        self._writers: tuple[Recorder | LiveFeed, ...] = tuple(
+            writer for writer in (self._recorder, self._live) if writer is not None
+        )
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
         self._timer_ns = 0
@@ -267,11 +282,13 @@ class Pipeline:
         return False
 
     def tick(self, t_ns: int) -> None:
-        """Runs what is due by the clock, if anything is."""
+        """Runs what is due by the clock, if anything is; the live view gets what there is."""
         self._now_ns = t_ns
         if t_ns >= self._timer_ns:
             self._guarded(t_ns, "timer", lambda: self.service.on_timer(t_ns))
             self._timer_ns = self.service.next_timer_ns(t_ns)
+        if self._live is not None:
+            self._live.flush()
 
     def link(self, t_ns: int, is_up: bool, error: str = "") -> None:
         """Tells the service of the link's state, and of its latest error."""
@@ -285,14 +302,11 @@ class Pipeline:
         """Writes the counters of link and log to the log, and reports trouble with files."""
         if self._signing is not None:
             self._carry_out(t_ns, self._signing.notices())
-        if self._recorder is None:
-            return
-        unix_ns = self._unix_ns(t_ns)
-        if self._signing is not None:
-            self._recorder.record("/signing", self._signing.record(), unix_ns)
-        self._recorder.record("/link", link, unix_ns)
-        self._recorder.record("/deframer", self.deframer.counters, unix_ns)
-        self._recorder.record("/recorder", self._recorder.statistics(), unix_ns)
+            self._log(t_ns, "/signing", self._signing.record())
+        self._log(t_ns, "/link", link)
+        self._log(t_ns, "/deframer", self.deframer.counters)
+        if self._recorder is not None:
+            self._log(t_ns, "/recorder", self._recorder.statistics())
         self.tell_of_recorder(t_ns)
 
     def tell_of_recorder(self, t_ns: int) -> None:
@@ -330,7 +344,7 @@ class Pipeline:
 
     def _log_used(self, t_ns: int, effect: Used) -> None:
         sample, estimate, late_ns = effect
-        if self._recorder is not None:
+        if self._writers:
             self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
         if estimate is not None:
             record = estimate_record(estimate, late_ns)
@@ -341,14 +355,14 @@ class Pipeline:
 
     def _say(self, t_ns: int, effect: Notice) -> None:
         self._watcher.notice(t_ns, effect.severity, effect.text)
-        if self._recorder is not None:
-            level = LOG_LEVELS[effect.severity]
-            self._recorder.text(self._unix_ns(t_ns), level, effect.text)
+        for writer in self._writers:
+            writer.text(self._unix_ns(t_ns), LOG_LEVELS[effect.severity], effect.text)
 
-    def _log(self, t_ns: int, topic: str, record: object, t_us: int | None) -> None:
-        if self._recorder is not None:
-            published_ns = self._publish_ns(t_ns, t_us)
-            self._recorder.record(topic, record, self._unix_ns(t_ns), published_ns)
+    def _log(self, t_ns: int, topic: str, record: tuple[Any, ...], t_us: int | None = None) -> None:
+        if self._writers:
+            unix_ns, published_ns = self._unix_ns(t_ns), self._publish_ns(t_ns, t_us)
+            for writer in self._writers:
+                writer.record(topic, record, unix_ns, published_ns)
 
     def _publish_ns(self, t_ns: int, t_us: int | None) -> int | None:
         """The autopilot's time as host UNIX time, once the clocks are related."""

@@ -12,6 +12,8 @@ from h2nav.apps.session import Session
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 
+USUAL_ADDRESS = "127.0.0.1:8080"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
@@ -20,6 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--connect", metavar="URL", help=f"link to the autopilot: {FORMS}")
     parser.add_argument("--log-dir", metavar="DIR", help="folder of the MCAP logs")
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        const=USUAL_ADDRESS,
+        metavar="HOST:PORT",
+        help=f"show a status page, metrics and a Foxglove WebSocket (default: {USUAL_ADDRESS})",
+    )
     parser.add_argument("--json", action="store_true", help="status events on standard output")
 
 
@@ -42,6 +51,9 @@ def _configuration(args: argparse.Namespace) -> Configuration:
     if args.log_dir is not None:
         log = dataclasses.replace(chosen.log, folder=args.log_dir)
         chosen = configuration.at_home(dataclasses.replace(chosen, log=log), "run")
+    if args.live is not None:
+        live = dataclasses.replace(chosen.live, address=args.live)
+        chosen = dataclasses.replace(chosen, live=live)
     complaints = configuration.contradictions(chosen)
     if complaints:
         raise BadInput(*complaints)

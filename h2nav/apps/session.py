@@ -2,6 +2,7 @@
 
 import time
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from h2nav import __version__
 from h2nav.apps.configuration import Configuration
@@ -17,6 +18,9 @@ from h2nav.io.links import open_link
 from h2nav.io.recorder import Recorder
 from h2nav.io.service_manager import ServiceManager
 from h2nav.service.service import Service, Surroundings
+
+if TYPE_CHECKING:
+    from h2nav.apps.live_view import LiveView
 
 CLOSE_WITHIN_S = 1.5
 
@@ -35,7 +39,8 @@ class Session:
         watcher: who looks on; the console itself where nobody else does.
 
     Raises:
-        BadInput: a gain file or the signing key of the configuration cannot be used.
+        BadInput: a gain file or the signing key of the configuration cannot be used, or the live
+            view lacks a package.
     """
 
     def __init__(
@@ -44,6 +49,7 @@ class Session:
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
         signing = configuration.signing
         self._signing = LinkSigning(signing) if signing.key_file else None
+        self._live = _live_view(configuration)
         self._console = console
         self._clock = UnixClock()
         unix_s = time.time()
@@ -57,7 +63,13 @@ class Session:
         self._greeting = _greeting(configuration)
         self.service = Service(configuration.service, surroundings)
         self.link = open_link(configuration.link.url, self._vouches_for)
-        outlets = Outlets(self._clock.unix_ns, self.link.write, self.recorder, watcher or console)
+        outlets = Outlets(
+            self._clock.unix_ns,
+            self.link.write,
+            self.recorder,
+            watcher or console,
+            live=None if self._live is None else self._live.feed,
+        )
         self._pipeline = Pipeline(
             self.service, configuration.output.component_id, outlets, self._signing
         )
@@ -73,6 +85,10 @@ class Session:
         self._pipeline.note(time.monotonic_ns(), self._greeting)
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self.service.health)
+            if self._live is not None:
+                unix_ns = self._clock.unix_ns(now_ns)
+                for said in self._live.tend(now_ns, unix_ns, self.service):
+                    self._pipeline.note(now_ns, said.text, said.severity)
 
     def _vouches_for(self, data: bytes) -> bool:
         return self._pipeline.vouches_for(data)
@@ -87,6 +103,8 @@ class Session:
         trace: TracebackType | None,
     ) -> None:
         self.link.close()
+        if self._live is not None:
+            self._live.close()
         if self._signing is not None:
             self._signing.close()
         if self.recorder is not None:
@@ -94,6 +112,15 @@ class Session:
             self._pipeline.tell_of_recorder(time.monotonic_ns())
         log = None if self.recorder is None else self.recorder.path
         self._console.closing(self.service.health, log)
+
+
+def _live_view(configuration: Configuration) -> "LiveView | None":
+    """What shows the daemon to others; None, and nothing is loaded, where nobody wants it."""
+    if not configuration.live.address:
+        return None
+    from h2nav.apps.live_view import LiveView
+
+    return LiveView(configuration)
 
 
 def _greeting(configuration: Configuration) -> str:

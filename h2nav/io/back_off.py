@@ -6,10 +6,16 @@ LONGEST_DELAY_NS = 1_000_000_000
 
 
 class BackOff:
-    """Delays between attempts: 0.1 s, doubled at each failure in a row, at most 1 s."""
+    """Delays between attempts: doubled at each failure in a row, up to a longest one.
 
-    def __init__(self) -> None:
-        self._delay_ns = FIRST_DELAY_NS
+    Args:
+        first_ns: the delay after the first failure.
+        longest_ns: the longest delay.
+    """
+
+    def __init__(self, first_ns: int = FIRST_DELAY_NS, longest_ns: int = LONGEST_DELAY_NS) -> None:
+        self._first_ns = self._delay_ns = first_ns
+        self._longest_ns = longest_ns
         self._next_ns: int | None = None
 
     def is_due(self, t_ns: int) -> bool:
@@ -19,8 +25,8 @@ class BackOff:
     def failed(self, t_ns: int) -> None:
         """An attempt, or what it had opened, has failed at `t_ns`."""
         self._next_ns = t_ns + self._delay_ns
-        self._delay_ns = min(2 * self._delay_ns, LONGEST_DELAY_NS)
+        self._delay_ns = min(2 * self._delay_ns, self._longest_ns)
 
     def succeeded(self) -> None:
         """The thing has proved to work: the next failure is the first again."""
-        self._delay_ns = FIRST_DELAY_NS
+        self._delay_ns = self._first_ns

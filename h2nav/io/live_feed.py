@@ -1,13 +1,14 @@
 """What the daemon tells a process that shows it: packets on a socket that never make it wait.
 
-One packet holds the entries of one turn of the daemon's loop. A packet that finds no room is
-dropped and counted, and nothing is kept for later: what is live has no past. Back come `Word`s,
-which the daemon reads when it has time.
+A packet holds what one turn of the daemon's loop has brought. One that finds no room is dropped and
+counted, and nothing is kept for later: what is live has no past. `Word`s come back, which the
+daemon reads when it has time.
 """
 
 import pickle
 import socket
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import orjson
@@ -22,9 +23,10 @@ FAST_TOPICS = frozenset({"/imu", "/estimate", "/twist", "/odometry", "/wheels", 
 PAUSE_NS = 100_000_000
 # Of one turn; a backlog that is worked off brings more, and nobody can look at that.
 MOST_ENTRIES = 512
-MOST_BYTES = 128 * 1024
 BUFFER_BYTES = 512 * 1024
 MOST_WORDS = 16
+LONGEST_WORD_BYTES = 2048
+LONGEST_TROUBLE = 200
 
 
 class Line(NamedTuple):
@@ -56,13 +58,13 @@ class Entry(NamedTuple):
 
 
 class FeedRecord(NamedTuple):
-    """How the live view and the daemon's process are doing, once a second.
+    """How the live view and the daemon's process are doing, once a second; not in the log.
 
     Attributes:
-        packets: taken by the viewer's process since the start.
+        packets: handed to the viewer's process since the start.
         dropped: packets and entries that found no room.
         wants_all: somebody looks at every sample; else fast records come at 10 Hz.
-        cpu_s: processor time of the daemon since the start.
+        cpu_s: processor time of the daemon since its start.
         memory_bytes: of the daemon, resident.
     """
 
@@ -89,12 +91,27 @@ class Greeting(NamedTuple):
     configuration: Mapping[str, Mapping[str, Any]]
 
 
+class Word(NamedTuple):
+    """What a viewer says.
+
+    Attributes:
+        port: of the page, from when it listens; 0 before.
+        wants_all: somebody looks at every sample.
+        trouble: why it cannot go on; empty while it can.
+    """
+
+    port: int = 0
+    wants_all: bool = False
+    trouble: str = ""
+
+
 class LiveFeed:
     """The daemon's end.
 
     Attributes:
         packets: sent since the start.
         dropped: packets and entries that found no room.
+        refused: packets in a row that found none.
         wants_all: every record is wanted; else those of `FAST_TOPICS` are thinned to 10 Hz.
     """
 
@@ -104,22 +121,23 @@ class LiveFeed:
         self._due_ns = dict.fromkeys(FAST_TOPICS, 0)
         self.packets = 0
         self.dropped = 0
+        self.refused = 0
         self.wants_all = False
 
     def begin(self, end: socket.socket, greeting: Greeting) -> None:
-        """A viewer is there; `end` is a socket of `feed_sockets`."""
+        """A viewer is there; `end` is the daemon's of `feed_sockets`."""
         end.setblocking(False)
         self._socket = end
-        self._entries.clear()
-        self.wants_all = False
-        self._send(greeting)
+        self._send(end, greeting)
 
     def end(self) -> None:
-        """The viewer is gone."""
+        """The viewer is gone, or shall go: it ends when it finds the socket closed."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
         self._entries.clear()
+        self.wants_all = False
+        self.refused = 0
 
     def record(
         self, topic: str, record: tuple[Any, ...], unix_ns: int, publish_ns: int | None = None
@@ -144,35 +162,86 @@ class LiveFeed:
 
     def flush(self) -> None:
         """Sends what has been taken since the last time; at the end of each turn."""
-        if self._entries:
-            self._send(self._entries)
+        if self._entries and self._socket is not None:
+            self._send(self._socket, self._entries)
             self._entries.clear()
 
-    def words(self) -> Iterator[dict[str, Any]]:
+    def words(self) -> Iterator[Word]:
         """What the viewer has said since the last time.
 
         Raises:
-            OSError: the viewer is gone.
+            ConnectionError: it is gone, or talks nonsense.
         """
         if self._socket is None:
             return
         for _ in range(MOST_WORDS):
             try:
-                data = self._socket.recv(MOST_BYTES)
+                data = self._socket.recv(LONGEST_WORD_BYTES)
             except BlockingIOError:
                 return
+            except ConnectionResetError:
+                continue  # it is gone; what it has said before comes now
             if not data:
-                raise ConnectionResetError("the viewer is gone")
-            yield orjson.loads(data)
+                raise ConnectionResetError("the viewer has closed its end")
+            yield _word(data)
 
-    def _send(self, content: object) -> None:
-        assert self._socket is not None
-        data = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    def _send(self, end: socket.socket, content: object) -> None:
         try:
-            self._socket.send(data)
-            self.packets += 1
-        except OSError:  # no room, too long, or nobody there: `words` tells which
+            end.send(pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL))
+        except OSError:  # no room, too long, or nobody there: `words` tells the last
             self.dropped += 1
+            self.refused += 1
+        else:
+            self.packets += 1
+            self.refused = 0
+
+
+class FeedReader:
+    """The viewer's end.
+
+    Args:
+        end: the viewer's of `feed_sockets`.
+    """
+
+    def __init__(self, end: socket.socket) -> None:
+        self._socket = end
+
+    def fileno(self) -> int:
+        """For waiting until there is something to read."""
+        return self._socket.fileno()
+
+    def greeting(self) -> Greeting:
+        """Waits for the first packet.
+
+        Raises:
+            ConnectionError: the daemon is gone.
+        """
+        found = self._receive()
+        assert isinstance(found, Greeting)
+        self._socket.setblocking(False)
+        return found
+
+    def entries(self) -> list[Entry]:
+        """What the daemon has told since the last time, a packet at most.
+
+        Raises:
+            ConnectionError: the daemon is gone.
+        """
+        try:
+            return [Entry(*entry) for entry in self._receive()]
+        except BlockingIOError:
+            return []
+
+    def say(self, word: Word) -> None:
+        """Tells the daemon; nobody waits where it does not listen."""
+        with suppress(OSError):
+            self._socket.send(orjson.dumps(word._asdict()))
+
+    def _receive(self) -> Any:
+        data = self._socket.recv(BUFFER_BYTES)
+        if not data:
+            raise ConnectionResetError("the daemon has closed its end")
+        return pickle.loads(data)  # from the daemon, which has started us
 
 
 def feed_sockets() -> tuple[socket.socket, socket.socket]:
@@ -180,3 +249,16 @@ def feed_sockets() -> tuple[socket.socket, socket.socket]:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     return ours, theirs
+
+
+def _word(data: bytes) -> Word:
+    """Strangers talk to the viewer, so that what it says is not taken on trust."""
+    try:
+        said = orjson.loads(data)
+        port, wants_all, trouble = (said[name] for name in Word._fields)
+    except (ValueError, TypeError, KeyError):
+        raise ConnectionAbortedError("the viewer talks nonsense") from None
+    if type(port) is not int or type(wants_all) is not bool or type(trouble) is not str:
+        raise ConnectionAbortedError("the viewer talks nonsense")
+    printable = "".join(letter if letter.isprintable() else "?" for letter in trouble)
+    return Word(port, wants_all, printable[:LONGEST_TROUBLE])

@@ -1,13 +1,111 @@
 """The viewer's process: what the daemon feeds it goes to the page and to Foxglove."""
 
+import asyncio
+import contextlib
+import os
+import resource
+import signal
 import socket
+import traceback
+from pathlib import Path
+
+from h2nav.errors import BadInput
+from h2nav.io.live_feed import FeedReader, Greeting, Line, Word
+from h2nav.live.foxglove_server import FoxgloveServer
+from h2nav.live.server import PageServer
+from h2nav.live.state import LiveState
+
+NICENESS = 10
+# Strangers can make the servers hold connections and frames; nobody else shall pay for it.
+MOST_FILES = 512
+MOST_MEMORY_BYTES = 256 * 1024 * 1024
+FIRST_VICTIM = "1000"
+# Packets between two looks at who else waits.
+MOST_PACKETS = 64
 
 
-def view(feed: socket.socket) -> int:
-    """Works until the daemon closes its end; the exit code.
+def view(end: socket.socket) -> int:
+    """Works until the daemon closes its end.
 
     Args:
-        feed: the viewer's end of `h2nav.io.live_feed.feed_sockets`.
+        end: the viewer's of `h2nav.io.live_feed.feed_sockets`.
+
+    Returns:
+        The exit status: 0 at the daemon's end, 1 for a trouble, which the daemon was told.
     """
-    feed.close()
-    return 0
+    _step_back()
+    feed = FeedReader(end)
+    try:
+        asyncio.run(_show(feed, feed.greeting()))
+    except ConnectionError:
+        return 0
+    except BadInput as error:
+        feed.say(Word(trouble=str(error)))
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(place.filename).name}:{place.lineno}"
+        feed.say(Word(trouble=f"{type(error).__name__}: {error} at {where}"))
+    return 1
+
+
+def _step_back() -> None:
+    """The estimate comes first: less processor time, bounded memory, and the first to be killed.
+
+    A service manager may forbid some of it, having set limits of its own.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's business; it then closes its end
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    for kind, most in (
+        (resource.RLIMIT_NOFILE, MOST_FILES),
+        (resource.RLIMIT_DATA, MOST_MEMORY_BYTES),
+    ):
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(kind, (most, most))
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(FIRST_VICTIM)
+
+
+async def _show(feed: FeedReader, greeting: Greeting) -> None:
+    """Serves until the feed ends, which raises ConnectionError."""
+    state = LiveState()
+    host, port, foxglove_port, configuration = greeting
+    with contextlib.ExitStack() as servers:
+        page = servers.enter_context(contextlib.closing(_listening(state, host, port)))
+        foxglove: FoxgloveServer | None = None
+        if foxglove_port:
+            foxglove = FoxgloveServer(configuration)
+            servers.callback(foxglove.close)
+            await foxglove.listen(host, foxglove_port)
+        feed.say(Word(page.port))
+        await _pass_on(feed, state, foxglove, page.port)
+
+
+def _listening(state: LiveState, host: str, port: int) -> PageServer:
+    try:
+        return PageServer(state, host, port)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(f"live.address: {host}:{port}: {reason}; choose another") from None
+
+
+async def _pass_on(
+    feed: FeedReader, state: LiveState, foxglove: FoxgloveServer | None, port: int
+) -> None:
+    """Gives what is fed to those who show it, and tells the daemon what they want."""
+    arrived = asyncio.Event()
+    asyncio.get_running_loop().add_reader(feed.fileno(), arrived.set)
+    wants_all = False
+    while True:
+        await arrived.wait()
+        arrived.clear()
+        for topic, unix_ns, _, record in feed.entries():
+            if isinstance(record, Line):
+                state.text(unix_ns, record.level, record.text)
+            else:
+                state.take(topic, unix_ns, record)
+            if foxglove is not None:
+                foxglove.show(topic, unix_ns, record)
+        if foxglove is not None and foxglove.wants_all != wants_all:
+            wants_all = not wants_all
+            feed.say(Word(port, wants_all))

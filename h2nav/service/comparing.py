@@ -1,13 +1,15 @@
 """What the autopilot says of its attitude, to the witness; what that finds, to log and outputs."""
 
 import math
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.integrity.witness import Comparison, Source, Witness
+from h2nav.maths.quaternion import Quat
 from h2nav.service.effects import Effect, Record
-from h2nav.service.limits import RateLimit
+from h2nav.service.limits import SECOND_NS, RateLimit
 from h2nav.service.records import ComparisonRecord
 from h2nav.service.wished_stream import Wish
 from h2nav.wire.attitude import ReportedAttitude
@@ -18,6 +20,22 @@ AT_ONCE = 2
 MESSAGES = frozenset({mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_AHRS2})
 # AHRS2 comes at half the rate of ATTITUDE.
 AHRS2_SHARE = 0.5
+# What was told longer ago is not the autopilot's attitude now.
+STALE_NS = 2 * SECOND_NS
+
+
+class Told(NamedTuple):
+    """An attitude of the autopilot.
+
+    Attributes:
+        t_ns: host time of its arrival.
+        source: whose it is.
+        q_nb: body to NED.
+    """
+
+    t_ns: int
+    source: Source
+    q_nb: Quat
 
 
 def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:
@@ -40,6 +58,7 @@ class Comparing:
 
     def __init__(self) -> None:
         self.witness = Witness()
+        self._told: dict[Source, Told] = {}
         self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
 
     def heeds(self, t_ns: int, message_id: int) -> bool:
@@ -54,9 +73,18 @@ class Comparing:
         """Our newest estimate, None during an alignment."""
         return _records(self.witness.add(sample, estimate))
 
-    def on_report(self, reported: ReportedAttitude) -> list[Effect]:
+    def told(self, t_ns: int) -> Told | None:
+        """The autopilot's newest attitude, of its main estimator if it can be; None if stale."""
+        for source in (Source.AUTOPILOT, Source.AHRS2):
+            told = self._told.get(source)
+            if told is not None and t_ns - told.t_ns <= STALE_NS:
+                return told
+        return None
+
+    def on_report(self, t_ns: int, reported: ReportedAttitude) -> list[Effect]:
         """An attitude of the autopilot."""
         source = Source.AHRS2 if reported.is_second else Source.AUTOPILOT
+        self._told[source] = Told(t_ns, source, reported.q_nb)
         return _records(self.witness.report(source, reported.time_ms, reported.q_nb))
 
 

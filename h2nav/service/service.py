@@ -39,6 +39,7 @@ from h2nav.service.pulse import Pulse
 from h2nav.service.sample_clock import Verdict
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.standing import Standing
+from h2nav.service.status import status_record
 from h2nav.service.stream_requests import StreamRequests
 from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
@@ -204,6 +205,21 @@ class Service:
             autopilot_heading_deg=difference and math.degrees(difference.heading_rad),
         )
 
+    def status(self, t_ns: int) -> records.StatusRecord:
+        """What somebody who looks on wants to know now.
+
+        Args:
+            t_ns: host time.
+        """
+        return status_record(
+            t_ns,
+            self._standing.verdict,
+            self.bound_to,
+            self._pulse.sample_ns,
+            self._comparing.told(t_ns),
+            self._assessment(),
+        )
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What was found to be wrong so far."""
@@ -310,7 +326,7 @@ class Service:
         if isinstance(message, TimeSyncMessage):
             return self._on_time_sync(envelope, message, owned)
         if isinstance(message, ReportedAttitude):
-            return self._comparing.on_report(message) if owned else []
+            return self._comparing.on_report(envelope.t_ns, message) if owned else []
         return self._on_vehicle_message(envelope.t_ns, message) if owned else []
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:

@@ -119,12 +119,13 @@ def test_the_wheel_offers_its_extras(wheel):
 
 
 def test_every_declared_package_is_imported_and_the_other_way_round():
-    """Of the base, synthesis, plots and fleet; the peers are imported by name, at their filter."""
+    """Of the base and of most extras; the peers are imported by name, at their filter."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     # distributed draws its dashboard with bokeh, and says so only when it is missing.
     fleet = [line for line in extras["fleet"] if Requirement(line).name != "bokeh"]
-    lines = [*project["dependencies"], *extras["synthesis"], *extras["plots"], *fleet]
+    others = (*extras["synthesis"], *extras["plots"], *extras["live"])
+    lines = [*project["dependencies"], *others, *fleet]
     imported = {
         name
         for path in (REPOSITORY / "h2nav").rglob("*.py")

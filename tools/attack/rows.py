@@ -6,6 +6,7 @@ import files
 import floods
 import hostile
 import manners
+import onlookers
 import stale
 from bench import Row
 
@@ -14,5 +15,6 @@ ROWS: dict[str, Callable[[], Row]] = {
     **floods.ROWS,
     **stale.ROWS,
     **manners.ROWS,
+    **onlookers.ROWS,
     **files.ROWS,
 }

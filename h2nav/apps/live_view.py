@@ -1,0 +1,185 @@
+"""The live view beside the daemon: a process that is started, fed, watched, and started again.
+
+What strangers can talk to runs outside the daemon, niced and with limits of its own: whatever
+happens there costs a picture and no attitude (docs/design/live-view.md).
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.apps import extras
+from h2nav.apps.configuration import Configuration
+from h2nav.integrity.findings import Severity
+from h2nav.io.back_off import BackOff
+from h2nav.io.listen_address import parse_listen_address
+from h2nav.io.live_feed import (
+    FEED_TOPIC,
+    STATUS_TOPIC,
+    FeedRecord,
+    Greeting,
+    LiveFeed,
+    Word,
+    feed_sockets,
+)
+from h2nav.service.service import Service
+
+LOOK_NS = 100_000_000
+STATUS_NS = 200_000_000
+SECOND_NS = 1_000_000_000
+FIRST_PAUSE_NS = SECOND_NS
+LONGEST_PAUSE_NS = 60 * SECOND_NS
+# So long after its start it has proved to work.
+PROVED_NS = 60 * SECOND_NS
+# Packets in a row that it did not take, of at least five a second.
+MOST_REFUSED = 150
+END_WITHIN_S = 1.0
+MEMORY = Path("/proc/self/statm")
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+class Said(NamedTuple):
+    """Something for people.
+
+    Attributes:
+        severity: of it.
+        text: one line.
+    """
+
+    severity: Severity
+    text: str
+
+
+def start_viewer(end: socket.socket) -> "subprocess.Popen[bytes]":
+    """Starts a viewer as a process, with the same modules as ours."""
+    modules = os.pathsep.join(path for path in sys.path if path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "h2nav.live"],
+        stdin=end.fileno(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,  # strangers would write our journal
+        env={**os.environ, "PYTHONPATH": modules},
+        process_group=0,  # Ctrl-C is for us; it ends with its feed
+    )
+
+
+class LiveView:
+    """Keeps a viewer running.
+
+    Args:
+        configuration: of the daemon; its `live.address` is not empty.
+
+    Attributes:
+        feed: what the pipeline gives its records to.
+
+    Raises:
+        BadInput: a package of the extra is missing, or the address cannot be read.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        extras.require_installed("live", "live.address", "foxglove", "prometheus_client", "tornado")
+        self._settings = configuration.live
+        self._address = parse_listen_address(configuration.live.address)
+        self._greeting = Greeting(
+            *self._address, configuration.live.foxglove_port, configuration.as_mapping()
+        )
+        self.feed = LiveFeed()
+        self._viewer: subprocess.Popen[bytes] | None = None
+        self._is_lost = False
+        self._back_off = BackOff(FIRST_PAUSE_NS, LONGEST_PAUSE_NS)
+        self._started_ns = 0
+        self._look_ns = self._status_ns = self._record_ns = 0
+        self._shown_port = 0
+        self._trouble = ""
+
+    def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Said]:
+        """Does what is due; what there is to say.
+
+        Args:
+            t_ns: host time.
+            unix_ns: the same on the UNIX scale.
+            service: whose status is shown.
+        """
+        if t_ns < self._look_ns:
+            return []
+        self._look_ns = t_ns + LOOK_NS
+        said = self._look_after(t_ns)
+        if t_ns >= self._status_ns:
+            self._status_ns = t_ns + STATUS_NS
+            self.feed.record(STATUS_TOPIC, service.status(t_ns), unix_ns)
+        if t_ns >= self._record_ns:
+            self._record_ns = t_ns + SECOND_NS
+            self.feed.record(FEED_TOPIC, self._record(), unix_ns)
+        return said
+
+    def close(self) -> None:
+        """Ends the viewer, gently first."""
+        self.feed.end()
+        if self._viewer is None:
+            return
+        try:
+            self._viewer.wait(END_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self._viewer.kill()
+            self._viewer.wait()
+
+    def _look_after(self, t_ns: int) -> list[Said]:
+        if self._is_lost and self._viewer is not None and self._viewer.poll() is not None:
+            self._viewer = None
+        if self._viewer is None and self._back_off.is_due(t_ns):
+            self._start(t_ns)
+        if self._viewer is None or self._is_lost:
+            return []
+        if t_ns - self._started_ns > PROVED_NS:
+            self._back_off.succeeded()
+        said: list[Said] = []
+        try:
+            for word in self.feed.words():
+                said += self._heard(word)
+        except ConnectionError as error:
+            return [*said, self._lost(t_ns, str(error))]
+        if self.feed.refused > MOST_REFUSED:
+            return [*said, self._lost(t_ns, "it has stopped reading")]
+        return said
+
+    def _start(self, t_ns: int) -> None:
+        ours, theirs = feed_sockets()
+        self._started_ns, self._is_lost, self._trouble = t_ns, False, ""
+        with theirs:
+            self._viewer = start_viewer(theirs)
+        self.feed.begin(ours, self._greeting)
+
+    def _lost(self, t_ns: int, reason: str) -> Said:
+        """The viewer is of no use any more; another one is started later."""
+        assert self._viewer is not None
+        self._is_lost, self._shown_port = True, 0
+        self._viewer.kill()
+        self.feed.end()
+        self._back_off.failed(t_ns)
+        text = f"live view lost: {self._trouble or reason}; it is started again"
+        return Said(Severity.WARNING, text)
+
+    def _heard(self, word: Word) -> list[Said]:
+        self._trouble = word.trouble
+        self.feed.wants_all = word.wants_all
+        if word.port in (0, self._shown_port):
+            return []
+        self._shown_port = word.port
+        page = self._address._replace(port=word.port)
+        text = f"live view at http://{page}/"
+        if self._settings.foxglove_port:
+            text += f", Foxglove at ws://{page._replace(port=self._settings.foxglove_port)}"
+        if page.is_loopback:
+            return [Said(Severity.INFO, text)]
+        return [Said(Severity.WARNING, f"{text}, open to whoever reaches this address")]
+
+    def _record(self) -> FeedRecord:
+        feed = self.feed
+        pages = int(MEMORY.read_text().split()[1])
+        return FeedRecord(
+            feed.packets, feed.dropped, feed.wants_all, time.process_time(), pages * PAGE_BYTES
+        )

@@ -1,0 +1,36 @@
+"""Where a server of ours listens: the text of a configuration or command line to a record."""
+
+import re
+from typing import NamedTuple
+
+from h2nav.errors import BadInput
+
+# The host is a name, an IPv4 address, or an IPv6 address in brackets.
+_HOST_AND_PORT = re.compile(r"(\[[0-9A-Fa-f:.%_a-z-]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+
+
+class ListenAddress(NamedTuple):
+    """Host and TCP port; port 0 lets the kernel choose."""
+
+    host: str
+    port: int
+
+    @property
+    def is_loopback(self) -> bool:
+        """Only programs of this machine get there."""
+        return self.host in ("localhost", "::1") or self.host.startswith("127.")
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+def parse_listen_address(text: str) -> ListenAddress:
+    """Reads HOST:PORT, such as ``127.0.0.1:8080``, ``0.0.0.0:8080`` or ``[::1]:8080``.
+
+    Raises:
+        BadInput: with one line that says what is expected.
+    """
+    match = _HOST_AND_PORT.fullmatch(text)
+    if match is None or int(match[2]) > 65535:
+        raise BadInput(f"{text!r} is not HOST:PORT; write such as 127.0.0.1:8080 or [::1]:8080")
+    return ListenAddress(match[1].strip("[]"), int(match[2]))

@@ -1,0 +1,180 @@
+"""Stands before a server that has no limits of its own, and passes on what stays within these.
+
+The Foxglove library takes any number of connections, waits for a handshake for ever, and listens
+no more once the process has run out of file descriptors. Here strangers find limits first: on
+connections, on the time to an answer, and on what a client may say. One that does not read is
+read from no more, and the server behind drops what it cannot hand over.
+"""
+
+import asyncio
+from typing import cast
+
+from h2nav.errors import BadInput
+
+MOST_CONNECTIONS = 32
+WAITING = 32
+# The server behind has to have answered within this; it answers whoever knows the protocol.
+PATIENCE_S = 5.0
+# Clients subscribe and ask for parameters, which takes a few kilobytes.
+MOST_SAID_BYTES = 256 * 1024
+SAID_WITHIN_S = 10.0
+BEHIND = "127.0.0.1"
+
+
+class Guard:
+    """Listens for a server that listens on this machine only.
+
+    Args:
+        port_behind: of that server, on the loopback.
+
+    Attributes:
+        port: where it listens; 0 before.
+        is_alone: the server behind is gone.
+    """
+
+    def __init__(self, port_behind: int) -> None:
+        self.port = 0
+        self.is_alone = False
+        self._port_behind = port_behind
+        self._server: asyncio.Server | None = None
+        self._clients: set[_Client] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def listen(self, host: str, port: int) -> None:
+        """Begins to listen; port 0 lets the kernel choose.
+
+        Raises:
+            BadInput: the address cannot be listened on.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            self._server = await loop.create_server(
+                lambda: _Client(self), host, port, backlog=WAITING
+            )
+        except OSError as error:
+            raise BadInput(
+                f"live.foxglove_port: {host}:{port}: {error.strerror or error}; choose another, "
+                "or 0 for none"
+            ) from None
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    def close(self) -> None:
+        """Listens no more, and hangs up."""
+        if self._server is not None:
+            self._server.close()
+        for client in tuple(self._clients):
+            client.hang_up()
+
+    def admits(self, client: "_Client") -> bool:
+        """Whether there is room for one more; it is then being connected."""
+        if len(self._clients) >= MOST_CONNECTIONS:
+            return False
+        self._clients.add(client)
+        task = asyncio.get_running_loop().create_task(self._connect(client))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return True
+
+    def forget(self, client: "_Client") -> None:
+        """It is gone."""
+        self._clients.discard(client)
+
+    async def _connect(self, client: "_Client") -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            await loop.create_connection(lambda: _Behind(client), BEHIND, self._port_behind)
+        except OSError:
+            self.is_alone = True
+            client.hang_up()
+
+
+class _Leg(asyncio.Protocol):
+    """One of two connections; what comes on it leaves on the other.
+
+    Attributes:
+        transport: of this connection.
+        other: the other connection, once there is one.
+    """
+
+    transport: asyncio.Transport
+    other: "_Leg | None" = None
+
+    def data_received(self, data: bytes) -> None:
+        if self.other is not None:
+            self.other.transport.write(data)
+
+    def pause_writing(self) -> None:
+        if self.other is not None:
+            self.other.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        if self.other is not None:
+            self.other.transport.resume_reading()
+
+    def connection_lost(self, _: Exception | None) -> None:
+        if self.other is not None:
+            self.other.hang_up()
+
+    def hang_up(self) -> None:
+        """Ends this connection, and with it the other."""
+        self.transport.abort()
+
+
+class _Client(_Leg):
+    """A stranger's connection."""
+
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+        self._said = 0
+        self._timer: asyncio.TimerHandle | None = None
+        self.is_answered = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = cast(asyncio.Transport, transport)
+        if not self._guard.admits(self):
+            self.hang_up()
+            return
+        self.transport.pause_reading()  # until somebody is behind
+        self._look_in(PATIENCE_S)
+
+    def data_received(self, data: bytes) -> None:
+        self._said += len(data)
+        if self._said > MOST_SAID_BYTES:
+            self.hang_up()
+        else:
+            super().data_received(data)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._guard.forget(self)
+        super().connection_lost(error)
+
+    def _look(self) -> None:
+        if not self.is_answered:
+            self.hang_up()
+            return
+        self._said = 0
+        self._look_in(SAID_WITHIN_S)
+
+    def _look_in(self, seconds: float) -> None:
+        self._timer = asyncio.get_running_loop().call_later(seconds, self._look)
+
+
+class _Behind(_Leg):
+    """The connection to the server for a client."""
+
+    def __init__(self, client: _Client) -> None:
+        self._client = client
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = cast(asyncio.Transport, transport)
+        if self._client.transport.is_closing():
+            self.hang_up()
+            return
+        self.other, self._client.other = self._client, self
+        self._client.transport.resume_reading()
+
+    def data_received(self, data: bytes) -> None:
+        self._client.is_answered = True
+        super().data_received(data)

@@ -1,0 +1,55 @@
+"""The status for those who look on: one flat record of what is spread over the service."""
+
+import math
+
+from h2nav.service.comparing import Told
+from h2nav.service.health import Verdict
+from h2nav.service.outputs import Assessment
+from h2nav.service.records import StatusRecord
+
+NS_PER_MS = 1e6
+
+
+def status_record(
+    t_ns: int,
+    verdict: Verdict,
+    vehicle: str,
+    sample_ns: int | None,
+    told: Told | None,
+    assessment: Assessment,
+) -> StatusRecord:
+    """The record of a moment.
+
+    Args:
+        t_ns: host time.
+        verdict: the state.
+        vehicle: what the service is bound to, for people.
+        sample_ns: host time of the newest sample that was used; None before the first.
+        told: the autopilot's own attitude; None where it has not told it just now.
+        assessment: of the estimates.
+    """
+    difference, ratios = assessment.difference, assessment.ratios
+    w, x, y, z = (None, None, None, None) if told is None else told.q_nb
+    return StatusRecord(
+        verdict.state.value,
+        verdict.reason,
+        vehicle,
+        None if sample_ns is None else (t_ns - sample_ns) / NS_PER_MS,
+        w,
+        x,
+        y,
+        z,
+        "" if told is None else told.source.value,
+        None if told is None else (t_ns - told.t_ns) / NS_PER_MS,
+        difference and math.degrees(difference.tilt_rad),
+        difference and math.degrees(difference.heading_rad),
+        difference and math.degrees(difference.sigma_tilt_rad),
+        difference and math.degrees(difference.sigma_heading_rad),
+        "" if difference is None else difference.verdicts.tilt.value,
+        "" if difference is None else difference.verdicts.heading.value,
+        ratios.of_velocity,
+        ratios.force_10s,
+        ratios.of_field,
+        ratios.of_turn,
+        "\n".join(alarm.told for alarm in assessment.alarms),
+    )

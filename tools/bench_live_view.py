@@ -1,0 +1,279 @@
+"""What the live view costs the daemon: how late is ATTITUDE, what CPU and memory, by who looks on.
+
+The same sender feeds each candidate over UDP loopback, as in `bench_live`:
+
+* no live view;
+* a viewer's process: nobody looks on; somebody with a Foxglove client that subscribes to
+  everything and with the page's stream; one who has both and never reads; ten who read; and
+* the same viewer as a thread of the daemon, which was the alternative.
+
+Clients run as processes of their own, on the same machine and niced. Candidates take turns in
+every round, so that what else the machine does hits all of them.
+
+Run: python tools/bench_live_view.py [--seconds S] [--rounds N] [--rates HZ ...] [--only WORD]
+"""
+
+import argparse
+import asyncio
+import json
+import multiprocessing
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from bench_live import WARM_UP_S, Sender, cpu_seconds, free_port
+from tornado.websocket import websocket_connect
+
+CONFIG = """
+link: {{url: "udpin:127.0.0.1:{port}"}}
+autopilot: {{imu_rate_hz: {hz:.0f}, request_streams: false}}
+output: {{attitude_rate_hz: {hz:.0f}, attitude_quaternion_rate_hz: 0}}
+log: {{folder: {folder}}}
+live: {{address: "{address}", foxglove_port: {foxglove}}}
+"""
+# The viewer's end of the feed goes to a thread instead of to a process.
+IN_A_THREAD = """
+import asyncio, sys, threading
+from h2nav.apps import live_view
+from h2nav.cli import main
+from h2nav.io.live_feed import FeedReader
+from h2nav.live.viewer import _show
+
+class Thread:
+    def poll(self): return None
+    def kill(self): pass
+    def wait(self, timeout=None): return 0
+
+def start(end):
+    feed = FeedReader(end.dup())
+    def work():
+        try:
+            asyncio.run(_show(feed, feed.greeting()))
+        except ConnectionError:
+            pass
+    threading.Thread(target=work, daemon=True).start()
+    return Thread()
+
+live_view.start_viewer = start
+sys.exit(main(sys.argv[1:]))
+"""
+PROCESS, THREAD, NOTHING = "process", "thread", "no live view"
+START_S = 2.0
+LONGEST_START_S = 30.0
+CLIENT_NICENESS = 10
+
+
+class Candidate(NamedTuple):
+    """Who runs, and who looks on.
+
+    Attributes:
+        viewer: PROCESS, THREAD or NOTHING.
+        readers: who read, each a Foxglove client and a stream of the page.
+        deaf: who never read.
+    """
+
+    viewer: str
+    readers: int = 0
+    deaf: int = 0
+
+    @property
+    def name(self) -> str:
+        """Such as ``process, 10 readers``."""
+        who = f"{self.readers} reading" if self.readers else "nobody"
+        who = f"{self.deaf} never reading" if self.deaf else who
+        return self.viewer if self.viewer == NOTHING else f"{self.viewer}, {who}"
+
+
+CANDIDATES = (
+    Candidate(NOTHING),
+    Candidate(PROCESS),
+    Candidate(PROCESS, readers=1),
+    Candidate(PROCESS, deaf=1),
+    Candidate(PROCESS, readers=10),
+    Candidate(THREAD),
+    Candidate(THREAD, readers=1),
+    Candidate(THREAD, readers=10),
+)
+
+
+class Figures(NamedTuple):
+    """Of one flight.
+
+    Attributes:
+        late_us: from the datagram to its ATTITUDE, of each sample.
+        sent: samples.
+        cpu: of the daemon, s/s.
+        viewer_cpu: of the viewer's process.
+        memory_mib: of the daemon.
+    """
+
+    late_us: list[float]
+    sent: int
+    cpu: float
+    viewer_cpu: float
+    memory_mib: float
+
+
+class Ports(NamedTuple):
+    """Where a candidate shows what it shows."""
+
+    page: int
+    foxglove: int
+
+
+def look_on(ports: Ports, count: int, reads: bool, ready: Any) -> None:
+    """Connects so many who subscribe to everything, and read for ever, or never."""
+    os.nice(CLIENT_NICENESS)
+
+    async def foxglove() -> None:
+        url = f"ws://127.0.0.1:{ports.foxglove}/"
+        connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
+        while True:
+            message = await connection.read_message()
+            if isinstance(message, str) and json.loads(message)["op"] == "advertise":
+                channels = json.loads(message)["channels"]
+                wanted = [{"id": c["id"], "channelId": c["id"]} for c in channels]
+                subscription = {"op": "subscribe", "subscriptions": wanted}
+                await connection.write_message(json.dumps(subscription))
+                ready.release()
+                while not reads:
+                    await asyncio.sleep(3600.0)
+
+    async def page() -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", ports.page)
+        writer.write(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{ports.page}\r\n\r\n".encode())
+        assert b"200" in await reader.readline(), "the page has no stream"
+        ready.release()
+        while not reads or await reader.read(65536):
+            await asyncio.sleep(0.0 if reads else 3600.0)
+
+    async def all_of_them() -> None:
+        await asyncio.gather(*(each() for each in (foxglove, page) for _ in range(count)))
+
+    asyncio.run(all_of_them())
+
+
+@contextmanager
+def lookers_on(ports: Ports, candidate: Candidate) -> Iterator[None]:
+    """Those of a candidate, while the block lasts."""
+    count = candidate.readers or candidate.deaf
+    if not count:
+        yield
+        return
+    ready = multiprocessing.Semaphore(0)
+    process = multiprocessing.Process(
+        target=look_on, args=(ports, count, bool(candidate.readers), ready), daemon=True
+    )
+    process.start()
+    try:
+        for _ in range(2 * count):
+            if not ready.acquire(timeout=20.0):
+                raise SystemExit("somebody could not look on")
+        yield
+    finally:
+        process.kill()
+        process.join()
+
+
+def child_of(pid: int) -> int | None:
+    """The viewer's process."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return int(children[0]) if children else None
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_for(ports: Ports) -> None:
+    """Until both are listened on."""
+    end_s = time.monotonic() + LONGEST_START_S
+    for port in ports:
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+                break
+            except OSError:
+                if time.monotonic() > end_s:
+                    raise
+                time.sleep(0.1)
+
+
+def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        port, ports = free_port(), Ports(free_tcp_port(), free_tcp_port())
+        address = "" if candidate.viewer == NOTHING else f"127.0.0.1:{ports.page}"
+        config = Path(folder) / "config.yaml"
+        config.write_text(
+            CONFIG.format(
+                port=port, folder=folder, hz=rate_hz, address=address, foxglove=ports.foxglove
+            )
+        )
+        program = ["-c", IN_A_THREAD] if candidate.viewer == THREAD else ["-m", "h2nav"]
+        process = subprocess.Popen(
+            [sys.executable, *program, "run", "-c", str(config)],
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )
+        stack.callback(process.wait)
+        stack.callback(process.terminate)
+        time.sleep(START_S)
+        if address:
+            wait_for(ports)
+        stack.enter_context(lookers_on(ports, candidate))
+        sender = Sender(port, rate_hz)
+        sender.fly(WARM_UP_S)
+        sender.forget()
+        pids = [process.pid, *filter(None, [child_of(process.pid)])]
+        before = [cpu_seconds(pid) for pid in pids]
+        sender.fly(seconds)
+        cpu, *viewer = (
+            (cpu_seconds(pid) - start) / seconds for pid, start in zip(pids, before, strict=True)
+        )
+        memory = Path(f"/proc/{process.pid}/status").read_text().split("VmHWM:")[1].split()[0]
+    return Figures(sender.latencies_us, sender.sent, cpu, sum(viewer), int(memory) / 1024)
+
+
+def told(flights: list[Figures]) -> str:
+    """The median of all rounds: other work on the machine comes in bursts."""
+    p50, p99 = np.median([np.percentile(flight.late_us, [50, 99]) for flight in flights], axis=0)
+    cpu, viewer_cpu, memory = np.median([flight[2:] for flight in flights], axis=0)
+    answered = sum(len(flight.late_us) for flight in flights)
+    return (
+        f"answered {answered}/{sum(flight.sent for flight in flights)}  p50 {p50:5.0f} us  "
+        f"p99 {p99:6.0f} us  CPU {100 * cpu:5.1f} %  viewer {100 * viewer_cpu:5.1f} %  "
+        f"memory {memory:.0f} MiB"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rates", type=float, nargs="+", default=(100.0, 400.0), metavar="HZ")
+    parser.add_argument("--only", default="", help="candidates whose name has this in it")
+    args = parser.parse_args()
+    candidates = [candidate for candidate in CANDIDATES if args.only in candidate.name]
+    for hz in args.rates:
+        found: dict[Candidate, list[Figures]] = defaultdict(list)
+        for _ in range(args.rounds):
+            for candidate in candidates:
+                found[candidate].append(fly(candidate, args.seconds, hz))
+        for candidate, flights in found.items():
+            print(f"{hz:3.0f} Hz  {candidate.name:24} {told(flights)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
