@@ -64,13 +64,7 @@ FILTER = (
     Plot("Rate of the IMU message [Hz]", "/health", ("imu_rate_hz",)),
 )
 TABS = (("Overview", OVERVIEW), ("Sensors", SENSORS), ("Filter", FILTER))
-# What changes in words: /health and whose attitude the GPS velocity supports.
-STATES = (
-    "/health.state",
-    "/health.reason",
-    '/comparison{source=="autopilot"}.tilt_verdict',
-    '/comparison{source=="autopilot"}.heading_verdict',
-)
+STATES = {"state": "/health.state", "reason": "/health.reason"}
 
 
 def foxglove() -> str:
@@ -81,7 +75,10 @@ def foxglove() -> str:
         "RawMessages!finding": {"topicPath": "/finding", **_titled("Newest finding")},
         "StateTransitions!h2nav": {
             "isSynced": True,
-            "paths": [{"value": path, "timestampMethod": "receiveTime"} for path in STATES],
+            "paths": [
+                {"value": path, "label": label, "timestampMethod": "receiveTime"}
+                for label, path in STATES.items()
+            ],
             **_titled("State"),
         },
     }
@@ -113,9 +110,20 @@ def _scene() -> dict[str, Any]:
     return {
         "followTf": "ned",
         "followMode": "follow-none",
-        "cameraState": {"distance": 5, "phi": 60, "thetaOffset": 45, "perspective": True},
-        "scene": {"transforms": {"axisScale": 1.5, "showLabel": True}},
-        "topics": {"/pose": {"visible": True}},
+        "cameraState": {
+            "perspective": True,
+            "distance": 4,
+            "phi": 60,
+            "thetaOffset": 45,
+            "targetOffset": [0, 0, 0],
+            "target": [0, 0, 0],
+            "targetOrientation": [0, 0, 0, 1],
+            "fovy": 45,
+            "near": 0.1,
+            "far": 100,
+        },
+        "scene": {"transforms": {"axisScale": 6, "labelSize": 0.3}},
+        "topics": {"/pose": {"visible": False}},
         **_titled("Attitude: body in north, east, down"),
     }
 
@@ -143,7 +151,8 @@ def _foxglove_plot(plot: Plot) -> dict[str, Any]:
         "xAxisVal": "timestamp",
         "isSynced": True,
         "showLegend": True,
-        "legendDisplay": "floating",
+        "legendDisplay": "left",
+        "sidebarDimension": 230,
         "showPlotValuesInLegend": True,
         "showXAxisLabels": True,
         "showYAxisLabels": True,
