@@ -10,6 +10,8 @@ The same sender feeds each candidate over UDP loopback, as in `bench_live`:
 Clients run as processes of their own, on the same machine and niced. Candidates take turns in
 every round, so that what else the machine does hits all of them.
 
+On a machine that others use, ``--nice -10`` (as root) keeps them out of the figures.
+
 Run: python tools/bench_live_view.py [--seconds S] [--rounds N] [--rates HZ ...] [--only WORD]
 """
 
@@ -264,7 +266,9 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--rates", type=float, nargs="+", default=(100.0, 400.0), metavar="HZ")
     parser.add_argument("--only", default="", help="candidates whose name has this in it")
+    parser.add_argument("--nice", type=int, default=0, help="priority of everything (root: -10)")
     args = parser.parse_args()
+    os.nice(args.nice)
     candidates = [candidate for candidate in CANDIDATES if args.only in candidate.name]
     for hz in args.rates:
         found: dict[Candidate, list[Figures]] = defaultdict(list)

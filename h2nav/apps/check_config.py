@@ -55,6 +55,10 @@ def _checked(path: Path) -> Configuration:
         raise BadInput(*(f"{path}: filter.gains: {line}" for line in error.lines)) from None
     if chosen.signing.key_file:
         read_signing_key(Path(chosen.signing.key_file))
+    if chosen.live.address:
+        from h2nav.apps import live_view
+
+        live_view.require_packages()
     return chosen
 
 

@@ -1,7 +1,7 @@
 """The live view beside the daemon: a process that is started, fed, watched, and started again.
 
 What strangers can talk to runs outside the daemon, niced and with limits of its own: whatever
-happens there costs a picture and no attitude (docs/design/live-view.md).
+happens there costs a picture and no attitude (docs/design/005-live-view.md).
 """
 
 import os
@@ -10,10 +10,10 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 from h2nav.apps import extras
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.pipeline import Said
 from h2nav.integrity.findings import Severity
 from h2nav.io.back_off import BackOff
 from h2nav.io.listen_address import parse_listen_address
@@ -42,16 +42,13 @@ MEMORY = Path("/proc/self/statm")
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
-class Said(NamedTuple):
-    """Something for people.
+def require_packages() -> None:
+    """Looks for what the viewer will import.
 
-    Attributes:
-        severity: of it.
-        text: one line.
+    Raises:
+        BadInput: a package of the extra is missing.
     """
-
-    severity: Severity
-    text: str
+    extras.require_installed("live", "live.address", "foxglove", "prometheus_client", "tornado")
 
 
 def start_viewer(end: socket.socket) -> "subprocess.Popen[bytes]":
@@ -81,7 +78,7 @@ class LiveView:
     """
 
     def __init__(self, configuration: Configuration) -> None:
-        extras.require_installed("live", "live.address", "foxglove", "prometheus_client", "tornado")
+        require_packages()
         self._settings = configuration.live
         self._address = parse_listen_address(configuration.live.address)
         self._greeting = Greeting(
@@ -130,9 +127,9 @@ class LiveView:
     def _look_after(self, t_ns: int) -> list[Said]:
         if self._is_lost and self._viewer is not None and self._viewer.poll() is not None:
             self._viewer = None
-        if self._viewer is None and self._back_off.is_due(t_ns):
-            self._start(t_ns)
-        if self._viewer is None or self._is_lost:
+        if self._viewer is None:
+            return self._start(t_ns) if self._back_off.is_due(t_ns) else []
+        if self._is_lost:
             return []
         if t_ns - self._started_ns > PROVED_NS:
             self._back_off.succeeded()
@@ -146,12 +143,19 @@ class LiveView:
             return [*said, self._lost(t_ns, "it has stopped reading")]
         return said
 
-    def _start(self, t_ns: int) -> None:
+    def _start(self, t_ns: int) -> list[Said]:
         ours, theirs = feed_sockets()
-        self._started_ns, self._is_lost, self._trouble = t_ns, False, ""
         with theirs:
-            self._viewer = start_viewer(theirs)
+            try:
+                self._viewer = start_viewer(theirs)
+            except OSError as error:
+                ours.close()
+                self._back_off.failed(t_ns)
+                text = f"live view cannot be started: {error.strerror or error}; tried again later"
+                return [Said(Severity.WARNING, text)]
+        self._started_ns, self._is_lost, self._trouble = t_ns, False, ""
         self.feed.begin(ours, self._greeting)
+        return []
 
     def _lost(self, t_ns: int, reason: str) -> Said:
         """The viewer is of no use any more; another one is started later."""

@@ -70,6 +70,22 @@ class Observer(Protocol):
         """The service writes down something else than samples and estimates."""
 
 
+class Said(NamedTuple):
+    """Something for people.
+
+    Attributes:
+        severity: of it.
+        text: one line.
+    """
+
+    severity: Severity
+    text: str
+
+
+# Time, the same on the UNIX scale, and the service to what there is to say.
+Beside = Callable[[int, int, Service], Sequence[Said]]
+
+
 class Outlets(NamedTuple):
     """Where the effects go.
 
@@ -317,6 +333,14 @@ class Pipeline:
     def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
         """Reports something that the service does not know of."""
         self._carry_out(t_ns, self.service.on_note(t_ns, severity, text))
+
+    def tend(self, t_ns: int, name: str, work: Beside) -> None:
+        """Lets something that stands beside the service do what is due; reports what it says."""
+        try:
+            for said in work(t_ns, self._unix_ns(t_ns), self.service):
+                self.note(t_ns, said.text, said.severity)
+        except Exception as error:
+            self._fault(t_ns, name, error)
 
     def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
         """Carries out what an event leads to."""

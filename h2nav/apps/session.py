@@ -86,9 +86,7 @@ class Session:
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self.service.health)
             if self._live is not None:
-                unix_ns = self._clock.unix_ns(now_ns)
-                for said in self._live.tend(now_ns, unix_ns, self.service):
-                    self._pipeline.note(now_ns, said.text, said.severity)
+                self._pipeline.tend(now_ns, "live view", self._live.tend)
 
     def _vouches_for(self, data: bytes) -> bool:
         return self._pipeline.vouches_for(data)

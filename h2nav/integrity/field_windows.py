@@ -10,10 +10,11 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from h2nav.attitude.alignment import triad
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.integrity.strapdown import Moment, Strapdown
 from h2nav.integrity.velocity_windows import GATE, RATE_SIGMA_RAD_S
-from h2nav.maths.quaternion import exp, multiply, rotate
+from h2nav.maths.quaternion import conjugate, exp, multiply, rotate, tilt_and_heading
 from h2nav.maths.units import DEG
 
 ROW_US = 1_000_000
@@ -31,6 +32,8 @@ NO_TURN_RATIO = 0.5
 # A gyro turns field and force together: shares of the turn, and of the norm, that they may differ.
 RIGID_SHARE = 0.25
 RIGID_NORM = 0.1
+# A turn about the vertical: so many times the tilt that is left of it.
+MOSTLY = 2.0
 # Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
 LARGEST_LEAN_RAD = 15.0 * DEG
 
@@ -42,6 +45,7 @@ class Row(NamedTuple):
         t_us: its end.
         field_s: direction of the field, strapdown's frame.
         norm_ut: of the field.
+        force_s: specific force, m/s in this second, strapdown's frame.
         force_angle_rad: between field and specific force.
         heading_rad: of the field by the attitude, less its declination.
         dip_rad: of the field by the attitude.
@@ -54,6 +58,7 @@ class Row(NamedTuple):
     t_us: int
     field_s: Vec3
     norm_ut: float
+    force_s: Vec3
     force_angle_rad: float
     heading_rad: float
     dip_rad: float
@@ -192,6 +197,16 @@ class FieldWindows:
             return turn_rad, ratio
         return turn_rad, math.nan
 
+    def turned_level(self, rows: int) -> bool:
+        """Whether field and force have turned about the vertical, which a wrong field does, too."""
+        if len(self._rows) <= rows:
+            return False
+        then, now = (
+            triad(row.force_s, row.field_s) for row in (self._rows[-1 - rows], self._rows[-1])
+        )
+        tilt_rad, heading_rad = tilt_and_heading(multiply(now, conjugate(then)))
+        return abs(heading_rad) > MOSTLY * tilt_rad
+
     def _is_rigid(self, first: Row, last: Row, turn_rad: float) -> bool:
         """Whether the field has turned as what a wrong gyro turns does: with the force."""
         changed = abs(last.force_angle_rad - first.force_angle_rad)
@@ -215,6 +230,7 @@ class FieldWindows:
             last.t_us,
             self._sum,
             self._norms / self._fields,
+            force,
             _angle(self._sum, force),
             math.remainder(math.atan2(east, north) - declination, math.tau),
             math.atan2(down, math.hypot(north, east)),

@@ -283,8 +283,12 @@ class Monitor:
         length_s = 10 if not math.isnan(self.ratios.turn_10s) else 1
         turn = self._field.turn(length_s)[0] / DEG
         evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {length_s} s"
-        text = "gyro contradicts field and gravity"
-        return _error("gyro_field", "gyro", turn, text, evidence, since_s)
+        if self._field.turned_level(length_s):
+            evidence = (
+                f"by the gyro, the field has turned by {turn:.0f} deg in space in {length_s} s, "
+                f"about the vertical: a wrong yaw rate, or a field near the compass"
+            )
+        return _error("gyro_field", "gyro", turn, "gyro contradicts field", evidence, since_s)
 
     def _field_alarm(self, since_s: float) -> Alarm:
         field = self._field

@@ -158,7 +158,8 @@ class SensorChecks:
         force = math.hypot(*f_b)
         self._gyro.add(t_us, w_b, turn_rad, force, is_flying)
         self._force.add(t_us, f_b, turn_rad, force, is_flying)
-        self._watch_field(t_us, m_b_ut, turn_rad)
+        # A gyro that repeats itself may be frozen, and says nothing of a turn then.
+        self._watch_field(t_us, m_b_ut, 0.0 if self._gyro.repeats else turn_rad)
         self._levels.add(t_us, f_b, clipped)
         # Values that have just come cannot be frozen.
         gyro = self._gyro.repeats > 0 and self._gyro_is_frozen(t_us)

@@ -15,7 +15,7 @@ from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
 
-NICENESS = 10
+NICER = 10  # than the daemon
 # Strangers can make the servers hold connections and frames; nobody else shall pay for it.
 MOST_FILES = 512
 MOST_MEMORY_BYTES = 256 * 1024 * 1024
@@ -55,7 +55,7 @@ def _step_back() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's business; it then closes its end
     with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        os.nice(NICER)
     for kind, most in (
         (resource.RLIMIT_NOFILE, MOST_FILES),
         (resource.RLIMIT_DATA, MOST_MEMORY_BYTES),

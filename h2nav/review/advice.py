@@ -64,9 +64,15 @@ ADVICE = {
         "innovations",
     ),
     "gyro_field": Advice(
-        "The gyro said that the earth's field turned, which it does not: a wrong gyro.",
+        "The gyro said that the earth's field turned, which it does not: a wrong gyro. About the "
+        "vertical a field of something near the compass may also have done it.",
         _SENSOR,
         "innovations",
+    ),
+    "accelerometer_bias_step": Advice(
+        "The accelerometer began to show a force that the vehicle's motion does not have.",
+        "Its mounting and temperature; a step that comes again is a failing sensor.",
+        "bias",
     ),
     "autopilot_tilt": Advice(
         "The autopilot's roll or pitch and ours were farther apart than both can be uncertain.",

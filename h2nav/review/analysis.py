@@ -11,9 +11,10 @@ from h2nav.review.compass import look_at_compass
 from h2nav.review.ending import look_at_ending
 from h2nav.review.estimators import look_at_estimators
 from h2nav.review.flight import Flight
+from h2nav.review.force_steps import look_at_force_steps
 from h2nav.review.inertial import Mask, best_attitude, slowed
-from h2nav.review.receiver import look_at_receiver
-from h2nav.review.sensor_bias import look_at_biases
+from h2nav.review.receiver import look_at_receiver, moves_of
+from h2nav.review.sensor_bias import look_at_biases, measuring
 from h2nav.review.spectra import look_at_spectra, look_at_vibration
 from h2nav.review.timing import look_at_pauses, look_at_timing, pauses
 from h2nav.review.tracks import (
@@ -80,11 +81,15 @@ def analyse(flight: Flight) -> Analysis:
         fits += [] if fit is None else [fit]
         found += own
     first = _soundest(flight, slow)
+    alive = tuple(t for t in (measuring(t, flight.findings) for t in slow) if len(t.t_s) > 1)
     for gps in context.gps:
         is_polled = flight.kind in TELEMETRY
         receiver, own = look_at_receiver(_fixes(gps), context, first, best, is_polled=is_polled)
         receivers.append(receiver)
         found += own
+        if best is not None and gps is context.gps[0]:
+            moves = moves_of(_fixes(gps))
+            found += look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
     found += look_at_estimators(context, first, best, flight.findings)
     found += look_at_ending(first, context.armed) if first is not None else []
     return analysis._replace(

@@ -185,19 +185,23 @@ class Velocity(NamedTuple):
 
     def between(self, from_s: Array, to_s: Array) -> Array:
         """(M, 3) changes from one time to another; NaN where something is unknown between."""
-        change = _at(to_s, self.t_s, self.values) - _at(from_s, self.t_s, self.values)
+        change = interpolated(to_s, self.t_s, self.values) - interpolated(
+            from_s, self.t_s, self.values
+        )
         moved: Array = change[:, :3]
         moved[~(change[:, 3] < 0.5 * LONGEST_STEP_S)] = np.nan
         return moved
 
     def variance(self, from_s: Array, to_s: Array) -> Array:
         """(M,) of the changes, (m/s)^2, by the vibration alone."""
-        change = _at(to_s, self.t_s, self.values) - _at(from_s, self.t_s, self.values)
+        change = interpolated(to_s, self.t_s, self.values) - interpolated(
+            from_s, self.t_s, self.values
+        )
         known: Array = np.maximum(np.nan_to_num(change[:, 4]), 0.0)
         return known
 
 
-def _at(at_s: Array, t_s: Array, values: Array) -> Array:
+def interpolated(at_s: Array, t_s: Array, values: Array) -> Array:
     """(M, k) values between those of the samples; NaN beyond the ends."""
     after = np.clip(np.searchsorted(t_s, at_s), 1, len(t_s) - 1)
     first, last = t_s[after - 1], t_s[after]

@@ -61,7 +61,7 @@ POOR_SIGMA_M_S = 1.0
 POOR_FOR_S = 10.0
 
 
-class _Moves(NamedTuple):
+class Moves(NamedTuple):
     """Fixes with a velocity: (N,) times, (N, 3) velocity (unknown down = 0), (3,) known axes."""
 
     t_s: Array
@@ -94,7 +94,7 @@ def look_at_receiver(
     found += _told_jumps(name, gps, position_m, within(gps.t_s, context.armed))
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
-    moves = _moves(gps)
+    moves = moves_of(gps)
     if track is not None and best is not None and len(moves.t_s) > 10:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = _lag(moves, velocity)
@@ -117,7 +117,8 @@ def look_at_receiver(
     return shown, found
 
 
-def _moves(gps: GpsTrack) -> _Moves:
+def moves_of(gps: GpsTrack) -> Moves:
+    """The fixes that have a velocity."""
     good = gps.has_fix & np.isfinite(gps.v_n[:, :2]).all(axis=1)
     t_s = gps.t_s[good]
     v_n = gps.v_n[good]
@@ -125,7 +126,7 @@ def _moves(gps: GpsTrack) -> _Moves:
     later = np.diff(t_s, prepend=-np.inf) > 0.0
     has_down = bool(np.isfinite(v_n[:, 2]).all()) and len(v_n) > 0
     axes = np.array([True, True, has_down])
-    return _Moves(
+    return Moves(
         t_s[later],
         np.where(axes, v_n[later], 0.0),
         np.where(np.isfinite(sigma[later]), sigma[later], UNKNOWN_SIGMA_M_S),
@@ -148,13 +149,13 @@ def _change(t_s: Array, v_n: Array, velocity: Velocity, length_s: float, lag_s: 
     return change
 
 
-def _lag(moves: _Moves, velocity: Velocity) -> float:
+def _lag(moves: Moves, velocity: Velocity) -> float:
     """How late the receiver's velocity is, s; NaN where the motion does not show it."""
     if len(moves.t_s) > MOST_LAG_FIXES:
         # A long flight shows it in a part from its middle.
         first = (len(moves.t_s) - MOST_LAG_FIXES) // 2
         part = slice(first, first + MOST_LAG_FIXES)
-        moves = _Moves(moves.t_s[part], moves.v_n[part], moves.sigma_m_s[part], moves.axes)
+        moves = Moves(moves.t_s[part], moves.v_n[part], moves.sigma_m_s[part], moves.axes)
     coarse: Array = np.arange(EARLIEST_LAG_S, LATEST_LAG_S + 0.5 * COARSE_LAG_S, COARSE_LAG_S)
     around, _ = _cost(moves, velocity, coarse)
     if around is None:
@@ -179,7 +180,7 @@ def _lag(moves: _Moves, velocity: Velocity) -> float:
     return float(lags[place] + 0.5 * LAG_STEP_S * (left - right) / bend)
 
 
-def _cost(moves: _Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, float]:
+def _cost(moves: Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, float]:
     """(L,) mean squares of what each lag leaves, over the same windows, and their seconds."""
     changes = np.array(
         [_change(moves.t_s, moves.v_n, velocity, LAG_WINDOW_S, lag)[:, moves.axes] for lag in lags]
@@ -197,7 +198,7 @@ def _cost(moves: _Moves, velocity: Velocity, lags: Array) -> tuple[Array | None,
 
 
 def _told_lag(
-    name: str, moves: _Moves, lag_s: float, context: Context, polled_s: float
+    name: str, moves: Moves, lag_s: float, context: Context, polled_s: float
 ) -> list[Finding]:
     if math.isnan(lag_s):
         return []
@@ -232,7 +233,7 @@ def _told_lag(
     ]
 
 
-def _by_jitter(moves: _Moves, velocity: Velocity, lag_s: float) -> Array:
+def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
     """(N,) what the times of the fixes may be off does to their velocity, m/s."""
     half_s = min(0.5 * float(np.median(np.diff(moves.t_s))), LARGEST_JITTER_S)
     at_s = moves.t_s - lag_s
@@ -245,7 +246,7 @@ def _by_jitter(moves: _Moves, velocity: Velocity, lag_s: float) -> Array:
 
 
 def _contradictions(
-    name: str, moves: _Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
+    name: str, moves: Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
 ) -> list[Finding]:
     """Where a change of velocity is none that the IMU could have missed."""
     worst = np.zeros(len(moves.t_s))

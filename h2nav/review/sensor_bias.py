@@ -80,7 +80,7 @@ def look_at_biases(
             bias.
     """
     biases, found = [], []
-    tracks = tuple(_measuring(track, told) for track in tracks)
+    tracks = tuple(measuring(track, told) for track in tracks)
     for track in tracks:
         bias, own = _of_imu(track, best, armed)
         biases.append(bias)
@@ -88,7 +88,7 @@ def look_at_biases(
     return tuple(biases), found + _apart(tracks)
 
 
-def _measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
     """The samples without those of a sensor that is known to be frozen, stuck or clipped."""
     source = f"IMU {track.imu + 1}"
     spans = [

@@ -185,6 +185,7 @@ def test_a_trial_is_evaluated_without_the_filters_of_the_extras(base, tmp_path):
         ("evaluate flights recordings --plots out", "plots", "matplotlib"),
         ("evaluate observer --plots out", "plots", "matplotlib"),
         ("odometry calibrate drive.csv --plots out", "plots", "matplotlib"),
+        ("run --connect udpin:127.0.0.1:0 --live", "live", "foxglove"),
     ],
 )
 def test_a_missing_extra_is_one_line_with_its_remedy(base, line, extra, package):

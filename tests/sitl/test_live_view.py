@@ -134,6 +134,30 @@ def test_a_client_gets_the_channels_of_the_log_as_they_are_made(flying, tmp_path
     assert len(times) - len(shown) < 0.2 * len(times)
 
 
+def test_what_strangers_talk_to_is_not_loaded_into_the_daemon(flying):
+    running, _ = flying
+    (viewer,) = children(running.process.pid)
+    daemons, viewers = (
+        Path(f"/proc/{pid}/maps").read_text() for pid in (running.process.pid, viewer)
+    )
+    assert "foxglove" in viewers
+    assert "foxglove" not in daemons
+    assert "numpy" not in daemons
+
+
+def test_the_viewer_steps_back(flying):
+    running, _ = flying
+    (viewer,) = children(running.process.pid)
+    daemons, viewers = (
+        os.getpriority(os.PRIO_PROCESS, pid) for pid in (running.process.pid, viewer)
+    )
+    assert viewers == min(daemons + 10, 19)
+    limits = Path(f"/proc/{viewer}/limits").read_text()
+    assert re.search(r"Max open files +512 ", limits)
+    assert re.search(r"Max data size +268435456 ", limits)
+    assert Path(f"/proc/{viewer}/oom_score_adj").read_text() == "1000\n"
+
+
 def test_a_viewer_that_is_killed_comes_back_and_the_estimate_goes_on(flying):
     running, _ = flying
     (viewer,) = children(running.process.pid)

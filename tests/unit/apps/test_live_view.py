@@ -147,6 +147,18 @@ def test_a_viewer_that_dies_is_started_again_after_growing_pauses(beside):
     assert len(beside.started) == 10
 
 
+def test_a_system_that_starts_nothing_costs_the_view_alone(beside, monkeypatch):
+    def refuse(_end):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    with monkeypatch.context() as without:
+        without.setattr(live_view, "start_viewer", refuse)
+        (said,) = beside.run(0.5)
+        assert said.text.startswith("live view cannot be started: Resource temporarily")
+    beside.run(1.0)
+    assert len(beside.started) == 1
+
+
 def test_its_last_words_say_why(beside):
     beside.run(0.1)
     beside.viewer.reader.greeting()

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from needs import DEG
-from synthetic_imu import FIELD
+from synthetic_imu import FIELD, FIELD_N
 from velocity_flights import (
     FLYING,
     PERIOD,
@@ -83,6 +83,26 @@ def test_swapped_axes_are_a_gyro_that_contradicts(gps):
     assert 0.0 <= first_alarm(rows, "gyro_field") < 12.0
     if gps:
         assert 0.0 <= first_alarm(rows, "attitude_velocity") < 5.0
+
+
+def test_a_wrong_yaw_rate_and_a_field_that_turns_are_not_told_apart():
+    drive = flight()
+
+    def turned(i, sample):
+        angle = 10.0 * DEG * max(sample.t_us * 1e-6 - FAULT_S, 0.0)
+        field_n = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)
+        return sample._replace(
+            m_b_ut=quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), field_n)
+        )
+
+    rows = watched(with_samples(drive, turned), gps=False)
+    told = [a for _, alarms, _, _ in rows for a in alarms if a.kind == "gyro_field"]
+    level = ["or a field near" in alarm.evidence for alarm in told]
+    assert sum(level) > 0.5 * len(level) > 0.0
+    swapped = from_fault(lambda s: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2])))
+    told = [a for _, alarms, _, _ in watched(swapped, gps=False) for a in alarms]
+    both = ["both have turned" in a.evidence for a in told if a.kind == "gyro_field"]
+    assert sum(both) > 0.5 * len(both) > 0.0
 
 
 def test_a_gyro_step_is_told_and_the_deviation_opens():

@@ -96,6 +96,9 @@ def test_a_frozen_compass_is_found_by_a_turn():
     assert "compass_frozen" in found(turn)[0]
     calm = [s._replace(m_b_ut=field) for s in floats(200)]
     assert found(calm)[0] == []
+    # By a gyro that repeats itself nobody knows of a turn.
+    stuck = [s._replace(w_b=(0.1, 0.0, 1.0), m_b_ut=field) for s in floats(200)]
+    assert found(stuck)[0] == ["gyro_frozen"]
 
 
 def test_vibration_and_clipping_are_measured():
