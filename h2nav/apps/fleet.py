@@ -84,6 +84,9 @@ def run(args: argparse.Namespace) -> int:
     started_s = time.monotonic()
     with cluster(args.scheduler, workers, args.memory_mb) as client:
         print(f"h2nav: {len(sources)} flights, dashboard {client.dashboard_link}", file=sys.stderr)
+        if not client.scheduler_info(n_workers=-1)["workers"]:
+            start = f"start some with: dask worker {args.scheduler}"
+            print(f"h2nav: no workers there yet, this waits; {start}", file=sys.stderr)
         with tqdm(total=len(sources), unit="flight", disable=not sys.stderr.isatty()) as bar:
             outcome = run_fleet(client, sources, work, store, lambda task, result: bar.update())
     document = _document(outcome, store.place(""), time.monotonic() - started_s)

@@ -147,6 +147,7 @@ def _flight(
         notices=tuple(collector.notices),
         findings=() if service is None else service.findings,
         rejected={} if service is None else service.rejected,
+        held=collector.held(),
     )
 
 

@@ -11,7 +11,7 @@ from h2nav.review.compass import look_at_compass
 from h2nav.review.ending import look_at_ending
 from h2nav.review.estimators import look_at_estimators
 from h2nav.review.flight import Flight
-from h2nav.review.force_steps import look_at_force_steps
+from h2nav.review.force_steps import REACH_S, look_at_force_steps
 from h2nav.review.inertial import Mask, best_attitude, slowed
 from h2nav.review.receiver import look_at_receiver, moves_of
 from h2nav.review.sensor_bias import look_at_biases, measuring
@@ -73,7 +73,8 @@ def analyse(flight: Flight) -> Analysis:
     best = best_attitude(flight)
     slow = tuple(slowed(track) for track in tracks)
     biases, found = look_at_biases(slow, best, context.armed, flight.findings)
-    fields, fits, receivers = [], [], []
+    fields, fits = [], []
+    receivers: list[Receiver] = []
     for track in compasses:
         is_raw = "PX4" in f"{flight.autopilot} {context.firmware}" and "SCALED" in track.source
         field, fit, own = look_at_compass(track, best, flight.earth, context, is_raw=is_raw)
@@ -82,14 +83,21 @@ def analyse(flight: Flight) -> Analysis:
         found += own
     first = _soundest(flight, slow)
     alive = tuple(t for t in (measuring(t, flight.findings) for t in slow) if len(t.t_s) > 1)
-    for gps in context.gps:
-        is_polled = flight.kind in TELEMETRY
-        receiver, own = look_at_receiver(_fixes(gps), context, first, best, is_polled=is_polled)
+    is_polled = flight.kind in TELEMETRY
+    for fixes in map(_fixes, context.gps):
+        receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)
+        if best is not None and not receivers:
+            moves = moves_of(fixes)
+            steps = look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
+            if len(alive) == 1:
+                steps = _undecided(own, steps)
+            elif first is not None and f"IMU {first.imu + 1}" in {step.source for step in steps}:
+                # A receiver is not to be judged by an accelerometer that was wrong.
+                first = next(t for t in alive if t.imu != first.imu)
+                receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)
+            found += steps
         receivers.append(receiver)
         found += own
-        if best is not None and gps is context.gps[0]:
-            moves = moves_of(_fixes(gps))
-            found += look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
     found += look_at_estimators(context, first, best, flight.findings)
     found += look_at_ending(first, context.armed) if first is not None else []
     return analysis._replace(
@@ -99,6 +107,22 @@ def analyse(flight: Flight) -> Analysis:
         biases=biases,
         receivers=tuple(receivers),
     )
+
+
+def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
+    """The jumps of a single accelerometer where velocities contradict nothing else.
+
+    One that a velocity explains as well is one finding, which says both. Where velocities
+    contradict at other times, they, or the attitude, are no measure of a jump.
+    """
+    places = [i for i, other in enumerate(found) if other.kind == "gps_velocity"]
+    for step in steps:
+        for i in places:
+            if found[i].from_s - REACH_S < step.to_s and step.from_s < found[i].to_s + REACH_S:
+                told = f"{found[i].evidence}; or the {step.text} {step.evidence}"
+                found[i] = found[i]._replace(evidence=told)
+                break
+    return [] if places else steps
 
 
 def _of_samples(

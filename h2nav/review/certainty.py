@@ -12,7 +12,7 @@ GROUPS = {
     "field": "compass by attitude",
     "turn": "gyro by compass",
 }
-# Ratios come once a second; a longer time between two that have a figure is a break.
+# Ratios come once a second, fixes as often or more; a longer time between two is a break.
 LONGEST_STEP_S = 2.5
 
 
@@ -29,16 +29,20 @@ def ratio_of(ratios: Ratios, group: str) -> Array:
 def aids(flight: Flight) -> dict[str, tuple[Span, ...]]:
     """When our attitude was tested against what: group of `GROUPS` -> spans."""
     ratios = flight.ratios
-    return {group: _spans(ratios.t_s[~np.isnan(ratio_of(ratios, group))]) for group in GROUPS}
+    return {
+        group: stretches(ratios.t_s[~np.isnan(ratio_of(ratios, group))], "tested")
+        for group in GROUPS
+    }
 
 
-def _spans(t_s: Array) -> tuple[Span, ...]:
+def stretches(t_s: Array, name: str) -> tuple[Span, ...]:
+    """Spans of this name over times that follow each other closely."""
     if len(t_s) == 0:
         return ()
     breaks = np.flatnonzero(np.diff(t_s) > LONGEST_STEP_S)
     starts, ends = np.append(0, breaks + 1), np.append(breaks, len(t_s) - 1)
     return tuple(
-        Span(float(t_s[start]), float(t_s[end]), "tested")
+        Span(float(t_s[start]), float(t_s[end]), name)
         for start, end in zip(starts, ends, strict=True)
     )
 

@@ -5,17 +5,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from h2nav.attitude.samples import Trust
 from h2nav.flightlogs.context import Span
 from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.io.deframer import Frame
 from h2nav.maths.units import DEG
+from h2nav.review.certainty import stretches
 from h2nav.review.flight import EarthFields, Estimates, Ratios
 from h2nav.service.records import AidingRecord, EstimateRecord, HealthRecord, LaneRecord
 from h2nav.wire.readers import Message
 
 _ROW = 9  # attitude 4, bias 3, deviations 2
+# What an attitude rests on, besides the gyro and gravity, which it always does.
+HOLDING = {
+    "velocity": Trust.VELOCITY_USED,
+    "compass": Trust.FIELD_USED,
+    "rest": Trust.REST,
+}
 
 
 class Collector:
@@ -35,6 +43,7 @@ class Collector:
         self._began = False
         self._t_s = array("d")
         self._rows = array("d")
+        self._trust = array("H")
         self._ratios_s = array("d")
         self._ratios: list[InnovationRatios] = []
         self._states: list[tuple[float, str]] = []
@@ -59,6 +68,7 @@ class Collector:
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
         """Keeps an estimate."""
         self._t_s.append(self._since_start_s(t_ns))
+        self._trust.append(record.trust)
         self._rows.extend(
             (
                 record.q_w,
@@ -123,6 +133,15 @@ class Collector:
     def states(self) -> tuple[Span, ...]:
         """The service's states, with their reasons."""
         return _spans(self._states, self.duration_s)
+
+    def held(self) -> tuple[Span, ...]:
+        """What held the attitude when."""
+        t_s, trust = np.array(self._t_s), np.array(self._trust)
+        return tuple(
+            span
+            for name, flag in HOLDING.items()
+            for span in stretches(t_s[trust & int(flag) > 0], name)
+        )
 
     def lanes(self) -> tuple[Span, ...]:
         """Which IMU was sent; empty where there was one only."""

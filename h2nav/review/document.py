@@ -52,6 +52,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
             "autopilot_estimators": _spans(context.primary),
             "states": _spans(flight.states),
             "lanes": _spans(flight.lanes),
+            "held_by": _spans(flight.held),
         },
         "imu_message": flight.imu_message or None,
         "imus": _imus(analysis),

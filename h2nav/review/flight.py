@@ -74,6 +74,7 @@ class Flight(NamedTuple):
         notices: what the service said: seconds, severity's name, text.
         findings: of the checks in flight.
         rejected: what was refused: reason -> count.
+        held: what held our attitude when: spans of each name, in order.
     """
 
     name: str
@@ -92,3 +93,4 @@ class Flight(NamedTuple):
     notices: tuple[tuple[float, str, str], ...]
     findings: tuple[Finding, ...]
     rejected: dict[str, int]
+    held: tuple[Span, ...] = ()

@@ -222,7 +222,7 @@ def _told(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -
     if size[place] == 0.0:
         return []
     x, y, z = jumps[place]
-    either = "; or the receiver's velocity runs away by as much" if is_alone else ""
+    either = ", unless the receiver's velocity runs away" if is_alone else ""
     return [
         Finding(
             "accelerometer_bias_step",

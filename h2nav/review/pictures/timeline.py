@@ -36,6 +36,9 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     ]
     states = flight.states[:MOST_SPANS]
     rows.append(Row("h2nav", states, tuple(_state(span.name) for span in states)))
+    for name in dict.fromkeys(span.name for span in flight.held):
+        spans = tuple(span for span in flight.held if span.name == name)[:MOST_SPANS]
+        rows.append(Row(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
     rows += [
         Row(
             f"tested: {GROUPS[group]}",
@@ -47,7 +50,8 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     picture = Rows(
         "What was when",
         "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
-        "'Tested' says what could be compared with what.",
+        "'Held by' says what else than gyro and gravity it rested on; 'tested' what could be "
+        "compared with what.",
         tuple(row for row in rows if row.spans),
     )
     return Section("timeline", "Time line", (picture,) if picture.rows else ())

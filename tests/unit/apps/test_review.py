@@ -10,6 +10,7 @@ from h2nav.apps import reviewing
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.playback import Wishes
 from h2nav.apps.review import page_names
+from h2nav.attitude.samples import Trust
 from h2nav.cli import BAD_INPUT, SUCCESS, main
 
 
@@ -37,6 +38,18 @@ def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
     assert reviewed is not None
     expected = [(each.q_w, each.q_x, each.q_y, each.q_z) for each in daemon]
     assert list(map(tuple, reviewed.q_nb.tolist())) == expected
+
+
+def test_what_held_the_attitude_is_told_as_the_estimates_say_it(flight):
+    daemon = Replayed(flight, Configuration()).estimates
+    held = reviewing.review(flight, Wishes(), smooths=False).flight.held
+    used = {
+        name: any(each.trust & flag for each in daemon)
+        for name, flag in (("velocity", Trust.VELOCITY_USED), ("compass", Trust.FIELD_USED))
+    }
+    assert any(used.values())
+    assert {name: any(span.name == name for span in held) for name in used} == used
+    assert all(0.0 <= span.from_s <= span.to_s <= 12.1 for span in held)
 
 
 def test_the_smoothed_attitude_can_be_left_out(flight):
