@@ -20,7 +20,6 @@ from h2nav.io.recordings import open_recording
 
 need_package("foxglove")
 from foxglove_client import FoxgloveClient  # noqa: E402
-from tornado.httpclient import AsyncHTTPClient  # noqa: E402
 
 ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/, Foxglove at ws://127\.0\.0\.1:(\d+)")
 # What a flight brings within seconds, beside what comes once.
@@ -134,28 +133,22 @@ def test_a_client_gets_the_channels_of_the_log_as_they_are_made(flying, tmp_path
     assert len(times) - len(shown) < 0.2 * len(times)
 
 
-def test_what_strangers_talk_to_is_not_loaded_into_the_daemon(flying):
+def test_the_viewer_is_a_process_that_steps_back_and_ends_with_its_daemon(flying):
     running, _ = flying
-    (viewer,) = children(running.process.pid)
-    daemons, viewers = (
-        Path(f"/proc/{pid}/maps").read_text() for pid in (running.process.pid, viewer)
-    )
-    assert "foxglove" in viewers
-    assert "foxglove" not in daemons
-    assert "numpy" not in daemons
-
-
-def test_the_viewer_steps_back(flying):
-    running, _ = flying
-    (viewer,) = children(running.process.pid)
-    daemons, viewers = (
-        os.getpriority(os.PRIO_PROCESS, pid) for pid in (running.process.pid, viewer)
-    )
-    assert viewers == min(daemons + 10, 19)
+    pid = running.process.pid
+    (viewer,) = children(pid)
+    loaded, in_viewer = (Path(f"/proc/{each}/maps").read_text() for each in (pid, viewer))
+    assert "foxglove" in in_viewer
+    assert "foxglove" not in loaded
+    assert "numpy" not in loaded
+    nice, viewers = (os.getpriority(os.PRIO_PROCESS, each) for each in (pid, viewer))
+    assert viewers == min(nice + 10, 19)
     limits = Path(f"/proc/{viewer}/limits").read_text()
     assert re.search(r"Max open files +512 ", limits)
     assert re.search(r"Max data size +268435456 ", limits)
     assert Path(f"/proc/{viewer}/oom_score_adj").read_text() == "1000\n"
+    assert running.stop() == 0
+    assert not is_running(viewer)
 
 
 def test_a_viewer_that_is_killed_comes_back_and_the_estimate_goes_on(flying):
@@ -176,24 +169,6 @@ def test_a_killed_daemon_takes_its_viewer_along(flying):
     (viewer,) = children(running.process.pid)
     running.stop(signal.SIGKILL)
     wait_until_gone(viewer)
-
-
-def test_a_daemon_that_ends_ends_its_viewer(flying):
-    running, _ = flying
-    (viewer,) = children(running.process.pid)
-    assert running.stop() == 0
-    assert not is_running(viewer)
-
-
-def test_a_page_is_served_at_the_address_that_is_told(tmp_path):
-    port = free_udp_port()
-    with daemon("-c", configuration(tmp_path, port, free_tcp_port())) as running:
-        page, _ = invited(running)
-
-        async def fetch():
-            return await AsyncHTTPClient().fetch(f"http://127.0.0.1:{page}/", raise_error=False)
-
-        assert asyncio.run(fetch()).code in (200, 404)
 
 
 @pytest.mark.parametrize("taken", ["page", "foxglove"])
