@@ -39,7 +39,7 @@ class Console:
         stream = sys.stderr if stream is None else stream
         self._events = Voice(sys.stdout) if events_as_json else None
         self._lines = Voice(stream)
-        self._footer = TerminalFooter(stream, self._lines) if stream.isatty() else None
+        self._footer = TerminalFooter(stream, self._lines) if _can_be_drawn_on(stream) else None
         self._is_journal = _is_journal(stream)
         self._clock = UnixClock()
         self._latest: EstimateRecord | None = None
@@ -146,6 +146,11 @@ def _compared(status: StatusRecord) -> dict[str, Any]:
 def _angles(q_nb: Quat) -> dict[str, Any]:
     roll_deg, pitch_deg, yaw_deg = euler_deg(q_nb)
     return {"roll_deg": roll_deg, "pitch_deg": pitch_deg, "yaw_deg": yaw_deg, "q_nb": q_nb}
+
+
+def _can_be_drawn_on(stream: TextIO) -> bool:
+    """Whether it is a terminal whose cursor can be moved."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def _is_journal(stream: TextIO) -> bool:

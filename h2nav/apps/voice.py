@@ -34,7 +34,7 @@ class Voice:
         """Writes a text, whole or not at all.
 
         Returns:
-            Whether it was written.
+            Whether it was written, or at least begun, where the rest will follow.
         """
         if self._stream is None:
             return False
@@ -57,11 +57,7 @@ class Voice:
             self._rest = _written(terminal, self._rest)
         if self._rest:
             return False
-        data = text.encode(errors="backslashreplace")
-        self._rest = _written(terminal, data)
-        if self._rest == data:
-            self._rest = b""
-            return False
+        self._rest = _written(terminal, text.encode(errors="backslashreplace"))
         return True
 
     def _give_up(self) -> None:

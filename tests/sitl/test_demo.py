@@ -123,7 +123,7 @@ def test_its_keys_break_the_vehicle_and_the_terminal_is_clean_afterwards(tmp_pat
     words = [*H2NAV, "demo", "--seconds", "600", "--log-dir", str(tmp_path)]
     child, terminal = pty.fork()
     if child == 0:
-        os.execv(words[0], words)
+        os.execve(words[0], words, {**os.environ, "TERM": "xterm"})
     shown = ""
     try:
         for awaited, key in (

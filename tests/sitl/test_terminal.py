@@ -25,7 +25,7 @@ class Screen:
         self._stream = pyte.ByteStream(self._screen)
         self.child, self._terminal = pty.fork()
         if self.child == 0:
-            os.execv(words[0], words)
+            os.execve(words[0], words, {**os.environ, "TERM": "xterm"})
         self.resize(COLUMNS, ROWS)
 
     def resize(self, columns, rows):

@@ -122,8 +122,8 @@ def test_bash_completes_while_one_types(tmp_path):
     child, terminal = pty.fork()
     if child == 0:
         os.chdir(tmp_path)
-        os.environ["PS1"] = "ready> "
-        os.execvp("bash", ["bash", "--norc", "--noprofile", "-i"])
+        environment = {**os.environ, "PS1": "ready> ", "TERM": "xterm"}
+        os.execvpe("bash", ["bash", "--norc", "--noprofile", "-i"], environment)
     try:
         for typed, awaited in (
             (b"", "ready> "),

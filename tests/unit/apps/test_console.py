@@ -45,8 +45,9 @@ def all_of(screen):
 
 
 @pytest.fixture
-def terminal():
+def terminal(monkeypatch):
     """A console on a terminal, and what that shows."""
+    monkeypatch.setenv("TERM", "xterm")
     screen, keyboard = os.openpty()
     with os.fdopen(keyboard, "w") as stream:
         yield Console(stream=stream), lambda: all_of(screen)
@@ -85,6 +86,17 @@ def test_the_end_takes_the_panel_away(flight, terminal):
     shown()
     console.closing(SECOND, flight.pipeline.service.health, None)
     assert shown().rstrip().endswith("attitudes sent; no log\r\n\x1b[?7l\x1b[?7h\x1b[J")
+
+
+def test_a_terminal_that_cannot_be_drawn_on_gets_lines(monkeypatch):
+    monkeypatch.setenv("TERM", "dumb")
+    screen, keyboard = os.openpty()
+    with os.fdopen(keyboard, "w") as stream:
+        console = Console(stream=stream)
+        console.status(SECOND, never)
+        console.notice(SECOND, Severity.INFO, "active")
+        assert all_of(screen) == "info: active\r\n"
+    os.close(screen)
 
 
 def test_without_a_terminal_there_are_lines_and_no_panel():

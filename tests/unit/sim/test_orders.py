@@ -13,6 +13,7 @@ from h2nav.sim.scenarios import SCENARIOS, scenario
 
 SECOND = 1_000_000_000
 START = 7 * SECOND
+ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 NO_FIX = 1  # GPS_FIX_TYPE_NO_FIX
 
 
@@ -88,12 +89,12 @@ def test_a_sensor_of_one_imu_freezes_and_goes_on():
         return [len(values) for values in seen.values()]
 
     assert kinds() == [10, 1]
+    frozen = bench.autopilot.vehicle.imu(1).f_b
     bench.say("accel-frozen/2 off")
     assert kinds() == [10, 10]
-    held = bench.autopilot.vehicle.imu(1).f_b
     bench.say("accel-frozen/2 on")
     assert kinds() == [10, 1]
-    assert bench.autopilot.vehicle.imu(1).f_b != held
+    assert bench.autopilot.vehicle.imu(1).f_b != frozen
 
 
 def test_a_new_number_replaces_the_old_one_and_words_stand_side_by_side():
@@ -137,6 +138,14 @@ def test_another_scenario_is_a_reboot_and_begins_at_its_start():
     expected = SCENARIOS["loop"].motion(3.0).q_nb
     q_nb = bench.autopilot.vehicle.motion.q_nb
     assert quaternion.angle(q_nb, expected) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_another_scenario_is_armed_in_its_own_time():
+    bench = Bench("aggressive")
+    bench.hear(20.0)
+    bench.say("scenario flight")
+    armed = [bool(m.base_mode & ARMED) for m in bench.of("HEARTBEAT", 6.0)]
+    assert armed == [False] * 3 + [True] * 3  # of 3 s on, after 1 s of silence
 
 
 def test_a_rover_has_wheels_and_a_copter_has_none():
