@@ -60,6 +60,10 @@ CONFIRMED_RATIO = 0.5
 # A field that went into the heading so recently holds it.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
+# Velocities count as lost after this, and after so many of their usual periods.
+VELOCITY_LOST_US = 3_000_000
+PERIODS_LOST = 4.0
+PERIOD_SHARE = 0.2
 # A plain number: `&` of a flag makes a new one.
 FIELD_USED = int(Trust.FIELD_USED)
 
@@ -98,6 +102,8 @@ class Monitor:
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
+        self._fix_us: int | None = None
+        self._fix_period_us = 0.0
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
@@ -148,6 +154,10 @@ class Monitor:
 
     def fix(self, fix: VelocityFix) -> None:
         """Takes a velocity over ground."""
+        if self._fix_us is not None:
+            apart_us = min(fix.t_us - self._fix_us, 2 * VELOCITY_LOST_US)
+            self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
+        self._fix_us = fix.t_us
         if not self._velocity.take(fix):
             return
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
@@ -238,6 +248,9 @@ class Monitor:
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """What is wrong at this time."""
         found = self._checks.alarms()
+        silent_us = 0 if self._fix_us is None else t_us - self._fix_us
+        if silent_us > max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us):
+            found.append(_no_velocity(silent_us * 1e-6))
         for name, make in (
             ("velocity", self._velocity_alarm),
             ("force", self._force_alarm),
@@ -361,3 +374,11 @@ def _error(
 ) -> Alarm:
     """An alarm that makes the attitude untrustworthy."""
     return Alarm(kind, source, Severity.ERROR, size_deg, "deg", text, evidence, True, since_s)
+
+
+def _no_velocity(silent_s: float) -> Alarm:
+    text = "no GPS velocity"
+    evidence = f"none for {silent_s:.0f} s: gyro, gravity and compass hold the attitude alone"
+    return Alarm(
+        "velocity_lost", "GPS", Severity.WARNING, silent_s, "s", text, evidence, since_s=silent_s
+    )

@@ -58,6 +58,11 @@ ADVICE = {
         "Gyro, accelerometer and GPS at this time; which one is wrong shows in the pictures.",
         "innovations",
     ),
+    "velocity_lost": Advice(
+        "Nothing measured how the vehicle moved: in long manoeuvres its attitude is less sure.",
+        _RECEIVER,
+        "gps",
+    ),
     "attitude_gravity": Advice(
         "By this attitude the vehicle would have accelerated farther than it can.",
         "Gyro and accelerometer at this time.",

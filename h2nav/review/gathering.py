@@ -11,8 +11,17 @@ SAME_TIME_S = 2.0
 
 
 def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
-    """Of the checks in flight and of the whole flight, the worst first, each once."""
-    both = dict.fromkeys((*flight.findings, *analysis.findings))
+    """Of the checks in flight and of the whole flight, the worst first, each once.
+
+    A receiver that had no fix is the better known cause of velocities that did not come.
+    """
+    without_fix = [one for one in analysis.findings if one.kind == "gps_lost"]
+    live = [
+        one
+        for one in flight.findings
+        if one.kind != "velocity_lost" or not any(_overlap(one, other) for other in without_fix)
+    ]
+    both = dict.fromkeys((*live, *analysis.findings))
     return tuple(sorted(both, key=lambda one: (one.severity, one.from_s, one.kind)))
 
 
@@ -29,6 +38,10 @@ def together(findings: Iterable[Finding]) -> tuple[Finding, ...]:
         else:
             found.append(one)
     return tuple(found)
+
+
+def _overlap(one: Finding, other: Finding) -> bool:
+    return one.from_s <= other.to_s and other.from_s <= one.to_s
 
 
 def _is_same(one: Finding, other: Finding) -> bool:

@@ -85,6 +85,26 @@ def test_swapped_axes_are_a_gyro_that_contradicts(gps):
         assert 0.0 <= first_alarm(rows, "attitude_velocity") < 5.0
 
 
+@pytest.mark.parametrize(("hz", "within_s"), [(5.0, 3.5), (0.5, 9.0)])
+def test_velocities_that_no_longer_come_are_told_and_do_not_degrade(hz, within_s):
+    drive = flight()
+    every = round(100.0 / hz)
+    filter_, monitor = new_filter(knows_field=True), Monitor("IMU 1", Speeds(10.0))
+    told = []
+    for i, sample in enumerate(drive.flight.samples):
+        t_s = sample.t_us * 1e-6
+        if i % every == 0 and not FAULT_S < t_s < FAULT_S + 15.0:
+            monitor.fix(VelocityFix(sample.t_us, drive.v_n[i], 0.3))
+        estimate = filter_.update(sample)
+        if estimate is not None:
+            monitor.add(sample, estimate)
+        lost = [a for a in monitor.alarms(sample.t_us) if a.kind == "velocity_lost"]
+        assert not any(alarm.degrades for alarm in lost)
+        told += [t_s] if lost else []
+    assert FAULT_S + 2.5 < told[0] < FAULT_S + within_s
+    assert told[-1] < FAULT_S + 15.1 + 1.0 / hz
+
+
 def test_a_wrong_yaw_rate_and_a_field_that_turns_are_not_told_apart():
     drive = flight()
 
