@@ -10,7 +10,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/attitude/*/mem
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack golden clean
+.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image golden clean
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
@@ -42,6 +42,9 @@ soak: $(FOR_TESTS)  ## 24 simulated hours through the whole pipeline: does anyth
 
 attack: $(FOR_TESTS)  ## every known attack on the daemon as a process, some 15 minutes
 	@$(BIN)/python tools/attack
+
+image:  ## the container, built without Docker and tried; needs root, buildah and mmdebstrap
+	@$(PYTHON) tools/image.py
 
 fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
 	@$(BIN)/python tools/fuzz.py explore --minutes $(or $(MINUTES),5)

@@ -45,6 +45,9 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("demo",): Command(
             "demo", "fly the fake autopilot and the daemon on loopback, print the errors", "demo"
         ),
+        ("completion",): Command(
+            "completion", "completion of commands and options in your shell", "completion bash"
+        ),
     },
     "in flight": {
         ("run",): Command(
@@ -211,7 +214,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     for line, (module_name, summary, example) in COMMANDS.items():
         sub = levels[line[:-1]].add_parser(line[-1], description=_sentence(summary))
         if tuple(words[: len(line)]) == line:
-            sub.set_defaults(command=line)
+            sub.set_defaults(command=line, listed=COMMANDS)
             importlib.import_module(f"h2nav.apps.{module_name}").add_arguments(sub)
             _add_example(sub, example)
     return parser

@@ -133,6 +133,19 @@ class SimulatedFlight:
                 self.seen.states.append((self.t_s, state))
         return self
 
+    def hold_up(self, for_s: float, kept_s: float) -> "SimulatedFlight":
+        """Nothing comes for a while; then comes what was sent first, and the rest is lost."""
+        start_ns = self.t_ns
+        kept = b""
+        while self.t_ns < start_ns + round(for_s * 1e9):
+            self.t_ns += STEP_NS
+            for outgoing in self.autopilot.advance(self.t_ns):
+                if self.t_ns < start_ns + round(kept_s * 1e9):
+                    kept += self._encoded(outgoing)
+            self.pipeline.tick(self.t_ns)
+        self.pipeline.received(self.t_ns, kept)
+        return self
+
     def inject(self, message: Any, sender: tuple[int, int] = (1, 1)) -> None:
         """A message that somebody puts on the link now."""
         frame = codec.Encoder(*sender).encode(message)

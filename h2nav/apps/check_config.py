@@ -1,4 +1,4 @@
-"""``h2nav check-config``: every error of a configuration file with its place."""
+"""``h2nav check-config``: every error of a configuration file with its place; examples, schema."""
 
 import argparse
 import sys
@@ -7,10 +7,13 @@ from pathlib import Path
 
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.configuration_schema import configuration_schema
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 from h2nav.io.signing_keys import read_signing_key
+
+SCHEMA = "schema.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,13 +25,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=sorted(_examples()),
         help="print this example configuration instead",
     )
+    what.add_argument(
+        "--schema", action="store_true", help="print the JSON Schema of the file, for editors"
+    )
     parser.add_argument("--json", action="store_true", help="print ok, errors and warnings as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Checks the file; 0 when it is fine, 2 when it is not."""
     if args.example:
-        print(_examples()[args.example].read_text(encoding="utf-8"), end="")
+        print(_example(args.example), end="")
+        return 0
+    if args.schema:
+        print_json(configuration_schema(), indent=2)
         return 0
     errors: tuple[str, ...] = ()
     warnings: list[str] = []
@@ -60,6 +69,13 @@ def _checked(path: Path) -> Configuration:
 
         live_view.require_packages()
     return chosen
+
+
+def _example(name: str) -> str:
+    """An example that names the schema by its whole path, as it will be kept elsewhere."""
+    path = _examples()[name]
+    text = path.read_text(encoding="utf-8")
+    return text.replace(f"={SCHEMA}", f"={path.with_name(SCHEMA)}", 1)
 
 
 def _examples() -> dict[str, Path]:

@@ -1,20 +1,25 @@
-"""What the daemon shows: a live line on a terminal, else journal-style lines or JSON events."""
+"""What the daemon shows: a live panel on a terminal, else journal-style lines or JSON events."""
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
 from h2nav.apps.json_output import json_text
+from h2nav.apps.panel import Sight, autopilot_attitude, euler_deg, panel_lines
+from h2nav.apps.terminal_footer import TerminalFooter
 from h2nav.apps.voice import Voice
+from h2nav.attitude.samples import Quat
 from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
-from h2nav.service.records import EstimateRecord, HealthRecord
+from h2nav.io.host_clock import UnixClock
+from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
 
 REFRESH_NS = 200_000_000
 EVENT_NS = 1_000_000_000
-ERASE_LINE = "\r\x1b[K"
-USUAL_COLUMNS = 80
+# An estimate that is older is not the attitude now.
+STALE_NS = 500_000_000
 
 
 class Console:
@@ -31,84 +36,121 @@ class Console:
     message_ids: frozenset[int] = frozenset()
 
     def __init__(self, events_as_json: bool = False, stream: TextIO | None = None) -> None:
-        self._stream = sys.stderr if stream is None else stream
+        stream = sys.stderr if stream is None else stream
         self._events = Voice(sys.stdout) if events_as_json else None
-        self._lines = Voice(self._stream)
-        self._is_terminal = self._stream.isatty()
-        self._is_journal = _is_journal(self._stream)
+        self._lines = Voice(stream)
+        self._footer = TerminalFooter(stream, self._lines) if _can_be_drawn_on(stream) else None
+        self._is_journal = _is_journal(stream)
+        self._clock = UnixClock()
         self._latest: EstimateRecord | None = None
+        self._latest_ns = 0
         self._shown_ns = 0
         self._event_ns = 0
-        self._line = ""
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not shown."""
 
     def estimate(self, t_ns: int, record: EstimateRecord) -> None:
-        """Remembers it for the live line."""
-        self._latest = record
+        """Remembers it for panel and events."""
+        self._latest, self._latest_ns = record, t_ns
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """Shows a line; the live line moves below it."""
-        self._event("notice", {"severity": severity.name.lower(), "text": text})
+        """Shows a line; the panel stays below it."""
+        self._event("notice", t_ns, {"severity": severity.name.lower(), "text": text})
         prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.name.lower()}: "
-        above = ERASE_LINE if self._line else ""
-        self._lines.say(f"{above}{prefix}{text}\n{self._line}")
+        self._say(f"{prefix}{text}")
 
-    def status(self, t_ns: int, health: HealthRecord) -> None:
-        """Refreshes the live line a few times a second; as JSON, writes an event each second."""
-        if self._events is not None and t_ns - self._event_ns >= EVENT_NS:
+    def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
+        """Redraws the panel a few times a second; as JSON, writes an event each second.
+
+        Args:
+            t_ns: host time.
+            look: what there is to be seen at that time; asked only where it is shown.
+        """
+        is_event = self._events is not None and t_ns - self._event_ns >= EVENT_NS
+        is_drawn = self._footer is not None and t_ns - self._shown_ns >= REFRESH_NS
+        if not is_event and not is_drawn:
+            return
+        sight = look(t_ns)
+        if is_event:
             self._event_ns = t_ns
-            self._event("status", health._asdict())
-        if self._is_terminal and t_ns - self._shown_ns >= REFRESH_NS:
+            self._event("status", t_ns, {**sight.health._asdict(), **_compared(sight.status)})
+        if is_drawn and self._footer is not None:
             self._shown_ns = t_ns
-            # A line that wraps could not be erased.
-            self._line = self._status_line(health)[: _columns(self._stream) - 1]
-            self._lines.say(ERASE_LINE + self._line)
+            self._footer.draw(panel_lines(sight, self._fresh(t_ns)))
 
-    def closing(self, health: HealthRecord, log: Path | None) -> None:
-        """The last event of a run, and what became of it; the last live line stays."""
-        if self._line:
-            self._lines.say("\n")
-            self._line = ""
-        self._lines.say(
+    def closing(self, t_ns: int, health: HealthRecord, log: Path | None) -> None:
+        """The last event of a run, and what became of it; the panel goes."""
+        if self._footer is not None:
+            self._footer.remove()
+        self._say(
             f"{health.samples_used} samples used, {health.samples_rejected} refused, "
-            f"{health.estimates_sent} attitudes sent; {f'log: {log}' if log else 'no log'}\n"
+            f"{health.estimates_sent} attitudes sent; {f'log: {log}' if log else 'no log'}"
         )
-        self._event("stopped", {**health._asdict(), "log": None if log is None else str(log)})
+        values = {**health._asdict(), "log": None if log is None else str(log)}
+        self._event("stopped", t_ns, values)
 
-    def _event(self, name: str, values: dict[str, Any]) -> None:
-        if self._events is not None:
-            self._events.say(json_text({"event": name, **values}) + "\n")
+    def _say(self, line: str) -> None:
+        if self._footer is not None:
+            self._footer.above(line)
+        else:
+            self._lines.say(f"{line}\n")
 
-    def _status_line(self, health: HealthRecord) -> str:
-        parts = [health.state]
-        if health.reason:
-            parts.append(f"({health.reason})")
-        latest = self._latest
-        if latest is not None:
-            parts.append(
-                f"roll {latest.roll_deg:+7.2f}  pitch {latest.pitch_deg:+7.2f}  "
-                f"yaw {latest.yaw_deg:+7.2f} deg"
-            )
-        if health.autopilot_tilt_deg is not None and health.autopilot_heading_deg is not None:
-            tilt_deg, heading_deg = health.autopilot_tilt_deg, health.autopilot_heading_deg
-            parts.append(f"EKF: tilt {tilt_deg:.1f} heading {heading_deg:+.1f} deg")
-        if health.imu_message:
-            # 0 = not measured yet
-            rate = f" {health.imu_rate_hz:.0f} Hz" if health.imu_rate_hz else ""
-            parts.append(f"{health.imu_message}{rate}")
-        parts.append(f"used {health.samples_used}  refused {health.samples_rejected}")
-        return "  ".join(parts)
+    def _fresh(self, t_ns: int) -> EstimateRecord | None:
+        """The newest estimate, unless it is too old to be shown."""
+        return self._latest if t_ns - self._latest_ns <= STALE_NS else None
+
+    def _event(self, name: str, t_ns: int, values: dict[str, Any]) -> None:
+        if self._events is None:
+            return
+        unix_s = round(self._clock.unix_ns(t_ns) * 1e-9, 3)
+        event = {
+            "event": name,
+            "unix_s": unix_s,
+            **values,
+            "attitude": _attitude(self._fresh(t_ns)),
+        }
+        self._events.say(json_text(event) + "\n")
 
 
-def _columns(stream: TextIO) -> int:
-    try:
-        known = os.get_terminal_size(stream.fileno()).columns
-    except OSError:  # the terminal has gone
-        known = 0
-    # 0 where a terminal does not know its size
-    return known or USUAL_COLUMNS
+def _attitude(record: EstimateRecord | None) -> dict[str, Any] | None:
+    """Our attitude as an event shows it."""
+    if record is None:
+        return None
+    q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
+    return {
+        "t_us": record.t_us,
+        **_angles(q_nb),
+        "sigma_tilt_deg": record.sigma_tilt_deg,
+        "sigma_heading_deg": record.sigma_heading_deg,
+    }
+
+
+def _compared(status: StatusRecord) -> dict[str, Any]:
+    """What an event shows besides the health: the other attitude, and what is wrong."""
+    theirs = autopilot_attitude(status)
+    told = {"source": status.autopilot_source, "age_ms": status.autopilot_age_ms}
+    return {
+        "age_ms": status.age_ms,
+        "autopilot_attitude": None if theirs is None else {**told, **_angles(theirs)},
+        "autopilot_sigma_tilt_deg": status.sigma_tilt_deg,
+        "autopilot_sigma_heading_deg": status.sigma_heading_deg,
+        "velocity_ratio": status.velocity_ratio,
+        "force_ratio": status.force_ratio,
+        "field_ratio": status.field_ratio,
+        "turn_ratio": status.turn_ratio,
+        "alarms": status.alarms.splitlines(),
+    }
+
+
+def _angles(q_nb: Quat) -> dict[str, Any]:
+    roll_deg, pitch_deg, yaw_deg = euler_deg(q_nb)
+    return {"roll_deg": roll_deg, "pitch_deg": pitch_deg, "yaw_deg": yaw_deg, "q_nb": q_nb}
+
+
+def _can_be_drawn_on(stream: TextIO) -> bool:
+    """Whether it is a terminal whose cursor can be moved."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def _is_journal(stream: TextIO) -> bool:

@@ -91,12 +91,15 @@ class Daemon:
             now_ns = time.monotonic_ns()
             if until_ns is not None and now_ns >= until_ns:
                 break
-            self.turn(now_ns, stop.wake)
-            yield now_ns
+            yield self.turn(now_ns, stop.wake)
         self._manager.stopping()
 
-    def turn(self, now_ns: int, wake: socket.socket) -> None:
-        """One round: maintain the link, wait, read, process, and do what is due by the clock."""
+    def turn(self, now_ns: int, wake: socket.socket) -> int:
+        """One round: maintain the link, wait, read, process, and do what is due by the clock.
+
+        Returns:
+            The time after the wait and the reading.
+        """
         self._link.maintain(now_ns)
         self._pipeline.link(now_ns, self._link.is_up, self._link.last_error)
         wait_ns = min(max(self._pipeline.next_timer_ns - now_ns, 0), LONGEST_WAIT_NS)
@@ -116,6 +119,7 @@ class Daemon:
             self._pipeline.report(now_ns, self._link.statistics)
             self._manager.status(self._pipeline.service.health.summary)
             self._watch_clock(now_ns)
+        return now_ns
 
     def _read(self) -> None:
         """Processes what has arrived; the rest is left for the next round."""

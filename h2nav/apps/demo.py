@@ -1,40 +1,59 @@
 """``h2nav demo``: the fake autopilot and the daemon over loopback, an error table, a log."""
 
 import argparse
+import contextlib
 import math
+import os
+import select
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import threading
+import webbrowser
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from h2nav.apps.configuration import Configuration, LinkSettings, LogSettings
+from h2nav.apps.configuration import (
+    Configuration,
+    LinkSettings,
+    LiveSettings,
+    LogSettings,
+    contradictions,
+)
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
+from h2nav.apps.order_input import QUIT, OrderInput, order_input
+from h2nav.apps.panel import Sight
+from h2nav.apps.run import USUAL_ADDRESS
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.reference import ErrorTable, Reference
+from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
 from h2nav.service.records import EstimateRecord, HealthRecord
 from h2nav.service.settings import AutopilotSettings
+from h2nav.sim.orders import KEYS, key_table
 from h2nav.sim.scenarios import SCENARIOS
 
 DEFAULT_SECONDS = 20.0
+# There is something to look at.
+LIVE_SECONDS = 600.0
 LONGEST_SECONDS = 3600.0
 # The demo fails when it does not come near this: something is broken then.
 WORST_TOTAL_DEG = 5.0
 # The fake autopilot ends by itself soon after us, should nobody be left to end it.
 SPARE_S = 10.0
 PATIENCE_S = 5.0
+LONGEST_ANSWER = 65536
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
     parser.add_argument(
-        "--seconds", type=float, default=DEFAULT_SECONDS, help="how long to fly (default 20)"
+        "--seconds", type=float, help="how long to fly (default 20, with --live 600)"
     )
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="folder of the log (default: a temporary one)"
@@ -47,45 +66,85 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"scenario to fly: {', '.join(SCENARIOS)} (default: flight)",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the simulated sensors")
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        const=USUAL_ADDRESS,
+        metavar="HOST:PORT",
+        help=f"show it on a status page and a Foxglove WebSocket (default: {USUAL_ADDRESS})",
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Flies the demo; TaskFailed when the daemon did not do its job."""
+    if args.seconds is None:
+        args.seconds = DEFAULT_SECONDS if args.live is None else LIVE_SECONDS
     if not 0.0 < args.seconds <= LONGEST_SECONDS:
         raise BadInput(f"--seconds: expected a number above 0 up to {LONGEST_SECONDS:.0f}")
-    folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
-    configuration = Configuration(
-        link=LinkSettings("udpin:127.0.0.1:0"),
-        autopilot=AutopilotSettings(simulation_truth=True),
-        log=LogSettings(folder=str(folder)),
-    )
-    onlooker = _Onlooker()
+    configuration = _configuration(args)
+    onlooker = _Onlooker(opens_page=args.open)
     print(f"flying scenario {args.scenario!r} for {args.seconds:g} s", file=sys.stderr)
-    with StopSignals().installed() as stop, Session(configuration, onlooker) as session:
-        session.open()
-        with _fake_autopilot(session.link.local_port, args) as onlooker.autopilot:
-            session.run(stop, args.seconds)
-        health = session.service.health
-    if stop.stopped:
+    with order_input(KEYS | {"q": QUIT}) as orders, StopSignals().installed() as stop:
+        if orders.has_keys:
+            print(key_table(), file=sys.stderr)
+        with Session(configuration, onlooker) as session:
+            session.open()
+            onlooker.session = session
+            with _fake_autopilot(session.link.local_port, args) as autopilot:
+                onlooker.user = _User(orders, autopilot, stop)
+                session.run(stop, args.seconds)
+            health = session.service.health
+    user = onlooker.user
+    if stop.stopped and not user.has_quit:
         raise KeyboardInterrupt
     table = onlooker.reference.table()
     log = None if session.recorder is None else session.recorder.path
-    complaint = _complaint(health, table)
+    # Whoever breaks the vehicle wants to see what becomes of it.
+    complaint = "" if user.has_ordered else _complaint(health, table)
     _show(args, health, table, log, ok=not complaint)
     if complaint:
         raise TaskFailed(f"demo: {complaint}")
     return 0
 
 
-class _Onlooker(Console):
-    """Shows what the daemon shows, collects the error table, and watches the fake autopilot."""
+def _configuration(args: argparse.Namespace) -> Configuration:
+    """What the daemon runs with."""
+    if args.open and args.live is None:
+        raise BadInput("--open: there is no page without --live; give both")
+    folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
+    configuration = Configuration(
+        link=LinkSettings("udpin:127.0.0.1:0"),
+        autopilot=AutopilotSettings(simulation_truth=True),
+        log=LogSettings(folder=str(folder)),
+        live=LiveSettings(args.live or ""),
+    )
+    complaints = contradictions(configuration)
+    if complaints:
+        raise BadInput(*complaints)
+    return configuration
 
-    def __init__(self) -> None:
+
+def _open_page(url: str) -> None:
+    """Opens the page in the user's browser, whose start may take its time."""
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+class _Onlooker(Console):
+    """Shows what the daemon shows, collects the error table, and serves who gives orders.
+
+    Args:
+        opens_page: in the browser, once it is there.
+    """
+
+    def __init__(self, *, opens_page: bool) -> None:
         super().__init__()
+        self._opens_page = opens_page
+        self.session: Session | None = None
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
-        self.autopilot: _FakeAutopilot | None = None
+        self.user: _User | None = None
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
@@ -94,10 +153,14 @@ class _Onlooker(Console):
         super().estimate(t_ns, record)
         self.reference.estimate(t_ns, record)
 
-    def status(self, t_ns: int, health: HealthRecord) -> None:
-        super().status(t_ns, health)
-        if self.autopilot is not None:
-            self.autopilot.check()
+    def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
+        super().status(t_ns, look)
+        if self._opens_page and self.session is not None and self.session.page_url:
+            self._opens_page = False
+            _open_page(self.session.page_url)
+        if self.user is not None:
+            for answer in self.user.serve():
+                self.notice(t_ns, Severity.NOTICE, answer)
 
 
 class _FakeAutopilot:
@@ -107,9 +170,10 @@ class _FakeAutopilot:
         words = ["--connect", f"udpout:127.0.0.1:{port}", "--seconds", f"{args.seconds + SPARE_S}"]
         words += ["--scenario", args.scenario, "--seed", str(args.seed)]
         self._said = said
+        self._heard = 0
         self._process = subprocess.Popen(
             [sys.executable, "-m", "h2nav", "fake-autopilot", *words],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=said,
             process_group=0,  # Ctrl-C is for us; we end it
@@ -123,6 +187,21 @@ class _FakeAutopilot:
             words = self._said.read().decode(errors="replace").strip().rpartition("\n")[2]
             raise TaskFailed(f"demo: the fake autopilot ended with status {status}: {words}")
 
+    def order(self, line: str) -> None:
+        """Passes an order on."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # `check` says what has become of it
+            self._process.stdin.write(f"{line}\n".encode())
+            self._process.stdin.flush()
+
+    def answers(self) -> list[str]:
+        """What it has said since the last call, in whole lines."""
+        # Not by reading on: the place in the file is the other process's as well.
+        new = os.pread(self._said.fileno(), LONGEST_ANSWER, self._heard)
+        whole = new[: new.rfind(b"\n") + 1]
+        self._heard += len(whole)
+        return whole.decode(errors="replace").splitlines()
+
     def end(self) -> None:
         """Ends the process, gently first."""
         self._process.terminate()
@@ -131,6 +210,38 @@ class _FakeAutopilot:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+class _User:
+    """Who gives the fake autopilot orders, if somebody sits at the terminal.
+
+    Attributes:
+        has_ordered: something was ordered.
+        has_quit: the demo shall end now.
+    """
+
+    def __init__(self, orders: OrderInput, autopilot: _FakeAutopilot, stop: StopSignals) -> None:
+        self._orders = orders
+        self._autopilot = autopilot
+        self._stop = stop
+        self.has_ordered = False
+        self.has_quit = False
+
+    def serve(self) -> list[str]:
+        """Passes orders on; what the fake autopilot has answered. TaskFailed where it has ended."""
+        self._autopilot.check()
+        keyboard = self._orders.fileno()
+        if keyboard is not None and select.select([keyboard], [], [], 0)[0]:
+            for line in self._orders.read():
+                self._pass_on(line)
+        return self._autopilot.answers()
+
+    def _pass_on(self, line: str) -> None:
+        if line.strip() == QUIT:
+            self.has_quit = self._stop.stopped = True
+        else:
+            self.has_ordered = True
+            self._autopilot.order(line)
 
 
 @contextmanager

@@ -4,12 +4,14 @@ import argparse
 import select
 import socket
 import sys
+import textwrap
 import time
 from pathlib import Path
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
+from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 from h2nav.io.links import Link
@@ -18,10 +20,11 @@ from h2nav.io.server_links import open_server_link
 from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
 from h2nav.io.signing_keys import read_signing_key
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
-from h2nav.sim.faults import FAULT_KINDS, FaultKind, parse_fault
+from h2nav.sim.faults import parse_fault
 from h2nav.sim.imu_model import MPU_9250
-from h2nav.sim.personalities import PERSONALITIES, personality
-from h2nav.sim.scenarios import SCENARIOS, scenario
+from h2nav.sim.orders import HELP, KEYS, Orders, key_table, name_tables
+from h2nav.sim.personalities import personality
+from h2nav.sim.scenarios import scenario
 from h2nav.sim.streams import Stream
 from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
 
@@ -34,7 +37,8 @@ BITS_PER_BYTE_ON_A_LINE = 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _tables()
+    orders = textwrap.indent(HELP, "  ")
+    parser.epilog = f"{name_tables()}\n\norders on standard input while it flies:\n{orders}"
     parser.add_argument(
         "--connect",
         required=True,
@@ -97,13 +101,19 @@ def run(args: argparse.Namespace) -> int:
     signing = None if args.signing_key is None else _signing(args.signing_key)
     links = [open_server_link(url) for url in args.connect]
     try:
-        with StopSignals().installed() as stop:
+        with StopSignals().installed() as stop, order_input(KEYS | {"q": QUIT}) as orders:
             _wait_for(links, stop.wake)
             start_ns = time.monotonic_ns()
             end_ns = None if args.seconds is None else start_ns + round(args.seconds * 1e9)
-            vehicle = AutopilotBytes(FakeAutopilot(options), start_ns, len(links), signing)
-            while not stop.stopped and (end_ns is None or time.monotonic_ns() < end_ns):
-                _turn(vehicle, links, stop.wake)
+            autopilot = FakeAutopilot(options)
+            vehicle = AutopilotBytes(autopilot, start_ns, len(links), signing)
+            user = _User(orders, Orders(autopilot))
+            if orders.has_keys:
+                print(key_table(), file=sys.stderr)
+            while not (stop.stopped or user.has_quit) and (
+                end_ns is None or time.monotonic_ns() < end_ns
+            ):
+                _turn(vehicle, links, user, stop.wake)
     finally:
         for link in links:
             link.close()
@@ -128,10 +138,39 @@ def _wait_for(links: list[Link], wake: socket.socket) -> None:
             print(f"h2nav: {link.url} is not open yet: {link.last_error}", file=sys.stderr)
 
 
-def _turn(vehicle: AutopilotBytes, links: list[Link], wake: socket.socket) -> None:
-    """Waits for a link or the vehicle's next deadline, then does what is due."""
+class _User:
+    """Who gives orders; the answers go to standard error."""
+
+    def __init__(self, source: OrderInput, orders: Orders) -> None:
+        self._source = source
+        self._orders = orders
+        self.has_quit = False
+
+    def fileno(self) -> int | None:
+        """What to wait for, if anybody is there."""
+        return self._source.fileno()
+
+    def serve(self, t_ns: int) -> None:
+        """Carries out what has been ordered."""
+        for line in self._source.read():
+            if line.strip() == QUIT:
+                self.has_quit = True
+                return
+            try:
+                answer = self._orders.obey(t_ns, line)
+            except BadInput as error:
+                answer = f"h2nav: {error}"
+            if answer:
+                print(answer, file=sys.stderr)
+
+
+def _turn(vehicle: AutopilotBytes, links: list[Link], user: _User, wake: socket.socket) -> None:
+    """Waits for a link, an order or the vehicle's next deadline, then does what is due."""
     now_ns = time.monotonic_ns()
     waiting: list[int] = [wake.fileno()]
+    keyboard = user.fileno()
+    if keyboard is not None:
+        waiting.append(keyboard)
     for link in links:
         link.maintain(now_ns)
         descriptor = link.fileno()
@@ -141,10 +180,12 @@ def _turn(vehicle: AutopilotBytes, links: list[Link], wake: socket.socket) -> No
     readable, _, _ = select.select(waiting, [], [], min(max(wait_s, 0.0), LONGEST_WAIT_S))
     now_ns = time.monotonic_ns()
     vehicle.skip_if_late(now_ns)
+    reboots = vehicle.reboots
+    if keyboard in readable:
+        user.serve(now_ns)
     for number, link in enumerate(links):
         if link.fileno() in readable:
             _hear(vehicle, links, number, now_ns)
-    reboots = vehicle.reboots
     for data in vehicle.advance(now_ns):
         for link in links:
             link.write(data)
@@ -198,24 +239,3 @@ def _signing(key_file: Path) -> AutopilotSigning:
     key = read_signing_key(key_file)
     stamp = LocalStamp(time.time_ns)
     return AutopilotSigning(Signer(key, SIGNING_LINK_ID, stamp), SignatureChecker(key, stamp))
-
-
-def _tables() -> str:
-    """The names that --help lists."""
-    scenarios = "".join(f"  {item.name:18}{item.summary}\n" for item in SCENARIOS.values())
-    of_imus, others = (
-        "".join(_fault_line(name, kind) for name, kind in FAULT_KINDS.items() if kind.of_imu is so)
-        for so in (True, False)
-    )
-    return (
-        f"scenarios:\n{scenarios}\n"
-        "faults of the first IMU, such as gyro-zero@30+5, or of another, gyro-zero@30+5/2:\n"
-        f"{of_imus}\n"
-        f"other faults, such as drop=0.2@10+5 or reboot@8:\n{others}\n"
-        f"autopilots: {', '.join(PERSONALITIES)}\n"
-    )
-
-
-def _fault_line(name: str, kind: FaultKind) -> str:
-    default = "" if kind.default in (None, "") else f" (default {kind.default})"
-    return f"  {name:18}{kind.summary}{default}\n"

@@ -72,6 +72,7 @@ class LiveView:
 
     Attributes:
         feed: what the pipeline gives its records to.
+        page_url: where the page is; empty before it is served.
 
     Raises:
         BadInput: a package of the extra is missing, or the address cannot be read.
@@ -91,6 +92,7 @@ class LiveView:
         self._started_ns = 0
         self._look_ns = self._status_ns = self._record_ns = 0
         self._shown_port = 0
+        self.page_url = ""
         self._trouble = ""
 
     def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Said]:
@@ -174,7 +176,8 @@ class LiveView:
             return []
         self._shown_port = word.port
         page = self._address._replace(port=word.port)
-        text = f"live view at http://{page}/"
+        self.page_url = f"http://{page}/"
+        text = f"live view at {self.page_url}"
         if self._settings.foxglove_port:
             text += f", Foxglove at ws://{page._replace(port=self._settings.foxglove_port)}"
         if page.is_loopback:

@@ -11,6 +11,7 @@ from h2nav.apps.daemon import Daemon, StopSignals
 from h2nav.apps.filters import FilterFactory, algorithm
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
+from h2nav.apps.panel import LogSight, Sight
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.host_clock import UnixClock
@@ -78,15 +79,27 @@ class Session:
         """Opens the link now, so that its port is known before `run`."""
         self.link.maintain(time.monotonic_ns())
 
+    @property
+    def page_url(self) -> str:
+        """Of the live view's page; empty while there is none."""
+        return "" if self._live is None else self._live.page_url
+
     def run(self, stop: StopSignals, seconds: float | None = None) -> None:
         """Works until a stop signal, or for a time."""
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
         self._pipeline.note(time.monotonic_ns(), self._greeting)
         for now_ns in daemon.turns(stop, until_ns):
-            self._console.status(now_ns, self.service.health)
+            self._console.status(now_ns, self._sight)
             if self._live is not None:
                 self._pipeline.tend(now_ns, "live view", self._live.tend)
+
+    def _sight(self, t_ns: int) -> Sight:
+        log = None
+        if self.recorder is not None:
+            recorder = self.recorder
+            log = LogSight(recorder.path, recorder.trouble, recorder.statistics())
+        return Sight(self.service.health, self.service.status(t_ns), log)
 
     def _vouches_for(self, data: bytes) -> bool:
         return self._pipeline.vouches_for(data)
@@ -109,7 +122,7 @@ class Session:
             self.recorder.close(CLOSE_WITHIN_S)
             self._pipeline.tell_of_recorder(time.monotonic_ns())
         log = None if self.recorder is None else self.recorder.path
-        self._console.closing(self.service.health, log)
+        self._console.closing(time.monotonic_ns(), self.service.health, log)
 
 
 def _live_view(configuration: Configuration) -> "LiveView | None":

@@ -24,22 +24,69 @@ class Voice:
     def __init__(self, stream: TextIO) -> None:
         self._stream: TextIO | None = stream
         self._descriptor: int | None = None
+        self._terminal: int | None = None
+        self._rest = b""
         with contextlib.suppress(io.UnsupportedOperation, ValueError):
             self._descriptor = stream.fileno()
+            self._terminal = _opened_anew(self._descriptor)
 
-    def say(self, text: str) -> None:
-        """Writes a text, whole or not at all."""
+    def say(self, text: str) -> bool:
+        """Writes a text, whole or not at all.
+
+        Returns:
+            Whether it was written, or at least begun, where the rest will follow.
+        """
         if self._stream is None:
-            return
+            return False
         try:
-            if self._descriptor is None:
-                self._stream.write(text)
-            elif _has_room(self._descriptor, text):
-                self._stream.write(text)
+            if self._terminal is not None:
+                return self._to_terminal(self._terminal, text)
+            if self._descriptor is not None and not _has_room(self._descriptor, text):
+                return False
+            self._stream.write(text)
+            if self._descriptor is not None:
                 self._stream.flush()
         except OSError:
+            self._give_up()
+            return False
+        return True
+
+    def _to_terminal(self, terminal: int, text: str) -> bool:
+        """A terminal may take a part; the rest goes first the next time, so that none is torn."""
+        if self._rest:
+            self._rest = _written(terminal, self._rest)
+        if self._rest:
+            return False
+        self._rest = _written(terminal, text.encode(errors="backslashreplace"))
+        return True
+
+    def _give_up(self) -> None:
+        if self._terminal is not None:
+            os.close(self._terminal)
+        if self._stream is not None:
             discard(self._stream)
-            self._stream = None
+        self._terminal = self._stream = None
+
+
+def _written(descriptor: int, data: bytes) -> bytes:
+    """What there was no room for."""
+    try:
+        return data[os.write(descriptor, data) :]
+    except BlockingIOError:
+        return data
+
+
+def _opened_anew(descriptor: int) -> int | None:
+    """A terminal that does not make us wait; None where it is none, or cannot be opened.
+
+    To be made not to wait, it has to be ours alone: others hold the stream too, such as the shell.
+    That there is room on a terminal does not say for how much, so asking is not enough.
+    """
+    try:
+        name = os.ttyname(descriptor)
+        return os.open(name, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return None
 
 
 def _has_room(descriptor: int, text: str) -> bool:

@@ -1,10 +1,50 @@
-"""The page and its metrics over HTTP; read-only."""
+"""The page and its metrics over HTTP: whoever reaches the port may look, and can change nothing.
 
+Everything has a limit: connections, viewers, the size of a request, the time that it may take to
+come and that its answer may take to be read. A viewer that reads slowly is sent less, never late.
+"""
+
+import asyncio
+import contextlib
+import ipaddress
+import socket
+from datetime import timedelta
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from prometheus_client import CONTENT_TYPE_LATEST
+from tornado.gen import with_timeout
+from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
+from tornado.iostream import IOStream, StreamClosedError
 from tornado.netutil import bind_sockets
-from tornado.web import Application
+from tornado.web import Application, HTTPError, RequestHandler
 
+from h2nav.live.broadcast import Broadcast
+from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
+
+MOST_CONNECTIONS = 64
+MOST_VIEWERS = 16
+MOST_HEADER_BYTES = 8192
+MOST_BODY_BYTES = 1024
+# A request has to be there, and an answer to be read, within this.
+PATIENCE_S = 15.0
+# What waits for a viewer that does not keep up grows old: little may wait.
+SEND_BUFFER_BYTES = 4096
+WAITING = 32
+AGAIN_MS = 1000
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'"
+)
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
 
 
 class PageServer:
@@ -23,12 +63,174 @@ class PageServer:
     """
 
     def __init__(self, state: LiveState, host: str, port: int) -> None:
-        self._state = state
-        self._server = HTTPServer(Application())
-        sockets = bind_sockets(port, host)
-        self._server.add_sockets(sockets)
+        sockets = bind_sockets(port, host, backlog=WAITING)
+        for each in sockets:
+            each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self.port: int = sockets[0].getsockname()[1]
+        self._broadcast = Broadcast(state)
+        is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
+        shared = {"shared": _Shared(state, self._broadcast, _assets(), is_private)}
+        application = Application(
+            [
+                ("/events", _Events, shared),
+                ("/metrics", _Metrics, shared),
+                ("/(.*)", _Asset, shared),
+            ],
+            log_function=lambda handler: None,  # a line per request would be a flood
+        )
+        self._server = _LimitedServer(
+            application,
+            max_header_size=MOST_HEADER_BYTES,
+            max_body_size=MOST_BODY_BYTES,
+            max_buffer_size=MOST_HEADER_BYTES + MOST_BODY_BYTES,
+            chunk_size=MOST_HEADER_BYTES,
+            idle_connection_timeout=PATIENCE_S,
+            body_timeout=PATIENCE_S,
+        )
+        self._server.add_sockets(sockets)
+        self._broadcast.start()
 
     def close(self) -> None:
-        """Listens no more."""
+        """Listens no more, and hangs up."""
+        self._broadcast.stop()
         self._server.stop()
+        self._server.hang_up()
+
+
+class _LimitedServer(HTTPServer):
+    """Hangs up on a connection that is one too many."""
+
+    def initialize(self, *args: Any, **settings: Any) -> None:
+        super().initialize(*args, **settings)
+        self._streams: set[IOStream] = set()
+
+    def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
+        self._streams = {each for each in self._streams if not each.closed()}
+        if len(self._streams) >= MOST_CONNECTIONS:
+            stream.close()
+            return
+        self._streams.add(stream)
+        super().handle_stream(stream, address)
+
+    def hang_up(self) -> None:
+        for stream in self._streams:
+            stream.close()
+
+
+class _Shared(NamedTuple):
+    """What the handlers work with.
+
+    Attributes:
+        state: what is shown.
+        broadcast: of it.
+        assets: the files of the page by their names.
+        is_private: only this computer reaches the port.
+    """
+
+    state: LiveState
+    broadcast: Broadcast
+    assets: dict[str, bytes]
+    is_private: bool
+
+
+class _Handler(RequestHandler):
+    """What all answers have in common."""
+
+    def initialize(self, shared: _Shared) -> None:
+        self.shared = shared
+
+    def set_default_headers(self) -> None:
+        self.clear_header("Server")
+        self.set_header("Content-Security-Policy", POLICY)
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Cache-Control", "no-cache")
+
+    def prepare(self) -> None:
+        # A stranger's web page may give its own name our address; the browser tells which it is.
+        if self.shared.is_private and not _is_loopback(self.request.host_name):
+            raise HTTPError(403)
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code} {self._reason}\n")
+
+    async def sent(self, written: "asyncio.Future[None]") -> None:
+        """Waits until an answer is read; hangs up on who does not read it."""
+        try:
+            await with_timeout(
+                timedelta(seconds=PATIENCE_S), written, quiet_exceptions=StreamClosedError
+            )
+        except TimeoutError:
+            cast(HTTP1Connection, self.request.connection).stream.close()
+            raise StreamClosedError from None
+
+
+class _Asset(_Handler):
+    """The page and what it consists of."""
+
+    async def get(self, name: str) -> None:
+        content = self.shared.assets.get(name or "page.html")
+        if content is None:
+            raise HTTPError(404)
+        self.set_header("Content-Type", KINDS[Path(name or "page.html").suffix])
+        with contextlib.suppress(StreamClosedError):
+            await self.sent(self.finish(content))
+
+    head = get
+
+
+class _Metrics(_Handler):
+    """What Prometheus asks for."""
+
+    async def get(self) -> None:
+        self.set_header("Content-Type", CONTENT_TYPE_LATEST)
+        text = metrics_text(self.shared.state, self.shared.broadcast.viewers)
+        with contextlib.suppress(StreamClosedError):
+            await self.sent(self.finish(text))
+
+
+class _Events(_Handler):
+    """The stream that the page lives on: Server-Sent Events, which go one way only."""
+
+    async def get(self) -> None:
+        broadcast = self.shared.broadcast
+        if broadcast.viewers >= MOST_VIEWERS:
+            raise HTTPError(503)
+        self.set_header("Content-Type", "text/event-stream")
+        self.set_header("X-Accel-Buffering", "no")
+        broadcast.viewers += 1
+        try:
+            await self._stream(broadcast)
+        except StreamClosedError:
+            pass
+        finally:
+            broadcast.viewers -= 1
+
+    async def _stream(self, broadcast: Broadcast) -> None:
+        broadcast.renew()
+        self.write(f"retry: {AGAIN_MS}\n\n")
+        seen: dict[str, bytes] = {}
+        while True:
+            for name, event in broadcast.events.items():
+                if seen.get(name) is not event:
+                    seen[name] = event
+                    self.write(event)
+            await self.sent(self.flush())
+            await broadcast.next()
+
+
+def _assets() -> dict[str, bytes]:
+    """The files of the page by their names."""
+    folder = resources.files("h2nav.live").joinpath("assets")
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False

@@ -1,20 +1,133 @@
-"""What is known of the daemon at present, for whoever asks."""
+"""What is known of the daemon at present, for whoever asks.
 
+Ages count from when something came to this process, by a clock that nobody sets: the host's UNIX
+clock jumps where a computer without a battery learns the date from the network.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from h2nav.attitude.samples import Trust
+from h2nav.integrity.findings import Finding
 from h2nav.io.foxglove_messages import LogLevel
+from h2nav.live.track import Track
+from h2nav.service.records import EstimateRecord
+
+Record = tuple[Any, ...]
+
+MOST_FINDINGS = 50
+MOST_TEXTS = 50
+# Topics of which several records are current at a time, and what tells those apart.
+KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aiding": "kind"}
+# What an autopilot makes us say is limited by the service; this is for mistakes of ours.
+MOST_CURRENT = 256
+COUNTING = ("/health", "/link", "/feed", "/recorder")
+COUNTED_OVER_NS = 800_000_000
+NS = 1e-9
+
+
+class Seen(NamedTuple):
+    """A record and when it came.
+
+    Attributes:
+        heard_ns: on the clock of the state.
+        record: a NamedTuple.
+    """
+
+    heard_ns: int
+    record: Any
+
+
+class Told(NamedTuple):
+    """A finding and when it began.
+
+    Attributes:
+        began_ns: on the clock of the state.
+        is_open: it is not over; it is told at each beginning and at each end.
+        finding: as it was told last.
+    """
+
+    began_ns: int
+    is_open: bool
+    finding: Finding
+
+
+class Text(NamedTuple):
+    """A line of the program and when it came.
+
+    Attributes:
+        heard_ns: on the clock of the state.
+        level: how grave it is.
+        text: the line.
+    """
+
+    heard_ns: int
+    level: LogLevel
+    text: str
+
+
+class _Counters:
+    """Two records of counters, about a second apart."""
+
+    def __init__(self) -> None:
+        self._before: tuple[int, Any] | None = None
+        self._now: tuple[int, Any] | None = None
+
+    def take(self, unix_ns: int, record: Record) -> None:
+        if self._now is None or abs(unix_ns - self._now[0]) >= COUNTED_OVER_NS:
+            self._before, self._now = self._now, (unix_ns, record)
+
+    def per_s(self, name: str) -> float | None:
+        """How fast a counter grows; None until it is known."""
+        if self._before is None or self._now is None or self._now[0] <= self._before[0]:
+            return None
+        grown: float = getattr(self._now[1], name) - getattr(self._before[1], name)
+        return grown / ((self._now[0] - self._before[0]) * NS)
 
 
 class LiveState:
-    """The newest of everything that the daemon has told."""
+    """The newest of everything that the daemon has told.
 
-    def take(self, topic: str, unix_ns: int, record: tuple[object, ...]) -> None:
+    Args:
+        clock: monotonic time, ns.
+
+    Attributes:
+        findings_told: how many there were.
+        track: our attitudes.
+    """
+
+    def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self._clock = clock
+        self._heard_ns = clock()
+        self._current: dict[tuple[str, Any], Seen] = {}
+        self._counters = {topic: _Counters() for topic in COUNTING}
+        self._trusted_ns: dict[Trust, int] = {}
+        self._findings: deque[Told] = deque(maxlen=MOST_FINDINGS)
+        self._texts: deque[Text] = deque(maxlen=MOST_TEXTS)
+        self.findings_told = 0
+        self.track = Track()
+
+    def take(self, topic: str, unix_ns: int, record: Record) -> None:
         """A record of the log, or one of the live topics.
 
         Args:
-            topic: such as ``/estimate``; ``/status`` (`StatusRecord`) and ``/feed`` (`FeedRecord`)
-                are not in the log.
+            topic: such as ``/estimate``.
             unix_ns: host time of it.
             record: a NamedTuple of flat scalars.
         """
+        now_ns = self._heard_ns = self._clock()
+        if isinstance(record, Finding):
+            self._take_finding(now_ns, record)
+            return
+        key = (topic, getattr(record, KEYS[topic]) if topic in KEYS else None)
+        if key in self._current or len(self._current) < MOST_CURRENT:
+            self._current[key] = Seen(now_ns, record)
+        if topic in self._counters:
+            self._counters[topic].take(unix_ns, record)
+        elif isinstance(record, EstimateRecord):
+            self._take_estimate(now_ns, record)
 
     def text(self, unix_ns: int, level: LogLevel, text: str) -> None:
         """A line of the program.
@@ -24,3 +137,73 @@ class LiveState:
             level: how grave it is.
             text: the line.
         """
+        self._heard_ns = self._clock()
+        # A path in it may hold bytes that are no text.
+        readable = text.encode(errors="replace").decode()
+        self._texts.append(Text(self._heard_ns, level, readable))
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has come."""
+        return self.age_s(self._heard_ns)
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """What is wrong at present, for people."""
+        status = self.newest("/status")
+        return () if status is None else tuple(status.record.alarms.splitlines())
+
+    @property
+    def findings(self) -> tuple[Told, ...]:
+        """The latest, in the order in which they were told first."""
+        # An end that found no room on its way here shows when nothing is wrong any more.
+        is_wrong = bool(self.alarms)
+        return tuple(told._replace(is_open=told.is_open and is_wrong) for told in self._findings)
+
+    @property
+    def texts(self) -> tuple[Text, ...]:
+        """The latest, in the order in which they came."""
+        return tuple(self._texts)
+
+    def age_s(self, heard_ns: int) -> float:
+        """How long ago this was."""
+        return (self._clock() - heard_ns) * NS
+
+    def newest(self, topic: str, key: Any = None) -> Seen | None:
+        """The newest record of a topic.
+
+        Args:
+            topic: such as ``/estimate``.
+            key: which of several, as in `KEYS`.
+        """
+        return self._current.get((topic, key))
+
+    def all_of(self, topic: str) -> Iterator[Seen]:
+        """The newest of each kind of a topic of `KEYS`."""
+        return (seen for (name, _), seen in self._current.items() if name == topic)
+
+    def per_s(self, topic: str, name: str) -> float | None:
+        """How fast a counter of a record of `COUNTING` grows; None until it is known."""
+        return self._counters[topic].per_s(name)
+
+    def trusted_s(self) -> dict[Trust, float]:
+        """How long ago each sign of what estimates rest on was seen last."""
+        return {flag: self.age_s(heard_ns) for flag, heard_ns in self._trusted_ns.items()}
+
+    def _take_estimate(self, now_ns: int, ours: EstimateRecord) -> None:
+        self.track.add(now_ns, (ours.q_w, ours.q_x, ours.q_y, ours.q_z))
+        for flag in Trust(ours.trust):
+            self._trusted_ns[flag] = now_ns
+
+    def _take_finding(self, now_ns: int, finding: Finding) -> None:
+        for place, told in enumerate(self._findings):
+            if _is_same(told.finding, finding):
+                self._findings[place] = Told(told.began_ns, not told.is_open, finding)
+                return
+        began_ns = now_ns - round((finding.to_s - finding.from_s) / NS)
+        self._findings.append(Told(began_ns, True, finding))
+        self.findings_told += 1
+
+
+def _is_same(one: Finding, other: Finding) -> bool:
+    return (one.kind, one.source, one.from_s) == (other.kind, other.source, other.from_s)

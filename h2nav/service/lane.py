@@ -136,7 +136,7 @@ class Lane:
         self._fused_dependent = False
         self._refusal, self._refused_ns, self._refusals = "", 0, 0
         self._rests_until_ns: int | None = None
-        self._second_line = False
+        self._contested_line: int | None = None
         self._contested_ns: int | None = None
         self._bad_ns: int | None = None
         self._good_ns: int | None = None
@@ -273,15 +273,18 @@ class Lane:
             self._clock_of = message_id
         verdict, t_us = self._clock.advance(t_ns, reading.time)
         if verdict is Verdict.NEXT:
-            if self._second_line:
-                self._second_line, self._contested_ns = False, t_ns
+            # Two speak where the first goes on; otherwise it was one, whose messages were held up.
+            if self._contested_line == self._clock.line:
+                self._contested_ns = t_ns
+            self._contested_line = None
             return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), None)
         if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
-            self._second_line = False
+            self._contested_line = None
             self.event = verdict
             self.restart()
             return self._step(t_ns, self._sample(t_ns, t_us, message_id, reading), verdict)
-        self._second_line |= verdict is Verdict.SECOND_SENDER
+        if verdict is Verdict.SECOND_SENDER:
+            self._contested_line = self._clock.line
         self.refuse(t_ns, verdict.value)
         return NO_SAMPLE
 

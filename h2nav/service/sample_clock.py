@@ -43,6 +43,10 @@ class SampleClock:
         unit_us: microseconds per count of the raw time (1 or 1000), whose counter may be 32 bits.
         newest_us: newest `t_us` of another message of the same autopilot, to go on from.
         newest_ns: host time of its arrival.
+
+    Attributes:
+        epoch: number of the epoch, from 0.
+        line: number of the time line, from 0; several may be of one epoch.
     """
 
     def __init__(
@@ -56,7 +60,7 @@ class SampleClock:
         self._candidate_us: int | None = None
         self._candidate_ns = 0
         self._confirmed = 0
-        self.epoch = 0
+        self.epoch = self.line = 0
 
     def advance(self, t_ns: int, raw: int) -> tuple[Verdict, int]:
         """Judges one raw time.
@@ -125,6 +129,7 @@ class SampleClock:
         if self._is_alive(t_ns):
             return Verdict.SECOND_SENDER, raw_us
         self._candidate_us, self._confirmed = None, 0
+        self.line += 1
         t_us = raw_us + self._wraps_us
         if 0 < t_us - self._newest_us <= MAX_GAP_US:
             return Verdict.NEXT, self._accept(t_ns, t_us)

@@ -34,13 +34,13 @@ def status_record(
         verdict.state.value,
         verdict.reason,
         vehicle,
-        None if sample_ns is None else (t_ns - sample_ns) / NS_PER_MS,
+        None if sample_ns is None else _age_ms(t_ns, sample_ns),
         w,
         x,
         y,
         z,
         "" if told is None else told.source.value,
-        None if told is None else (t_ns - told.t_ns) / NS_PER_MS,
+        None if told is None else _age_ms(t_ns, told.t_ns),
         difference and math.degrees(difference.tilt_rad),
         difference and math.degrees(difference.heading_rad),
         difference and math.degrees(difference.sigma_tilt_rad),
@@ -53,3 +53,8 @@ def status_record(
         ratios.of_turn,
         "\n".join(alarm.told for alarm in assessment.alarms),
     )
+
+
+def _age_ms(t_ns: int, then_ns: int) -> float:
+    """What came after a round began is not older than nothing."""
+    return max(t_ns - then_ns, 0) / NS_PER_MS

@@ -34,6 +34,8 @@ MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
 # So long after an optional stream was given up, what others lack may still be its doing.
 SPARED_NS = 20_000_000_000
+# A needed stream that was short for a moment comes again by itself: its measure looks back 2 s.
+SHORT_FOR_NS = 5_000_000_000
 
 # MAV_DATA_STREAM group that carries a message, for autopilots without SET_MESSAGE_INTERVAL.
 DATA_STREAMS = {
@@ -83,6 +85,7 @@ class StreamRequests:
         self._listening_since_ns: int | None = None
         self._most_hz = math.inf
         self._blames_until_ns = 0
+        self._complete_ns = 0
 
     def restart(self) -> None:
         """All streams may be gone (reboot, new link): listen and ask from the beginning."""
@@ -168,7 +171,9 @@ class StreamRequests:
         if asked:
             self._blames_until_ns = t_ns + SPARED_NS
         needed = self._needed
-        if needed[0].phase is not Phase.HELD or any(stream.is_short for stream in needed):
+        if needed[0].phase is Phase.HELD and not any(stream.is_short for stream in needed):
+            self._complete_ns = t_ns
+        elif t_ns - self._complete_ns >= SHORT_FOR_NS:
             for stream in asked:
                 stream.give_up(t_ns)
 

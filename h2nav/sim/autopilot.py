@@ -7,8 +7,8 @@ out. With the same options and the same input at the same times, the output is t
 import math
 import sys
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -28,6 +28,8 @@ from h2nav.sim.wheel_streams import wheel_stream
 SYSTEM_ID = 1
 IDENTITY = (SYSTEM_ID, AUTOPILOT_COMPONENT)
 REBOOT_SILENCE_NS = SECOND_NS
+# Faults that do something when they begin.
+MOMENTOUS = ("reboot", "rate", "power-off")
 TIMESYNC_EVERY = 10
 _FRAME_OVERHEAD = 12
 
@@ -93,10 +95,7 @@ class FakeAutopilot:
             options.personality.stamp_jitter_us,
             options.personality.ages,
         )
-        streams = (*options.personality.streams, *options.extra_streams)
-        if options.scenario.wheels_at is not None:
-            streams += (wheel_stream(options.scenario.wheels_at, options.seed),)
-        self.streams = StreamSchedule(streams, options.line_bytes_per_s)
+        self.streams = StreamSchedule(_streams_of(options), options.line_bytes_per_s)
         self._parameters = ParameterServer(options.personality.parameters)
         self._commands = CommandServer(options.personality, self.streams, self.vehicle)
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
@@ -121,6 +120,11 @@ class FakeAutopilot:
         """When `advance` has something to give next."""
         return self._now_ns if self._outbox else self._next_event_ns()
 
+    @property
+    def is_unpowered(self) -> bool:
+        """Whether its power has been taken away."""
+        return self._is_unpowered
+
     def advance(self, t_ns: int) -> list[Outgoing]:
         """Everything that is sent until `t_ns`, in order; the first call switches the power on.
 
@@ -130,6 +134,44 @@ class FakeAutopilot:
         self._run_until(t_ns)
         sent, self._outbox = self._outbox, []
         return sent
+
+    def begin(self, t_ns: int, fault: Fault) -> None:
+        """A fault begins now.
+
+        Args:
+            t_ns: host time, never earlier than in the call before.
+            fault: one that starts at the vehicle's `t_s` of this time.
+        """
+        self._run_until(t_ns)
+        self.schedule.begin(fault)
+        self._befall(fault)
+
+    def end(self, t_ns: int, faults: Iterable[Fault]) -> None:
+        """Faults that act end now.
+
+        Args:
+            t_ns: host time, never earlier than in the call before.
+            faults: of the schedule.
+        """
+        self._run_until(t_ns)
+        ended = list(faults)
+        self.schedule.end(self.vehicle.t_s, ended)
+        if self._is_unpowered and any(fault.name == "power-off" for fault in ended):
+            self._silent_until_ns = self._now_ns
+            self._run_until(t_ns)
+
+    def fly(self, t_ns: int, scenario: Scenario) -> None:
+        """Reboots at the start of another scenario, which begins when the autopilot is back.
+
+        Args:
+            t_ns: host time, never earlier than in the call before.
+            scenario: to be flown.
+        """
+        self._run_until(t_ns)
+        self.options = replace(self.options, scenario=scenario)
+        self._reboot()
+        self.streams.offer(_streams_of(self.options))
+        self.vehicle.depart(t_ns + REBOOT_SILENCE_NS, scenario)
 
     def skip_to(self, t_ns: int) -> None:
         """Leaves out what should have been sent before `t_ns`, when its process was stopped."""
@@ -167,7 +209,7 @@ class FakeAutopilot:
             self._plan.extend(
                 sorted(
                     (t_ns + round(fault.start_s * SECOND_NS), fault)
-                    for name in ("reboot", "rate", "power-off")
+                    for name in MOMENTOUS
                     for fault in self.schedule.starts(name)
                 )
             )
@@ -200,14 +242,9 @@ class FakeAutopilot:
             self._boot()
             return
         if self._plan and self._plan[0][0] <= now_ns:
-            fault = self._plan.popleft()[1]
-            if fault.name == "reboot":
-                self._reboot()
+            self._befall(self._plan.popleft()[1])
+            if self._silent_until_ns is not None:
                 return
-            if fault.name == "power-off":
-                self._lose_power(fault.length_s)
-                return
-            self._commands.override_rates(now_ns, float(fault.argument))
         if self._heartbeat_ns <= now_ns:
             self._heartbeat_ns = now_ns + SECOND_NS
             self._every_second()
@@ -217,6 +254,15 @@ class FakeAutopilot:
             if stream is not None and message is not None:
                 self._send(message, stream.compid)
                 self._send_other(message)
+
+    def _befall(self, fault: Fault) -> None:
+        """What a fault does at the instant at which it begins; most only act from then on."""
+        if fault.name == "reboot":
+            self._reboot()
+        elif fault.name == "power-off":
+            self._lose_power(fault.length_s)
+        elif fault.name == "rate":
+            self._commands.override_rates(self._now_ns, float(fault.argument))
 
     def _boot(self) -> None:
         """What is sent at power-on."""
@@ -282,6 +328,14 @@ class FakeAutopilot:
     def _answer_param_set(self, fields: Any) -> list[Any]:
         answer = self._parameters.write(fields)
         return [] if answer is None else [answer]
+
+
+def _streams_of(options: AutopilotOptions) -> tuple[Stream, ...]:
+    """Everything that can be had."""
+    streams = (*options.personality.streams, *options.extra_streams)
+    if options.scenario.wheels_at is None:
+        return streams
+    return (*streams, wheel_stream(options.scenario.wheels_at, options.seed))
 
 
 def heartbeat(personality: Personality, vehicle: Vehicle) -> Any:

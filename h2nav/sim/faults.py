@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -16,6 +16,7 @@ _FORM = re.compile(
     r"(/(?P<imu>[1-3]))?"
 )
 _FORM_IN_WORDS = "NAME[=ARGUMENT]@START[+DURATION][/IMU], times in seconds, IMU 1, 2 or 3"
+_UNTIMED = re.compile(r"(?P<name>[a-z-]+)(=(?P<value>[^@/]+))?(/(?P<imu>[1-3]))?")
 
 
 class FaultKind(NamedTuple):
@@ -133,13 +134,34 @@ def parse_fault(text: str) -> Fault:
     match = _FORM.fullmatch(text)
     if match is None:
         raise BadInput(f"fault {text!r}: expected {_FORM_IN_WORDS}")
-    name = match["name"]
-    if name not in FAULT_KINDS:
-        raise BadInput(f"fault {text!r}: {name} is not known; one of {', '.join(FAULT_KINDS)}")
     try:
         start_s, length_s = float(match["start"]), float(match["length"] or "inf")
     except ValueError:
         raise BadInput(f"fault {text!r}: START and DURATION are seconds") from None
+    return _fault(text, match, start_s, length_s)
+
+
+def parse_untimed_fault(text: str, start_s: float, length_s: float = math.inf) -> Fault:
+    """Reads ``NAME[=ARGUMENT][/IMU]``, such as ``gyro-scale=1.05/2``.
+
+    Args:
+        text: of this form.
+        start_s: when it begins, in seconds since the simulator started.
+        length_s: how long it lasts.
+
+    Raises:
+        BadInput: it is not of this form, or the fault or its argument is not known.
+    """
+    match = _UNTIMED.fullmatch(text)
+    if match is None:
+        raise BadInput(f"fault {text!r}: expected NAME[=ARGUMENT][/IMU], IMU 1, 2 or 3")
+    return _fault(text, match, start_s, length_s)
+
+
+def _fault(text: str, match: re.Match[str], start_s: float, length_s: float) -> Fault:
+    name = match["name"]
+    if name not in FAULT_KINDS:
+        raise BadInput(f"fault {text!r}: {name} is not known; one of {', '.join(FAULT_KINDS)}")
     if match["imu"] and not FAULT_KINDS[name].of_imu:
         raise BadInput(f"fault {text!r}: {name} is not of an IMU; leave out /{match['imu']}")
     argument = _argument(text, name, match["value"])
@@ -171,21 +193,45 @@ def _argument(text: str, name: str, value: str | None) -> float | str:
 
 
 class FaultSchedule:
-    """Which faults act at which time."""
+    """Which faults act at which time; they may begin and end while somebody looks on."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults: dict[str, list[Fault]] = {}
-        for fault in faults:
-            self._faults.setdefault(fault.name, []).append(fault)
+        self._parts: dict[int, FaultSchedule] = {}
+        self._replace(faults)
 
     def __contains__(self, name: str) -> bool:
         """Whether a fault acts at any time at all."""
         return name in self._faults
 
+    def __iter__(self) -> Iterator[Fault]:
+        """All of them, those of one name together."""
+        return (fault for faults in self._faults.values() for fault in faults)
+
+    def __bool__(self) -> bool:
+        """Whether there is any fault."""
+        return bool(self._faults)
+
+    def begin(self, fault: Fault) -> None:
+        """Adds a fault, and forgets those that are over when it begins."""
+        t_s = fault.start_s
+        self._replace([*(old for old in self if t_s < old.start_s + old.length_s), fault])
+
+    def end(self, t_s: float, ended: Iterable[Fault]) -> None:
+        """Takes faults away that act at `t_s`; the others stay.
+
+        Args:
+            t_s: seconds since the simulator started.
+            ended: faults of this schedule.
+        """
+        gone = set(ended)
+        self._replace(fault for fault in self if not (fault in gone and fault.acts(t_s)))
+
     def of_imu(self, imu: int) -> "FaultSchedule":
-        """The faults of one IMU, 1 being the first."""
-        every = (fault for faults in self._faults.values() for fault in faults)
-        return FaultSchedule(f for f in every if FAULT_KINDS[f.name].of_imu and f.imu == imu)
+        """The faults of one IMU, 1 being the first; it follows every change of this schedule."""
+        if imu not in self._parts:
+            self._parts[imu] = FaultSchedule(self._only_of(imu))
+        return self._parts[imu]
 
     def acting(self, name: str, t_s: float) -> list[Fault]:
         """The faults of this name that act at `t_s`."""
@@ -207,3 +253,14 @@ class FaultSchedule:
     def starts(self, name: str) -> list[Fault]:
         """The faults of this name in the order of their start."""
         return sorted(self._faults.get(name, ()), key=lambda fault: fault.start_s)
+
+    def _replace(self, faults: Iterable[Fault]) -> None:
+        by_name: dict[str, list[Fault]] = {}
+        for fault in faults:
+            by_name.setdefault(fault.name, []).append(fault)
+        self._faults = by_name
+        for imu, part in self._parts.items():
+            part._replace(self._only_of(imu))
+
+    def _only_of(self, imu: int) -> list[Fault]:
+        return [fault for fault in self if FAULT_KINDS[fault.name].of_imu and fault.imu == imu]

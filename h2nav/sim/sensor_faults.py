@@ -56,36 +56,32 @@ class SensorFaults:
     """Applies the scheduled faults of one IMU to its samples, in the order of their times.
 
     Args:
-        schedule: the faults of this IMU.
+        schedule: the faults of this IMU; they may change while it flies.
     """
 
     def __init__(self, schedule: FaultSchedule) -> None:
         self._schedule = schedule
-        self._of_samples = [name for name in SAMPLE_FAULTS if name in schedule]
-        self._of_axes = [name for name in AXIS_FAULTS if name in schedule]
-        self._freezing = [name for name in FROZEN_AXES if name in schedule]
-        self._sticks = "stuck" in schedule
-        self._disturbs = "hard-iron" in schedule or "vibration" in schedule
         self._held: dict[str, float] = {}
 
     def disturbance(self, t_s: float) -> Disturbance:
         """What the surroundings add at `t_s`."""
-        if not self._disturbs:
+        if not self._schedule:
             return CALM
         iron = self._schedule.number("hard-iron", t_s) or 0.0
         return Disturbance((iron, 0.0, 0.0), self._schedule.number("vibration", t_s) or 0.0)
 
     def apply(self, t_s: float, sample: ImuSample) -> ImuSample:
         """The sample as the faulty sensor gives it."""
-        for name in self._of_samples:
-            for fault in self._schedule.acting(name, t_s):
-                sample = SAMPLE_FAULTS[name](sample, float(fault.argument or 0.0))
-        if not (self._freezing or self._sticks or self._of_axes):
+        if not self._schedule:
+            self._held.clear()
             return sample
+        for name, change in SAMPLE_FAULTS.items():
+            for fault in self._schedule.acting(name, t_s):
+                sample = change(sample, float(fault.argument or 0.0))
         values = [*sample.w_b, *sample.f_b, *(sample.m_b_ut or ZERO)]
-        for name in self._of_axes:
+        for name, changed in AXIS_FAULTS.items():
             for axis in self._schedule.words(name, t_s):
-                values[AXES.index(axis)] = AXIS_FAULTS[name](values[AXES.index(axis)])
+                values[AXES.index(axis)] = changed(values[AXES.index(axis)])
         self._held = {
             axis: self._held.get(axis, values[AXES.index(axis)]) for axis in self._frozen(t_s)
         }
@@ -109,9 +105,9 @@ class SensorFaults:
     def _frozen(self, t_s: float) -> list[str]:
         """The axes that stand still at `t_s`."""
         frozen = self._schedule.words("stuck", t_s)
-        for name in self._freezing:
+        for name, axes in FROZEN_AXES.items():
             if self._schedule.acts(name, t_s):
-                frozen += FROZEN_AXES[name]
+                frozen += axes
         return frozen
 
 

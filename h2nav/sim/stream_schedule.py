@@ -19,7 +19,8 @@ class StreamSchedule:
     """
 
     def __init__(self, streams: Iterable[Stream], line_bytes_per_s: float | None = None) -> None:
-        self._streams = {stream.message_id: stream for stream in streams}
+        self._streams: dict[int, Stream] = {}
+        self.offer(streams)
         self._intervals_ns: dict[int, int] = {}
         self._due: list[tuple[int, int, int]] = []
         self._current: dict[int, int] = {}
@@ -27,6 +28,10 @@ class StreamSchedule:
         self._ns_per_byte = SECOND_NS / line_bytes_per_s if line_bytes_per_s else 0.0
         self._line_free_ns = 0.0
         self.put_off = 0
+
+    def offer(self, streams: Iterable[Stream]) -> None:
+        """From now on these can be had and no others; none may be running."""
+        self._streams = {stream.message_id: stream for stream in streams}
 
     @property
     def next_deadline_ns(self) -> int | None:

@@ -102,7 +102,9 @@ class Vehicle:
         self._t_ns: int | None = None
         self._motions: dict[float, Motion] = {}
         self._samples: dict[int, ImuSample] = {}
-        self.t_s = 0.0  # of the scenario; continues through a reboot
+        self._departed_ns = 0
+        self.t_s = 0.0  # since the simulator started; continues through a reboot
+        self.flown_s = 0.0  # of the scenario
         self.boot_us = 0
         self._stamp_us: int | None = None
 
@@ -110,21 +112,34 @@ class Vehicle:
         """The autopilot starts, or starts again, at host time `t_ns`; its clock begins at zero."""
         self._boot_ns = t_ns
         if self._start_ns is None:
-            self._start_ns = t_ns
+            self._start_ns = self._departed_ns = t_ns
             self._boot_ns -= _age_ns(self._schedule)
         self.go_to(t_ns)
+
+    def depart(self, t_ns: int, scenario: Scenario) -> None:
+        """Another scenario begins at host time `t_ns`; until then the vehicle stands at its start.
+
+        Nothing leads from where the vehicle was to there, so the autopilot has to be off meanwhile.
+        """
+        self.scenario = scenario
+        self._departed_ns = t_ns
 
     def go_to(self, t_ns: int) -> None:
         """Looks at host time `t_ns`, never earlier than the time before."""
         if t_ns == self._t_ns:
             return
-        assert self._start_ns is not None
         self._t_ns = t_ns
-        self.t_s = (t_ns - self._start_ns) * 1e-9
+        self.t_s = self.seconds_at(t_ns)
+        self.flown_s = (t_ns - self._departed_ns) * 1e-9
         self.boot_us = (t_ns - self._boot_ns) // 1000
         self._stamp_us = None
         self._motions.clear()
         self._samples.clear()
+
+    def seconds_at(self, t_ns: int) -> float:
+        """Seconds since the simulator started, which faults count in, at host time `t_ns`."""
+        assert self._start_ns is not None
+        return (t_ns - self._start_ns) * 1e-9
 
     @property
     def stamp_us(self) -> int:
@@ -167,18 +182,18 @@ class Vehicle:
         """The truth of so long ago, which costs more than all that is made of it."""
         motion = self._motions.get(age_s)
         if motion is None:
-            motion = self._motions[age_s] = self.scenario.motion(self.t_s - age_s)
+            motion = self._motions[age_s] = self.scenario.motion(self.flown_s - age_s)
         return motion
 
     @property
     def is_armed(self) -> bool:
         """Whether the motors are armed."""
-        return self.scenario.is_armed(self.t_s)
+        return self.scenario.is_armed(self.flown_s)
 
     @property
     def is_airborne(self) -> bool:
         """Whether the vehicle flies."""
-        return self.scenario.is_airborne(self.t_s)
+        return self.scenario.is_airborne(self.flown_s)
 
     @property
     def estimate(self) -> Estimate:

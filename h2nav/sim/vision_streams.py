@@ -62,9 +62,9 @@ class _Camera:
     def message(self, vehicle: Vehicle) -> Any | None:
         options = self._options
         lost = self._random.random() < options.drop_out
-        if lost or vehicle.t_s < options.delay_s:
+        if lost or vehicle.flown_s < options.delay_s:
             return None
-        motion = vehicle.scenario.motion(vehicle.t_s - options.delay_s)
+        motion = vehicle.scenario.motion(vehicle.flown_s - options.delay_s)
         return self._make(self._pose(vehicle.time_usec - round(options.delay_s * 1e6), motion))
 
     def _pose(self, t_usec: int, motion: Motion) -> _Pose:

@@ -27,7 +27,7 @@ class _Encoders:
 
     def message(self, vehicle: Vehicle) -> Any:
         counts = []
-        for i, way_m in enumerate(self._wheels_at(vehicle.t_s)):
+        for i, way_m in enumerate(self._wheels_at(vehicle.flown_s)):
             rolled_m = abs(way_m - self._true[i])
             self._true[i] = way_m
             self._slip[i] += self._random.gauss(0.0, SLIP_M_RTM * math.sqrt(rolled_m))

@@ -147,6 +147,15 @@ def test_two_clocks_under_one_identity_are_an_alarm_and_the_first_is_kept():
     assert flight.rejected["second_sender"] > 250
 
 
+def test_messages_that_were_held_up_are_no_second_sender():
+    """A link that delivers late and loses what was waiting makes a second line of times."""
+    flight = SimulatedFlight("flight").run(5.0)
+    flight.hold_up(0.6, kept_s=0.1)
+    flight.run(10.0)
+    assert flight.rejected["second_sender"] > 0
+    assert flight.first("two senders use the autopilot's identity") is None
+
+
 def test_wrong_units_for_a_while_are_forgiven():
     """D11: 4 s of wrong units left the state at `degraded` for the rest of the run."""
     configuration = dataclasses.replace(

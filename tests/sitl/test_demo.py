@@ -2,8 +2,11 @@
 
 import json
 import os
+import pty
+import select
 import signal
 import subprocess
+import termios
 from pathlib import Path
 
 import pytest
@@ -114,3 +117,31 @@ def wait_until_bound(process):
         if "bound to" in line:
             return
     raise AssertionError("the demo ended early")
+
+
+def test_its_keys_break_the_vehicle_and_the_terminal_is_clean_afterwards(tmp_path):
+    words = [*H2NAV, "demo", "--seconds", "600", "--log-dir", str(tmp_path)]
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execve(words[0], words, {**os.environ, "TERM": "xterm"})
+    shown = ""
+    try:
+        for awaited, key in (
+            ("info: active", b"h"),
+            ("notice: autopilot-heading=20: the heading of ATTITUDE", b"0"),
+            ("notice: over: autopilot-heading=20", b"q"),
+            ("next, try", b""),
+        ):
+            while awaited not in shown:
+                assert select.select([terminal], [], [], WAIT_S)[0], shown
+                shown += os.read(terminal, 65536).decode()
+            os.write(terminal, key)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        child = 0
+        assert termios.tcgetattr(terminal)[3] & termios.ECHO
+    finally:
+        if child:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+        os.close(terminal)
+    assert "h2nav " in shown  # the panel

@@ -17,6 +17,7 @@ from h2nav.io.codec import Encoder, decode
 from h2nav.io.deframer import Deframer
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
+GPS = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 COMMAND_ACK = mavlink.MAVLINK_MSG_ID_COMMAND_ACK
 PATIENCE_S = 20.0
@@ -27,7 +28,12 @@ def fake_autopilot(url, *arguments):
     """The running process; its counts are read from its output by `counts_of`."""
     command = [sys.executable, "-m", "h2nav", "fake-autopilot", "--connect", url, "--json"]
     process = subprocess.Popen(
-        [*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*command, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        bufsize=1,
     )
     try:
         yield process
@@ -112,6 +118,37 @@ def test_udp_streams_on_request_and_counts_at_the_end(udp):
     assert counts["frames_heard"] == 1
     times = [decode(frame).time_usec for frame in peer.of(RAW)]
     assert times == sorted(times)
+
+
+def test_it_obeys_lines_while_it_flies_and_ends_when_told(udp):
+    ours, url = udp
+    sources = []
+    peer = listener(ours, sources)
+
+    def has_fix():
+        """Of the newest fix."""
+        return decode(peer.of(GPS)[-1]).fix_type > mavlink.GPS_FIX_TYPE_NO_FIX
+
+    with fake_autopilot(url, "--autopilot", "px4", "--scenario", "hover") as process:
+        peer.until(lambda _: peer.of(GPS) and has_fix())
+        process.stdin.write("gps-lost on\n")
+        peer.until(lambda _: not has_fix())
+        process.stdin.write("gps-lots\ngps-lost off\n")
+        peer.until(lambda _: has_fix())
+        before = len(peer.of(HEARTBEAT))
+        process.stdin.write("scenario square\n")
+        peer.until(lambda _: decode(peer.of(HEARTBEAT)[-1]).type == mavlink.MAV_TYPE_GROUND_ROVER)
+        assert len(set(sources)) == 2  # it has rebooted
+        assert len(peer.of(HEARTBEAT)) > before
+        output, said = process.communicate("quit\n", timeout=PATIENCE_S)
+    assert process.returncode == 0
+    assert json.loads(output)["reboots"] == 1
+    assert said.splitlines() == [
+        "gps-lost: the receiver has no fix",
+        "h2nav: gps-lots: neither an order nor a fault; try help or list",
+        "over: gps-lost",
+        "scenario square: a rover: a square of 4 m, turning on the spot",
+    ]
 
 
 def test_reboot_comes_back_from_another_port(udp):

@@ -1,8 +1,10 @@
 """What puts the daemon on a machine: lock file, container, unit, the documented commands."""
 
 import ipaddress
+import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -12,6 +14,9 @@ import pytest
 from needs import REPOSITORY, need_program
 from packaging.requirements import Requirement
 from packaging.version import Version
+
+from h2nav import __version__
+from h2nav.apps import configuration
 
 LOCK = REPOSITORY / "packaging" / "requirements.lock"
 DOCKERFILE = (REPOSITORY / "Dockerfile").read_text()
@@ -29,7 +34,12 @@ def locked() -> dict[str, Requirement]:
 
 
 @pytest.mark.parametrize(
-    "declared", [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+    "declared",
+    [
+        *PROJECT["project"]["dependencies"],
+        *PROJECT["project"]["optional-dependencies"]["live"],
+        *PROJECT["build-system"]["requires"],
+    ],
 )
 def test_the_lock_satisfies_what_is_declared(declared):
     wanted = Requirement(declared)
@@ -50,7 +60,7 @@ def test_every_package_of_the_lock_has_hashes_and_no_place():
 def test_the_container_is_made_of_exact_versions():
     bases = re.findall(r"^FROM (\S+)", DOCKERFILE, re.MULTILINE)
     assert bases
-    assert all(re.fullmatch(r"python:3\.13\.\d+-slim-\w+", base) for base in bases)
+    assert all(re.fullmatch(r"docker\.io/library/debian:trixie-\d{8}-slim", base) for base in bases)
     assert "--require-hashes" in DOCKERFILE
     assert "--python-version 3.13" in LOCK.read_text()
 
@@ -73,6 +83,70 @@ def test_the_container_is_built_from_what_is_needed():
     }
     copied = re.findall(r"^COPY (\S+) ", DOCKERFILE, re.MULTILINE)
     assert set(copied) - {".", "--from=build"} <= kept
+
+
+def labels() -> dict[str, str]:
+    """Of the container, with what its arguments are by themselves."""
+    lines = DOCKERFILE.replace("\\\n", "").splitlines()
+    arguments = dict(re.findall(r"^ARG (\w+)=\"?([^\"\n]*)\"?$", DOCKERFILE, re.MULTILINE))
+    words = [word for line in lines if line.startswith("LABEL ") for word in shlex.split(line)[1:]]
+    return {
+        key: re.sub(r"\$(\w+)", lambda found: arguments[found[1]], value)
+        for key, _, value in (word.partition("=") for word in words)
+    }
+
+
+def test_the_container_says_which_version_it_is():
+    found = labels()
+    assert found["version"] == found["org.opencontainers.image.version"] == __version__
+    assert found["org.opencontainers.image.licenses"] == PROJECT["project"]["license"]
+
+
+def test_blueos_can_read_the_labels():
+    """Their form: the README of BlueOS's repository of extensions."""
+    found = labels()
+    assert found["type"] in {"device-integration", "example", "theme", "tool", "other"}
+    assert {"name", "email"} == set(json.loads(found["authors"])[0])
+    assert {"name", "email", "about"} == set(json.loads(found["company"]))
+    assert "source" in json.loads(found["links"])
+    tags = json.loads(found["tags"])
+    assert len(tags) <= 10
+    assert all(re.fullmatch(r"[a-z0-9-]+", tag) for tag in tags)
+
+
+def test_blueos_lets_the_container_do_no_more_than_it_needs():
+    permissions = json.loads(labels()["permissions"])
+    host = permissions["HostConfig"]
+    assert set(host) == {"NetworkMode", "Binds", "CapDrop", "SecurityOpt"}
+    assert host["CapDrop"] == ["ALL"]
+    shipped = configuration.read(REPOSITORY / "configs" / "blueos.yaml")
+    assert [bind.rpartition(":")[2] for bind in host["Binds"]] == ["/etc/h2nav", shipped.log.folder]
+    page_port = shipped.live.address.rpartition(":")[2]
+    ports = {f"{page_port}/tcp", f"{shipped.live.foxglove_port}/tcp"}
+    assert set(permissions["ExposedPorts"]) == ports
+
+
+def test_the_first_start_on_blueos_leaves_a_configuration_and_the_next_keeps_it(tmp_path):
+    start = (REPOSITORY / "packaging" / "blueos" / "start").read_text()
+    assert f"COPY packaging/blueos/start /opt/h2nav/bin/{entrypoint_on_blueos()}" in DOCKERFILE
+    config, asked = tmp_path / "config.yaml", tmp_path / "asked"
+    write_program(
+        tmp_path / "h2nav",
+        f'echo "$@" >> {asked}; [ "$1" = run ] || exec {sys.executable} -m h2nav "$@"',
+    )
+    script = start.replace("/etc/h2nav/config.yaml", str(config))
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    environment["PYTHONPATH"] = str(REPOSITORY)
+    for _ in range(2):
+        subprocess.run(["sh", "-c", script], env=environment, check=True)
+        assert config.read_text() == (REPOSITORY / "configs" / "blueos.yaml").read_text()
+    started = f"run -c {config}"
+    assert asked.read_text().splitlines() == ["check-config --example blueos", started, started]
+
+
+def entrypoint_on_blueos() -> str:
+    (word,) = json.loads(labels()["permissions"])["Entrypoint"]
+    return word
 
 
 @pytest.mark.parametrize("device", ["ttyAMA", "ttyS", "ttyUSB", "ttyACM", "ttyTHS"])

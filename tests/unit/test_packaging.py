@@ -92,19 +92,19 @@ def test_the_archive_is_enough_to_build_and_test(archive):
     with tarfile.open(archive) as stream:
         held = {name.partition("/")[2] for name in stream.getnames()}
     assert held >= repository_files(
-        "h2nav/**/*.py", "h2nav/py.typed", "gains/**/*.yaml", "configs/*.yaml", "native/*.c",
+        "h2nav/**/*.py", "h2nav/py.typed", "gains/**/*.yaml", "configs/*", "native/*.c",
         "tests/**/*.py", "tests/data/*", "tools/**/*.py", ".ci/run", "packaging/requirements.lock",
-        "docs/**/*.md", "packaging/**/*.service", "Makefile", "setup.py", "LICENSE",
+        "docs/**/*.md", "packaging/*/*", "Makefile", "setup.py", "LICENSE",
     )  # fmt: skip
 
 
 def test_the_wheel_holds_every_module_and_the_data(wheel):
     with zipfile.ZipFile(wheel) as stream:
         held = set(stream.namelist())
-    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*.yaml")}
+    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*")}
     modules = repository_files("h2nav/**/*.py")
-    assert held >= modules | data | {"h2nav/py.typed"}
-    assert {name for name in held if name.endswith((".py", ".yaml"))} == modules | data
+    assert held >= modules | data | repository_files("h2nav/*/assets/*") | {"h2nav/py.typed"}
+    assert {name for name in held if name.endswith((".py", ".yaml", ".json"))} == modules | data
 
 
 def test_the_wheel_offers_its_extras(wheel):

@@ -3,8 +3,9 @@
 import json
 
 import pytest
+from browsers import headless_browser, wait_until
 from made_flight import FINDINGS, MAGNET_S, made_analysis, made_flight
-from needs import need_package, need_program
+from needs import need_package
 
 from h2nav.flightlogs.context import Said, Span
 from h2nav.integrity.findings import Severity
@@ -12,26 +13,12 @@ from h2nav.review.page import page
 
 SHOWN = "return [window.review.shown.from, window.review.shown.to]"
 AXES = "return window.review.timed.map((plot) => [plot.scales.x.min, plot.scales.x.max])"
-PATIENCE_S = 60
 
 
 @pytest.fixture(scope="module")
 def browser():
-    chromium, driver = need_program("chromium"), need_program("chromedriver")
-    selenium = need_package("selenium.webdriver")
-    service = need_package("selenium.webdriver.chrome.service").Service(driver)
-    options = selenium.ChromeOptions()
-    options.binary_location = chromium
-    for argument in (
-        "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1400,1000",
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-    ):  # fmt: skip
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    running = selenium.Chrome(options=options, service=service)
-    running.set_script_timeout(PATIENCE_S)
-    yield running
-    running.quit()
+    with headless_browser() as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +36,6 @@ def opened(browser, tmp_path, html):
     browser.get(path.as_uri())
     wait_until(browser, "return document.documentElement.dataset.drawn")
     return path
-
-
-def wait_until(browser, script, *arguments):
-    wait = need_package("selenium.webdriver.support.ui").WebDriverWait
-    wait(browser, PATIENCE_S, 0.02).until(lambda _: browser.execute_script(script, *arguments))
 
 
 def axes_follow(browser):

@@ -180,3 +180,16 @@ def test_another_message_at_the_very_time_of_the_newest_sample_is_a_duplicate():
     clock = line(1, newest_us=6_810_073)
     assert clock.advance(6_810_073)[0] is Verdict.DUPLICATE
     assert clock.advance(6_820_140) == (Verdict.NEXT, 6_820_140)
+
+
+def test_messages_that_were_held_up_are_followed_as_another_line_of_the_same_epoch():
+    """The newest came 0.4 s late, what was behind it is lost, and the rest comes at once."""
+    clock = SampleClock(1)
+    for i in range(100):
+        assert clock.advance(i * 10_000_000, i * 10_000)[0] is Verdict.NEXT
+    held_ns = 400_000_000
+    assert clock.advance(100 * 10_000_000 + held_ns, 100 * 10_000)[0] is Verdict.NEXT
+    verdicts = [clock.advance(i * 10_000_000 + 1_000_000, i * 10_000)[0] for i in range(140, 190)]
+    assert verdicts[-1] is Verdict.NEXT
+    assert Verdict.SECOND_SENDER in verdicts
+    assert (clock.line, clock.epoch) == (1, 0)

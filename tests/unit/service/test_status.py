@@ -79,3 +79,9 @@ def test_it_is_a_record_that_viewers_can_have():
     form = record_format(StatusRecord)
     assert form.name == "h2nav.StatusRecord"
     assert b'"state":"' in form.encode(status(flight))
+
+
+def test_what_came_after_the_round_began_has_no_negative_age():
+    flight = SimulatedFlight("rest").run(5.0)
+    told = flight.pipeline.service.status(0)
+    assert told.age_ms == 0.0

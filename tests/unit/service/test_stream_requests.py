@@ -460,6 +460,18 @@ def test_an_optional_stream_never_costs_the_others(most_messages_s):
     assert talk.notices == alone.notices
 
 
+@pytest.mark.parametrize("stall_s", [0.5, 1.0, 2.0])
+def test_a_moment_without_messages_costs_no_optional_stream(stall_s):
+    talk = Talk(WITH_SECOND_IMU).run(20.0)
+    talk.off = True
+    talk.run(20.0 + stall_s)
+    talk.off = False
+    talk.run(60.0)
+    assert [m.param2 for _, m in talk.asked if int(m.param1) == SECOND_IMU][-1] != 0.0
+    assert talk.requests.measured_hz(SECOND_IMU) == pytest.approx(100.0, rel=0.03)
+    assert talk.requests.measured_hz(HIGHRES) == pytest.approx(100.0, rel=0.03)
+
+
 def test_an_optional_stream_of_no_use_is_left_once():
     talk = Talk(WITH_SECOND_IMU).run(20.0)
     for until_s in range(21, 60):

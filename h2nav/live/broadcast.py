@@ -1,0 +1,76 @@
+"""The stream that the page lives on, as Server-Sent Events, made once for all who look at it."""
+
+from typing import Any
+
+import orjson
+from tornado.ioloop import PeriodicCallback
+from tornado.locks import Condition
+
+from h2nav.live import messages
+from h2nav.live.state import LiveState
+
+PERIOD_MS = 100
+# So many attitudes are sent for each overview.
+ATTITUDES_PER_OVERVIEW = 5
+
+
+class Broadcast:
+    """What all viewers are sent is made once, and not at all where there are none.
+
+    Args:
+        state: what is told.
+
+    Attributes:
+        viewers: how many there are.
+        events: the newest of each name, as it goes to all of them.
+    """
+
+    def __init__(self, state: LiveState) -> None:
+        self._state = state
+        self._condition = Condition()
+        self._clock = PeriodicCallback(self._tick, PERIOD_MS)
+        self._ticks = 0
+        self._told: tuple[object, ...] = ()
+        self.viewers = 0
+        self.events: dict[str, bytes] = {}
+
+    def start(self) -> None:
+        """Begins, on the running event loop."""
+        self._clock.start()
+
+    def stop(self) -> None:
+        """Makes nothing any more."""
+        self._clock.stop()
+
+    async def next(self) -> None:
+        """Waits until there is something new."""
+        await self._condition.wait()
+
+    def renew(self) -> None:
+        """Makes everything anew, for somebody who has nothing yet."""
+        self._told = ()
+        self._overview()
+        self._attitudes()
+
+    def _tick(self) -> None:
+        if not self.viewers:
+            return
+        self._ticks += 1
+        if self._ticks % ATTITUDES_PER_OVERVIEW == 0:
+            self._overview()
+        self._attitudes()
+        self._condition.notify_all()
+
+    def _attitudes(self) -> None:
+        self.events["attitudes"] = _event("attitudes", messages.attitudes(self._state))
+
+    def _overview(self) -> None:
+        told = (self._state.findings, self._state.texts)
+        if told != self._told:  # long, and rarely new
+            self._told = told
+            self.events["told"] = _event("told", messages.told(self._state))
+        self.events["overview"] = _event("overview", messages.overview(self._state))
+
+
+def _event(name: str, content: dict[str, Any]) -> bytes:
+    return b"event: %s\ndata: %s\n\n" % (name.encode(), orjson.dumps(content))

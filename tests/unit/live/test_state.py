@@ -1,0 +1,103 @@
+"""What the viewer remembers: the newest of everything, its age, and never too much."""
+
+import pytest
+from live_records import UNIX_NS, Clock, estimate, finding, health, lane, status
+
+from h2nav.attitude.samples import Trust
+from h2nav.io.foxglove_messages import LogLevel
+from h2nav.live import state as live_state
+from h2nav.live.state import LiveState
+from h2nav.service.records import RejectionRecord
+
+SECOND_NS = 1_000_000_000
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def state(clock):
+    return LiveState(clock)
+
+
+def test_the_newest_record_of_each_kind_is_kept(state):
+    for record in (lane(1, sent=True), lane(2, sent=False), lane(2, sent=True)):
+        state.take("/lanes", UNIX_NS, record)
+    assert [seen.record for seen in state.all_of("/lanes")] == [
+        lane(1, sent=True), lane(2, sent=True)
+    ]  # fmt: skip
+    assert state.newest("/lanes", 2).record.sent
+    assert state.newest("/health") is None
+
+
+def test_ages_do_not_follow_the_hosts_clock(state, clock):
+    state.take("/estimate", UNIX_NS, estimate())
+    clock.pass_s(2.0)
+    state.take("/health", UNIX_NS - 3600 * SECOND_NS, health())
+    assert state.age_s(state.newest("/estimate").heard_ns) == 2.0
+    assert state.silent_s == 0.0
+    clock.pass_s(1.0)
+    assert state.silent_s == 1.0
+
+
+def test_a_finding_begins_ends_and_comes_back(state, clock):
+    state.take("/status", UNIX_NS, status(alarms="attitude contradicts velocity"))
+    state.take("/finding", UNIX_NS, finding())
+    (told,) = state.findings
+    assert told.is_open
+    assert state.age_s(told.began_ns) == pytest.approx(1.0)  # it had lasted when it was told
+    state.take("/finding", UNIX_NS, finding(to_s=44.0))
+    (told,) = state.findings
+    assert not told.is_open
+    assert told.finding.to_s == 44.0
+    state.take("/finding", UNIX_NS, finding(to_s=47.0))
+    state.take("/finding", UNIX_NS, finding(from_s=80.0, to_s=80.5))
+    assert [told.is_open for told in state.findings] == [True, True]
+    assert state.findings_told == 2
+
+
+def test_nothing_stays_open_when_nothing_is_wrong(state):
+    state.take("/finding", UNIX_NS, finding())
+    state.take("/status", UNIX_NS, status(alarms=""))
+    (told,) = state.findings
+    assert not told.is_open
+
+
+def test_counters_become_rates_over_about_a_second(state):
+    def sent(after_s, count):
+        state.take("/health", UNIX_NS + round(after_s * SECOND_NS), health(estimates_sent=count))
+
+    sent(0.0, 1000)
+    assert state.per_s("/health", "estimates_sent") is None
+    sent(0.1, 1000)  # a change of the state is written at once, and too soon for a rate
+    assert state.per_s("/health", "estimates_sent") is None
+    sent(1.0, 1050)
+    assert state.per_s("/health", "estimates_sent") == pytest.approx(50.0)
+    sent(2.0, 1075)
+    assert state.per_s("/health", "estimates_sent") == pytest.approx(25.0)
+
+
+def test_what_estimates_rest_on_is_remembered_with_its_age(state, clock):
+    state.take("/estimate", UNIX_NS, estimate(trust=int(Trust.ALIGNED | Trust.FIELD_USED)))
+    clock.pass_s(1.0)
+    state.take("/estimate", UNIX_NS, estimate(trust=int(Trust.ALIGNED)))
+    assert state.trusted_s() == {Trust.ALIGNED: 0.0, Trust.FIELD_USED: 1.0}
+
+
+def test_a_line_with_a_path_that_is_no_text_can_be_shown(state):
+    state.text(UNIX_NS, LogLevel.ERROR, "log: /logs/\udcff: disk full")
+    assert state.texts[0].text == "log: /logs/?: disk full"
+
+
+def test_nothing_grows_without_bound(state):
+    for number in range(1000):
+        state.take("/finding", UNIX_NS, finding(from_s=float(number)))
+        state.take("/rejected", UNIX_NS, RejectionRecord(f"reason {number}", 1))
+        state.text(UNIX_NS, LogLevel.INFO, f"line {number}")
+    assert len(state.findings) == live_state.MOST_FINDINGS
+    assert len(state.texts) == live_state.MOST_TEXTS
+    assert state.texts[-1].text == "line 999"
+    assert len(list(state.all_of("/rejected"))) == live_state.MOST_CURRENT
+    assert state.findings_told == 1000
