@@ -133,7 +133,10 @@ def _jumps(
         steady[:shift] = np.inf
         apart = np.linalg.norm(before[shift:] - before[:-shift], axis=1)
         steady[shift:] = np.maximum(steady[shift:], apart)
-    jump[~(steady < STEADY_SHARE * size)] = np.nan
+    # Samples that are missing anywhere between have taken a turn with them.
+    span = interpolated(edges[-1], *sums) - interpolated(edges[0], *sums)
+    is_whole = span[:, 12] < 0.5 * LONGEST_STEP_S
+    jump[~(is_whole & (steady < STEADY_SHARE * size))] = np.nan
     return jump, least
 
 
@@ -179,7 +182,6 @@ def _half(
 ) -> _Half:
     length_s = (to_s - from_s)[:, None]
     change = (interpolated(to_s, *sums) - interpolated(from_s, *sums)) / length_s
-    change[~(change[:, 12] < 0.1 * LONGEST_STEP_S)] = np.nan
     force_n, *axes = (rotate(q_ns, change[:, i : i + 3]) for i in range(0, 12, 3))
     force_n[:, 2] += GRAVITY_M_S2
     moved_n = (interpolated(to_s, *moves[:2]) - interpolated(from_s, *moves[:2])) / length_s
