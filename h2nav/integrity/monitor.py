@@ -102,7 +102,7 @@ class Monitor:
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
-        self._fix_us: int | None = None
+        self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
@@ -154,10 +154,10 @@ class Monitor:
 
     def fix(self, fix: VelocityFix) -> None:
         """Takes a velocity over ground."""
-        if self._fix_us is not None:
-            apart_us = min(fix.t_us - self._fix_us, 2 * VELOCITY_LOST_US)
+        if self._fix is not None:
+            apart_us = min(fix.t_us - self._fix.t_us, 2 * VELOCITY_LOST_US)
             self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
-        self._fix_us = fix.t_us
+        self._fix = fix
         if not self._velocity.take(fix):
             return
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
@@ -248,9 +248,9 @@ class Monitor:
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """What is wrong at this time."""
         found = self._checks.alarms()
-        silent_us = 0 if self._fix_us is None else t_us - self._fix_us
-        if silent_us > max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us):
-            found.append(_no_velocity(silent_us * 1e-6))
+        lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
+        if self._fix is not None and t_us - self._fix.t_us > lost_us:
+            found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
         for name, make in (
             ("velocity", self._velocity_alarm),
             ("force", self._force_alarm),
@@ -376,9 +376,18 @@ def _error(
     return Alarm(kind, source, Severity.ERROR, size_deg, "deg", text, evidence, True, since_s)
 
 
-def _no_velocity(silent_s: float) -> Alarm:
-    text = "no GPS velocity"
+def _no_velocity(last: VelocityFix, silent_s: float) -> Alarm:
+    source, text = ("GPS", "no GPS velocity")
+    if not last.independent:
+        source, text = ("autopilot", "no velocity of the autopilot")
     evidence = f"none for {silent_s:.0f} s: gyro, gravity and compass hold the attitude alone"
     return Alarm(
-        "velocity_lost", "GPS", Severity.WARNING, silent_s, "s", text, evidence, since_s=silent_s
+        "velocity_lost",
+        source,
+        Severity.WARNING,
+        silent_s,
+        "s",
+        text,
+        evidence,
+        since_s=silent_s,
     )

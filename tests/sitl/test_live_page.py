@@ -89,7 +89,8 @@ def test_it_follows_the_vehicle_and_says_what_goes_wrong(browser, flying):
     says(browser, "#word", "Active")
 
     order(autopilot, "gps-lost on")
-    says(browser, "#alarms", "no velocity of the GPS receiver for")
+    says(browser, "#alarms", "no GPS velocity")
+    says(browser, "#lines", "no GPS velocity")
     assert browser.get_log("browser") == []
 
 

@@ -2,7 +2,7 @@
 import { at, element } from "./elements.js";
 import { bytes, fixed, span } from "./words.js";
 
-export const NO_VELOCITY_S = 3;
+const NO_VELOCITY_S = 3;
 
 export function showFigures(data) {
   const rows = [

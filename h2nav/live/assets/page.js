@@ -1,7 +1,7 @@
 // Draws what `events` sends: attitudes ten times a second, an overview twice a second, texts when
 // they are new.
 import { at, element } from "./elements.js";
-import { NO_VELOCITY_S, showFigures } from "./figures.js";
+import { showFigures } from "./figures.js";
 import { Horizon } from "./horizon.js";
 import { Strip } from "./strip.js";
 import { ago, degrees, fixed, span } from "./words.js";
@@ -83,13 +83,8 @@ function showState() {
 }
 
 // What is wrong besides the cause of the state, which is not said twice.
-function troubles({ alarms, velocity: last, holding }, reason) {
-  const told = alarms.filter((text) => !reason.includes(text));
-  if (last && last.age_s > NO_VELOCITY_S) {
-    const held = holding.length ? `held by ${holding.join(" and ")}` : "the gyro's alone";
-    told.push(`no velocity of the ${last.source} for ${span(last.age_s)}; the attitude is ${held}`);
-  }
-  return told;
+function troubles({ alarms }, reason) {
+  return alarms.filter((text) => !reason.includes(text));
 }
 
 // A text that stays is not set again: a screen reader would read it again.
