@@ -69,13 +69,20 @@ def _value(hint: Any) -> dict[str, Any]:
 def _limited(limit: Limit) -> dict[str, Any]:
     match limit:
         case Within(low, high):
-            return {"minimum": low, "maximum": high}
+            return {"minimum": _plain(low), "maximum": _plain(high)}
         case AutoOrWithin(low, high):
-            number = {"type": "number", "minimum": low, "maximum": high}
+            number = {"type": "number", "minimum": _plain(low), "maximum": _plain(high)}
             return {"anyOf": [{"const": "auto"}, number]}
         case OneOf(choices):
             return {"enum": list(choices)}
     raise NotImplementedError(f"{limit!r} has no form in the schema yet")
+
+
+def _plain(value: float) -> float:
+    """Without a fraction where it has none: `typing` takes Within(0, 1) and Within(0.0, 1.0) for one
+    hint, and gives whichever it met first.
+    """
+    return int(value) if value == int(value) else value
 
 
 def _described(record_type: type[Any]) -> tuple[str, dict[str, str]]:

@@ -89,7 +89,10 @@ def test_more_than_half_of_a_serial_link_is_warned_of():
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_no_shipped_configuration_is_warned_of(path):
-    assert configuration.warnings(configuration.read(path)) == []
+    warned = configuration.warnings(configuration.read(path))
+    # On BlueOS, whose users are told so there, the page is reached from other computers.
+    of_live = [text for text in warned if text.startswith("live.address")]
+    assert warned == (of_live if path.stem == "blueos" else [])
 
 
 @pytest.mark.parametrize("url", ["carrier-pigeon:1", "udpin:nowhere", "serial:/dev/x", ""])
