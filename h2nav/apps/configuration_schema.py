@@ -79,10 +79,11 @@ def _limited(limit: Limit) -> dict[str, Any]:
 
 
 def _plain(value: float) -> float:
-    """Without a fraction where it has none: `typing` takes Within(0, 1) and Within(0.0, 1.0) for one
-    hint, and gives whichever it met first.
+    """Without a fraction where it has none.
+
+    To `typing`, hints with Within(0, 1) and Within(0.0, 1.0) are one: it gives what it met first.
     """
-    return int(value) if value == int(value) else value
+    return int(value) if float(value).is_integer() else value
 
 
 def _described(record_type: type[Any]) -> tuple[str, dict[str, str]]:
