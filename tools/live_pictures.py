@@ -144,6 +144,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--faults", type=int, default=5)
     wished = parser.parse_args()
+    wished.folder.mkdir(parents=True, exist_ok=True)
     delays_s = []
     view = browser()
     try:
