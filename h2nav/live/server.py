@@ -21,6 +21,7 @@ from tornado.iostream import IOStream, StreamClosedError
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 
+from h2nav import __version__
 from h2nav.live.broadcast import Broadcast
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
@@ -39,6 +40,15 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'"
 )
+REGISTRATION = {
+    "name": "h2nav",
+    "description": "Independent attitude beside the autopilot's, and what is wrong with either",
+    "icon": "mdi-airplane",
+    "company": "h2nav",
+    "version": __version__,
+    "webpage": "",
+    "api": "",
+}
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -74,6 +84,7 @@ class PageServer:
             [
                 ("/events", _Events, shared),
                 ("/metrics", _Metrics, shared),
+                ("/register_service", _Registration, shared),
                 ("/(.*)", _Asset, shared),
             ],
             log_function=lambda handler: None,  # a line per request would be a flood
@@ -189,6 +200,14 @@ class _Metrics(_Handler):
         text = metrics_text(self.shared.state, self.shared.broadcast.viewers)
         with contextlib.suppress(StreamClosedError):
             await self.sent(self.finish(text))
+
+
+class _Registration(_Handler):
+    """What BlueOS asks every port for, to list the page among its services."""
+
+    async def get(self) -> None:
+        with contextlib.suppress(StreamClosedError):
+            await self.sent(self.finish(REGISTRATION))
 
 
 class _Events(_Handler):

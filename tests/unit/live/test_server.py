@@ -8,6 +8,7 @@ import time
 import pytest
 from live_records import UNIX_NS, WAIT_S, estimate, flying_state, served
 
+from h2nav import __version__
 from h2nav.io.foxglove_messages import LogLevel
 from h2nav.live import server as live_server
 
@@ -80,6 +81,16 @@ def test_it_serves_the_page_and_the_metrics(page, path, kind, part):
     assert policy.startswith("default-src 'none'")
     assert "unsafe" not in policy
     assert headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_blueos_finds_the_page_among_its_services(page):
+    status, headers, body = exchange(page, "GET /register_service")
+    assert status == 200
+    assert headers["Content-Type"].startswith("application/json")
+    told = json.loads(body)
+    assert told["name"] == "h2nav"
+    assert told["version"] == __version__
+    assert {"description", "icon", "company", "webpage", "api"} < told.keys()
 
 
 @pytest.mark.parametrize(
