@@ -35,3 +35,9 @@ def wait_until(browser: Any, script: str, *arguments: object) -> None:
     """Waits until a script returns something true."""
     wait = need_package("selenium.webdriver.support.ui").WebDriverWait
     wait(browser, PATIENCE_S, 0.02).until(lambda _: browser.execute_script(script, *arguments))
+
+
+def says(browser: Any, selector: str, words: str) -> None:
+    """Waits until an element's text holds some words."""
+    text = "document.querySelector(arguments[0]).innerText"
+    wait_until(browser, f"return {text}.includes(arguments[1])", selector, words)

@@ -46,7 +46,6 @@ class Row(NamedTuple):
         field_s: direction of the field, strapdown's frame.
         norm_ut: of the field.
         force_s: specific force, m/s in this second, strapdown's frame.
-        force_angle_rad: between field and specific force.
         heading_rad: of the field by the attitude, less its declination.
         dip_rad: of the field by the attitude.
         sigma_tilt_rad: of the attitude.
@@ -59,13 +58,17 @@ class Row(NamedTuple):
     field_s: Vec3
     norm_ut: float
     force_s: Vec3
-    force_angle_rad: float
     heading_rad: float
     dip_rad: float
     sigma_tilt_rad: float
     sigma_heading_rad: float
     path_rad: float
     turn_variance: float
+
+    @property
+    def force_angle_rad(self) -> float:
+        """Between field and specific force."""
+        return _angle(self.field_s, self.force_s)
 
 
 class FieldWindows:
@@ -231,7 +234,6 @@ class FieldWindows:
             self._sum,
             self._norms / self._fields,
             force,
-            _angle(self._sum, force),
             math.remainder(math.atan2(east, north) - declination, math.tau),
             math.atan2(down, math.hypot(north, east)),
             last.sigma_tilt_rad,

@@ -1,4 +1,4 @@
-"""Our attitudes of the last second, to bring to the present what was told before.
+"""Our attitudes of the last two seconds, to bring to the present what was told before.
 
 An autopilot tells its attitude a few times a second. Two horizons side by side must stand at the
 same time: a vehicle turns by several degrees in between.

@@ -42,8 +42,8 @@ GATE = 3.0
 STEADY_SHARE = 0.4
 # Of the vehicle's own acceleration: a heading that is off by 15 deg makes as much of it.
 MOVED_SHARE = 0.25
-# A direction that a velocity shows by less than this is not looked at: without the velocity down,
-# that is the vertical.
+# A direction that shows less than this share of what the best one does is not looked at: without
+# the velocity down, that is the vertical.
 UNSEEN = 0.6
 SCALE_SIGMA = 0.01  # of a gyro
 # The receiver may miss a fix.

@@ -6,7 +6,7 @@ import time
 import urllib.request
 
 import pytest
-from browsers import headless_browser, wait_until
+from browsers import headless_browser, says, wait_until
 from daemon_process import H2NAV, WAIT_S, daemon, free_udp_port
 
 CONFIG = """
@@ -54,15 +54,6 @@ def flying(tmp_path):
 def page_url(running):
     told = running.wait_for(lambda event: "live view at" in event.get("text", ""))
     return re.search(r"http://\S+/", told["text"])[0]
-
-
-def says(browser, selector, words):
-    wait_until(
-        browser,
-        "return document.querySelector(arguments[0]).innerText.includes(arguments[1])",
-        selector,
-        words,
-    )
 
 
 def order(autopilot, line):

@@ -4,7 +4,7 @@ import math
 import re
 
 import pytest
-from browsers import headless_browser, wait_until
+from browsers import headless_browser, says, wait_until
 from live_records import (
     HELD,
     UNIX_NS,
@@ -56,15 +56,6 @@ def opened(browser, page):
 
 def text_of(browser, selector):
     return browser.find_element("css selector", selector).text
-
-
-def says(browser, selector, words):
-    wait_until(
-        browser,
-        "return document.querySelector(arguments[0]).innerText.includes(arguments[1])",
-        selector,
-        words,
-    )
 
 
 def horizon(browser, which):
