@@ -27,7 +27,7 @@ from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.panel import Sight
-from h2nav.apps.run import USUAL_ADDRESS
+from h2nav.apps.run import add_live_argument
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.reference import ErrorTable, Reference
@@ -66,13 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"scenario to fly: {', '.join(SCENARIOS)} (default: flight)",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of the simulated sensors")
-    parser.add_argument(
-        "--live",
-        nargs="?",
-        const=USUAL_ADDRESS,
-        metavar="HOST:PORT",
-        help=f"show it on a status page and a Foxglove WebSocket (default: {USUAL_ADDRESS})",
-    )
+    add_live_argument(parser)
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

@@ -22,6 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--connect", metavar="URL", help=f"link to the autopilot: {FORMS}")
     parser.add_argument("--log-dir", metavar="DIR", help="folder of the MCAP logs")
+    add_live_argument(parser)
+    parser.add_argument("--json", action="store_true", help="status events on standard output")
+
+
+def add_live_argument(parser: argparse.ArgumentParser) -> None:
+    """Declares the option ``--live``."""
     parser.add_argument(
         "--live",
         nargs="?",
@@ -29,7 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HOST:PORT",
         help=f"show a status page, metrics and a Foxglove WebSocket (default: {USUAL_ADDRESS})",
     )
-    parser.add_argument("--json", action="store_true", help="status events on standard output")
 
 
 def run(args: argparse.Namespace) -> int:
