@@ -90,7 +90,7 @@ def analyse(flight: Flight) -> Analysis:
             moves = moves_of(fixes)
             steps = look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
             if len(alive) == 1:
-                steps = _undecided(own, steps)
+                own, steps = _undecided(own, steps), []
             elif first is not None and f"IMU {first.imu + 1}" in {step.source for step in steps}:
                 # A receiver is not to be judged by an accelerometer that was wrong.
                 first = next(t for t in alive if t.imu != first.imu)
@@ -110,19 +110,20 @@ def analyse(flight: Flight) -> Analysis:
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
-    """The jumps of a single accelerometer where velocities contradict nothing else.
+    """The receiver's findings, with the jumps of a single accelerometer that explain them as well.
 
-    One that a velocity explains as well is one finding, which says both. Where velocities
-    contradict at other times, they, or the attitude, are no measure of a jump.
+    Alone, a jump is not told: without another IMU, too much else looks like one.
     """
-    places = [i for i, other in enumerate(found) if other.kind == "gps_velocity"]
-    for step in steps:
-        for i in places:
-            if found[i].from_s - REACH_S < step.to_s and step.from_s < found[i].to_s + REACH_S:
-                told = f"{found[i].evidence}; or the {step.text} {step.evidence}"
-                found[i] = found[i]._replace(evidence=told)
-                break
-    return [] if places else steps
+    told = []
+    for one in found:
+        near = [
+            f"; or the {step.text} {step.evidence}"
+            for step in steps
+            if one.from_s - REACH_S < step.to_s and step.from_s < one.to_s + REACH_S
+        ]
+        is_told = one.kind == "gps_velocity"
+        told.append(one._replace(evidence=one.evidence + "".join(near)) if is_told else one)
+    return told
 
 
 def _of_samples(
