@@ -33,7 +33,8 @@ VELOCITY_AIDED = KernelFiles(
     "velocity_aided",
     _kernel(
         "velocity_aided",
-        *("prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "step"),
+        *("prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "estimate"),
+        "step",
     ),
     "step",
 )

@@ -8,6 +8,8 @@ import functools
 import importlib
 import os
 from array import array
+from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from types import ModuleType
 
@@ -72,10 +74,9 @@ class CompiledStep:
         self._number = COMPILED.index(kernel)
         self._result = array(code, [0] * RESULT_COLUMNS)
 
-    def __call__(self, memory: object, gains: object, sample: object) -> int:
-        """One sample; returns bits."""
-        self._run(self._number, memory, gains, sample, self._result)
-        return int(self._result[RESULT_COLUMNS - 1])
+    def bound(self, memory: object, gains: object, sample: object) -> Callable[[], int]:
+        """What takes the sample that stands in a record, and returns bits; the records stay."""
+        return partial(self._run, self._number, memory, gains, sample, self._result)
 
     def run(self, memory: object, gains: object, samples: object, results: object) -> None:
         """Many samples.

@@ -25,13 +25,15 @@ def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
 
 {structs}
 {translation.code}
-static void run(void *memory, const void *gains, const void *samples, size_t rows, void *results)
+static int32_t run(void *memory, const void *gains, const void *samples, size_t rows,
+                   void *results)
 {{
     Memory *s = memory;
     const Sample *sample = samples;
     {number} *result = results;
+    int32_t bits = 0;
     for (size_t row = 0; row < rows; row++) {{
-        const int32_t bits = {kernel.entry}(s, gains, sample + row);
+        bits = {kernel.entry}(s, gains, sample + row);
         for (size_t i = 0; i < 4; i++) {{
             result[i] = s->q_nb[i];
         }}
@@ -41,6 +43,7 @@ static void run(void *memory, const void *gains, const void *samples, size_t row
         result[7] = ({number})bits;
         result += 8;
     }}
+    return bits;
 }}
 
 const struct kernel {kernel.name} = {{

@@ -6,6 +6,7 @@ bits in Python, in C on any computer and on a microcontroller.
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from h2nav.attitude.constant_gain import memory
 from h2nav.attitude.constant_gain.gains import (
@@ -70,11 +71,12 @@ class ConstantGainFilter:
 
     def __init__(self, model: ConstantGainModel, compiled: CompiledStep | None = None) -> None:
         self._model = model
-        self._step: Callable[[Memory, Gains, Sample], int] = update
         self._memory, self._g, self._sample = Memory(), Gains(), Sample()
         if compiled is not None:
-            self._step = compiled
             self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
+        s, g, u = self._memory, self._g, self._sample
+        bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
+        self._step: Callable[[], int] = bound
         reset(self._memory)
         self._t_us: int | None = None
         self._field = model.densities.field
@@ -144,7 +146,7 @@ class ConstantGainFilter:
             self._coast(sample)
             dt_us -= MOST_DT_US
         self._fill(sample, dt_us)
-        bits = self._step(self._memory, self._g, self._sample)
+        bits = self._step()
         if self._memory.age_us < 0 and not bits & memory.DISAGREES:
             return None
         return self._estimate(sample, bits)
@@ -171,7 +173,7 @@ class ConstantGainFilter:
         """Turns by the gyro alone for the longest step."""
         if self._memory.age_us >= 0:
             fill_sample(self._sample, sample.w_b, (0.0, 0.0, 0.0), None, MOST_DT_US)
-            self._step(self._memory, self._g, self._sample)
+            self._step()
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
         w, x, y, z = map(float, self._memory.q_nb)

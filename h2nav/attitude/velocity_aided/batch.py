@@ -47,6 +47,7 @@ class VelocityAidedBatch:
         table["accel"] = part.acc
         table["mag"][part.has_field] = part.mag[part.has_field]
         table["has_mag"] = part.has_field
+        table["asked"][-1] = 1.0  # what is remembered shall not depend on the batch
         table["rest_prior"] = self._filter.kernel_sample.rest_prior
         table["forward_speed"] = self._filter.kernel_sample.forward_speed
         return table
@@ -57,10 +58,9 @@ class VelocityAidedBatch:
         last.dt_s = float(table["dt_s"][-1])
         last.gyro[:] = table["gyro"][-1].tolist()
         last.accel[:] = table["accel"][-1].tolist()
+        last.mag[:] = table["mag"][-1].tolist()
         last.has_mag = float(part.has_field[-1])
         last.clipped = last.aided = last.has_fix = 0.0
-        if part.has_field.any():
-            last.mag[:] = part.mag[np.flatnonzero(part.has_field)[-1]].tolist()
         self._filter.follow(int(part.t_us[-1]))
         return BatchResult(out[:, :4], out[:, 4:7])
 

@@ -9,12 +9,13 @@ Equations: docs/filter.md.
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from h2nav.attitude import alignment
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values, writer
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -41,6 +42,7 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     velocity_walk,
 )
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
+from h2nav.attitude.velocity_aided.kernel.estimate import estimate
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
 from h2nav.attitude.velocity_aided.kernel.start import begin, find_in_air
@@ -62,48 +64,28 @@ MOST_FORCE_M_S2 = 4000.0
 MOST_FIELD_UT = 1e6
 # Numbers of `VelocityAidedFilter.state` before those of the kernel.
 HEAD_SIZE = 4
-# After this time of running the start-up transient is over.
-CONVERGED_S = 10.0
-# The densities of the loop and of theta are upper limits of what they stand for.
-TILT_SHARE = 0.85
-HEADING_SHARE = 0.5
-# Of the field: what no model of it knows.
-FIELD_OFFSET = 0.01
 # A bias beyond this turns the forces of a window in the air by more than the velocities tell.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
-# Deviation of a heading that may be any.
-LOST_HEADING_RAD = math.pi / math.sqrt(3.0)
 # Deviation of a tilt that was not followed for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
-# Heading counts as referenced below this predicted deviation.
-REFERENCED_RAD = 15.0 * DEG
 
-_BITS = (
+_FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
     (memory.FIELD_USED, Trust.FIELD_USED),
     (memory.REST, Trust.REST),
     (memory.VELOCITY_USED, Trust.VELOCITY_USED),
     (memory.RESTARTED, Trust.RESTARTED),
     (memory.SATURATED, Trust.SATURATED),
+    (memory.CONVERGED, Trust.CONVERGED),
+    (memory.YAW_REFERENCED, Trust.YAW_REFERENCED),
 )
-# By number: making an IntFlag costs more than the rest of an estimate.
-_ALL_TRUST = tuple(Trust(number) for number in range(512))
-_CONVERGED, _YAW_REFERENCED = int(Trust.CONVERGED), int(Trust.YAW_REFERENCED)
-_VELOCITY_USED = int(Trust.VELOCITY_USED)
+# By the kernel's bits: making an IntFlag costs more than the rest of an estimate.
 _TRUST = tuple(
-    int(Trust.ALIGNED) + sum(int(flag) for bit, flag in _BITS if bits & bit) for bits in range(64)
+    Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
 )
 # What an estimate takes from the kernel's memory, in its order.
-_ESTIMATED = (
-    *("q_nb", "gyro_bias", "dtilt_n", "dtilt_e", "p_xx", "p_yy", "p_zz", "heading_variance"),
-    *("velocity_noise", "k_tilt", "k_velocity", "age_s", "mag_ref_dip", "mag_accepted_age_s"),
-    *("aided", "innovation", "extra_tilt_sigma", "mag_offset_norm", "mag_offset_dip"),
-    *("heading_unknown", "heading_witnessed", "dtilt_accel_n", "dtilt_accel_e", "p_accel"),
-    "fix_period_s",
-)
-_REFERENCED_VARIANCE = REFERENCED_RAD * REFERENCED_RAD
-_OFFSET_VARIANCE = FIELD_OFFSET**2
-_HEADING_VARIANCE_SHARE = HEADING_SHARE**2
+_ESTIMATED = ("q_nb", "gyro_bias", "innovation", "rate", "sigma_tilt", "sigma_heading")
+_NO_FIELD = (0.0, 0.0, 0.0)
 
 
 class VelocityAidedFilter:
@@ -119,23 +101,23 @@ class VelocityAidedFilter:
     def __init__(self, gains: VelocityAidedGains, compiled: CompiledStep | None = None) -> None:
         self._gains = gains
         self._memory, self._g, self._sample = Memory(), gains.kernel, Sample()
-        self._step: Callable[[Memory, Gains, Sample], int] = step
         if compiled is not None:
             self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
             copy(gains.kernel, self._g, Gains)
-            self._step = compiled
+        s, g, u = self._memory, self._g, self._sample
+        bound = partial(step, s, g, u) if compiled is None else compiled.bound(s, g, u)
+        self._step: Callable[[], int] = bound
+        self._write = writer(u, Sample, "dt_s", "has_fix")
+        self._read = reader(s, Memory, _ESTIMATED)
+        u.asked = 1.0
         self._t_us: int | None = None
         self._aligned = False
         self._window: alignment.Alignment | None = None
         self._aiding = VelocityAiding()
         self._air: AirAlignment | None = None
         self._witness = HeadingWitness()
-        s, u = self._memory, self._sample
-        # A C struct makes a new view whenever it is asked for a vector: they are asked for once.
-        self._measured = (u.gyro, u.accel, u.mag)
-        self._read = reader(s, Memory, _ESTIMATED)
         s.mag_accepted_age_s = -1.0
-        s.p_xx = s.p_yy = s.p_zz = self._g.bias_variance
+        s.p_xx = s.p_yy = s.p_zz = g.bias_variance
         self.use_vehicle(VehicleState())
 
     @property
@@ -220,10 +202,11 @@ class VelocityAidedFilter:
         nothing; the rate of a clipped one is doubted. A sample that is not later than the one
         before changes nothing: the estimate before it comes again.
         """
-        t_us, before_us = sample.t_us, self._t_us
+        t_us, w_b, f_b, m_b_ut, clipped = sample
+        before_us = self._t_us
         if before_us is not None and t_us <= before_us:
             return self._standing(before_us, 0)
-        if not is_plausible(sample):
+        if not is_plausible(w_b, f_b):
             return self._standing(t_us, memory.SATURATED)
         if before_us is None or (t_us - before_us) * 1e-6 > LONGEST_GAP_S:
             if self._aligned and self._sample.rest_prior == 0.0:
@@ -231,37 +214,36 @@ class VelocityAidedFilter:
             self._aligned = False
         if not self._aligned:
             return self._align(sample)
-        u, s = self._sample, self._memory
-        u.dt_s = (t_us - (before_us or 0)) * 1e-6
-        gyro, accel, mag = self._measured
-        gyro[:], accel[:] = sample.w_b, sample.f_b
-        m = sample.m_b_ut
-        u.has_mag = 0.0
-        if m is not None:
-            mag[:] = m
-            u.has_mag = 1.0 if is_plausible_field(m) else 0.0
-        u.clipped = clipping(sample)
-        self._fill_velocity(t_us)
-        bits = self._step(s, self._g, u)
+        has_mag = 1.0 if is_plausible_field(m_b_ut) else 0.0
+        aiding = self._aiding
+        self._write(
+            (t_us - (before_us or 0)) * 1e-6,
+            *w_b,
+            *f_b,
+            *(m_b_ut if m_b_ut is not None and has_mag else _NO_FIELD),
+            has_mag,
+            clipping(f_b, clipped),
+            1.0 if t_us < aiding.aided_until_us else 0.0,
+            0.0,
+        )
+        if aiding.waits:
+            self._fill_fix(t_us)
+        bits = self._step()
         self._t_us = t_us
         if self._air is not None:
             self._follow_in_air(self._air, sample)
-        self._aiding.remember(t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
-        return self._estimate(t_us, sample.w_b, bits)
+        s = self._memory
+        aiding.remember(t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
+        return self._estimate(t_us, bits)
 
     def follow(self, t_us: int) -> None:
         """Goes on from a sample of this time, to which a batch has brought memory and sample."""
         self._t_us = t_us
 
-    def _fill_velocity(self, t_us: int) -> None:
-        """Writes the velocity's part of the kernel's sample."""
+    def _fill_fix(self, t_us: int) -> None:
+        """Writes the fix that waits into the kernel's sample, if it may be used."""
         s, u = self._memory, self._sample
-        aiding = self._aiding
-        u.aided = 1.0 if aiding.is_aided(t_us) else 0.0
-        u.has_fix = 0.0
-        if not aiding.waits:
-            return
-        fix = aiding.take(t_us, (s.gained_n, s.gained_e))
+        fix = self._aiding.take(t_us, (s.gained_n, s.gained_e))
         if fix is not None:
             u.has_fix = 1.0
             u.fix_velocity_n, u.fix_velocity_e = fix.v_n
@@ -445,64 +427,35 @@ class VelocityAidedFilter:
         self._witness.clear()
         self._watch_in_air(sample.t_us)
         self._sample.gyro[:] = sample.w_b
-        return self._estimate(sample.t_us, sample.w_b, memory.RESTARTED)
+        bits = estimate(self._memory, self._sample, memory.RESTARTED)
+        return self._estimate(sample.t_us, bits)
 
     def _standing(self, t_us: int, bits: int) -> AttitudeEstimate | None:
         """The estimate of before, where there is one."""
-        x, y, z = self._measured[0][:]
-        return self._estimate(t_us, (x, y, z), bits) if self._aligned else None
+        if not self._aligned:
+            return None
+        return self._estimate(t_us, estimate(self._memory, self._sample, bits))
 
-    def _estimate(self, t_us: int, gyro: Vec3, bits: int) -> AttitudeEstimate:
+    def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         # fmt: off
         (
-            q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, n_x, n_y, n_z, _, e_x, e_y, e_z, _,
-            p_xx, p_yy, p_zz, heading_variance, velocity_noise, k_tilt, k_velocity, age_s,
-            dip, mag_age_s, aided, to_n, to_e, to_d, extra_sigma, offset_norm, offset_dip,
-            heading_unknown, heading_witnessed, accel_n_x, accel_n_y, accel_e_x, accel_e_y,
-            accel_xx, accel_xy, accel_yy, fix_period_s,
+            q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, to_n, to_e, to_d, w_x, w_y, w_z,
+            sigma_tilt_rad, sigma_heading_rad,
         ) = self._read()
         # fmt: on
-        trust = _TRUST[bits]
-        if age_s > CONVERGED_S:
-            trust |= _CONVERGED
-        is_known = heading_variance < _REFERENCED_VARIANCE and heading_unknown == 0.0
-        if is_known:
-            trust |= _YAW_REFERENCED
-        # Tilt: of the gain set, the bias through it, and what is beyond; Eq. (11), (27), (30).
-        bias = (
-            p_xx * (n_x * n_x + e_x * e_x)
-            + p_yy * (n_y * n_y + e_y * e_y)
-            + p_zz * (n_z * n_z + e_z * e_z)
-        )
-        gain_set = 2.0 * k_tilt * k_velocity * velocity_noise
-        if aided > 0.0:
-            trust |= _VELOCITY_USED
-            # The gains at a fix are those of a second times its period.
-            gain_set /= fix_period_s * fix_period_s
-            for x, y in ((accel_n_x, accel_n_y), (accel_e_x, accel_e_y)):
-                bias += accel_xx * x * x + 2.0 * accel_xy * x * y + accel_yy * y * y
-        sigma_tilt_rad = TILT_SHARE * math.sqrt(
-            max(gain_set + bias, 0.0) + extra_sigma * extra_sigma
-        )
-        # Heading: of theta, and of what a constant disturbance may hide; Eq. (48).
-        sigma_heading_rad = LOST_HEADING_RAD
-        if is_known or mag_age_s >= 0.0 or heading_witnessed > 0.0:
-            hidden = 0.5 * (offset_norm**2 + offset_dip**2) + _OFFSET_VARIANCE
-            # Rounding may leave a variance of nothing a little below it.
-            known = _HEADING_VARIANCE_SHARE * max(heading_variance, 0.0)
-            sigma_heading_rad = min(
-                math.sqrt(known + hidden / math.cos(dip) ** 2), LOST_HEADING_RAD
-            )
-        g_x, g_y, g_z = gyro
-        return AttitudeEstimate(
-            t_us,
-            (q_w, q_x, q_y, q_z),
-            (g_x - bias_x, g_y - bias_y, g_z - bias_z),
-            (bias_x, bias_y, bias_z),
-            (to_n, to_e, to_d),
-            sigma_tilt_rad,
-            _ALL_TRUST[trust],
-            sigma_heading_rad,
+        # Without the detour through the constructor's arguments, which doubles its price.
+        return tuple.__new__(
+            AttitudeEstimate,
+            (
+                t_us,
+                (q_w, q_x, q_y, q_z),
+                (w_x, w_y, w_z),
+                (bias_x, bias_y, bias_z),
+                (to_n, to_e, to_d),
+                sigma_tilt_rad,
+                _TRUST[bits],
+                sigma_heading_rad,
+            ),
         )
 
 
@@ -560,16 +513,16 @@ def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float
     return -speed if vehicle.is_backward else speed
 
 
-def clipping(sample: ImuSample) -> float:
+def clipping(f_b: Vec3, clipped: bool) -> float:
     """What the kernel may believe of a sample: all, its rate with a doubt, or its rate alone."""
-    if sample.clipped:
+    if clipped:
         return 1.0
-    return memory.FORCE_LOST if sample.f_b == (0.0, 0.0, 0.0) else 0.0
+    return memory.FORCE_LOST if f_b == (0.0, 0.0, 0.0) else 0.0
 
 
-def is_plausible(sample: ImuSample) -> bool:
+def is_plausible(w_b: Vec3, f_b: Vec3) -> bool:
     """False for what no sensor can have measured; a NaN makes every comparison false."""
-    _, (p, q, r), (x, y, z), *_ = sample
+    (p, q, r), (x, y, z) = w_b, f_b
     return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
 
 

@@ -24,6 +24,8 @@ REST = 4
 VELOCITY_USED = 8
 RESTARTED = 16
 SATURATED = 32
+CONVERGED = 64
+YAW_REFERENCED = 128
 
 
 @dataclass(slots=True)
@@ -124,6 +126,9 @@ class Memory:
     dtilt_lag: list[float] = reals(2, "1/s", "sensitivity of the tilt to it, north and east")
     dvelocity_lag: list[float] = reals(2, "", "sensitivity of the velocity to it, north and east")
     dfix_lag: float = real("s", "correction of it; not remembered")
+    rate: list[float] = reals(3, "rad/s", "angular rate without the bias; not remembered")
+    sigma_tilt: float = real("rad", "predicted deviation of the tilt; not remembered")
+    sigma_heading: float = real("rad", "predicted deviation of the heading; not remembered")
 
 
 @dataclass(slots=True)
@@ -136,10 +141,11 @@ class Sample:
     mag: list[float] = reals(3, "field", "magnetic field")
     has_mag: float = real("", "1: the field counts")
     clipped: float = real("", "1: the rate counts, force and field do not; 2: the rate is sure")
-    rest_prior: float = real("", "0: not at rest, 1: the signals decide, 2: on the ground")
-    forward_speed: float = real("m/s", "velocity along the nose that holds a filter without fixes")
     aided: float = real("", "1: velocity fixes come; no bounded velocity is assumed")
     has_fix: float = real("", "1: a fix comes with this sample")
+    asked: float = real("", "1: rate and deviations of an estimate are worked out")
+    rest_prior: float = real("", "0: not at rest, 1: the signals decide, 2: on the ground")
+    forward_speed: float = real("m/s", "velocity along the nose that holds a filter without fixes")
     fix_velocity_n: float = real("m/s", "its velocity north")
     fix_velocity_e: float = real("m/s", "its velocity east")
     fix_gained_n: float = real("s", "gained_n when the fix was true")

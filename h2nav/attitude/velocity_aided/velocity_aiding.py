@@ -50,12 +50,16 @@ class VelocityAiding:
     """Keeps fixes and a filter's past, so that each fix is used at its own time.
 
     "Gained" is the velocity that the filter has integrated since aiding began, in its own unit.
+
+    Attributes:
+        aided_until_us: good fixes have come often enough for samples before this time.
     """
 
     def __init__(self) -> None:
         self._fixes = 0
         self._fix_us = 0.0
         self._period_s = 0.0
+        self.aided_until_us = -math.inf
         self._waiting: VelocityFix | None = None
         # (time, velocity gained north, east)
         self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
@@ -65,6 +69,7 @@ class VelocityAiding:
         self._fixes = 0
         self._fix_us = 0.0
         self._period_s = 0.0
+        self.aided_until_us = -math.inf
         self._waiting = None
         self._past.clear()
 
@@ -85,11 +90,12 @@ class VelocityAiding:
         self._period_s = min(gap_s, LOST_S)
         self._fix_us = float(fix.t_us)
         self._waiting = fix
+        self._follow_fixes()
         return True
 
-    def is_aided(self, t_us: int) -> bool:
-        """True while good fixes come often enough."""
-        return self._fixes >= FIXES_TO_START and (t_us - self._fix_us) * 1e-6 < LOST_S
+    def _follow_fixes(self) -> None:
+        is_steady = self._fixes >= FIXES_TO_START
+        self.aided_until_us = self._fix_us + LOST_S * 1e6 if is_steady else -math.inf
 
     @property
     def waits(self) -> bool:
@@ -98,7 +104,7 @@ class VelocityAiding:
 
     def is_idle(self, t_us: int) -> bool:
         """True when no fix waits and none holds the filter."""
-        return self._waiting is None and not self.is_aided(t_us)
+        return self._waiting is None and not t_us < self.aided_until_us
 
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
         """The fix that waits, once; None when there is none or aiding is off.
@@ -111,7 +117,7 @@ class VelocityAiding:
         if fix is None:
             return None
         self._waiting = None
-        if not self.is_aided(t_us):
+        if not t_us < self.aided_until_us:
             return None
         then = self._gained(float(fix.t_us), gained)
         before = self._gained(fix.t_us - RATE_S * 1e6, gained)
@@ -148,6 +154,7 @@ class VelocityAiding:
             t_us, north, east, down, sigma, independent = values[4:past]
             fix = VelocityFix(int(t_us), (north, east, down), sigma, independent > 0.0)
             self._waiting = fix
+        self._follow_fixes()
         for i in range(past, len(values), 3):
             self._past.append((values[i], values[i + 1], values[i + 2]))
 

@@ -6,6 +6,7 @@ bits in Python, in C on any computer and on a microcontroller.
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.integer.motion import MOST_DT_US
@@ -24,14 +25,8 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import (
-    CONVERGED_S,
-    FIELD_OFFSET,
-    HEADING_SHARE,
     LONGEST_GAP_S,
-    LOST_HEADING_RAD,
     MOST_FIELD_UT,
-    REFERENCED_RAD,
-    TILT_SHARE,
     clipping,
     forward_speed_m_s,
     is_plausible,
@@ -57,6 +52,14 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     Gains,
     Memory,
     Sample,
+)
+from h2nav.attitude.velocity_aided.kernel.estimate import (
+    CONVERGED_S,
+    FIELD_OFFSET,
+    HEADING_SHARE,
+    LOST_HEADING_RAD,
+    REFERENCED_RAD,
+    TILT_SHARE,
 )
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.units import GRAVITY_M_S2
@@ -97,7 +100,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
         gyro[i] = _GYRO.fixed(sample.w_b[i] * 1e-6)
         accel[i] = _ACCEL.fixed(sample.f_b[i] / GRAVITY_M_S2)
         mag[i] = _MAG.fixed(m[i] / field_unit) if m is not None and u.has_mag else 0
-    u.clipped = int(clipping(sample))
+    u.clipped = int(clipping(sample.f_b, sample.clipped))
     u.aided = u.has_fix = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
     u.fix_accel_n = u.fix_accel_e = 0
@@ -149,13 +152,14 @@ class IntegerVelocityAidedFilter:
         self._gains = gains
         self._memory, self._sample = Memory(), Sample()
         self._g = integer_gains(gains, place).gains
-        self._step: Callable[[Memory, Gains, Sample], int] = update
         if compiled is not None:
             self._memory, self._sample = in_c(Memory), in_c(Sample)
             exact, self._g = self._g, in_c(Gains)
             copy(exact, self._g, Gains)
-            self._step = compiled
-        reset(self._memory, self._g)
+        s, g, u = self._memory, self._g, self._sample
+        bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
+        self._step: Callable[[], int] = bound
+        reset(s, g)
         self._t_us: int | None = None
         self._aiding = VelocityAiding()
         self._gained_n = self._gained_e = 0
@@ -244,7 +248,7 @@ class IntegerVelocityAidedFilter:
         is_aligned = self._memory.age_us >= 0
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(sample._replace(t_us=self._t_us), 0) if is_aligned else None
-        if not is_plausible(sample):
+        if not is_plausible(sample.w_b, sample.f_b):
             held = sample._replace(w_b=self._bias())
             return self._estimate(held, memory.SATURATED) if is_aligned else None
         dt_us = None if self._t_us is None else sample.t_us - self._t_us
@@ -295,8 +299,8 @@ class IntegerVelocityAidedFilter:
     def _run(self, dt_us: int) -> int:
         """One sample in as many equal steps as its time needs; field and fix come with the last."""
         bits = 0
-        for part in parts_of(self._sample, dt_us):
-            bits |= self._step(self._memory, self._g, part)
+        for _ in parts_of(self._sample, dt_us):
+            bits |= self._step()
             self._follow_gained()
         return bits
 
@@ -317,8 +321,8 @@ class IntegerVelocityAidedFilter:
         assign(u, Sample, _NOTHING)
         saturations = self._memory.saturations
         while max(abs(part) for part in self._memory.correction) >> SETTLED_BITS:
-            self._step(self._memory, self._g, u)
-        self._step(self._memory, self._g, u)
+            self._step()
+        self._step()
         assign(u, Sample, before)
         self._memory.saturations = saturations
 
@@ -344,7 +348,7 @@ class IntegerVelocityAidedFilter:
     def _fill_velocity(self, t_us: int) -> None:
         """Writes the velocity's part of a sample."""
         u = self._sample
-        u.aided = int(self._aiding.is_aided(t_us))
+        u.aided = int(t_us < self._aiding.aided_until_us)
         fix = self._aiding.take(t_us, self._gained())
         if fix is None:
             return

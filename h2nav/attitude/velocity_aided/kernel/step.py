@@ -4,6 +4,7 @@ Equations: docs/filter.md.
 """
 
 from ..memory import FORCE_LOST, SATURATED, Gains, Memory, Sample
+from .estimate import estimate
 from .heading import use_field
 from .prediction import predict_attitude, predict_velocity
 from .rest import use_rest
@@ -40,4 +41,7 @@ def step(s: Memory, g: Gains, sample: Sample) -> int:
         if sample.has_mag > 0.0:
             bits = bits | use_field(s, g, sample)
         bits = bits | use_rest(s, g, sample) | check_level(s, g, sample)
-    return bits | limit(s, g)
+    bits = bits | limit(s, g)
+    if sample.asked > 0.0:
+        bits = estimate(s, sample, bits)
+    return bits

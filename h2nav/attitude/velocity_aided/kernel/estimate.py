@@ -1,0 +1,76 @@
+"""What an estimate of the velocity-aided filter says besides attitude, bias and innovation.
+
+Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Memory, Sample
+
+CONVERGED_S = 10.0  # of running: the start-up transient is over
+REFERENCED_RAD = 15.0 * (math.pi / 180.0)  # predicted deviation of a heading tied to north
+LOST_HEADING_RAD = 1.8137993642342178  # pi over the root of 3: of a heading that may be any
+# The densities of the loop and of theta are upper limits of what they stand for.
+TILT_SHARE = 0.85
+HEADING_SHARE = 0.5
+FIELD_OFFSET = 0.01  # of the field: what no model of it knows
+
+
+def estimate(s: Memory, sample: Sample, bits: int) -> int:
+    """The rate without its bias and the predicted deviations; returns the bits with what holds.
+
+    Source: docs/filter.md Eq. (11), (27), (30), (48).
+    """
+    for i in range(3):
+        s.rate[i] = sample.gyro[i] - s.gyro_bias[i]
+    s.sigma_tilt = tilt_deviation(s)
+    known = 0.0
+    if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and s.heading_unknown == 0.0:
+        known = 1.0
+        bits = bits | YAW_REFERENCED
+    s.sigma_heading = LOST_HEADING_RAD
+    if known > 0.0 or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0:
+        deviation = heading_deviation(s)
+        if not deviation > LOST_HEADING_RAD:
+            s.sigma_heading = deviation
+    if s.age_s > CONVERGED_S:
+        bits = bits | CONVERGED
+    if s.aided > 0.0:
+        bits = bits | VELOCITY_USED
+    return bits
+
+
+def tilt_deviation(s: Memory) -> float:
+    """Of the gain set, the bias through it, and what is beyond."""
+    variance = (
+        s.p_xx * (s.dtilt_n[0] * s.dtilt_n[0] + s.dtilt_e[0] * s.dtilt_e[0])
+        + s.p_yy * (s.dtilt_n[1] * s.dtilt_n[1] + s.dtilt_e[1] * s.dtilt_e[1])
+        + s.p_zz * (s.dtilt_n[2] * s.dtilt_n[2] + s.dtilt_e[2] * s.dtilt_e[2])
+    )
+    gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
+    if s.aided > 0.0:
+        # The gains at a fix are those of a second times its period.
+        gain_set = gain_set / (s.fix_period_s * s.fix_period_s)
+        variance = variance + of_accel(s, s.dtilt_accel_n[0], s.dtilt_accel_n[1])
+        variance = variance + of_accel(s, s.dtilt_accel_e[0], s.dtilt_accel_e[1])
+    variance = gain_set + variance
+    if variance < 0.0:
+        variance = 0.0
+    return TILT_SHARE * math.sqrt(variance + s.extra_tilt_sigma * s.extra_tilt_sigma)
+
+
+def of_accel(s: Memory, x: float, y: float) -> float:
+    """Variance through the accelerometer's bias of what has these sensitivities to it."""
+    return s.p_accel[0] * x * x + 2.0 * s.p_accel[1] * x * y + s.p_accel[2] * y * y
+
+
+def heading_deviation(s: Memory) -> float:
+    """Of theta, and of what a constant disturbance may hide."""
+    hidden = FIELD_OFFSET * FIELD_OFFSET + 0.5 * (
+        s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip
+    )
+    flat = math.cos(s.mag_ref_dip)
+    variance = s.heading_variance
+    if variance < 0.0:  # by rounding
+        variance = 0.0
+    return math.sqrt(HEADING_SHARE * HEADING_SHARE * variance + hidden / (flat * flat))
