@@ -67,6 +67,31 @@ def exp(phi: Vec3) -> Quat:
     return (math.cos(half), scale * x, scale * y, scale * z)
 
 
+def turned(q: Quat, phi: Vec3) -> Quat:
+    """``normalize(multiply(q, exp(phi)))``, bit for bit, in one call for the per-sample path.
+
+    Args:
+        q: a unit quaternion.
+        phi: the turn to add, rad, in the inner frame.
+
+    Raises:
+        ValueError: the result is not finite.
+    """
+    pw, px, py, pz = q
+    x, y, z = phi
+    half = 0.5 * math.sqrt(x * x + y * y + z * z)
+    scale = 0.5 - half * half / 12.0 if half < _SMALL_ANGLE else 0.5 * math.sin(half) / half
+    c, x, y, z = math.cos(half), scale * x, scale * y, scale * z
+    w = pw * c - px * x - py * y - pz * z
+    a = pw * x + px * c + py * z - pz * y
+    b = pw * y - px * z + py * c + pz * x
+    d = pw * z + px * y - py * x + pz * c
+    length = math.sqrt(w * w + a * a + b * b + d * d)
+    if not 0.0 < length < math.inf:
+        raise ValueError(f"quaternion {(w, a, b, d)} has no direction")
+    return (w / length, a / length, b / length, d / length)
+
+
 def log(q: Quat) -> Vec3:
     """The rotation vector of q, the short way: its length is at most pi.
 

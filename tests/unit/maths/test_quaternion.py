@@ -23,6 +23,19 @@ def test_the_angle_between_attitudes_ignores_the_sign() -> None:
     )
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-5, 3e-4, 0.02, 1.0, 3.1])
+def test_a_turn_in_one_call_has_the_bits_of_three(size: float) -> None:
+    q = quaternion.from_euler(0.3, -1.2, 2.0)
+    phi = (0.6 * size, -0.48 * size, 0.64 * size)
+    turn = quaternion.exp(phi)
+    assert quaternion.turned(q, phi) == quaternion.normalize(quaternion.multiply(q, turn))
+
+
+def test_a_turn_that_is_no_number_is_an_error() -> None:
+    with pytest.raises(ValueError, match="no direction"):
+        quaternion.turned(quaternion.IDENTITY, (math.nan, 0.0, 0.0))
+
+
 def test_log_of_identity_in_both_signs_is_zero() -> None:
     assert quaternion.log((1.0, 0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
     assert quaternion.log((-1.0, 0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
