@@ -119,13 +119,14 @@ class VelocityAiding:
         self._waiting = None
         if not t_us < self.aided_until_us:
             return None
-        then = self._gained(float(fix.t_us), gained)
+        earlier = tuple([self._gained(fix.t_us - back * 1e6, gained) for back in LATENCIES_S])
+        then = earlier[0]
         before = self._gained(fix.t_us - RATE_S * 1e6, gained)
         return TimedFix(
             (fix.v_n[0], fix.v_n[1]),
             then,
             ((then[0] - before[0]) / RATE_S, (then[1] - before[1]) / RATE_S),
-            tuple(self._gained(fix.t_us - back * 1e6, gained) for back in LATENCIES_S),
+            earlier,
             max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2,
             self._period_s,
         )
