@@ -124,6 +124,7 @@ class Lane:
         self._autopilot = identity.autopilot
         self._wanted_hz = settings.imu_rate_hz
         self._choice = ImuChoice(message_ids)
+        self._ids = {*message_ids, CALIBRATED_ID}
         self._fields = FieldSource(identity.autopilot, lends=settings.imu_message == "auto")
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
         self._monitor = Monitor(self.name, speeds)
@@ -245,6 +246,8 @@ class Lane:
             if t_ns < self._rests_until_ns:
                 return False
             self._rests_until_ns, self._refusals, self.is_spoilt = None, 0, True
+        if message_id not in self._ids:
+            return False
         if self._choice.considers(message_id, t_ns):
             return True
         return message_id == CALIBRATED_ID and self._fields.is_wanted(self._choice.chosen)
@@ -391,7 +394,7 @@ class Lane:
         _, w_b, f_b, m_b_ut, clipped, _ = self._fields.choose(
             t_ns, IMU_MESSAGES[message_id], reading
         )
-        return ImuSample(t_us, w_b, f_b, m_b_ut, clipped)
+        return tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped))
 
     def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
         self._newest_us = sample.t_us

@@ -136,17 +136,17 @@ class SensorTiming:
 
         Source: docs/filter.md Eq. (41).
         """
-        self._follow(t_us)
-        if self._period_s is None:
+        period_s = self._period_at(t_us)
+        if period_s is None:
             return False
         if field_is_raw != self._field_is_raw or self._ages is None:
             self._ages, self._field_is_raw = self.ages(field_is_raw=field_is_raw), field_is_raw
         rates_s, field_s = self._ages
-        gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * self._period_s
+        gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * period_s
         field_s = gyro_s if field_s is None else field_s
         was_gyro_s, was_field_s = self.delays
-        changes_s = abs(gyro_s - was_gyro_s), abs(field_s - was_field_s)
-        if max(changes_s) < LEAST_CHANGE_S:
+        gyro_change_s, field_change_s = abs(gyro_s - was_gyro_s), abs(field_s - was_field_s)
+        if gyro_change_s < LEAST_CHANGE_S and field_change_s < LEAST_CHANGE_S:
             return False
         self.delays = SensorDelays(gyro_s, field_s)
         return True
@@ -167,14 +167,17 @@ class SensorTiming:
         cutoff_hz = DEFAULT_DRIVING_FILTER_HZ if drives else DEFAULT_FILTER_HZ
         return Ages(butterworth_delay_s(cutoff_hz), ARDUPILOT_FIELD_S)
 
-    def _follow(self, t_us: int) -> None:
+    def _period_at(self, t_us: int) -> float | None:
         """The period's mean; a gap counts as two periods, so that it moves the mean by little."""
         before_us, self._newest_us = self._newest_us, t_us
         if before_us is None:
-            return
-        step_s = (t_us - before_us) * 1e-6
-        if self._period_s is None:
-            self._period_s = step_s
+            return self._period_s
+        step_s, period_s = (t_us - before_us) * 1e-6, self._period_s
+        if period_s is None:
+            period_s = step_s
         else:
-            step_s = min(step_s, 2.0 * self._period_s)
-            self._period_s += (step_s - self._period_s) / PERIOD_SAMPLES
+            longest_s = 2.0 * period_s
+            step_s = min(step_s, longest_s)
+            period_s += (step_s - period_s) / PERIOD_SAMPLES
+        self._period_s = period_s
+        return period_s

@@ -1,6 +1,6 @@
 """Finds an IMU message that repeats what another one says: the same sensor under two names."""
 
-from h2nav.attitude.samples import ImuSample, Vec3
+from h2nav.attitude.samples import ImuSample
 
 SAME_TIME_US = 2_000
 # Two messages of one sensor differ by the last digit of the shorter one at most.
@@ -37,10 +37,10 @@ class Twins:
 
 
 def _differ(one: ImuSample, other: ImuSample, counts: float) -> bool:
-    return _apart(one.w_b, other.w_b, counts * GYRO_COUNT_RAD_S) or _apart(
-        one.f_b, other.f_b, counts * FORCE_COUNT_M_S2
-    )
-
-
-def _apart(p: Vec3, q: Vec3, limit: float) -> bool:
-    return abs(p[0] - q[0]) > limit or abs(p[1] - q[1]) > limit or abs(p[2] - q[2]) > limit
+    (p, q, r), (u, v, w) = one.w_b, other.w_b
+    limit = counts * GYRO_COUNT_RAD_S
+    if abs(p - u) > limit or abs(q - v) > limit or abs(r - w) > limit:
+        return True
+    (p, q, r), (u, v, w) = one.f_b, other.f_b
+    limit = counts * FORCE_COUNT_M_S2
+    return abs(p - u) > limit or abs(q - v) > limit or abs(r - w) > limit
