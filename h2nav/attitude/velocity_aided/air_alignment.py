@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import Quat, Vec3
 from h2nav.attitude.velocity_aided.heading_witness import KNOWN_RAD, LEAST_RATIO, MOST_RATIO
-from h2nav.attitude.velocity_aided.past import SPACING_US, Row, gained_until
+from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, rotate, to_matrix
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
@@ -122,7 +122,9 @@ class AirAlignment:
         if t_us < self._start_us or not self._past or self.is_over(int(t_us)):
             return
         t_s = (t_us - self._start_us) * 1e-6
-        row = (1.0, t_s, v_n[0], v_n[1], *gained_until(self._past, t_us))
+        (_, *before), (_, *after), share = around(self._past, t_us)
+        gained = (a + share * (b - a) for a, b in zip(before, after, strict=True))
+        row = (1.0, t_s, v_n[0], v_n[1], *gained)
         for i, (a, b) in enumerate(itertools.combinations_with_replacement(row, 2)):
             self._sums[i] += a * b
 

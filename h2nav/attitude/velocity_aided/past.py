@@ -12,8 +12,10 @@ Row = tuple[float, ...]
 _time: Callable[[Row], float] = operator.itemgetter(0)
 
 
-def gained_until(past: deque[Row], t_us: float) -> Row:
-    """What was gained up to a time: between two rows interpolated, beyond an end that end's.
+def around(past: deque[Row], t_us: float) -> tuple[Row, Row, float]:
+    """The rows before and after a time, and how much of the way between them it is, 0 to 1.
+
+    Beyond an end both rows are that end's.
 
     Args:
         past: rows of time, us, and what was gained until then, the newest last; one at least.
@@ -21,7 +23,7 @@ def gained_until(past: deque[Row], t_us: float) -> Row:
     """
     place = bisect.bisect_right(past, t_us, key=_time)
     if place in (0, len(past)):
-        return past[min(place, len(past) - 1)][1:]
+        row = past[-1] if place else past[0]
+        return row, row, 0.0
     row, later = past[place - 1], past[place]
-    share = (t_us - row[0]) / (later[0] - row[0])
-    return tuple([a + share * (b - a) for a, b in zip(row[1:], later[1:], strict=True)])
+    return row, later, (t_us - row[0]) / (later[0] - row[0])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
-from h2nav.attitude.velocity_aided.past import SPACING_US, Row, gained_until
+from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 
 # A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
 OLDEST_S = 0.6
@@ -161,5 +161,7 @@ class VelocityAiding:
 
     def _gained(self, t_us: float, now: tuple[float, float]) -> tuple[float, float]:
         """The velocity gained up to a past time."""
-        north, east = gained_until(self._past, t_us) if self._past else now
-        return north, east
+        if not self._past:
+            return now
+        (_, north, east), (_, later_north, later_east), share = around(self._past, t_us)
+        return north + share * (later_north - north), east + share * (later_east - east)
