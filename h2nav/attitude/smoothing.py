@@ -40,7 +40,11 @@ LEAST_SIGMA_RAD = 1e-3
 # A heading is tied to north for so long after the run said so; some say it only with a field.
 REFERENCED_US = 1_000_000
 
-_KNOWN_BY_EITHER = Trust.CONVERGED | Trust.YAW_REFERENCED
+# As numbers: an operation on an IntFlag costs more than the rest of a test.
+_CONVERGED, _RESTARTED = int(Trust.CONVERGED), int(Trust.RESTARTED)
+_REFERENCED = int(Trust.YAW_REFERENCED)
+_KNOWN_BY_EITHER = _CONVERGED | _REFERENCED
+_TRUST = tuple(map(Trust, range(2 * Trust.SATURATED)))
 
 FilterMaker = Callable[[], AttitudeFilter]
 Record = VehicleState | EarthField | SensorDelays | VelocityFix
@@ -239,16 +243,16 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]
     delays: SensorDelays | None = None
     fixes = iter(piece.fixes)
     coming = next(fixes, None)
-    for row, sample in enumerate(piece.samples):
-        if piece.vehicles[row] != vehicle:
-            vehicle = piece.vehicles[row]
+    # What holds is mostly the very record that held before.
+    each = enumerate(zip(piece.samples, piece.vehicles, piece.fields, piece.delays, strict=True))
+    for row, (sample, now, known, late) in each:
+        if now is not vehicle and now != vehicle:
+            vehicle = now
             tell(chosen, vehicle)
-        known = piece.fields[row]
-        if known is not None and known != field:
+        if known is not None and known is not field and known != field:
             field = known
             tell(chosen, field)
-        late = piece.delays[row]
-        if late is not None and late != delays:
+        if late is not None and late is not delays and late != delays:
             delays = late
             tell(chosen, delays)
         while coming is not None and coming[0] <= row:
@@ -265,7 +269,7 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
     except ArithmeticError:
         estimate = None
     else:
-        if estimate is None or all(map(math.isfinite, estimate.q_nb)):
+        if estimate is None or math.isfinite(sum(estimate.q_nb)):
             return estimate
     chosen.restart()
     return None
@@ -348,10 +352,11 @@ def _reversed(piece: _Piece) -> _Piece:
     ends_us = samples[0].t_us + samples[-1].t_us
     turned = []
     for sample, later in itertools.pairwise((*samples, samples[-1])):
-        x, y, z = later.w_b
-        clipped = sample.clipped or later.clipped
+        t_us, _, f_b, m_b_ut, clipped = sample
+        _, (x, y, z), _, _, later_clipped = later
+        clipped = clipped or later_clipped
         turned.append(
-            ImuSample(ends_us - sample.t_us, (-x, -y, -z), sample.f_b, sample.m_b_ut, clipped)
+            tuple.__new__(ImuSample, (ends_us - t_us, (-x, -y, -z), f_b, m_b_ut, clipped))
         )
     turned.reverse()
     fixes = []
@@ -360,15 +365,19 @@ def _reversed(piece: _Piece) -> _Piece:
         fixes.append(fix._replace(t_us=ends_us - fix.t_us, v_n=(-north, -east, -down)))
     return _Piece(
         turned,
-        [_backward(vehicle) for vehicle in reversed(piece.vehicles)],
+        _backward(piece.vehicles),
         piece.fields[::-1],
         piece.delays[::-1],
         _placed(fixes, turned),
     )
 
 
-def _backward(vehicle: VehicleState) -> VehicleState:
-    return vehicle._replace(is_backward=True)
+def _backward(vehicles: Sequence[VehicleState]) -> list[VehicleState]:
+    """The vehicle's states in backward time; one record as long as one holds."""
+    turned: list[VehicleState] = []
+    for vehicle, group in itertools.groupby(reversed(vehicles)):
+        turned += [vehicle._replace(is_backward=True)] * len(list(group))
+    return turned
 
 
 def _of_samples(
@@ -386,28 +395,19 @@ def _of_samples(
         direction: of the run's time: 1 forward, -1 backward.
     """
     found: list[AttitudeEstimate | None] = []
+    a, b, c = bias_b
     for sample, estimate in zip(samples, run, strict=True):
         if estimate is None:
             found.append(None)
             continue
-        (a, b, c), (u, v, w) = bias_b, estimate.bias_b
-        x, y, z = a + direction * u, b + direction * v, c + direction * w
-        w_b = _less(sample.w_b, (x, y, z))
-        if not all(map(math.isfinite, w_b)):
-            w_x, w_y, w_z = estimate.w_b
-            w_b = (direction * w_x, direction * w_y, direction * w_z)
-        found.append(
-            AttitudeEstimate(
-                sample.t_us,
-                estimate.q_nb,
-                w_b,
-                (x, y, z),
-                estimate.innovation_n,
-                estimate.sigma_tilt_rad,
-                estimate.trust,
-                estimate.sigma_heading_rad,
-            )
-        )
+        _, q_nb, rate_b, (u, v, w), *others = estimate
+        bias = x, y, z = a + direction * u, b + direction * v, c + direction * w
+        p, q, r = sample.w_b
+        w_b = p - x, q - y, r - z
+        if not math.isfinite(sum(map(abs, w_b))):
+            p, q, r = rate_b
+            w_b = direction * p, direction * q, direction * r
+        found.append(tuple.__new__(AttitudeEstimate, (sample.t_us, q_nb, w_b, bias, *others)))
     return found
 
 
@@ -419,7 +419,7 @@ def _known(estimates: Sequence[AttitudeEstimate | None]) -> list[_Known | None]:
         if estimate is None:
             known.append(None)
             continue
-        if estimate.trust & Trust.YAW_REFERENCED:
+        if int(estimate.trust) & _REFERENCED:
             at_us = estimate.t_us
         is_referenced = at_us is not None and abs(estimate.t_us - at_us) < REFERENCED_US
         known.append(_Known(estimate, is_referenced))
@@ -477,23 +477,20 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
         heading,
     )
     tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
-    return AttitudeEstimate(
-        f.t_us,
-        normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted)),
-        f.w_b,
-        f.bias_b,
-        f.innovation_n,
-        tilt_sigma,
-        f.trust if f.trust == b.trust else f.trust | (b.trust & _KNOWN_BY_EITHER),
-        heading_sigma,
+    q_nb = normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted))
+    trust = _TRUST[int(f.trust) | (int(b.trust) & _KNOWN_BY_EITHER)]
+    return tuple.__new__(
+        AttitudeEstimate,
+        (f.t_us, q_nb, f.w_b, f.bias_b, f.innovation_n, tilt_sigma, trust, heading_sigma),
     )
 
 
 def _knows_tilt(estimate: AttitudeEstimate) -> bool:
     """False at an alignment, whose predicted deviation does not count the force's own error."""
-    if estimate.trust & Trust.RESTARTED:
+    trust = int(estimate.trust)
+    if trust & _RESTARTED:
         return False
-    return not math.isnan(estimate.sigma_tilt_rad) or bool(estimate.trust & Trust.CONVERGED)
+    return not math.isnan(estimate.sigma_tilt_rad) or bool(trust & _CONVERGED)
 
 
 def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
