@@ -74,13 +74,17 @@ _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
-_TRUST = (
-    (memory.FORCE_USED, Trust.FORCE_USED),
-    (memory.FIELD_USED, Trust.FIELD_USED),
-    (memory.RESTING, Trust.REST),
-    (memory.RESTARTED, Trust.RESTARTED),
-    (memory.SATURATED, Trust.SATURATED),
+# As numbers: an operation on an IntFlag costs more than the kernel.
+_FLAGS = (
+    (memory.FORCE_USED, int(Trust.FORCE_USED)),
+    (memory.FIELD_USED, int(Trust.FIELD_USED)),
+    (memory.RESTING, int(Trust.REST)),
+    (memory.RESTARTED, int(Trust.RESTARTED)),
+    (memory.SATURATED, int(Trust.SATURATED)),
 )
+_ALIGNED, _CONVERGED = int(Trust.ALIGNED), int(Trust.CONVERGED)
+_YAW_REFERENCED, _VELOCITY_USED = int(Trust.YAW_REFERENCED), int(Trust.VELOCITY_USED)
+_TRUST = tuple(map(Trust, range(2 * Trust.SATURATED)))
 
 
 def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> None:
@@ -93,13 +97,12 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
         sample: one of finite rates and forces.
         field_unit: what becomes 2^14, in the unit of the sample's field.
     """
-    gyro, accel, mag = u.gyro, u.accel, u.mag
     m = sample.m_b_ut
-    u.has_mag = int(m is not None and all(map(math.isfinite, m)))
-    for i in range(3):
-        gyro[i] = _GYRO.fixed(sample.w_b[i] * 1e-6)
-        accel[i] = _ACCEL.fixed(sample.f_b[i] / GRAVITY_M_S2)
-        mag[i] = _MAG.fixed(m[i] / field_unit) if m is not None and u.has_mag else 0
+    has_mag = m is not None and all(map(math.isfinite, m))
+    u.gyro[:] = [_GYRO.fixed(rate * 1e-6) for rate in sample.w_b]
+    u.accel[:] = [_ACCEL.fixed(force / GRAVITY_M_S2) for force in sample.f_b]
+    u.mag[:] = [_MAG.fixed(part / field_unit) for part in m] if m and has_mag else [0, 0, 0]
+    u.has_mag = int(has_mag)
     u.clipped = int(clipping(sample.f_b, sample.clipped))
     u.aided = u.has_fix = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
@@ -111,7 +114,8 @@ def _is_limited(u: Sample) -> bool:
     """True when a force stands at an end of its format; the kernel itself watches the rates."""
     ends = _ACCEL.range
     assert ends is not None
-    return any(force == ends[0] or force == ends[1] for force in u.accel)
+    forces = u.accel[:]
+    return ends[0] in forces or ends[1] in forces
 
 
 def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
@@ -438,19 +442,19 @@ class IntegerVelocityAidedFilter:
         q_nb: Quat = (w / length, x / length, y / length, z / length)
         bias = self._bias()
         w_x, w_y, w_z = sample.w_b
-        trust = Trust.ALIGNED
-        for bit, flag in _TRUST:
+        trust = _ALIGNED
+        for bit, flag in _FLAGS:
             if bits & bit:
                 trust |= flag
         if s.age_us > CONVERGED_S * 1e6:
-            trust |= Trust.CONVERGED
+            trust |= _CONVERGED
         heading_sigma = HEADING_UNIT_RAD * math.sqrt(s.heading_variance * 2.0**-28)
         is_known = heading_sigma < REFERENCED_RAD
         if is_known:
-            trust |= Trust.YAW_REFERENCED
+            trust |= _YAW_REFERENCED
         is_found = is_known or s.heading_reset == 0
         if s.aided:
-            trust |= Trust.VELOCITY_USED
+            trust |= _VELOCITY_USED
         return AttitudeEstimate(
             t_us=sample.t_us,
             q_nb=q_nb,
@@ -458,7 +462,7 @@ class IntegerVelocityAidedFilter:
             bias_b=bias,
             innovation_n=self._innovation(),
             sigma_tilt_rad=self._sigma_tilt_rad(),
-            trust=trust,
+            trust=_TRUST[trust],
             sigma_heading_rad=self._sigma_heading_rad() if is_found else LOST_HEADING_RAD,
         )
 
@@ -497,9 +501,9 @@ class IntegerVelocityAidedFilter:
         s = self._memory
         tilt, velocity = self._gain()
         variance = 2.0 * tilt * velocity * 2.0 ** (s.log_velocity_noise / 256.0)
-        for axis, known_to in enumerate((s.p_xx, s.p_yy, s.p_zz)):
-            north = s.dtilt_n[axis] * 2.0**-28
-            east = s.dtilt_e[axis] * 2.0**-28
+        bias = zip((s.p_xx, s.p_yy, s.p_zz), s.dtilt_n[:], s.dtilt_e[:], strict=False)
+        for known_to, to_n, to_e in bias:
+            north, east = to_n * 2.0**-28, to_e * 2.0**-28
             variance += known_to * 2.0**-28 * (north * north + east * east)
         if s.aided:
             xx, xy, yy = (part * 2.0**-28 for part in s.p_accel[:])
