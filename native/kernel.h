@@ -6,7 +6,9 @@
 #include <stdint.h>
 
 struct kernel {
-    void (*run)(void *memory, const void *gains, const void *samples, size_t rows, void *results);
+    /* returns the bits of the last sample */
+    int32_t (*run)(void *memory, const void *gains, const void *samples, size_t rows,
+                   void *results);
     size_t memory_size;
     size_t gains_size;
     size_t sample_size;

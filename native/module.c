@@ -6,6 +6,7 @@
  *   gains    buffer: its gains
  *   samples  buffer: samples, one behind the other
  *   results  writable buffer, one row of 8 numbers per sample: attitude, bias, bits
+ * It returns the bits of the last sample.
  * kernel_digest tells which version of the Python kernels the C was translated from, number_codes
  * of each kernel whether its numbers are doubles (d) or 32-bit integers (i).
  */
@@ -53,6 +54,7 @@ static PyObject *run(PyObject *self, PyObject *arguments)
         return NULL;
     }
     Py_ssize_t rows = -1;
+    int32_t bits = 0;
     if (number < 0 || number >= (int)KERNELS) {
         PyErr_SetString(PyExc_ValueError, "there is no kernel of this number");
     } else {
@@ -61,8 +63,8 @@ static PyObject *run(PyObject *self, PyObject *arguments)
     if (rows >= 0) {
         /* Other threads may run beside a batch; a single sample is shorter than the hand-over. */
         PyThreadState *thread = rows >= BATCH_ROWS ? PyEval_SaveThread() : NULL;
-        kernels[number]->run(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
-                             buffers[3].buf);
+        bits = kernels[number]->run(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
+                                    buffers[3].buf);
         if (thread != NULL) {
             PyEval_RestoreThread(thread);
         }
@@ -73,7 +75,7 @@ static PyObject *run(PyObject *self, PyObject *arguments)
     if (rows < 0) {
         return NULL;
     }
-    Py_RETURN_NONE;
+    return PyLong_FromLong(bits);
 }
 
 static PyMethodDef methods[] = {

@@ -8,6 +8,8 @@ import functools
 import importlib
 import os
 from array import array
+from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from types import ModuleType
 
@@ -46,9 +48,11 @@ def _current_build() -> ModuleType | None:
         native = importlib.import_module("h2nav.attitude._native")
     except ImportError:
         return None
-    folder = resources.files("h2nav.attitude")
+    folder = resources.files("h2nav")
     texts = [
-        folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.paths
+        folder.joinpath(kernel.room, path).read_text("utf-8")
+        for kernel in COMPILED
+        for path in kernel.paths
     ]
     return native if native.kernel_digest == digest(texts) else None
 
@@ -74,8 +78,12 @@ class CompiledStep:
 
     def __call__(self, memory: object, gains: object, sample: object) -> int:
         """One sample; returns bits."""
-        self._run(self._number, memory, gains, sample, self._result)
-        return int(self._result[RESULT_COLUMNS - 1])
+        bits: int = self._run(self._number, memory, gains, sample, self._result)
+        return bits
+
+    def bound(self, memory: object, gains: object, sample: object) -> Callable[[], int]:
+        """What takes the sample that stands in a record, and returns bits; the records stay."""
+        return partial(self._run, self._number, memory, gains, sample, self._result)
 
     def run(self, memory: object, gains: object, samples: object, results: object) -> None:
         """Many samples.

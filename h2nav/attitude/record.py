@@ -158,26 +158,62 @@ def in_c(record_type: type[R]) -> R:
 def reader(
     record: object, record_type: type, names: Sequence[str]
 ) -> Callable[[], tuple[float, ...]]:
-    """What reads some fields of floats at once, their numbers one behind the other.
+    """What reads some fields at once, their numbers one behind the other.
 
     A C struct gives one field after the other at ten times the price.
 
     Args:
         record: to be read.
-        record_type: its type; without integers.
+        record_type: its type.
         names: of the fields, in the record's order.
     """
     if not is_in_c(record):
         return lambda: _flat(getattr(record, name) for name in names)
     found = [row for row in rows(record_type) if row.name in names]
-    if [row.name for row in found] != list(names) or any(row.range for row in rows(record_type)):
-        raise ValueError("expected fields of floats in the record's order")
+    if [row.name for row in found] != list(names):
+        raise ValueError("expected fields in the record's order")
+    code, width = _number_format(record_type)
     layout = (
-        f"{row.length}d" if row in found else f"{8 * row.length}x" for row in rows(record_type)
+        f"{row.length}{code}" if row in found else f"{width * row.length}x"
+        for row in rows(record_type)
     )
     return functools.partial(
         struct.Struct("".join(layout)).unpack_from, cast(ctypes.Structure, record)
     )
+
+
+def writer(record: object, record_type: type, first: str, last: str) -> Callable[..., None]:
+    """What writes neighbouring fields at once; takes their numbers one behind the other.
+
+    Args:
+        record: to be written.
+        record_type: its type.
+        first: name of the first field.
+        last: name of the last one.
+    """
+    names = [row.name for row in rows(record_type)]
+    start, stop = names.index(first), names.index(last) + 1
+    found = rows(record_type)[start:stop]
+    if not is_in_c(record):
+        return functools.partial(_write, record, found)
+    code, width = _number_format(record_type)
+    before = sum(row.length for row in rows(record_type)[:start])
+    layout = struct.Struct(f"{sum(row.length for row in found)}{code}")
+    return functools.partial(layout.pack_into, cast(ctypes.Structure, record), width * before)
+
+
+def _write(record: object, found: Sequence[Row], *numbers: Number) -> None:
+    coming = iter(numbers)
+    for row in found:
+        if row.size is None:
+            setattr(record, row.name, next(coming))
+        else:
+            getattr(record, row.name)[:] = itertools.islice(coming, row.size)
+
+
+def _number_format(record_type: type) -> tuple[str, int]:
+    """Letter and bytes of a record's numbers, which are of one kind."""
+    return ("d", 8) if rows(record_type)[0].range is None else ("i", 4)
 
 
 def _flat(parts: Iterable[float | list[float]]) -> tuple[float, ...]:
