@@ -19,7 +19,7 @@ from h2nav.errors import BadInput  # noqa: E402
 from h2nav.translate.batch import batch_c, kernels_h  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402
 
-ATTITUDE = ROOT / "h2nav" / "attitude"
+PACKAGE = ROOT / "h2nav"
 
 
 class TranslateAndBuild(build_ext):
@@ -31,10 +31,8 @@ class TranslateAndBuild(build_ext):
         folder.mkdir(parents=True, exist_ok=True)
         texts = []
         for kernel in COMPILED:
-            sources = [
-                Source(str(ATTITUDE / path), (ATTITUDE / path).read_text(encoding="utf-8"))
-                for path in kernel.paths
-            ]
+            paths = [PACKAGE / kernel.room / path for path in kernel.paths]
+            sources = [Source(str(path), path.read_text(encoding="utf-8")) for path in paths]
             texts += [source.text for source in sources]
             target = folder / f"{kernel.name}.c"
             try:

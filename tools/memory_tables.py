@@ -9,17 +9,18 @@ import pkgutil
 from pathlib import Path
 from types import ModuleType
 
-from h2nav import attitude
+from h2nav import attitude, integrity
 from h2nav.attitude.record import Row, rows, size_of
 
 PAGE = Path(__file__).parents[1] / "docs" / "memory.md"
 HEAD = """\
-# Memory of the filters
+# Memory of the kernels
 
 Every field of every kernel: its attribute in Python, its member in C. The tables are written by
-`tools/memory_tables.py` from the records in `h2nav/attitude/*/memory.py`; change a record and run
-it. A format Q24 means that the integer stands for value 2^-24 in the unit beside it. The ranges of
-the integers are proved for every sequence of samples ([fixed-point.md](fixed-point.md)).
+`tools/memory_tables.py` from the records in `h2nav/attitude/*/memory.py`, of the filters, and
+`h2nav/integrity/kernel/memory.py`, of the watch over one IMU; change a record and run it. A format
+Q24 means that the integer stands for value 2^-24 in the unit beside it. The ranges of the integers
+are proved for every sequence of samples ([fixed-point.md](fixed-point.md)).
 """
 
 
@@ -27,18 +28,23 @@ def page() -> str:
     """The whole text."""
     parts = [HEAD]
     for module in kernels():
-        folder = module.__name__.split(".")[2:-1]
+        _, room, folder, *_ = module.__name__.split(".")
+        title = folder if room == "attitude" else room
         arithmetic = "integers" if rows(module.Memory)[0].range else "floats"
-        parts.append(f"\n## {folder[0]}, in {arithmetic}\n")
+        parts.append(f"\n## {title}, in {arithmetic}\n")
         for name in ("Memory", "Sample", "Gains"):
             parts.append(_table(name, getattr(module, name)))
     return "".join(parts)
 
 
 def kernels() -> list[ModuleType]:
-    """The `memory` modules of all filters."""
-    found = pkgutil.walk_packages(attitude.__path__, f"{attitude.__name__}.")
-    return [importlib.import_module(m.name) for m in found if m.name.endswith(".memory")]
+    """The `memory` modules of all filters, and of the watch."""
+    return [
+        importlib.import_module(module.name)
+        for room in (attitude, integrity)
+        for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}.")
+        if module.name.endswith(".memory")
+    ]
 
 
 def _table(name: str, record_type: type) -> str:

@@ -12,14 +12,16 @@ class KernelFiles(NamedTuple):
     """The text of one kernel.
 
     Attributes:
-        name: of the filter, with ``_integer`` where the filter has floats too.
-        paths: inside ``h2nav/attitude``, imported ones first.
+        name: of the filter, with ``_integer`` where the filter has floats too; or of the watch.
+        paths: inside the room, imported ones first.
         entry: the function that takes memory, gains and a sample.
+        room: the package inside ``h2nav``.
     """
 
     name: str
     paths: tuple[str, ...]
     entry: str
+    room: str = "attitude"
 
 
 _SHARED = ("integer/triad.py", "integer/motion.py")
@@ -53,8 +55,19 @@ VELOCITY_AIDED_INTEGER = KernelFiles(
 CONSTANT_GAIN = KernelFiles(
     "constant_gain", (*_SHARED, *_kernel("constant_gain", "step")), "update"
 )
+FILTERS = (VELOCITY_AIDED, VELOCITY_AIDED_INTEGER, CONSTANT_GAIN)
+
+
+def _watch(name: str, entry: str, *names: str) -> KernelFiles:
+    """One half of the watch over an IMU; both have one memory."""
+    paths = tuple(f"kernel/{module}.py" for module in ("memory", *names))
+    return KernelFiles(name, paths, entry, "integrity")
+
+
+SENSOR_CHECKS = _watch("sensor_checks", "check", "stuck_axis", "frozen", "checks")
+SENSOR_WINDOWS = _watch("sensor_windows", "follow", "rotation", "windows")
 # in the order of their numbers in the extension
-COMPILED = (VELOCITY_AIDED, VELOCITY_AIDED_INTEGER, CONSTANT_GAIN)
+COMPILED = (*FILTERS, SENSOR_CHECKS, SENSOR_WINDOWS)
 
 
 def digest(texts: Sequence[str]) -> str:

@@ -48,9 +48,11 @@ def _current_build() -> ModuleType | None:
         native = importlib.import_module("h2nav.attitude._native")
     except ImportError:
         return None
-    folder = resources.files("h2nav.attitude")
+    folder = resources.files("h2nav")
     texts = [
-        folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.paths
+        folder.joinpath(kernel.room, path).read_text("utf-8")
+        for kernel in COMPILED
+        for path in kernel.paths
     ]
     return native if native.kernel_digest == digest(texts) else None
 

@@ -11,15 +11,15 @@ from collections import deque
 from typing import NamedTuple
 
 from h2nav.attitude.alignment import triad
-from h2nav.attitude.samples import EarthField, ImuSample, Vec3
+from h2nav.attitude.samples import EarthField, Vec3
 from h2nav.integrity.strapdown import Moment, Strapdown
 from h2nav.integrity.velocity_windows import GATE, RATE_SIGMA_RAD_S
-from h2nav.maths.quaternion import conjugate, exp, multiply, rotate, tilt_and_heading
+from h2nav.integrity.watch import Watch
+from h2nav.maths.quaternion import conjugate, multiply, rotate, tilt_and_heading
 from h2nav.maths.units import DEG
 
 ROW_US = 1_000_000
 ROWS = 11
-FEWEST_FIELDS = 3
 # A calibrated compass: 3 deg of direction, 7 % of norm.
 DIRECTION_SIGMA_RAD = 3.0 * DEG
 NORM_SIGMA = 0.07
@@ -75,56 +75,28 @@ class FieldWindows:
     """Follows the field beside a strapdown.
 
     Args:
-        strapdown: of the IMU.
+        watch: of the IMU.
+        strapdown: of the same.
 
     Attributes:
         reference: the earth's field; None where it is not known.
-        delay_s: how late the field is against the rates.
     """
 
-    def __init__(self, strapdown: Strapdown) -> None:
+    def __init__(self, watch: Watch, strapdown: Strapdown) -> None:
+        self._watch = watch
         self._strapdown = strapdown
         self.reference: EarthField | None = None
-        self.delay_s = 0.0
         self._rows: deque[Row] = deque(maxlen=ROWS)
-        self._first: Moment | None = None
-        self._sum: Vec3 = (0.0, 0.0, 0.0)
-        self._norms = 0.0
-        self._fields = 0
 
     def restart(self) -> None:
-        """The strapdown begins anew."""
+        """No row of before may be compared with what comes."""
         self._rows.clear()
-        self._begin(None)
 
-    def add(self, sample: ImuSample) -> bool:
-        """Takes a sample that the strapdown has taken; True where it completes a row."""
-        strapdown = self._strapdown
-        t_us = strapdown.t_us
-        assert t_us is not None
-        if self._first is None:
-            self._begin(strapdown.newest)
-            return False
-        if sample.m_b_ut is not None:
-            x, y, z = strapdown.rate_b
-            back = -self.delay_s
-            then = multiply(strapdown.q_sb, exp((back * x, back * y, back * z)))
-            m_x, m_y, m_z = rotate(then, sample.m_b_ut)
-            s_x, s_y, s_z = self._sum
-            self._sum = (s_x + m_x, s_y + m_y, s_z + m_z)
-            self._norms += math.hypot(m_x, m_y, m_z)
-            self._fields += 1
-        if t_us - self._first.t_us < ROW_US:
-            return False
-        now = strapdown.newest
+    def end_row(self) -> None:
+        """Takes the row that the latest sample has completed."""
+        now = self._strapdown.newest
         assert now is not None
-        is_row = self._fields >= FEWEST_FIELDS
-        if is_row:
-            self._rows.append(self._row(self._first, now))
-        else:
-            self._rows.clear()
-        self._begin(now)
-        return is_row
+        self._rows.append(self._row(now))
 
     def is_stale(self, t_us: int) -> bool:
         """Whether no field is known at present."""
@@ -218,28 +190,24 @@ class FieldWindows:
             return False
         return self._is_of_earth(first) and self._is_of_earth(last)
 
-    def _begin(self, now: Moment | None) -> None:
-        self._first = now
-        self._sum = (0.0, 0.0, 0.0)
-        self._norms = 0.0
-        self._fields = 0
-
-    def _row(self, first: Moment, last: Moment) -> Row:
-        north, east, down = rotate(last.q_ns, self._sum)
-        a, b = first.gained_s, last.gained_s
-        force = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    def _row(self, now: Moment) -> Row:
+        memory = self._watch.memory
+        f_x, f_y, f_z = memory.row_field_s[:]
+        a_x, a_y, a_z = memory.row_force_s[:]
+        field: Vec3 = (f_x, f_y, f_z)
+        north, east, down = rotate(now.q_ns, field)
         declination = 0.0 if self.reference is None else self.reference.declination_rad
         return Row(
-            last.t_us,
-            self._sum,
-            self._norms / self._fields,
-            force,
+            now.t_us,
+            field,
+            memory.row_norm,
+            (a_x, a_y, a_z),
             math.remainder(math.atan2(east, north) - declination, math.tau),
             math.atan2(down, math.hypot(north, east)),
-            last.sigma_tilt_rad,
-            last.sigma_heading_rad,
-            last.path_rad,
-            last.turn_variance,
+            now.sigma_tilt_rad,
+            now.sigma_heading_rad,
+            now.path_rad,
+            now.turn_variance,
         )
 
     def _is_of_earth(self, row: Row) -> bool:

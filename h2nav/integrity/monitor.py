@@ -21,9 +21,11 @@ from h2nav.attitude.samples import (
 )
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.kernel.memory import BEGUN, DUE, FIELD_FROZEN, KEPT, ROW, THIN_ROW
+from h2nav.integrity.kernel.windows import JUDGED_US
 from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.integrity.sensor_checks import SensorChecks, Use
+from h2nav.integrity.sensor_checks import Use, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_windows import (
     GATE,
@@ -34,19 +36,21 @@ from h2nav.integrity.velocity_windows import (
     change_of_velocity,
     inertial_variance,
 )
+from h2nav.integrity.watch import Watch
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 # Errors that measurements show open the deviations from this ratio on, and for so long after.
 OPEN_RATIO = 0.5
 OPEN_S = 10.0
+KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
 SURE_S = 2.0
 # So long gyro and field have to agree after a velocity began to contradict: two of their rows.
 BLAME_S = 2.5
 # Velocities that are not measured: on the ground, and of any vehicle up and down.
 GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
-FORCE_PERIOD_US = 200_000
-FORCE_SHARE = FORCE_PERIOD_US * 1e-6 / LONG_S
+JUDGED_S = 1e-6 * JUDGED_US
+FORCE_SHARE = JUDGED_S / LONG_S
 # A tilt, and more than it, of which nobody would speak any more.
 MOST_DEG = 90.0
 # Of a contradiction to gravity, what the accelerometer's size has to explain to be the cause; and
@@ -93,12 +97,12 @@ class Monitor:
     def __init__(self, name: str, speeds: Speeds) -> None:
         self._name = name
         self._speeds = speeds
-        self._checks = SensorChecks(name)
-        self._strapdown = Strapdown()
+        self._watch = Watch()
+        self._checked = 0  # bits of the latest check
+        self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
-        self._field = FieldWindows(self._strapdown)
+        self._field = FieldWindows(self._watch, self._strapdown)
         self._vehicle = VehicleState()
-        self._forces_us = 0
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
@@ -113,44 +117,52 @@ class Monitor:
     def anew(self) -> "Monitor":
         """A monitor of the same IMU that has seen no sample: the samples' clock begins anew."""
         fresh = Monitor(self._name, self._speeds)
-        fresh._vehicle = self._vehicle
-        fresh._field.reference, fresh._field.delay_s = self._field.reference, self._field.delay_s
+        fresh.use_vehicle(self._vehicle)
+        fresh._field.reference = self._field.reference
+        fresh._watch.gains.field_delay_s = self._watch.gains.field_delay_s
         return fresh
 
     def check(self, sample: ImuSample) -> Use:
         """Takes a sample before the filter does; what the filter may do with it."""
-        return self._checks.add(sample, self._vehicle.on_ground is False)
+        bits = self._checked = self._watch.check(sample)
+        return use_of(bits) if bits else Use.ALL
 
     @property
     def field_is_frozen(self) -> bool:
         """The compass says nothing of the heading."""
-        return self._checks.field_is_frozen
+        return bool(self._checked & FIELD_FROZEN)
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
-        """Takes a sample and what the filter has made of it, not led."""
+        """Takes the sample that was checked last and what the filter has made of it, not led."""
         t_us, _, force, _, clipped = sample
         if clipped or force == NO_FORCE:
             # What its windows would show is known already.
             self.restart()
             return
-        if not self._strapdown.add(sample, estimate):
-            self._velocity.restart()
-            self._field.restart()
-            self.ratios = InnovationRatios()
+        bits = self._strapdown.add(t_us, estimate)
         if int(estimate.trust) & FIELD_USED:
             self._field_used_us = t_us
-        if self._checks.field_is_frozen:
+        if self._checked & FIELD_FROZEN:
             self._field.restart()
             self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
-        elif self._field.add(sample):
+        if bits & ~KEPT:
+            self._end_windows(t_us, bits, force)
+
+    def _end_windows(self, t_us: int, bits: int, force: Vec3) -> None:
+        """Judges what is complete with a sample."""
+        if bits & (BEGUN | THIN_ROW):
+            self._field.restart()
+        if bits & BEGUN:
+            self._velocity.restart()
+            self.ratios = InnovationRatios()
+        if bits & ROW:
+            self._field.end_row()
             self._judge_field()
-        if t_us - self._forces_us >= FORCE_PERIOD_US:
-            self._forces_us = t_us
+        if bits & DUE:
             self._force_m_s2 += FORCE_SHARE * (math.hypot(*force) - self._force_m_s2)
-            self._judge_force(t_us)
-            self._forget_stale(t_us)
+            self._renew_ratios(t_us)
             self._judge(t_us)
-            self._open(FORCE_PERIOD_US * 1e-6)
+            self._open()
 
     def fix(self, fix: VelocityFix) -> None:
         """Takes a velocity over ground."""
@@ -162,7 +174,7 @@ class Monitor:
             return
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]
-        of_1s, of_3s, of_10s = (math.nan if window is None else window.ratio for window in windows)
+        of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
         self.ratios = self.ratios._replace(
             velocity_1s=of_1s, velocity_3s=of_3s, velocity_10s=of_10s
         )
@@ -178,10 +190,11 @@ class Monitor:
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """What the autopilot says of the vehicle."""
         self._vehicle = vehicle
+        self._watch.gains.is_flying = float(vehicle.on_ground is False)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """How late the sensors are."""
-        self._field.delay_s = max(delays.field_s - delays.gyro_s, 0.0)
+        self._watch.gains.field_delay_s = max(delays.field_s - delays.gyro_s, 0.0)
 
     def restart(self) -> None:
         """Forgets what was gained; what is wrong stays so until it is seen to be right."""
@@ -211,7 +224,7 @@ class Monitor:
             return False
         return self.ratios.of_turn < OPEN_RATIO
 
-    def _open(self, dt_s: float) -> None:
+    def _open(self) -> None:
         """Takes the errors that measurements show now."""
         ratios, field = self.ratios, self._field
         # The shortest window shows a large angle for a small velocity: it has to fail.
@@ -231,9 +244,8 @@ class Monitor:
             headings.append(field.worst_heading_rad)
         elif field.is_plausible and ratios.field_1s > OPEN_RATIO:
             headings.append(0.5 * abs(field.heading_error_rad))
-        keep = math.exp(-dt_s / OPEN_S)
-        self._tilt_rad = min(max(keep * self._tilt_rad, *tilts, 0.0), math.pi)
-        self._heading_rad = min(max(keep * self._heading_rad, *headings, 0.0), math.pi)
+        self._tilt_rad = min(max(KEPT_OPEN * self._tilt_rad, *tilts, 0.0), math.pi)
+        self._heading_rad = min(max(KEPT_OPEN * self._heading_rad, *headings, 0.0), math.pi)
 
     @property
     def _field_matters(self) -> bool:
@@ -247,7 +259,7 @@ class Monitor:
 
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """What is wrong at this time."""
-        found = self._checks.alarms()
+        found = sensor_alarms(self._name, self._checked, self._watch.memory)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us > lost_us:
             found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
@@ -267,7 +279,7 @@ class Monitor:
         length_s, size, tilt = 0.0, 0.0, 0.0
         if window is not None:
             length_s, tilt = window.length_s, min(window.tilt_rad / DEG, MOST_DEG)
-            size = math.hypot(*window.residual_m_s)
+            size = window.residual_m_s
         explained = f"as {tilt:.0f} deg of tilt would" if tilt < MOST_DEG else "as no tilt would"
         evidence = f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, {explained}"
         if self.velocity_is_false:
@@ -337,36 +349,37 @@ class Monitor:
         )
         self._is_confirmed |= self.ratios.field_10s < CONFIRMED_RATIO
 
-    def _judge_force(self, t_us: int) -> None:
+    def _renew_ratios(self, t_us: int) -> None:
+        """What is too old counts no more; without velocities the force is judged."""
+        ratios, nothing = self.ratios._replace(force_10s=math.nan), math.nan
+        if self._velocity.is_stale(t_us):
+            self._windows = []
+            ratios = ratios._replace(
+                velocity_1s=nothing,
+                velocity_3s=nothing,
+                velocity_10s=nothing,
+                force_10s=self._force_ratio(t_us),
+            )
+        if self._field.is_stale(t_us):
+            ratios = ratios._replace(
+                field_1s=nothing, field_10s=nothing, turn_1s=nothing, turn_10s=nothing
+            )
+        self.ratios = ratios
+
+    def _force_ratio(self, t_us: int) -> float:
         """The force of 10 s against a velocity that nobody measures, but that has its limits."""
         last = self._strapdown.newest
         first = self._strapdown.at(t_us - round(LONG_S * 1e6))
-        if last is None or first is None or not self._velocity.is_stale(t_us):
-            self.ratios = self.ratios._replace(force_10s=math.nan)
-            return
+        if last is None or first is None:
+            return math.nan
         on_ground = self._vehicle.on_ground is True
         level, climb = (GROUND_SPEED_M_S, GROUND_SPEED_M_S) if on_ground else self._speeds
         north, east, down = self._change_n = change_of_velocity(first, last)
         inertial = inertial_variance(first, last)
-        horizontal = math.hypot(north, east)
-        self.ratios = self.ratios._replace(
-            force_10s=max(
-                horizontal / (GATE * math.sqrt(2.0 * level * level + inertial)),
-                abs(down) / (GATE * math.sqrt(2.0 * climb * climb + inertial)),
-            )
+        return max(
+            math.hypot(north, east) / (GATE * math.sqrt(2.0 * level * level + inertial)),
+            abs(down) / (GATE * math.sqrt(2.0 * climb * climb + inertial)),
         )
-
-    def _forget_stale(self, t_us: int) -> None:
-        if self._velocity.is_stale(t_us):
-            self.ratios = self.ratios._replace(
-                velocity_1s=math.nan, velocity_3s=math.nan, velocity_10s=math.nan
-            )
-            self._windows = []
-        if self._field.is_stale(t_us):
-            nothing = math.nan
-            self.ratios = self.ratios._replace(
-                field_1s=nothing, field_10s=nothing, turn_1s=nothing, turn_10s=nothing
-            )
 
 
 def _error(

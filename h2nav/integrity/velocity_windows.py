@@ -7,7 +7,7 @@ by the gyro alone, so that a filter which follows a false velocity is seen to tu
 """
 
 import math
-from collections import deque
+from bisect import bisect_left
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3, VelocityFix
@@ -58,25 +58,25 @@ class Window(NamedTuple):
 
     Attributes:
         length_s: of the window.
-        residual_m_s: measured change of velocity less that of the attitude, north and east.
+        residual_m_s: size of the measured change of velocity less that of the attitude.
         sigma_m_s: expected of either.
         change_m_s: horizontal change of velocity that was measured.
     """
 
     length_s: float
-    residual_m_s: Level
+    residual_m_s: float
     sigma_m_s: float
     change_m_s: float
 
     @property
     def ratio(self) -> float:
         """Test ratio."""
-        return math.hypot(*self.residual_m_s) / (GATE * self.sigma_m_s)
+        return self.residual_m_s / (GATE * self.sigma_m_s)
 
     @property
     def tilt_rad(self) -> float:
         """The tilt error that would explain it."""
-        return math.hypot(*self.residual_m_s) / (GRAVITY_M_S2 * self.length_s)
+        return self.residual_m_s / (GRAVITY_M_S2 * self.length_s)
 
 
 class VelocityWindows:
@@ -88,7 +88,7 @@ class VelocityWindows:
 
     def __init__(self, strapdown: Strapdown) -> None:
         self._strapdown = strapdown
-        self._marks: deque[Mark] = deque()
+        self._marks: list[Mark] = []
 
     def restart(self) -> None:
         """The strapdown begins anew."""
@@ -106,7 +106,7 @@ class VelocityWindows:
         sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
         self._marks.append(Mark(moment, (fix.v_n[0], fix.v_n[1]), sigma_m_s, accel_n))
         while self._marks[0].moment.t_us < moment.t_us - 1.1e6 * LONG_S:
-            self._marks.popleft()
+            del self._marks[0]
         return True
 
     def is_stale(self, t_us: int) -> bool:
@@ -118,11 +118,10 @@ class VelocityWindows:
         if not self._marks:
             return None
         newest_us = self._marks[-1].moment.t_us
-        for mark in self._marks:
-            age_s = (newest_us - mark.moment.t_us) * 1e-6
-            if age_s <= 1.05 * length_s:
-                return mark if age_s >= LEAST_SHARE * length_s else None
-        return None
+        # A tuple of less is less than all that begin like it.
+        mark = self._marks[bisect_left(self._marks, ((newest_us - 1.05e6 * length_s,),))]
+        age_s = (newest_us - mark.moment.t_us) * 1e-6
+        return mark if age_s >= LEAST_SHARE * length_s else None
 
     def window(self, length_s: float) -> Window | None:
         """Compares over a window that ends now; None where the marks do not reach back."""
@@ -134,7 +133,7 @@ class VelocityWindows:
         t_s = (last.t_us - first.t_us) * 1e-6
         predicted = change_of_velocity(first, last)
         measured = (end.v_n[0] - start.v_n[0], end.v_n[1] - start.v_n[1])
-        residual = (measured[0] - predicted[0], measured[1] - predicted[1])
+        residual_m_s = math.hypot(measured[0] - predicted[0], measured[1] - predicted[1])
         change_m_s = math.hypot(predicted[0], predicted[1])
         jerk = math.dist(start.accel_n, end.accel_n)
         variance = (
@@ -144,7 +143,7 @@ class VelocityWindows:
             + inertial_variance(first, last)
             + (min(first.sigma_heading_rad, math.pi) * change_m_s) ** 2
         )
-        return Window(t_s, residual, math.sqrt(variance), math.hypot(*measured))
+        return Window(t_s, residual_m_s, math.sqrt(variance), math.hypot(*measured))
 
 
 def change_of_velocity(first: Moment, last: Moment) -> Vec3:

@@ -9,17 +9,26 @@ from h2nav.translate.source import Source
 from h2nav.translate.structs import struct_text
 
 _RECORDS = ("Memory", "Gains", "Sample")
+# Of the memory, where it has them: what a row of results holds, and from which column on.
+_RESULTS = (("q_nb", 0), ("gyro_bias", 4))
 
 
 def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
-    """The C file of one kernel; a row of its results holds attitude, bias and bits."""
+    """The C file of one kernel; a row of its results holds attitude and bias, if any, and bits."""
     translation = translate(sources, [kernel.entry])
     records = [translation.kernel.records[name] for name in _RECORDS]
     structs = "\n".join(struct_text(found.about, found.rows, found.name) for found in records)
     number = DOUBLE if records[0].rows[0].range is None else INT32
+    held = [row.name for row in records[0].rows]
+    results = "".join(
+        f"        memcpy(result + {column}, s->{name}, sizeof s->{name});\n"
+        for name, column in _RESULTS
+        if name in held
+    )
     return f"""\
 /* Generated from {", ".join(kernel.paths)}; do not edit. */
 #include <math.h>
+#include <string.h>
 
 #include "kernels.h"
 
@@ -34,13 +43,7 @@ static int32_t run(void *memory, const void *gains, const void *samples, size_t 
     int32_t bits = 0;
     for (size_t row = 0; row < rows; row++) {{
         bits = {kernel.entry}(s, gains, sample + row);
-        for (size_t i = 0; i < 4; i++) {{
-            result[i] = s->q_nb[i];
-        }}
-        for (size_t i = 0; i < 3; i++) {{
-            result[4 + i] = s->gyro_bias[i];
-        }}
-        result[7] = ({number})bits;
+{results}        result[7] = ({number})bits;
         result += 8;
     }}
     return bits;

@@ -7,7 +7,7 @@ import pytest
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.kernel_files import COMPILED, KernelFiles
+from h2nav.attitude.kernel_files import FILTERS, KernelFiles
 from h2nav.attitude.native import CompiledStep, compiled_step
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -54,7 +54,7 @@ def flown(chosen: AttitudeFilter, start: int, stop: int) -> list[object]:
     return found
 
 
-@pytest.mark.parametrize("kernel", COMPILED, ids=lambda kernel: kernel.name)
+@pytest.mark.parametrize("kernel", FILTERS, ids=lambda kernel: kernel.name)
 def test_a_compiled_step_gives_the_same_estimates(kernel: KernelFiles) -> None:
     name, compiled = kernel.name, compiled_step(kernel)
     if compiled is None:

@@ -95,6 +95,7 @@ def test_velocities_that_no_longer_come_are_told_and_do_not_degrade(hz, within_s
         t_s = sample.t_us * 1e-6
         if i % every == 0 and not FAULT_S < t_s < FAULT_S + 15.0:
             monitor.fix(VelocityFix(sample.t_us, drive.v_n[i], 0.3))
+        monitor.check(sample)
         estimate = filter_.update(sample)
         if estimate is not None:
             monitor.add(sample, estimate)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.sensor_checks import SensorChecks, Use
+from h2nav.attitude.samples import ImuSample, VehicleState
+from h2nav.integrity.monitor import Monitor, Speeds
+from h2nav.integrity.sensor_checks import Use
 
 LEVEL = (0.0, 0.0, -9.81)
 STILL = (0.0, 0.0, -9.80665)  # whole milli-g
@@ -36,11 +37,11 @@ def integers(samples):
 
 def found(samples, is_flying=True):
     """Kinds of alarm at the end, and what may be done with the last sample."""
-    checks = SensorChecks("IMU 1")
-    use = Use.ALL
+    monitor, use = Monitor("IMU 1", Speeds(10.0)), Use.ALL
+    monitor.use_vehicle(VehicleState(on_ground=not is_flying))
     for sample in samples:
-        use = checks.add(sample, is_flying)
-    return [alarm.kind for alarm in checks.alarms()], use
+        use = monitor.check(sample)
+    return [alarm.kind for alarm in monitor.alarms(samples[-1].t_us)], use
 
 
 def test_a_healthy_imu_has_no_alarm():
@@ -112,10 +113,10 @@ def test_vibration_and_clipping_are_measured():
 
 
 def test_a_lasting_clipping_degrades():
-    checks = SensorChecks("IMU 1")
+    monitor = Monitor("IMU 1", Speeds(10.0))
     for i, sample in enumerate(floats(300)):
-        checks.add(sample._replace(clipped=i % 3 == 0), True)
-    (alarm,) = checks.alarms()
+        monitor.check(sample._replace(clipped=i % 3 == 0))
+    (alarm,) = monitor.alarms(3_000_000)
     assert alarm.degrades
     assert alarm.size == pytest.approx(100.0 / 3.0, abs=1.0)
     assert math.isfinite(alarm.size)

@@ -1,22 +1,24 @@
 import math
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.stuck_axis import StuckAxes
+from h2nav.integrity.monitor import Monitor, Speeds
+from h2nav.integrity.sensor_checks import Use
 
 
 def samples(seconds, gyro_x=None, moving=True):
     for i in range(round(seconds * 100)):
         swing = math.sin(0.05 * i) if moving else 0.0
         x = swing if gyro_x is None else gyro_x
-        force = (0.5 * swing, 3.0 * swing, -9.8 + 0.1 * swing)
+        force = (0.5 * swing, 3.0 * swing, -9.80665 + 0.1 * swing)  # at rest whole milli-g
         yield ImuSample(i * 10_000, (x, 0.3 * swing, -0.2 * swing), force)
 
 
 def first_suspicion(stream):
-    watch = StuckAxes()
+    monitor = Monitor("IMU 1", Speeds(10.0))
     for sample in stream:
-        if watch.stuck_sensor(sample):
-            return sample.t_us, watch.complaint
+        if monitor.check(sample) is not Use.ALL:
+            (alarm,) = monitor.alarms(sample.t_us)
+            return sample.t_us, alarm.text
     return None
 
 
@@ -39,9 +41,8 @@ def test_truncated_integers_near_zero_are_not_suspected():
 
 
 def test_a_sensor_that_comes_back_is_trusted_again():
-    watch = StuckAxes()
-    for sample in samples(3.0, gyro_x=0.5):
-        watch.stuck_sensor(sample)
-    assert watch.complaint
-    assert not watch.stuck_sensor(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7)))
-    assert watch.complaint == ""
+    monitor = Monitor("IMU 1", Speeds(10.0))
+    uses = [monitor.check(sample) for sample in samples(3.0, gyro_x=0.5)]
+    assert uses[-1] is Use.DOUBTED
+    assert monitor.check(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7))) is Use.ALL
+    assert monitor.alarms(3_000_000) == ()

@@ -1,0 +1,1 @@
+"""What the watch over one IMU does with every sample, in the translatable subset."""

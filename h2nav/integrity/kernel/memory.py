@@ -1,0 +1,93 @@
+"""What the watch over one IMU remembers, is told, and is fed with.
+
+Sensors are numbered: 0 is the gyro, 1 the accelerometer; their axes from 0, gyro x, to 5, force z.
+Frames: body forward-right-down; s stands still in space since the strapdown began. Times are those
+of samples; a float holds them to the microsecond.
+"""
+
+from dataclasses import dataclass
+
+from h2nav.attitude.record import real, reals
+
+# bits of a check's result; the number of the axis that is stuck, from 1, stands above them
+GYRO_FROZEN = 1
+FORCE_FROZEN = 2
+FIELD_FROZEN = 4
+STUCK_AXIS = 8
+# bits of what follows the filter
+BEGUN = 1  # nothing of before may be compared with what comes
+KEPT = 2  # this moment is to be remembered
+ROW = 4  # a second of the field is complete
+THIN_ROW = 8  # a second had too few fields
+DUE = 16  # the windows are to be judged
+
+
+@dataclass(slots=True)
+class Memory:
+    """The whole memory of the watch."""
+
+    has_begun: float = real("", "1: a sample has come")
+    t_us: float = real("us", "time of the latest sample")
+    flew: float = real("", "1: the vehicle flew at the latest sample")
+    values: list[float] = reals(6, "rad/s, m/s^2", "latest values of the axes")
+    repeats: list[float] = reals(2, "", "how often a sensor's values have come again")
+    still_us: list[float] = reals(2, "us", "for how long they have been the same")
+    flown_us: list[float] = reals(2, "us", "the same, in flight")
+    low: list[float] = reals(2, "m/s^2", "smallest force meanwhile, in flight")
+    high: list[float] = reals(2, "m/s^2", "largest force meanwhile")
+    turned_rad: list[float] = reals(2, "rad", "angle that the vehicle has turned meanwhile")
+    run_us: list[float] = reals(6, "us", "for how long an axis has repeated its value")
+    run_low: list[float] = reals(18, "", "lowest values meanwhile, three axes for each axis")
+    run_high: list[float] = reals(18, "", "highest values meanwhile")
+    field: list[float] = reals(3, "uT", "latest field")
+    field_still_us: float = real("us", "since that field came first")
+    field_turned_rad: float = real("rad", "angle that the vehicle has turned since")
+    field_frozen: float = real("", "1: it repeats itself while the vehicle turns")
+    window_us: float = real("us", "length of the levels' window so far")
+    squares: list[float] = reals(3, "(m/s^2)^2", "half the squared differences of forces, sums")
+    samples: float = real("", "samples of the window")
+    clipped: float = real("", "clipped ones of them")
+    vibration_m_s2: float = real("m/s^2", "vibration of the last full window, rms")
+    clipped_share: float = real("", "share of its samples that were clipped")
+    is_running: float = real("", "1: the strapdown has a beginning")
+    followed_us: float = real("us", "time of the latest sample that it took")
+    kept_us: float = real("us", "time of the latest moment that was kept")
+    judged_us: float = real("us", "time at which the windows were judged")
+    q_sb: list[float] = reals(4, "", "turn since the beginning")
+    gained_s: list[float] = reals(3, "m/s", "integral of the specific force since then")
+    path_rad: float = real("rad", "angle turned through, whatever its direction")
+    turn_variance: float = real("rad^2", "of q_sb, by what happened between slow samples")
+    gained_variance: float = real("(m/s)^2", "of gained_s, likewise")
+    slow_samples: float = real("", "slow samples since the beginning")
+    slow_rates: list[float] = reals(9, "rad/s", "rates of the latest three of them")
+    slow_forces: list[float] = reals(9, "m/s^2", "forces of the latest three")
+    is_summing: float = real("", "1: a row of the field has a beginning")
+    began_us: float = real("us", "time of that")
+    began_gained_s: list[float] = reals(3, "m/s", "gained_s of that time")
+    sum_s: list[float] = reals(3, "uT", "sum of the fields since then")
+    norms: float = real("uT", "sum of their norms")
+    fields: float = real("", "how many there were")
+    row_field_s: list[float] = reals(3, "uT", "sum of the fields of the latest full row")
+    row_norm: float = real("uT", "mean of their norms")
+    row_force_s: list[float] = reals(3, "m/s", "integral of the specific force in that row")
+
+
+@dataclass(slots=True)
+class Gains:
+    """What stands in the place of gains: what is known beside the samples."""
+
+    is_flying: float = real("", "1: the autopilot says so")
+    field_delay_s: float = real("s", "how late the field is against the rates")
+
+
+@dataclass(slots=True)
+class Sample:
+    """One sample, and the rate as the filter has made it."""
+
+    t_us: float = real("us", "time of the sample")
+    gyro: list[float] = reals(3, "rad/s", "angular rate")
+    accel: list[float] = reals(3, "m/s^2", "specific force")
+    mag: list[float] = reals(3, "uT", "magnetic field")
+    has_mag: float = real("", "1: there is a field")
+    clipped: float = real("", "1: a sensor stands at the end of its range")
+    rate: list[float] = reals(3, "rad/s", "angular rate, bias removed")

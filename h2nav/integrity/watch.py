@@ -1,0 +1,53 @@
+"""The kernels over every sample of one IMU: one call before the filter, one after it."""
+
+from collections.abc import Callable
+from functools import partial
+
+from h2nav.attitude.kernel_files import SENSOR_CHECKS, SENSOR_WINDOWS
+from h2nav.attitude.native import compiled_step
+from h2nav.attitude.record import in_c, writer
+from h2nav.attitude.samples import ImuSample, Vec3
+from h2nav.integrity.kernel.checks import check
+from h2nav.integrity.kernel.memory import Gains, Memory, Sample
+from h2nav.integrity.kernel.windows import follow
+
+_NO_FIELD: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Watch:
+    """Memory and kernels of one IMU.
+
+    Attributes:
+        memory: of both kernels.
+        gains: what they are told beside the samples.
+    """
+
+    def __init__(self) -> None:
+        self.memory, self.gains, sample = Memory(), Gains(), Sample()
+        checks, windows = compiled_step(SENSOR_CHECKS), compiled_step(SENSOR_WINDOWS)
+        if checks is None or windows is None:
+            records = (self.memory, self.gains, sample)
+            self._check: Callable[[], int] = partial(check, *records)
+            self._follow: Callable[[], int] = partial(follow, *records)
+        else:
+            self.memory, self.gains, sample = in_c(Memory), in_c(Gains), in_c(Sample)
+            self._check = checks.bound(self.memory, self.gains, sample)
+            self._follow = windows.bound(self.memory, self.gains, sample)
+        self._measure = writer(sample, Sample, "t_us", "clipped")
+        self._give_rate = writer(sample, Sample, "rate", "rate")
+
+    def check(self, sample: ImuSample) -> int:
+        """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""
+        t_us, (p, q, r), (f_x, f_y, f_z), m_b_ut, clipped = sample
+        m_x, m_y, m_z = m_b_ut or _NO_FIELD
+        self._measure(t_us, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, m_b_ut is not None, clipped)
+        return self._check()
+
+    def follow(self, w_b: Vec3) -> int:
+        """Goes on with that sample, and the rate that the filter has made of it, rad/s.
+
+        Returns:
+            The bits of `kernel.windows.follow`.
+        """
+        self._give_rate(*w_b)
+        return self._follow()
