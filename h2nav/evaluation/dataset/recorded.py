@@ -5,6 +5,7 @@ truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another esti
 true north.
 """
 
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,16 +27,50 @@ from h2nav.io.trials import Told, ToldOf, Trial, usual_rate_hz
 from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2
+UNKNOWN = (np.nan, np.nan, np.nan)
 
 
 class Stretch:
-    """Samples between two restarts of the filter, what it was told among them, and of whom."""
+    """Samples between two restarts of the filter, what it was told among them, and of whom.
+
+    Samples are kept as plain numbers, a fifth of what as many records of theirs take: of a log of
+    an hour there are millions.
+
+    Attributes:
+        arrived_us: host time of each sample's arrival.
+        told: what the filter was told, with the number of the sample that it was known before.
+        identity: of the autopilot.
+    """
 
     def __init__(self) -> None:
-        self.samples: list[ImuSample] = []
-        self.arrived_us: list[int] = []
+        self.arrived_us = array("q")
         self.told: list[Told] = []
         self.identity: Identity | None = None
+        self._t_us = array("q")
+        self._values = array("d")
+        self._flags = bytearray()
+
+    def __len__(self) -> int:
+        return len(self._t_us)
+
+    def add(self, sample: ImuSample, arrived_us: int) -> None:
+        """Keeps a sample."""
+        t_us, w_b, f_b, m_b_ut, clipped = sample
+        self.arrived_us.append(arrived_us)
+        self._t_us.append(t_us)
+        self._values.extend((*w_b, *f_b, *(m_b_ut or UNKNOWN)))
+        self._flags.append((m_b_ut is not None) << 1 | clipped)
+
+    @property
+    def samples(self) -> list[ImuSample]:
+        """All so far, made anew."""
+        values = [iter(self._values)] * 9
+        return [
+            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if flags & 2 else None, bool(flags & 1))
+            for t_us, flags, (p, q, r, x, y, z, a, b, c) in zip(
+                self._t_us, self._flags, zip(*values, strict=True), strict=True
+            )
+        ]
 
 
 class Listener:
@@ -82,8 +117,7 @@ class Listener:
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Keeps a sample."""
-        self.stretches[-1].samples.append(sample)
-        self.stretches[-1].arrived_us.append(self._now_us)
+        self.stretches[-1].add(sample, self._now_us)
         return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
@@ -119,7 +153,7 @@ class Listener:
         return self.others[self._further - 1]
 
     def _begin_stretch(self) -> None:
-        if self.stretches[-1].samples:
+        if len(self.stretches[-1]):
             self.stretches.append(Stretch())
             for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
@@ -140,7 +174,7 @@ class Listener:
 
     def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]
-        stretch.told.append(Told(len(stretch.samples), what))
+        stretch.told.append(Told(len(stretch), what))
 
 
 def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
@@ -154,15 +188,14 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     Raises:
         BadInput: the service gave no samples.
     """
-    stretch = max(listener.stretches, key=lambda found: len(found.samples))
+    stretch = max(listener.stretches, key=len)
     samples = stretch.samples
     if len(samples) < LEAST_SAMPLES:
         raise BadInput(f"{path}: no IMU samples of a known autopilot in it")
     boot_us = np.array([sample.t_us for sample in samples])
     start_us = int(boot_us[0])
     pairs = reference.pairs(np.array(stretch.arrived_us), boot_us)
-    unknown = (np.nan, np.nan, np.nan)
-    fields = np.array([sample.m_b_ut or unknown for sample in samples])
+    fields = np.array([sample.m_b_ut or UNKNOWN for sample in samples])
     clipped = np.array([sample.clipped for sample in samples])
     q_es = np.full((len(samples), 4), np.nan)
     q_es[pairs.rows] = enu_from_ned(from_euler(pairs.angles))
@@ -198,10 +231,10 @@ def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
         notes = ["against ATTITUDE, the autopilot's own estimate: no truth"]
     if not any(isinstance(told.what, EarthField) for told in stretch.told):
         notes.append("no position, so no declination: our headings are against magnetic north")
-    used = [len(found.samples) for found in listener.stretches if found.samples]
+    used = [len(found) for found in listener.stretches if len(found)]
     if len(used) > 1:
         notes.append(
             f"the autopilot's clock began anew {len(used) - 1} times; the longest stretch, "
-            f"{len(stretch.samples)} of {sum(used)} samples, is scored"
+            f"{len(stretch)} of {sum(used)} samples, is scored"
         )
     return notes

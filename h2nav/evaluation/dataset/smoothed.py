@@ -58,7 +58,7 @@ def smoothed_record(estimate: AttitudeEstimate) -> SmoothedRecord:
 
 def smoothed(
     listener: Listener, filter_for: Callable[[Identity], AttitudeFilter]
-) -> Iterator[tuple[int, SmoothedRecord]]:
+) -> Iterator[tuple[int, AttitudeEstimate]]:
     """Host time of arrival (ns) and smoothed attitude of the samples that have one.
 
     Args:
@@ -74,4 +74,4 @@ def smoothed(
         for stretch, estimates in zip(stretches, found, strict=True):
             for arrived_us, estimate in zip(stretch.arrived_us, estimates, strict=True):
                 if estimate is not None:
-                    yield 1000 * arrived_us, smoothed_record(estimate)
+                    yield 1000 * arrived_us, estimate
