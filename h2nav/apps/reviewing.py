@@ -128,7 +128,7 @@ def write_review(
     """
     reviewed = review(path, wished, smooths=smooths, progress=progress)
     found = document(*reviewed)
-    (folder / f"{name}.html").write_text(page(*reviewed), encoding="utf-8")
+    (folder / f"{name}.html").write_text(page(*reviewed, found), encoding="utf-8")
     (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))
     return found
 

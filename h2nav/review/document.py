@@ -15,6 +15,7 @@ from h2nav.review.certainty import GROUPS, aids, covered_s
 from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.gathering import all_findings
+from h2nav.review.parameters import in_order
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
 
 FORMAT = 1
@@ -71,6 +72,8 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "damaged": dict(context.notes),
     }
     plain: dict[str, Any] = _plain(found)
+    # Their digits are bounded by themselves.
+    plain["parameters"] = in_order(context.parameters)
     return plain
 
 
