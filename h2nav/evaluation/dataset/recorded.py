@@ -5,7 +5,7 @@ truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another esti
 true north.
 """
 
-from array import array
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,49 +28,47 @@ from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2
 UNKNOWN = (np.nan, np.nan, np.nan)
+# Arrival, autopilot's time, rate, force, field, whether the field is one, whether it is clipped.
+_ROW = struct.Struct("<2q9d2?")
 
 
 class Stretch:
     """Samples between two restarts of the filter, what it was told among them, and of whom.
 
-    Samples are kept as plain numbers, a fifth of what as many records of theirs take: of a log of
-    an hour there are millions.
+    Samples are kept packed, in a fifth of what as many records of theirs take: of a log of an hour
+    there are millions.
 
     Attributes:
-        arrived_us: host time of each sample's arrival.
         told: what the filter was told, with the number of the sample that it was known before.
         identity: of the autopilot.
     """
 
     def __init__(self) -> None:
-        self.arrived_us = array("q")
         self.told: list[Told] = []
         self.identity: Identity | None = None
-        self._t_us = array("q")
-        self._values = array("d")
-        self._flags = bytearray()
+        self._rows = bytearray()
 
     def __len__(self) -> int:
-        return len(self._t_us)
+        return len(self._rows) // _ROW.size
 
     def add(self, sample: ImuSample, arrived_us: int) -> None:
-        """Keeps a sample."""
+        """Keeps a sample and the host time of its arrival."""
         t_us, w_b, f_b, m_b_ut, clipped = sample
-        self.arrived_us.append(arrived_us)
-        self._t_us.append(t_us)
-        self._values.extend((*w_b, *f_b, *(m_b_ut or UNKNOWN)))
-        self._flags.append((m_b_ut is not None) << 1 | clipped)
+        known, field = (False, UNKNOWN) if m_b_ut is None else (True, m_b_ut)
+        self._rows += _ROW.pack(arrived_us, t_us, *w_b, *f_b, *field, known, clipped)
 
     @property
     def samples(self) -> list[ImuSample]:
         """All so far, made anew."""
-        values = [iter(self._values)] * 9
         return [
-            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if flags & 2 else None, bool(flags & 1))
-            for t_us, flags, (p, q, r, x, y, z, a, b, c) in zip(
-                self._t_us, self._flags, zip(*values, strict=True), strict=True
-            )
+            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
+            for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
         ]
+
+    @property
+    def arrived_us(self) -> list[int]:
+        """Host time of each sample's arrival."""
+        return [row[0] for row in _ROW.iter_unpack(self._rows)]
 
 
 class Listener:
