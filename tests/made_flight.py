@@ -17,7 +17,9 @@ from h2nav.flightlogs.context import (
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.review.analysis import Analysis
+from h2nav.review.document import document
 from h2nav.review.flight import EarthFields, Estimates, Flight, Ratios
+from h2nav.review.page import page
 from h2nav.review.tracks import (
     Bias,
     CompassFit,
@@ -32,6 +34,11 @@ from h2nav.review.tracks import (
 EARTH_UT, DIP_DEG = 48.0, 64.0
 MAGNET_S = (240.0, 360.0)
 NO_GPS_S = (420.0, 470.0)
+
+
+def page_of(flight, analysis):
+    """The page of a flight, as `h2nav review` writes it."""
+    return page(flight, analysis, document(flight, analysis))
 
 
 def quaternions(roll, pitch, heading):

@@ -23,10 +23,9 @@ import numpy as np
 REPOSITORY = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(REPOSITORY / "tests"))
 
-from made_flight import made_analysis, made_flight  # noqa: E402
+from made_flight import made_analysis, made_flight, page_of  # noqa: E402
 
 from h2nav.review.html import asset  # noqa: E402
-from h2nav.review.page import page  # noqa: E402
 
 PICTURES, TRACES, POINTS, END_S = 15, 4, 8000, 1800.0
 OPENINGS = 3
@@ -115,7 +114,7 @@ def of_plotly(bundle: Path) -> str:
 
 def of_review() -> str:
     flight = made_flight(END_S, 400.0, imus=3)
-    return page(flight, made_analysis(flight))
+    return page_of(flight, made_analysis(flight))
 
 
 def opened(path: Path, drawn: str) -> tuple[float, float, float]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from h2nav import __version__
 from h2nav.apps import extras, playback
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
@@ -66,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     extras.require("fleet", "h2nav fleet", "distributed", "fsspec", "pyarrow.parquet")
+    from h2nav.fleet.program import program_digest
     from h2nav.fleet.running import Work, cluster, run_fleet
     from h2nav.fleet.sources import find
     from h2nav.fleet.store import Store
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     wished = playback.wishes(args)
     work = Work(
         functools.partial(review_flight, wished=wished),
-        f"{__version__} {_told(wished)}",
+        f"{program_digest()} {_told(wished)}",
         Limits(args.longest_s, args.memory_mb),
     )
     store = Store(args.output)

@@ -19,7 +19,7 @@ from h2nav.apps.playback import Playback
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
-from h2nav.evaluation.dataset.smoothed import smoothed
+from h2nav.evaluation.dataset.smoothed import smoothed, smoothed_record
 from h2nav.evaluation.reference import Estimates, Reference
 from h2nav.flightlogs.opening import open_flight
 from h2nav.integrity.findings import Severity, as_mapping
@@ -110,7 +110,8 @@ def _smooth(
 ) -> Estimates:
     """The smoothed estimates, which go into the log as well."""
     estimates = Estimates()
-    for t_ns, record in smoothed(listener, filters.filter_for):
+    for t_ns, estimate in smoothed(listener, filters.filter_for):
+        record = smoothed_record(estimate)
         estimates.add(t_ns, record)
         if recorder is not None:
             recorder.record(SMOOTHED_TOPIC, record, t_ns + offset_ns)

@@ -17,7 +17,7 @@ from h2nav.flightlogs.imported import ImportedLog
 from h2nav.flightlogs.opening import Source, open_flight
 from h2nav.flightlogs.telemetry import read_context
 from h2nav.review.analysis import Analysis, analyse
-from h2nav.review.collecting import Collector, estimates_of, most_trusted
+from h2nav.review.collecting import Collector, EstimateRows, most_trusted
 from h2nav.review.document import document
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.page import page
@@ -56,12 +56,33 @@ def review(
     Raises:
         BadInput: the file is no recording, or the configuration cannot be used.
     """
+    flight, heard = _played(path, wished, progress)
+    if smooths and heard is not None:
+        flight = flight._replace(smoothed=_smoothed(*heard))
+    return Reviewed(flight, analyse(flight))
+
+
+class _Heard(NamedTuple):
+    """What is left of a flight that was played, for its smoother.
+
+    Attributes:
+        listener: what the filter of the most trusted IMU was given.
+        filters: make such a filter.
+        start_ns: host time of the recording's first arrival.
+    """
+
+    listener: Listener
+    filters: FilterFactory
+    start_ns: int
+
+
+def _played(path: Path, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:
+    """A flight before it is smoothed and analysed; what only its playing needs is gone then."""
     source = open_flight(path)
     context = _context(source)
     collector = Collector()
     if not has_enough_samples(context):
-        flight = _without_estimate(source, context)
-        return Reviewed(flight, analyse(flight))
+        return _without_estimate(source, context), None
     inputs = playback.inputs_for(source, wished)
     listener = Listener(inputs.filters.filter_for)
     pipeline = playback.pipeline_for(
@@ -72,11 +93,11 @@ def review(
         collector.arrives(t_ns)
         progress(*source.progress)
     flight = _flight(source, context, collector, pipeline.service)
-    if smooths and flight.estimates is not None:
-        lane = most_trusted(flight.findings, flight.lanes)
-        heard = (listener, *listener.others)[lane]
-        flight = flight._replace(smoothed=_smoothed(heard, inputs.filters, collector))
-    return Reviewed(flight, analyse(flight))
+    if flight.estimates is None:
+        return flight, None
+    chosen = (listener, *listener.others)[most_trusted(flight.findings, flight.lanes)]
+    chosen.others.clear()
+    return flight, _Heard(chosen, inputs.filters, collector.start_ns)
 
 
 def write_review(
@@ -107,7 +128,7 @@ def write_review(
     """
     reviewed = review(path, wished, smooths=smooths, progress=progress)
     found = document(*reviewed)
-    (folder / f"{name}.html").write_text(page(*reviewed), encoding="utf-8")
+    (folder / f"{name}.html").write_text(page(*reviewed, found), encoding="utf-8")
     (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))
     return found
 
@@ -156,17 +177,14 @@ def _why_none(context: Context, reason: str) -> str:
     return f"the recording holds {lacks[0]}" if lacks else reason
 
 
-def _smoothed(listener: Listener, filters: FilterFactory, collector: Collector) -> Estimates | None:
-    rows = [
-        (
-            (t_ns - collector.start_ns) * 1e-9,
-            *record[1:5],
-            record.bias_x_rad_s,
-            record.bias_y_rad_s,
-            record.bias_z_rad_s,
-            record.sigma_tilt_deg,
-            record.sigma_heading_deg,
+def _smoothed(listener: Listener, filters: FilterFactory, start_ns: int) -> Estimates | None:
+    rows = EstimateRows()
+    for t_ns, estimate in smoothed(listener, filters.filter_for):
+        rows.add(
+            (t_ns - start_ns) * 1e-9,
+            *estimate.q_nb,
+            *estimate.bias_b,
+            estimate.sigma_tilt_rad,
+            estimate.sigma_heading_rad,
         )
-        for t_ns, record in smoothed(listener, filters.filter_for)
-    ]
-    return estimates_of(rows) if rows else None
+    return rows.estimates()

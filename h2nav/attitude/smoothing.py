@@ -11,6 +11,7 @@ Equations: docs/filter.md.
 import bisect
 import itertools
 import math
+import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -124,8 +125,50 @@ class _Known(NamedTuple):
     is_referenced: bool
 
 
+class _Backward:
+    """What the run backward knows of the samples, packed: a long flight has millions of them."""
+
+    _ROW = struct.Struct("<q15dH2?")
+    _NOTHING = bytes(_ROW.size)
+
+    def __init__(self) -> None:
+        self._rows = bytearray()
+
+    def add(self, known: _Known | None) -> None:
+        """What it knows of the sample before the one of the last call."""
+        if known is None:
+            self._rows += self._NOTHING
+            return
+        t_us, q_nb, w_b, bias_b, innovation_n, sigma_tilt, trust, sigma_heading = known.estimate
+        self._rows += self._ROW.pack(
+            t_us, *q_nb, *w_b, *bias_b, *innovation_n, sigma_tilt, sigma_heading,
+            trust, known.is_referenced, True,
+        )  # fmt: skip
+
+    def in_order(self) -> Iterator[_Known | None]:
+        """Of each sample, from the first one on."""
+        size = self._ROW.size
+        for place in range(len(self._rows) - size, -1, -size):
+            t_us, *values, trust, is_referenced, is_known = self._ROW.unpack_from(self._rows, place)
+            if not is_known:
+                yield None
+                continue
+            a, b, c, d, p, q, r, x, y, z, u, v, w, sigma_tilt, sigma_heading = values
+            estimate = AttitudeEstimate(
+                t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w), sigma_tilt, Trust(trust),
+                sigma_heading,
+            )  # fmt: skip
+            yield _Known(estimate, is_referenced)
+
+
 def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeEstimate | None]]:
-    """The smoothed estimate of every sample of every stretch.
+    """What `smoothed` gives, by stretch."""
+    found = smoothed(stretches, make)
+    return [list(itertools.islice(found, len(given.samples))) for given in stretches]
+
+
+def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[AttitudeEstimate | None]:
+    """The smoothed estimate of every sample of every stretch, one by one.
 
     None stands where neither direction has an estimate: in stretches too short to align in. The
     heading is the forward run's wherever the backward run's is not tied to north. Like a service's
@@ -138,36 +181,36 @@ def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeE
     Source: docs/filter.md Eq. (42), (50) - (56).
     """
     first = make()
-    smoothed = []
     learnt = _Learnt()
     for given in stretches:
         first.restart()
-        found: list[AttitudeEstimate | None] = []
         for piece in _pieces(given):
             learnt = learnt._replace(bias_b=_last_bias(_run(first, piece), learnt.bias_b))
             if isinstance(first, KnowsSensors):
                 learnt = learnt._replace(errors=first.sensor_errors)
-            found += _led(_smooth_piece(piece, make, learnt), piece.delays)
-        smoothed.append(found)
-    return smoothed
+            yield from _led(_smooth_piece(piece, make, learnt), piece.delays)
 
 
 def _smooth_piece(
     piece: _Piece, make: FilterMaker, learnt: _Learnt
-) -> list[AttitudeEstimate | None]:
+) -> Iterator[AttitudeEstimate | None]:
     """The second run, the third, and both together."""
     placed = piece._replace(
         fields=_known_from_the_start(piece.fields), delays=[None] * len(piece.delays)
     )
     chosen = _prepared(make, piece, learnt)
     run = _run(chosen, _reversed(_without(placed, learnt)))
-    backward = _of_samples(run[::-1], piece.samples, learnt.bias_b, -1.0)
-    learnt = learnt._replace(bias_b=_last_bias(backward[::-1], learnt.bias_b))
+    backward, bias_b = _Backward(), learnt.bias_b
+    for known in _known(_of_samples(run, reversed(piece.samples), learnt.bias_b, -1.0)):
+        backward.add(known)
+        if known is not None:
+            bias_b = known.estimate.bias_b
+    learnt = learnt._replace(bias_b=bias_b)
     if learnt.errors is not None and isinstance(chosen, KnowsSensors):
         learnt = learnt._replace(errors=_both(learnt.errors, chosen.sensor_errors))
     run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
     forward = _of_samples(run, piece.samples, learnt.bias_b, 1.0)
-    return _combined(_known(forward), _known(backward[::-1])[::-1])
+    return _combined(_known(forward), backward.in_order())
 
 
 def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
@@ -197,13 +240,11 @@ def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
 
 
 def _led(
-    estimates: list[AttitudeEstimate | None], delays: list[SensorDelays | None]
-) -> list[AttitudeEstimate | None]:
+    estimates: Iterable[AttitudeEstimate | None], delays: list[SensorDelays | None]
+) -> Iterator[AttitudeEstimate | None]:
     """The attitudes at the times that they claim. Source: docs/filter.md Eq. (42)."""
-    return [
-        estimate if estimate is None or late is None else led(estimate, late.gyro_s)
-        for estimate, late in zip(estimates, delays, strict=True)
-    ]
+    for estimate, late in zip(estimates, delays, strict=True):
+        yield estimate if estimate is None or late is None else led(estimate, late.gyro_s)
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
@@ -235,9 +276,8 @@ def _pieces(given: Given) -> Iterator[_Piece]:
         yield piece
 
 
-def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]:
+def _run(chosen: AttitudeFilter, piece: _Piece) -> Iterator[AttitudeEstimate | None]:
     """A filter over a piece; it is told what holds where that changes."""
-    estimates: list[AttitudeEstimate | None] = []
     vehicle: VehicleState | None = None
     field: EarthField | None = None
     delays: SensorDelays | None = None
@@ -258,8 +298,7 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> list[AttitudeEstimate | None]
         while coming is not None and coming[0] <= row:
             chosen.use_velocity(coming[1])
             coming = next(fixes, None)
-        estimates.append(_update(chosen, sample))
-    return estimates
+        yield _update(chosen, sample)
 
 
 def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
@@ -275,10 +314,13 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
     return None
 
 
-def _last_bias(estimates: Sequence[AttitudeEstimate | None], otherwise: Vec3) -> Vec3:
-    """What a run knew of the bias at its end."""
-    last = next((each for each in reversed(estimates) if each is not None), None)
-    return otherwise if last is None else last.bias_b
+def _last_bias(run: Iterable[AttitudeEstimate | None], otherwise: Vec3) -> Vec3:
+    """What a run knows of the bias at its end."""
+    bias_b = otherwise
+    for estimate in run:
+        if estimate is not None:
+            bias_b = estimate.bias_b
+    return bias_b
 
 
 def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | None]:
@@ -381,24 +423,23 @@ def _backward(vehicles: Sequence[VehicleState]) -> list[VehicleState]:
 
 
 def _of_samples(
-    run: list[AttitudeEstimate | None],
-    samples: list[ImuSample],
+    run: Iterable[AttitudeEstimate | None],
+    samples: Iterable[ImuSample],
     bias_b: Vec3,
     direction: float,
-) -> list[AttitudeEstimate | None]:
+) -> Iterator[AttitudeEstimate | None]:
     """A run's estimates as estimates of the samples that were given.
 
     Args:
-        run: in the samples' order.
-        samples: with their own times and rates.
+        run: in its own order.
+        samples: with their own times and rates, in the run's order.
         bias_b: what the run's rates were without, rad/s.
         direction: of the run's time: 1 forward, -1 backward.
     """
-    found: list[AttitudeEstimate | None] = []
     a, b, c = bias_b
     for sample, estimate in zip(samples, run, strict=True):
         if estimate is None:
-            found.append(None)
+            yield None
             continue
         _, q_nb, rate_b, (u, v, w), *others = estimate
         bias = x, y, z = a + direction * u, b + direction * v, c + direction * w
@@ -407,42 +448,42 @@ def _of_samples(
         if not math.isfinite(sum(map(abs, w_b))):
             p, q, r = rate_b
             w_b = direction * p, direction * q, direction * r
-        found.append(tuple.__new__(AttitudeEstimate, (sample.t_us, q_nb, w_b, bias, *others)))
-    return found
+        yield tuple.__new__(AttitudeEstimate, (sample.t_us, q_nb, w_b, bias, *others))
 
 
-def _known(estimates: Sequence[AttitudeEstimate | None]) -> list[_Known | None]:
+def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | None]:
     """Whether the heading of each is tied to north; in the order of the run."""
-    known: list[_Known | None] = []
     at_us: int | None = None
     for estimate in estimates:
         if estimate is None:
-            known.append(None)
+            yield None
             continue
         if int(estimate.trust) & _REFERENCED:
             at_us = estimate.t_us
         is_referenced = at_us is not None and abs(estimate.t_us - at_us) < REFERENCED_US
-        known.append(_Known(estimate, is_referenced))
-    return known
+        yield _Known(estimate, is_referenced)
 
 
 def _combined(
-    forward: Sequence[_Known | None], backward: Sequence[_Known | None]
-) -> list[AttitudeEstimate | None]:
+    forward: Iterable[_Known | None], backward: Iterable[_Known | None]
+) -> Iterator[AttitudeEstimate | None]:
     """Both runs together; where one has nothing, the other alone."""
-    smoothed: list[AttitudeEstimate | None] = []
+    before: list[AttitudeEstimate | None] = []
     waiting = True  # for the forward run's first estimate
     for ahead, back in zip(forward, backward, strict=True):
-        if ahead is not None and back is not None:
-            both = _mean(ahead, back)
-            if waiting:
-                _turn_all(smoothed, both, back)
-            smoothed.append(both)
-        else:
+        if ahead is None or back is None:
             alone = ahead or back
-            smoothed.append(None if alone is None else alone.estimate)
+            found = None if alone is None else alone.estimate
+        else:
+            found = _mean(ahead, back)
+            if waiting:
+                _turn_all(before, found, back)
         waiting = waiting and ahead is None
-    return smoothed
+        before.append(found)
+        if not waiting:
+            yield from before
+            before.clear()
+    yield from before
 
 
 def _turn_all(alone: list[AttitudeEstimate | None], both: AttitudeEstimate, back: _Known) -> None:

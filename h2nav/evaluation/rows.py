@@ -1,14 +1,17 @@
 """Attitudes as rows of arrays: what `maths.quaternion` and `maths.frames` do, for many at once."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from h2nav.maths import frames, quaternion
 
 Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.floating[Any]]
 
 
-def product(p: Array, q: Array) -> Array:
+def product(p: Floats, q: Floats) -> Array:
     """(N, 4) Hamilton products of rows; one row stands for as many as the other has."""
     w, x, y, z = p.T
     a, b, c, d = q.T

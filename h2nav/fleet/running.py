@@ -37,7 +37,7 @@ class Work(NamedTuple):
 
     Attributes:
         review: does it; importable on the workers.
-        version: changes when its results would: version of the program and options.
+        version: changes when its results would: digest of the program, and options.
         limits: of one flight.
     """
 

@@ -36,6 +36,7 @@ _LOOK_S = 0.2
 _COPY_BYTES = 4 * MIB
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _ENDED_BY_WATCH = 3
+_MMAP_THRESHOLD = -3  # M_MMAP_THRESHOLD of malloc.h
 
 Review = Callable[[Path, Path], dict[str, Any]]
 """Reviews the recording of the first path, writes into the folder of the second one.
@@ -117,6 +118,7 @@ def _deaths(task: Task, store: Store) -> int:
 def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str, Any]:
     """Does the work of `do_flight`."""
     started_s, cpu_s = time.monotonic(), time.process_time()
+    _keep_arrays_apart()
     result: dict[str, Any]
     # Where the cluster clears up behind a worker that died.
     scratch = get_worker().local_directory
@@ -177,6 +179,15 @@ def _reviewed(task: Task, review: Review, store: Store, path: Path, folder: Path
 def _in_words(error: BaseException) -> str:
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def _keep_arrays_apart() -> None:
+    """Large arrays get pages of their own, which go back when an array does.
+
+    By itself the C library takes larger and larger ones out of its heap, from which nothing goes
+    back that lies below something else.
+    """
+    ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, MIB)
 
 
 def _give_back_memory() -> None:

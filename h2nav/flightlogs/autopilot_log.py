@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.flightlogs.context import (
@@ -268,7 +267,7 @@ def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:
 
 
 def _airspeeds(recorded: Recorded, airspeed: Series) -> _Stream:
-    values: NDArray[np.float64] = airspeed.values
+    values = airspeed.values
     return _Stream(
         _boot_us(recorded.start_us, airspeed.t_s),
         mavlink.MAVLINK_MSG_ID_VFR_HUD,

@@ -6,14 +6,15 @@ own. Angles and frames are those of the service: body forward-right-down, north-
 quaternions body to NED.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.integrity.findings import Severity
 
-Array = NDArray[np.float64]
+# float64, but for what sensors measured: that is kept with no more digits than the log has of it.
+Array = NDArray[np.floating[Any]]
 
 
 class Span(NamedTuple):
@@ -46,6 +47,8 @@ class Said(NamedTuple):
 
 class ImuTrack(NamedTuple):
     """All samples of one IMU, as they were recorded.
+
+    Who sums or integrates them does it in float64.
 
     Attributes:
         imu: its number, from 0.

@@ -405,15 +405,8 @@ def _imus(log: Log, trim: Trim) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.
         if not len(samples.t_us) or rows.number >= MOST_IMUS:
             continue
         own = compasses.get(rows.number)
-        tracks.append(
-            ImuTrack(
-                rows.number,
-                "IMU",
-                log.since_start(samples.t_us),
-                *samples,
-                imu_series.with_fields(samples.t_us, own),
-            )
-        )
+        t_s = log.since_start(samples.t_us)
+        tracks.append(imu_series.track_of(rows.number, "IMU", t_s, samples, own))
         if samples.rate_hz >= imu_series.LEAST_HZ:
             field = own if own is not None else compasses.get(0)
             readings.append(imu_series.readings_of(rows.number, samples, field))

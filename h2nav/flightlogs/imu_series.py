@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.flightlogs.context import Array
+from h2nav.flightlogs.context import Array, ImuTrack
 from h2nav.wire.imu import (
     CLIPPED_FORCE_M_S2,
     CLIPPED_RATE_RAD_S,
@@ -92,6 +92,21 @@ class Readings(NamedTuple):
     f_b: Array
     m_b_ut: Array
     clipped: Mask
+
+
+def track_of(
+    imu: int, source: str, t_s: Array, samples: Samples, fields: Fields | None
+) -> ImuTrack:
+    """Samples and the fields of their own compass, for the review: as narrow as logs have them."""
+    return ImuTrack(
+        imu,
+        source,
+        t_s,
+        samples.t_us,
+        samples.w_b.astype(np.float32),
+        samples.f_b.astype(np.float32),
+        with_fields(samples.t_us, fields).astype(np.float32),
+    )
 
 
 def usable(samples: Samples) -> Mask:

@@ -111,7 +111,7 @@ def context_of(
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
         said=_said(clock),
-        parameters=_parameters(clock),
+        parameters=_parameters(clock, kind[0]),
         throttle=_throttle(clock),
         current_a=_current(clock),
         wind_n_m_s=_wind(clock),
@@ -360,7 +360,8 @@ def _firmware(said: Iterable[Said]) -> str:
     return next((each.text for each in said if each.text.startswith(names)), "")
 
 
-def _parameters(clock: _Clock) -> dict[str, float]:
+def _parameters(clock: _Clock, autopilot: int) -> dict[str, float]:
+    """PX4 sends the bits of its integers in place of the float."""
     table = clock[mavlink.MAVLINK_MSG_ID_PARAM_VALUE]
     if table is None:
         return {}
@@ -368,7 +369,11 @@ def _parameters(clock: _Clock) -> dict[str, float]:
         bytes(name).split(b"\0", 1)[0].decode("ascii", "replace")
         for name in table.fields["param_id"]
     )
-    return dict(zip(names, map(float, table.fields["param_value"]), strict=True))
+    values = table.fields["param_value"].copy()
+    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        is_integer = table.fields["param_type"] < mavlink.MAV_PARAM_TYPE_REAL32
+        values = np.where(is_integer, values.view(np.int32), values.astype(np.float64))
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def _throttle(clock: _Clock) -> Series | None:

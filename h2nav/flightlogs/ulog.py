@@ -301,9 +301,8 @@ def _imus(log: Log) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ..
         if not len(samples.t_us):
             continue
         own = compasses.get(imu)
-        fields = imu_series.with_fields(samples.t_us, own)
         t_s = log.since_start(samples.t_us)
-        tracks.append(ImuTrack(imu, source, t_s, samples.t_us, samples.w_b, samples.f_b, fields))
+        tracks.append(imu_series.track_of(imu, source, t_s, samples, own))
         if samples.rate_hz >= imu_series.LEAST_HZ:
             lent = own if own is not None else compasses.get(0)
             readings.append(imu_series.readings_of(imu, *_as_sent(samples, length_us, lent)))
@@ -364,7 +363,8 @@ def _combined(log: Log) -> list[Means]:
     rows = log.find("sensor_combined", *gyro, *force)
     if rows is None:
         return []
-    table, length_us = rows.table, np.zeros(len(rows.t_us))
+    table = rows.table
+    length_us: Array = np.zeros(len(rows.t_us))
     if "gyro_integral_dt" in table:
         unit_us = 1e6 if table.kind("gyro_integral_dt") == "f" else 1.0
         length_us = _length(table.numbers("gyro_integral_dt") * unit_us)

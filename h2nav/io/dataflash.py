@@ -264,7 +264,7 @@ class _Chain:
         """How to make the table of each message that occurs."""
         sources: dict[str, Source] = {}
         for kind, form in self._formats.items():
-            places = np.array(self._places[kind], np.int64)
+            places = np.frombuffer(self._places[kind], np.int64)
             if form.row() is None or not len(places):
                 continue
             # Of two types under one name, that with more rows is meant.

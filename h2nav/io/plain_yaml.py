@@ -28,12 +28,20 @@ def read_mapping(path: Path) -> dict[str, Any]:
     Raises:
         BadInput: the file cannot be read, is not plain YAML, or holds no mapping.
     """
+    return parse_bytes(read_bytes(path), str(path))
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file's content, of which no more is read than `parse_bytes` needs to refuse it.
+
+    Raises:
+        BadInput: the file cannot be read.
+    """
     try:
         with path.open("rb") as stream:
-            data = stream.read(LARGEST_BYTES + 1)
+            return stream.read(LARGEST_BYTES + 1)
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    return parse_bytes(data, str(path))
 
 
 def parse_bytes(data: bytes, place: str) -> dict[str, Any]:

@@ -10,13 +10,14 @@ Array = NDArray[np.float64]
 
 
 class Table:
-    """All rows of one message.
+    """All rows of one message; a column is taken out of the file when it is asked for.
 
     Args:
         name: of the message.
         places: (N,) where each row stands in the file, bytes from its beginning.
-        rows: (N,) structured, one field per column, as they were stored.
+        rows: (M,) structured, one field per column, as they were stored; never copied.
         divisors: of the columns that are stored as multiples of a fraction.
+        wanted: (N,) which of `rows` are meant, by number; None = all of them.
 
     Attributes:
         name: of the message.
@@ -30,11 +31,13 @@ class Table:
         places: NDArray[np.int64],
         rows: NDArray[np.void],
         divisors: dict[str, float] | None = None,
+        wanted: NDArray[np.int64] | None = None,
     ) -> None:
         self.name = name
         self.places = places
         self._rows = rows
         self._divisors = divisors or {}
+        self._wanted: NDArray[np.int64] | slice = slice(None) if wanted is None else wanted
         self.columns: tuple[str, ...] = rows.dtype.names or ()
 
     def __len__(self) -> int:
@@ -43,12 +46,11 @@ class Table:
     def __contains__(self, column: str) -> bool:
         return column in self.columns
 
-    def only(self, wanted: NDArray[np.bool_] | slice) -> "Table":
+    def only(self, wanted: NDArray[np.bool_]) -> "Table":
         """The rows that are wanted."""
-        # Whole rows are copied at once, and not field by field.
-        form = self._rows.dtype
-        rows = self._rows.view(f"V{form.itemsize}")[wanted].view(form)
-        return Table(self.name, self.places[wanted], rows, self._divisors)
+        numbers = self._wanted
+        numbers = np.flatnonzero(wanted) if isinstance(numbers, slice) else numbers[wanted]
+        return Table(self.name, self.places[wanted], self._rows, self._divisors, numbers)
 
     def kind(self, column: str) -> str:
         """How the column is stored, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
@@ -62,11 +64,16 @@ class Table:
         """Values in the units of the log: (N,) of one column, (N, k) of several."""
         if len(columns) == 1:
             return self._numbers(columns[0])
-        return np.stack([self._numbers(column) for column in columns], axis=1)
+        first = self._numbers(columns[0])
+        values = np.empty((len(first), len(columns), *first.shape[1:]))
+        values[:, 0] = first
+        for number, column in enumerate(columns[1:], 1):
+            values[:, number] = self._numbers(column)
+        return values
 
     def integers(self, column: str) -> NDArray[np.int64]:
         """(N,) of a column of integers, as stored; what is beyond int64 is its end."""
-        stored: NDArray[Any] = self._rows[column]
+        stored: NDArray[Any] = self._stored(column)
         if stored.dtype.kind == "f":
             stored = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
             return stored.clip(-(2.0**62), 2.0**62).astype(np.int64)
@@ -76,28 +83,23 @@ class Table:
 
     def texts(self, column: str) -> list[str]:
         """(N,) of a column of characters, up to the first zero; what is no UTF-8 is replaced."""
-        stored = self._rows[column].tolist()
+        stored = self._stored(column).tolist()
         return [bytes(v).split(b"\0", 1)[0].decode("utf-8", "replace") for v in stored]
 
     def _numbers(self, column: str) -> Array:
         with np.errstate(invalid="ignore"):  # damage may be any kind of NaN
-            values = self._rows[column].astype(np.float64)
+            values = self._stored(column).astype(np.float64)
         divisor = self._divisors.get(column)
         return values if divisor is None else values / divisor
 
+    def _stored(self, column: str) -> NDArray[Any]:
+        stored: NDArray[Any] = self._rows[column][self._wanted]
+        return stored
 
-def rows_at(data: bytes, places: NDArray[np.int64], row: np.dtype[np.void]) -> NDArray[np.void]:
-    """The rows of a structured type that begin at the given places of the data.
 
-    Every place of the data begins a row of a view whose rows overlap; only those that are wanted
-    are copied, each at once, and no index per byte is made.
-    """
-    starts = len(data) - row.itemsize + 1
-    if starts <= 0 or not len(places):
-        return np.empty(0, row)
-    # As plain bytes: rows of fields would be copied field by field.
-    every: NDArray[np.void] = np.ndarray((starts,), f"V{row.itemsize}", data, strides=(1,))
-    return every[places].view(row)
+def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
+    """The rows that might begin at each byte of the data: a view, in which they overlap."""
+    return np.ndarray((max(len(data) - row.itemsize + 1, 0),), row, data, strides=(1,))
 
 
 class Source(NamedTuple):
@@ -120,7 +122,7 @@ class Source(NamedTuple):
         row = self.row()
         if row is None:
             return None
-        return Table(name, self.places, rows_at(self.data, self.places, row), self.divisors)
+        return Table(name, self.places, rows_of(self.data, row), self.divisors, self.places)
 
 
 class LogTables:

@@ -17,13 +17,36 @@ from h2nav.review.flight import EarthFields, Estimates, Ratios
 from h2nav.service.records import AidingRecord, HealthRecord, LaneRecord
 from h2nav.wire.readers import Message
 
-_ROW = 9  # attitude 4, bias 3, deviations 2
+_ROW = 10  # time, attitude 4, bias 3, deviations 2
 # What an attitude rests on, besides the gyro and gravity, which it always does.
 HOLDING = {
     "velocity": Trust.VELOCITY_USED,
     "compass": Trust.FIELD_USED,
     "rest": Trust.REST,
 }
+
+
+class EstimateRows:
+    """Estimates as they come, as plain numbers."""
+
+    def __init__(self) -> None:
+        self._rows = array("d")
+
+    def add(self, *row: float) -> None:
+        """One estimate.
+
+        Args:
+            row: time since the recording began, s; attitude body to NED (4); gyro bias, rad/s (3);
+                predicted deviations of tilt and heading, rad.
+        """
+        self._rows.extend(row)
+
+    def estimates(self) -> Estimates | None:
+        """All so far; None without any."""
+        if not self._rows:
+            return None
+        rows = np.array(self._rows).reshape(-1, _ROW)
+        return Estimates(rows[:, 0].copy(), rows[:, 1:5], rows[:, 5:8], rows[:, 8], rows[:, 9])
 
 
 class Collector:
@@ -42,7 +65,7 @@ class Collector:
         self.start_ns = self.end_ns = 0
         self._began = False
         self._t_s = array("d")
-        self._rows = array("d")
+        self._estimates = EstimateRows()
         self._trust = array("H")
         self._ratios_s = array("d")
         self._ratios: list[InnovationRatios] = []
@@ -67,10 +90,11 @@ class Collector:
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Keeps an estimate."""
-        self._t_s.append(self._since_start_s(t_ns))
+        t_s = self._since_start_s(t_ns)
+        self._t_s.append(t_s)
         self._trust.append(int(estimate.trust))
         sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
-        self._rows.extend((*estimate.q_nb, *estimate.bias_b, *sigmas))
+        self._estimates.add(t_s, *estimate.q_nb, *estimate.bias_b, *sigmas)
 
     def record(self, t_ns: int, topic: str, record: object) -> None:
         """Keeps what the pictures show."""
@@ -99,10 +123,7 @@ class Collector:
 
     def estimates(self) -> Estimates | None:
         """All so far; None without any."""
-        if not self._t_s:
-            return None
-        rows = np.array(self._rows).reshape(-1, _ROW)
-        return Estimates(np.array(self._t_s), rows[:, :4], rows[:, 4:7], rows[:, 7], rows[:, 8])
+        return self._estimates.estimates()
 
     def ratios(self) -> Ratios:
         """All so far."""
@@ -142,13 +163,6 @@ class Collector:
 
 def _spans(found: list[tuple[float, str]], end_s: float) -> tuple[Span, ...]:
     return spans([t_s for t_s, _ in found], [name for _, name in found], end_s)
-
-
-def estimates_of(rows: Sequence[tuple[float, ...]]) -> Estimates:
-    """Estimates of rows: time, s; attitude; bias, rad/s; deviations of tilt and heading, deg."""
-    columns = np.array(rows)
-    sigmas = columns[:, 8:] * DEG
-    return Estimates(columns[:, 0], columns[:, 1:5], columns[:, 5:8], sigmas[:, 0], sigmas[:, 1])
 
 
 def most_trusted(findings: Sequence[Finding], lanes: Sequence[Span]) -> int:

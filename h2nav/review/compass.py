@@ -189,7 +189,7 @@ def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context
     t_s = track.t_s[good]
     row_s = max(ROW_S, (t_s[-1] - t_s[0]) / MOST_ROWS)
     edges = np.arange(t_s[0], t_s[-1] + row_s, row_s)
-    values = np.hstack((track.m_b_ut[good], np.abs(track.w_b[good])))
+    values = np.hstack((track.m_b_ut[good], np.abs(track.w_b[good])), dtype=float)
     mean = means(t_s, values, edges)
     at_s = 0.5 * (edges[1:] + edges[:-1])
     q = best.at(at_s)

@@ -15,6 +15,7 @@ from h2nav.review.certainty import GROUPS, aids, covered_s
 from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.gathering import all_findings
+from h2nav.review.parameters import in_order
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
 
 FORMAT = 1
@@ -30,6 +31,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     """
     context = flight.context
     start = context.start_unix_s
+    apart = differences(flight)
     found = {
         "format": FORMAT,
         "name": flight.name,
@@ -41,11 +43,11 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "start_utc": None if start is None else _date(start),
         "duration_s": context.duration_s,
         "findings": [_finding(one) for one in all_findings(flight, analysis)],
-        "checked": _checked(flight, analysis),
+        "checked": _checked(flight, analysis, apart),
         "missing": list(context.missing),
         "why_no_estimate": flight.why_no_estimate or None,
         "certainty": _certainty(flight),
-        "differences": [_difference(one) for one in differences(flight)],
+        "differences": [_difference(one) for one in apart],
         "spans": {
             "modes": _spans(context.modes),
             "armed": _spans(context.armed),
@@ -71,6 +73,8 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "damaged": dict(context.notes),
     }
     plain: dict[str, Any] = _plain(found)
+    # Their digits are bounded by themselves.
+    plain["parameters"] = in_order(context.parameters)
     return plain
 
 
@@ -86,7 +90,9 @@ def _date(unix_s: float) -> str | None:
         return None
 
 
-def _checked(flight: Flight, analysis: Analysis) -> list[dict[str, object]]:
+def _checked(
+    flight: Flight, analysis: Analysis, apart: tuple[Difference, ...]
+) -> list[dict[str, object]]:
     """What was looked at, and for how long; None where that is the whole recording."""
     texts = {
         "velocity": "our attitude against the GPS velocity",
@@ -99,7 +105,7 @@ def _checked(flight: Flight, analysis: Analysis) -> list[dict[str, object]]:
         for group, spans in aids(flight).items()
         if spans
     ]
-    names = [one.name for one in differences(flight) if not one.is_truth]
+    names = [one.name for one in apart if not one.is_truth]
     if names:
         checked.append({"what": f"attitude of {', '.join(names)} against ours", "for_s": None})
     for what, tracks in (

@@ -273,14 +273,14 @@ def slowed(track: ImuTrack) -> ImuTrack:
     count = len(track.t_s)
     together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
     if together < 2 or count < 2 * together:
-        return track
+        return track._replace(w_b=track.w_b.astype(float), f_b=track.f_b.astype(float))
     whole = count // together * together
     last = slice(together - 1, whole, together)
     return track._replace(
         t_s=track.t_s[last],
         stamp_us=track.stamp_us[last],
-        w_b=track.w_b[:whole].reshape(-1, together, 3).mean(axis=1),
-        f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1),
+        w_b=track.w_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
+        f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
         m_b_ut=track.m_b_ut[last],
     )
 

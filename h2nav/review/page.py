@@ -7,10 +7,10 @@ from h2nav.integrity.findings import Finding, Severity
 from h2nav.review.advice import advice
 from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS
-from h2nav.review.document import document
 from h2nav.review.flight import Flight
 from h2nav.review.gathering import all_findings, together
 from h2nav.review.html import asset, data_block, escape, frame, table
+from h2nav.review.parameters import Value, matters_for_attitude
 from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
 from h2nav.review.pictures.columns import shown_s
 from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
@@ -26,17 +26,17 @@ _KINDS = {
 }
 
 
-def page(flight: Flight, analysis: Analysis) -> str:
+def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     """The review as HTML.
 
     Args:
         flight: what was recorded and what our service made of it.
         analysis: what the whole flight shows.
+        told: their `document`.
 
     Returns:
         A file that opens without a network: findings, how sure they are, pictures.
     """
-    told = document(flight, analysis)
     findings = together(all_findings(flight, analysis))
     sections = [section for section in _sections(flight, analysis, findings) if _is_filled(section)]
     drawn = _Drawn()
@@ -49,6 +49,7 @@ def page(flight: Flight, analysis: Analysis) -> str:
             _contents(sections),
             *(drawn.section(section) for section in sections),
             _texts(told),
+            _parameters(told["parameters"]),
             _bar(),
         )
     )
@@ -330,8 +331,9 @@ def _contents(sections: Sequence[Section]) -> str:
     links = " · ".join(f'<a href="#{one.name}">{escape(one.title)}</a>' for one in sections)
     about = (
         "All pictures over time share one axis: drag over a part to see it closer, double click "
-        "for the whole flight, or use the buttons at the lower edge. A click on a name below a "
-        "picture hides its line; colours behind the lines are flight modes."
+        "for the whole flight, or use the buttons at the lower edge; on a touch screen one finger "
+        "moves it and two stretch it. A click on a name below a picture hides its line; colours "
+        "behind the lines are flight modes."
     )
     return f'<h2>Pictures</h2><p class="about">{escape(about)}</p><p>{links}</p>' if links else ""
 
@@ -359,6 +361,36 @@ def _texts(told: dict[str, Any]) -> str:
 
 def _rows(texts: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
     return [(f"{one['t_s']:.1f}", one["severity"], one["text"]) for one in texts]
+
+
+def _parameters(parameters: dict[str, Value]) -> str:
+    """A table that is folded away; a script shows the rows that have the words of the search."""
+    if not parameters:
+        return ""
+    names = list(parameters)
+    matter = sum(map(matters_for_attitude, names))
+    parts = [
+        _parameter_group(title, {name: parameters[name] for name in group})
+        for title, group in (
+            ("What the attitude depends on", names[:matter]),
+            ("All others", names[matter:]),
+        )
+        if group
+    ]
+    search = (
+        '<input type="search" data-search="parameters" aria-label="search in the parameters" '
+        'placeholder="search, such as compass ofs">'
+    )
+    return (
+        '<section id="parameters"><h2>Parameters of the autopilot</h2><details>'
+        f"<summary>All {len(parameters)}, those that the attitude depends on first</summary>"
+        f'{search}<div class="searched">{"".join(parts)}</div></details></section>'
+    )
+
+
+def _parameter_group(title: str, parameters: dict[str, Value]) -> str:
+    rows = ((name, "no number" if v is None else v) for name, v in parameters.items())
+    return f"<h3>{title}</h3>{table(('name', 'value'), rows)}"
 
 
 def _bar() -> str:

@@ -144,8 +144,8 @@ def _densities(t_s: Array, pieces: Array, rate_hz: float) -> _Windows:
     power = np.empty((len(pieces), min(length // 2, MOST_BINS), 3))
     # As many at a time as a processor's cache holds.
     for first in range(0, len(pieces), AT_ONCE):
-        part = pieces[first : first + AT_ONCE]
-        part = part - part.mean(axis=2, keepdims=True)
+        part = pieces[first : first + AT_ONCE].astype(float)
+        part -= part.mean(axis=2, keepdims=True)
         part = part - (part @ slope / float(slope @ slope))[:, :, None] * slope
         spectrum = np.fft.rfft(part * hann, axis=2)[:, :, 1 : power.shape[1] + 1]
         power[first : first + AT_ONCE] = (spectrum.real**2 + spectrum.imag**2).transpose(0, 2, 1)

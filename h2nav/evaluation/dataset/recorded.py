@@ -5,6 +5,7 @@ truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another esti
 true north.
 """
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,16 +27,48 @@ from h2nav.io.trials import Told, ToldOf, Trial, usual_rate_hz
 from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2
+UNKNOWN = (np.nan, np.nan, np.nan)
+# Arrival, autopilot's time, rate, force, field, whether the field is one, whether it is clipped.
+_ROW = struct.Struct("<2q9d2?")
 
 
 class Stretch:
-    """Samples between two restarts of the filter, what it was told among them, and of whom."""
+    """Samples between two restarts of the filter, what it was told among them, and of whom.
+
+    Samples are kept packed, in a fifth of what as many records of theirs take: of a log of an hour
+    there are millions.
+
+    Attributes:
+        told: what the filter was told, with the number of the sample that it was known before.
+        identity: of the autopilot.
+    """
 
     def __init__(self) -> None:
-        self.samples: list[ImuSample] = []
-        self.arrived_us: list[int] = []
         self.told: list[Told] = []
         self.identity: Identity | None = None
+        self._rows = bytearray()
+
+    def __len__(self) -> int:
+        return len(self._rows) // _ROW.size
+
+    def add(self, sample: ImuSample, arrived_us: int) -> None:
+        """Keeps a sample and the host time of its arrival."""
+        t_us, w_b, f_b, m_b_ut, clipped = sample
+        known, field = (False, UNKNOWN) if m_b_ut is None else (True, m_b_ut)
+        self._rows += _ROW.pack(arrived_us, t_us, *w_b, *f_b, *field, known, clipped)
+
+    @property
+    def samples(self) -> list[ImuSample]:
+        """All so far, made anew."""
+        return [
+            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
+            for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
+        ]
+
+    @property
+    def arrived_us(self) -> list[int]:
+        """Host time of each sample's arrival."""
+        return [row[0] for row in _ROW.iter_unpack(self._rows)]
 
 
 class Listener:
@@ -82,8 +115,7 @@ class Listener:
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Keeps a sample."""
-        self.stretches[-1].samples.append(sample)
-        self.stretches[-1].arrived_us.append(self._now_us)
+        self.stretches[-1].add(sample, self._now_us)
         return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
@@ -119,7 +151,7 @@ class Listener:
         return self.others[self._further - 1]
 
     def _begin_stretch(self) -> None:
-        if self.stretches[-1].samples:
+        if len(self.stretches[-1]):
             self.stretches.append(Stretch())
             for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
@@ -140,7 +172,7 @@ class Listener:
 
     def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]
-        stretch.told.append(Told(len(stretch.samples), what))
+        stretch.told.append(Told(len(stretch), what))
 
 
 def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
@@ -154,15 +186,14 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     Raises:
         BadInput: the service gave no samples.
     """
-    stretch = max(listener.stretches, key=lambda found: len(found.samples))
+    stretch = max(listener.stretches, key=len)
     samples = stretch.samples
     if len(samples) < LEAST_SAMPLES:
         raise BadInput(f"{path}: no IMU samples of a known autopilot in it")
     boot_us = np.array([sample.t_us for sample in samples])
     start_us = int(boot_us[0])
     pairs = reference.pairs(np.array(stretch.arrived_us), boot_us)
-    unknown = (np.nan, np.nan, np.nan)
-    fields = np.array([sample.m_b_ut or unknown for sample in samples])
+    fields = np.array([sample.m_b_ut or UNKNOWN for sample in samples])
     clipped = np.array([sample.clipped for sample in samples])
     q_es = np.full((len(samples), 4), np.nan)
     q_es[pairs.rows] = enu_from_ned(from_euler(pairs.angles))
@@ -198,10 +229,10 @@ def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
         notes = ["against ATTITUDE, the autopilot's own estimate: no truth"]
     if not any(isinstance(told.what, EarthField) for told in stretch.told):
         notes.append("no position, so no declination: our headings are against magnetic north")
-    used = [len(found.samples) for found in listener.stretches if found.samples]
+    used = [len(found) for found in listener.stretches if len(found)]
     if len(used) > 1:
         notes.append(
             f"the autopilot's clock began anew {len(used) - 1} times; the longest stretch, "
-            f"{len(stretch.samples)} of {sum(used)} samples, is scored"
+            f"{len(stretch)} of {sum(used)} samples, is scored"
         )
     return notes

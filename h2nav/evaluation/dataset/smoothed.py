@@ -5,9 +5,10 @@ import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from h2nav.attitude import smoothing
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.attitude.smoothing import Given, smooth
+from h2nav.attitude.smoothing import Given
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
@@ -58,7 +59,7 @@ def smoothed_record(estimate: AttitudeEstimate) -> SmoothedRecord:
 
 def smoothed(
     listener: Listener, filter_for: Callable[[Identity], AttitudeFilter]
-) -> Iterator[tuple[int, SmoothedRecord]]:
+) -> Iterator[tuple[int, AttitudeEstimate]]:
     """Host time of arrival (ns) and smoothed attitude of the samples that have one.
 
     Args:
@@ -69,9 +70,9 @@ def smoothed(
         if identity is None:
             continue
         stretches = list(group)
-        given = [Given(stretch.samples, stretch.told) for stretch in stretches]
-        found = smooth(given, functools.partial(filter_for, identity))
-        for stretch, estimates in zip(stretches, found, strict=True):
-            for arrived_us, estimate in zip(stretch.arrived_us, estimates, strict=True):
-                if estimate is not None:
-                    yield 1000 * arrived_us, smoothed_record(estimate)
+        given = (Given(stretch.samples, stretch.told) for stretch in stretches)
+        arrived_us = itertools.chain.from_iterable(each.arrived_us for each in stretches)
+        found = smoothing.smoothed(given, functools.partial(filter_for, identity))
+        for at_us, estimate in zip(arrived_us, found, strict=True):
+            if estimate is not None:
+                yield 1000 * at_us, estimate

@@ -328,6 +328,57 @@ function rows(picture) {
   return [options, [grid, ...labelled.map(() => nothing)]];
 }
 
+// --- fingers on a picture -----------------------------------------------------------------------
+// What is under a finger stays under it: one moves the axis of time, two stretch it.
+const fingers = new Map(); // by pointer: where it is, and the time that it holds, s
+let touched = null, isDue = false;
+
+function timeUnder(x) {
+  const {left, width} = touched.getBoundingClientRect();
+  return shown.from + (x - left) / width * (shown.to - shown.from);
+}
+
+function hold() {
+  for (const finger of fingers.values()) finger.time = timeUnder(finger.x);
+}
+
+function pulled() {
+  isDue = false;
+  const [one, other] = fingers.values();
+  if (!one) return;
+  const {left, width} = touched.getBoundingClientRect();
+  let seconds = (shown.to - shown.from) / width; // of a pixel
+  if (other) {
+    const stretched = (other.time - one.time) / (other.x - one.x);
+    if (!(stretched > 0 && stretched < Infinity)) return;
+    seconds = stretched;
+  }
+  const from = one.time - (one.x - left) * seconds;
+  show(from, from + seconds * width);
+}
+
+function touchable(over) {
+  over.style.touchAction = "pan-y";
+  over.addEventListener("pointerdown", (event) => {
+    if (event.pointerType !== "touch" || fingers.size === 2) return;
+    if (over !== touched) fingers.clear();
+    touched = over;
+    fingers.set(event.pointerId, {x: event.clientX});
+    hold();
+  });
+}
+
+document.addEventListener("pointermove", (event) => {
+  const finger = fingers.get(event.pointerId);
+  if (!finger) return;
+  finger.x = event.clientX;
+  if (!isDue) requestAnimationFrame(pulled);
+  isDue = true;
+});
+
+for (const end of ["pointerup", "pointercancel"])
+  document.addEventListener(end, (event) => { if (fingers.delete(event.pointerId)) hold(); });
+
 // --- the page -----------------------------------------------------------------------------------
 const kinds = {lines, curves, heat, rows};
 
@@ -336,7 +387,10 @@ function made(place) {
   const [options, data] = kinds[picture.kind](picture);
   const plot = new uPlot({...options, width: place.clientWidth}, data, place);
   const isTimed = picture.kind !== "curves";
-  if (isTimed) timed.push(plot);
+  if (isTimed) {
+    timed.push(plot);
+    touchable(plot.over);
+  }
   all.push({place, plot});
   place.classList.add("drawn", picture.kind);
   new ResizeObserver(() => {
@@ -385,6 +439,16 @@ document.addEventListener("click", (event) => {
 
 for (const more of document.querySelectorAll("details"))
   more.addEventListener("toggle", () => { if (more.open) drawn(more.querySelectorAll("[data-picture]")); });
+
+// Rows that hold every word of a search.
+for (const input of document.querySelectorAll("[data-search]"))
+  input.addEventListener("input", () => {
+    const words = input.value.toLowerCase().split(/\s+/);
+    for (const row of document.querySelectorAll(`#${input.dataset.search} tbody tr`)) {
+      const text = row.textContent.toLowerCase();
+      row.hidden = !words.every((word) => text.includes(word));
+    }
+  });
 
 // Paper is narrower than most windows, and no observer is asked between this event and the print.
 const PAPER = 680;

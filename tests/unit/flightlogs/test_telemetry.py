@@ -41,11 +41,11 @@ def recorded(path: Path, *messages: tuple[float, object], sender: int = 1) -> Pa
     return path
 
 
-def beat(mode: int, *, armed: bool) -> object:
+def beat(mode: int, *, armed: bool, autopilot: int = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA) -> object:
     base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, 4, 3
+        mavlink.MAV_TYPE_QUADROTOR, autopilot, base, mode, 4, 3
     )
 
 
@@ -138,6 +138,26 @@ def test_a_velocity_that_the_receiver_does_not_know_is_none(tmp_path):
     assert math.isnan(receiver.v_n[1, 0])
     assert np.isnan(receiver.satellites).all()
     np.testing.assert_allclose(receiver.latitude_deg, 47.0)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "sent"),
+    [
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 658953.0),
+        (mavlink.MAV_AUTOPILOT_PX4, struct.unpack("<f", struct.pack("<i", 658953))[0]),
+    ],
+)
+def test_integer_parameters_are_what_was_set(tmp_path, autopilot, sent):
+    def value(name: bytes, number: float, kind: int) -> object:
+        return mavlink.MAVLink_param_value_message(name, number, kind, 2, 0)
+
+    path = recorded(
+        tmp_path / "set.tlog",
+        (0.0, beat(GUIDED, armed=False, autopilot=autopilot)),
+        (1.0, value(b"CAL_MAG0_ID", sent, mavlink.MAV_PARAM_TYPE_INT32)),
+        (2.0, value(b"CAL_MAG0_XOFF", 0.25, mavlink.MAV_PARAM_TYPE_REAL32)),
+    )
+    assert context(path).parameters == {"CAL_MAG0_ID": 658953.0, "CAL_MAG0_XOFF": 0.25}
 
 
 def test_another_sender_is_not_heard(tmp_path):

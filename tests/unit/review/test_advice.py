@@ -3,11 +3,10 @@
 import ast
 import re
 
-from made_flight import made_analysis, made_flight
+from made_flight import made_analysis, made_flight, page_of
 from needs import REPOSITORY
 
 from h2nav.review.advice import ADVICE, advice
-from h2nav.review.page import page
 
 ROOMS = ("integrity", "review")
 MAKERS = {"Finding", "Alarm", "_error", "_standstill"}
@@ -37,7 +36,7 @@ def test_every_kind_is_explained():
 
 def test_pictures_of_an_advice_are_in_the_page():
     flight = made_flight(60.0, 50.0)
-    sections = set(re.findall(r'<section id="(\w+)">', page(flight, made_analysis(flight))))
+    sections = set(re.findall(r'<section id="(\w+)">', page_of(flight, made_analysis(flight))))
     assert {one.place for one in ADVICE.values()} <= sections
     assert advice("said_crash").place in sections
     assert advice("unheard_of").place in sections

@@ -1,11 +1,12 @@
 """The page and its document: what is told, in which order, how large, and hostile texts."""
 
 import json
+import math
 import re
 
 import numpy as np
 import pytest
-from made_flight import FINDINGS, GPS_LOST, MAGNET_S, made_analysis, made_flight
+from made_flight import FINDINGS, GPS_LOST, MAGNET_S, made_analysis, made_flight, page_of
 
 from h2nav.flightlogs.context import Context, Said, Span
 from h2nav.integrity.findings import Finding, Severity
@@ -13,7 +14,7 @@ from h2nav.review.advice import ADVICE
 from h2nav.review.analysis import Analysis
 from h2nav.review.document import document
 from h2nav.review.flight import EarthFields, Flight, Ratios
-from h2nav.review.page import duration, page
+from h2nav.review.page import duration
 
 NOTHING = np.zeros(0)
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\u202e"
@@ -54,7 +55,7 @@ def text_of(html):
 
 
 def test_findings_come_first_and_the_worst_of_them_first(made):
-    text = text_of(page(*made))
+    text = text_of(page_of(*made))
     places = [
         text.index(part)
         for part in (
@@ -73,7 +74,7 @@ def test_findings_come_first_and_the_worst_of_them_first(made):
 
 
 def test_a_finding_has_span_size_evidence_and_what_to_check(made):
-    text = text_of(page(*made))
+    text = text_of(page_of(*made))
     finding, advice = FINDINGS[0], ADVICE["compass_field"]
     start = text.index("240 to 360 s: compass disturbed")
     item = text[start : text.index("244 to 362 s")]
@@ -84,14 +85,14 @@ def test_a_finding_has_span_size_evidence_and_what_to_check(made):
 
 def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
     flight = made[0]._replace(findings=())
-    text = text_of(page(flight, made[1]._replace(findings=())))
+    text = text_of(page_of(flight, made[1]._replace(findings=())))
     assert "Nothing was found wrong." in text
     assert "Checked: our attitude against the GPS velocity" in text
     assert "Missing in the recording: no temperatures" in text
 
 
 def test_without_an_estimate_the_page_says_why_before_anything_else():
-    text = text_of(page(empty_flight(), Analysis()))
+    text = text_of(page_of(empty_flight(), Analysis()))
     why = text.index("the recording holds no IMU messages")
     assert why < text.index("Nothing was found wrong")
     assert "Missing in the recording: IMU messages; GPS" in text
@@ -102,7 +103,7 @@ def test_what_a_recording_shows_without_an_estimate_is_shown(made):
     flight = made[0]._replace(
         estimates=None, smoothed=None, why_no_estimate="IMU at 2 Hz", findings=()
     )
-    html = page(flight, made[1])
+    html = page_of(flight, made[1])
     assert 'id="attitude"' in html
     assert 'id="difference"' not in html
     assert 'id="track"' in html
@@ -115,7 +116,7 @@ def test_neighbouring_sensors_that_show_the_same_are_told_once(made):
         for k in (1, 2)
     ]  # fmt: skip
     flight = made[0]._replace(findings=tuple(shaken))
-    text = text_of(page(flight, Analysis()))
+    text = text_of(page_of(flight, Analysis()))
     assert "One thing was found wrong" in text
     assert "IMU 1, IMU 2: vibration up to 42 m/s^2" in text
     assert len(document(flight, Analysis())["findings"]) == 2
@@ -133,7 +134,7 @@ def test_hostile_texts_stay_texts(made):
         missing=(HOSTILE,),
         notes={HOSTILE: 1},
     )
-    html = page(
+    html = page_of(
         flight._replace(
             name=HOSTILE, file=HOSTILE, kind=HOSTILE, context=context, findings=(finding,),
             states=(Span(0.0, 600.0, HOSTILE),), notices=((1.0, "INFO", HOSTILE),),
@@ -148,7 +149,7 @@ def test_hostile_texts_stay_texts(made):
 
 
 def test_nothing_outside_of_the_file_is_asked_for(made):
-    html = page(*made)
+    html = page_of(*made)
     assert not re.search(r"<link(?! rel=\"icon\" href=\"data:,\")", html)
     assert not re.search(r"<script[^>]*\bsrc\b|@import|url\(|<iframe|<img", html)
     addresses = {match[0] for match in re.finditer(r"https?://[\w./-]+", html)}
@@ -157,7 +158,7 @@ def test_nothing_outside_of_the_file_is_asked_for(made):
 
 def test_half_an_hour_of_three_imus_at_400_hz_is_below_5_mb():
     flight = made_flight(1800.0, 400.0, imus=3)
-    assert len(page(flight, made_analysis(flight)).encode()) <= 5_000_000
+    assert len(page_of(flight, made_analysis(flight)).encode()) <= 5_000_000
 
 
 def test_the_document_holds_what_the_page_tells(made):
@@ -177,6 +178,39 @@ def test_the_document_holds_what_the_page_tells(made):
     assert tested["share_percent"] == pytest.approx(90.3, abs=0.2)
     assert [one["imu"] for one in found["imus"]] == [1, 2]
     assert found["compasses"][0]["throttle_percent"][-1] == 100.0
+
+
+def test_parameters_are_told_as_they_were_set_those_of_the_attitude_first(made):
+    flight, analysis = made
+    own = {
+        "WPNAV_SPEED": 500.0,
+        "EK3_ENABLE": 1.0,
+        "COMPASS_DEV_ID": 658953.0,
+        "COMPASS_OFS_X": float(np.float32(12.3)),
+        "ATC_RAT_RLL_P": math.nan,
+        HOSTILE: 1.0,
+    }
+    flight = flight._replace(context=flight.context._replace(parameters=own))
+    found = document(flight, analysis)["parameters"]
+    assert list(found.items()) == [
+        ("COMPASS_DEV_ID", 658953),
+        ("COMPASS_OFS_X", 12.3),
+        ("EK3_ENABLE", 1),
+        (HOSTILE, 1),
+        ("ATC_RAT_RLL_P", None),
+        ("WPNAV_SPEED", 500),
+    ]
+    html = page_of(flight, analysis)
+    places = [html.index(f"<td>{text}</td>") for text in ("658953", "12.3", "no number", "500")]
+    assert places == sorted(places)
+    assert "<script>alert" not in html
+
+
+def test_however_many_parameters_a_recording_names_the_page_stays_small(made):
+    flight, analysis = made
+    many = {f"P{number:07}": 1.0 for number in range(100_000)}
+    flight = flight._replace(context=flight.context._replace(parameters=many))
+    assert len(document(flight, analysis)["parameters"]) == 4000
 
 
 def test_differences_are_those_that_were_made(made):

@@ -4,12 +4,11 @@ import json
 
 import pytest
 from browsers import headless_browser, wait_until
-from made_flight import FINDINGS, MAGNET_S, made_analysis, made_flight
+from made_flight import FINDINGS, MAGNET_S, made_analysis, made_flight, page_of
 from needs import need_package
 
 from h2nav.flightlogs.context import Said, Span
 from h2nav.integrity.findings import Severity
-from h2nav.review.page import page
 
 SHOWN = "return [window.review.shown.from, window.review.shown.to]"
 AXES = "return window.review.timed.map((plot) => [plot.scales.x.min, plot.scales.x.max])"
@@ -59,14 +58,14 @@ def requests(browser):
 
 
 def test_it_opens_without_a_complaint_and_asks_nobody(browser, made, tmp_path):
-    path = opened(browser, tmp_path, page(*made))
+    path = opened(browser, tmp_path, page_of(*made))
     assert browser.get_log("browser") == []
     assert [url for url in requests(browser) if not url.startswith("data:")] == [path.as_uri()]
     assert len(browser.execute_script(AXES)) > 15
 
 
 def test_every_picture_has_ink(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     empty = browser.execute_script(
         "return [...document.querySelectorAll('.plot.drawn canvas')].filter((canvas) => {"
         "const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;"
@@ -76,7 +75,7 @@ def test_every_picture_has_ink(browser, made, tmp_path):
 
 
 def test_findings_are_seen_at_once(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     items = browser.find_elements("css selector", ".finding")
     assert len(items) == len(FINDINGS) + 1
     assert items[0].is_displayed()
@@ -85,7 +84,7 @@ def test_findings_are_seen_at_once(browser, made, tmp_path):
 
 
 def test_a_click_on_a_finding_shows_its_time_in_all_pictures(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     browser.find_element("css selector", ".finding button").click()
     from_s, to_s = axes_follow(browser)
     assert 180.0 < from_s < MAGNET_S[0]
@@ -97,7 +96,7 @@ def test_a_click_on_a_finding_shows_its_time_in_all_pictures(browser, made, tmp_
 
 
 def test_zooming_one_picture_zooms_all_of_them(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     chains = need_package("selenium.webdriver.common.action_chains").ActionChains
     place = browser.find_element("css selector", "#attitude .u-over")
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", place)
@@ -116,7 +115,7 @@ def test_zooming_one_picture_zooms_all_of_them(browser, made, tmp_path):
 
 
 def test_the_buttons_move_the_axis_of_time(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     for move, shown in (
         ("closer", [150, 450]),
         ("on", [300, 600]),
@@ -129,8 +128,66 @@ def test_the_buttons_move_the_axis_of_time(browser, made, tmp_path):
         assert axes_follow(browser) == shown
 
 
+def touch(browser, kind, *points):
+    told = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+    browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": told})
+
+
+def test_two_fingers_stretch_the_axis_of_time_and_one_moves_it(browser, made, tmp_path):
+    opened(browser, tmp_path, page_of(*made))
+    place = browser.find_element("css selector", "#attitude .u-over")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", place)
+    box = "const box = arguments[0].getBoundingClientRect();"
+    left, top, width = browser.execute_script(box + "return [box.left, box.top, box.width]", place)
+    y = top + 50.0
+
+    def at(share):
+        return left + share * width, y
+
+    # What was at 0.4 and 0.6 of 600 s comes to 0.2 and 0.8.
+    touch(browser, "touchStart", at(0.4), at(0.6))
+    for step in (0.05, 0.1, 0.15, 0.2):
+        touch(browser, "touchMove", at(0.4 - step), at(0.6 + step))
+    wait_until(browser, "return window.review.shown.to < 410")
+    touch(browser, "touchEnd")
+    assert axes_follow(browser) == pytest.approx([200.0, 400.0], abs=2.0)
+
+    touch(browser, "touchStart", at(0.25))
+    for share in (0.4, 0.6, 0.75):
+        touch(browser, "touchMove", at(share))
+    wait_until(browser, "return window.review.shown.to < 310")
+    touch(browser, "touchEnd")
+    assert axes_follow(browser) == pytest.approx([100.0, 300.0], abs=2.0)
+
+
+def test_parameters_are_found_by_the_words_of_a_search(browser, made, tmp_path):
+    flight, analysis = made
+    own = {"COMPASS_OFS_X": 12.5, "COMPASS_USE": 1.0, "WPNAV_SPEED": 500.0, "INS_OFS2_X": 0.1}
+    context = flight.context._replace(parameters=own)
+    opened(browser, tmp_path, page_of(flight._replace(context=context), analysis))
+    folded = browser.find_element("css selector", "#parameters details")
+    search = folded.find_element("css selector", "input")
+    assert not search.is_displayed()
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", folded)
+    folded.find_element("css selector", "summary").click()
+
+    def shown(words):
+        search.clear()
+        search.send_keys(words)
+        return [
+            row.text.split()[0]
+            for row in folded.find_elements("css selector", "tbody tr")
+            if row.is_displayed()
+        ]
+
+    assert shown("compass ofs") == ["COMPASS_OFS_X"]
+    assert shown("OFS") == ["COMPASS_OFS_X", "INS_OFS2_X"]
+    assert shown("nothing of the kind") == []
+    assert len(shown(" ")) == len(own)
+
+
 def test_pointing_tells_values_in_every_picture(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     chains = need_package("selenium.webdriver.common.action_chains").ActionChains
     place = browser.find_element("css selector", "#attitude .u-over")
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", place)
@@ -145,7 +202,7 @@ def test_pointing_tells_values_in_every_picture(browser, made, tmp_path):
 
 
 def test_a_click_in_the_legend_hides_a_line(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     label = browser.find_elements("css selector", "#attitude .u-legend .u-series th")[1]
     browser.execute_script("arguments[0].click()", label)
     wait_until(browser, "return window.review.timed.some((plot) => plot.series[1].show === false)")
@@ -163,7 +220,7 @@ def test_hostile_texts_run_nothing(browser, made, tmp_path):
     opened(
         browser,
         tmp_path,
-        page(flight._replace(context=context, findings=(finding,), name=hostile), analysis),
+        page_of(flight._replace(context=context, findings=(finding,), name=hostile), analysis),
     )
     assert browser.title.startswith("Flight review: <img")
     assert browser.get_log("browser") == []
@@ -179,14 +236,14 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(browser, made, tmp_path):
         {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True},
     )
     try:
-        opened(browser, tmp_path, page(*made))
+        opened(browser, tmp_path, page_of(*made))
         assert browser.execute_script("return document.documentElement.scrollWidth") == 390
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_it_prints_with_its_pictures_on_the_paper(browser, made, tmp_path):
-    opened(browser, tmp_path, page(*made))
+    opened(browser, tmp_path, page_of(*made))
     printed = browser.execute_cdp_cmd("Page.printToPDF", {})["data"]
     assert len(printed) > 100_000
     widths = browser.execute_script("return window.review.timed.map((plot) => plot.width)")

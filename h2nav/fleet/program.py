@@ -1,0 +1,29 @@
+"""What tells a program from others that might find something else in the same flight."""
+
+import hashlib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+
+from h2nav.io import gain_files
+
+# Code, and what the pages are made with. The compiled kernels are not asked: they give the same
+# bits as the Python ones, and not every worker has them.
+_SUFFIXES = frozenset({".py", ".js", ".css", ".html"})
+
+
+def program_digest() -> str:
+    """Of the code and the gains of this h2nav, in hexadecimal digits."""
+    return digest_of(Path(str(resources.files("h2nav"))), gain_files.shipped())
+
+
+def digest_of(package: Path, gains: Mapping[str, Path]) -> str:
+    """Of a package's code and of gain files by name; where they lie tells nothing."""
+    code = {str(p.relative_to(package)): p for p in package.rglob("*") if p.suffix in _SUFFIXES}
+    told = hashlib.sha256()
+    for files in (code, gains):
+        for name, path in sorted(files.items()):
+            content = path.read_bytes()
+            told.update(f"{name}\0{len(content)}\0".encode())
+            told.update(content)
+    return told.hexdigest()[:32]
