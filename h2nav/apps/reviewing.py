@@ -56,7 +56,27 @@ def review(
     Raises:
         BadInput: the file is no recording, or the configuration cannot be used.
     """
-    source = open_flight(path)
+    return review_source(open_flight(path), wished, smooths=smooths, progress=progress)
+
+
+def review_source(
+    source: Source,
+    wished: Wishes,
+    *,
+    smooths: bool = True,
+    progress: Progress = lambda done, total: None,
+) -> Reviewed:
+    """The same of a recording that is open.
+
+    Args:
+        source: the recording.
+        wished: see `review`.
+        smooths: see `review`.
+        progress: see `review`.
+
+    Raises:
+        BadInput: the configuration cannot be used.
+    """
     context = _context(source)
     collector = Collector()
     if not has_enough_samples(context):
