@@ -1,7 +1,9 @@
 """Bias of gyros and accelerometers against data sheets, and of IMUs against each other.
 
 A gyro's bias is what it turns too much between two attitudes that are known: over 5 s an attitude
-known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used.
+known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used. While
+force and field both stand still in the body, nothing turns, and the bias is what the gyro shows: no
+filter that was led astray by it has a part in that.
 """
 
 import itertools
@@ -59,8 +61,13 @@ SURE_RAD = 4.0 * DEG
 # A scale that is off by 1 % is a false bias of a hundredth of the rate.
 FASTEST_TURN_RAD_S = 40.0 * DEG
 LONGEST_GAP_S = 0.1
+# Directions of force and field, means of a fifth of a window, that stand still: over four fifths of
+# it, 0.5 deg/s at worst. In a steady turn the force stands still alone.
+STILL_RAD = 1.0 * DEG
+STILL_PARTS = 5
 # What slow samples of a vibrating gyro may make of a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
+COMPASS_FROZEN = "compass_frozen"
 DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
 
 
@@ -80,7 +87,7 @@ def look_at_biases(
             bias.
     """
     biases, found = [], []
-    tracks = tuple(measuring(track, told) for track in tracks)
+    tracks = tuple(_with_live_field(measuring(track, told), told) for track in tracks)
     for track in tracks:
         bias, own = _of_imu(track, best, armed)
         biases.append(bias)
@@ -106,6 +113,14 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
         track.f_b[good],
         track.m_b_ut[good],
     )
+
+
+def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+    """The samples without the field of a compass that was ever frozen: it stands still at will."""
+    source = f"IMU {track.imu + 1}"
+    if not any(f.kind == COMPASS_FROZEN and f.source == source for f in told):
+        return track
+    return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
 
 
 def _of_imu(
@@ -164,7 +179,30 @@ def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, M
     shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
     rough |= np.sqrt(shaken) > SHAKEN_RAD_S * length_s
     rough |= ~is_known | (path > FASTEST_TURN_RAD_S * length_s)
+    still = _stands_still(track, edges) & (longest <= LONGEST_GAP_S)
+    bias[still] = means(track.t_s, track.w_b, edges)[still]
+    rough &= ~still
     return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
+
+
+def _stands_still(track: ImuTrack, edges: Array) -> Mask:
+    """(M,) windows in which the body does not turn, by its force and its field alone."""
+    has_field = np.isfinite(track.m_b_ut).all(axis=1)
+    if not has_field.any():
+        return np.zeros(len(edges) - 1, dtype=bool)
+    parts = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(STILL_PARTS) / STILL_PARTS
+    inner = np.append(parts.ravel(), edges[-1])
+    shape = (len(edges) - 1, STILL_PARTS, 3)
+    force = means(track.t_s, track.f_b, inner).reshape(shape)
+    field = means(track.t_s[has_field], track.m_b_ut[has_field], inner).reshape(shape)
+    down = force / np.linalg.norm(force, axis=2, keepdims=True)
+    level = field - (field * down).sum(axis=2, keepdims=True) * down
+    level /= np.linalg.norm(level, axis=2, keepdims=True)
+    still = np.ones(len(edges) - 1, dtype=bool)
+    for directions in (down, level):
+        apart = np.linalg.norm(directions - directions.mean(axis=1, keepdims=True), axis=2)
+        still &= (apart < STILL_RAD).all(axis=1)
+    return still
 
 
 def _levers(best: Attitudes, at_s: Array) -> Array:
