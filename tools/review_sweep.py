@@ -170,7 +170,7 @@ def is_right(finding: Finding, fault: Fault, case: Case) -> bool:
     """Whether a finding tells the fault."""
     if finding.kind not in fault.told_as:
         return False
-    if finding.source.startswith("IMU ") and finding.source != "IMU 1":
+    if finding.source.startswith("IMU ") and "IMU 1" not in finding.source:
         return False
     if finding.kind in TIMELESS:
         return True

@@ -68,6 +68,11 @@ STILL_PARTS = 5
 # What slow samples of a vibrating gyro may make of a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
 COMPASS_FROZEN = "compass_frozen"
+# What else shows which of two IMUs is wrong that disagree.
+SHOWN_BY = {
+    "gyro_apart": ("gyro_bias", "gyro_bias_step"),
+    "accelerometer_apart": ("accelerometer_bias", "vibration", "clipping"),
+}
 DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
 
 
@@ -92,7 +97,7 @@ def look_at_biases(
         bias, own = _of_imu(track, best, armed)
         biases.append(bias)
         found += own
-    return tuple(biases), found + _apart(tracks)
+    return tuple(biases), found + _apart(tracks, (*found, *told))
 
 
 def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
@@ -322,7 +327,7 @@ def _force(name: str, t_s: Array, norms: Array) -> list[Finding]:
     ]
 
 
-def _apart(tracks: tuple[ImuTrack, ...]) -> list[Finding]:
+def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Finding]:
     """Mean rates and forces of two IMUs over the same windows, which turn and fall together."""
     ends = [(track.t_s[0], track.t_s[-1]) for track in tracks if len(track.t_s) > 1]
     if len(ends) < 2:
@@ -335,8 +340,8 @@ def _apart(tracks: tuple[ImuTrack, ...]) -> list[Finding]:
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     names = [f"IMU {track.imu + 1}" for track in tracks]
     return [
-        *_disagreeing("gyro_apart", names, edges, gyro, GYRO_APART_RAD_S),
-        *_disagreeing("accelerometer_apart", names, edges, force, FORCE_APART_M_S2),
+        *_disagreeing("gyro_apart", names, edges, gyro, GYRO_APART_RAD_S, known),
+        *_disagreeing("accelerometer_apart", names, edges, force, FORCE_APART_M_S2, known),
     ]
 
 
@@ -348,9 +353,14 @@ def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
 
 
 def _disagreeing(
-    kind: str, names: list[str], edges: Array, values: list[Array], limit: float
+    kind: str,
+    names: list[str],
+    edges: Array,
+    values: list[Array],
+    limit: float,
+    known: tuple[Finding, ...],
 ) -> list[Finding]:
-    """Pairs that differ; with three IMUs the odd one is named."""
+    """Pairs that differ; the odd one of three is named, and of two the one that is known as bad."""
     beyond: dict[tuple[int, int], Array] = {}
     for one, other in itertools.combinations(range(len(values)), 2):
         difference = values[one] - values[other]
@@ -363,30 +373,41 @@ def _disagreeing(
         ):
             beyond[one, other] = apart
     blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
+    if len(blamed) > 1:
+        suspected = {f.source for f in known if f.kind in SHOWN_BY[kind]}
+        shown = [i for i in blamed if names[i] in suspected]
+        blamed = shown if len(shown) == 1 else blamed
     found = []
     for pair, apart in beyond.items():
-        if len(blamed) == 1 and pair != next(iter(beyond)):
-            continue
-        odd = blamed[0] if len(blamed) == 1 else pair[1]
-        places = np.flatnonzero(apart > limit)
-        size = float(np.median(apart[places]))
-        is_gyro = kind == "gyro_apart"
-        shown, unit = (size / DEG, "deg/s") if is_gyro else (size, "m/s^2")
-        most = limit / DEG if is_gyro else limit
-        others = " and ".join(name for i, name in enumerate(names) if i != odd)
-        sensor = "gyro" if is_gyro else "accelerometer"
-        both = "" if len(blamed) == 1 else "; which of the two is wrong is not known from this"
-        found.append(
-            Finding(
-                kind,
-                names[odd],
-                Severity.WARNING,
-                float(edges[places[0]]),
-                float(edges[places[-1] + 1]),
-                shown,
-                unit,
-                f"{sensor} differs from {others} by {shown:.1f} {unit}",
-                f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {most:.2g} {unit}{both}",
-            )
-        )
+        if len(blamed) != 1:
+            found.append(_difference(kind, [names[i] for i in pair], [], edges, apart, limit))
+        elif not found:
+            others = [name for i, name in enumerate(names) if i != blamed[0]]
+            found.append(_difference(kind, [names[blamed[0]]], others, edges, apart, limit))
     return found
+
+
+def _difference(
+    kind: str, odd: list[str], others: list[str], edges: Array, apart: Array, limit: float
+) -> Finding:
+    """One finding: of the odd IMU against the others, or of two of which one is wrong."""
+    places = np.flatnonzero(apart > limit)
+    is_gyro = kind == "gyro_apart"
+    sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")
+    one = DEG if is_gyro else 1.0
+    size = float(np.median(apart[places])) / one
+    text, unknown = f"{sensor} differs from {' and '.join(others)} by", ""
+    if not others:
+        text, unknown = f"{sensor}s differ by", "; which of the two is wrong is not known from this"
+    return Finding(
+        kind,
+        " or ".join(odd),
+        Severity.WARNING,
+        float(edges[places[0]]),
+        float(edges[places[-1] + 1]),
+        size,
+        unit,
+        f"{text} {size:.1f} {unit}",
+        f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
+        f"{unknown}",
+    )

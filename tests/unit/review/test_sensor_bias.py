@@ -81,6 +81,19 @@ def test_of_three_imus_the_odd_one_is_named():
     assert found["accelerometer_apart"].size == pytest.approx(1.2, abs=0.1)
 
 
+def test_of_two_imus_the_one_with_a_bias_is_named():
+    flown = flight(imus=2)
+    one, other = flown.context.imus
+    more = 3.0 * DEG * np.array([0.0, 0.0, 1.0])
+    one = one._replace(w_b=one.w_b + more, f_b=one.f_b + np.array([1.2, 0.0, 0.0]))
+    flown = flown._replace(context=flown.context._replace(imus=(one, other)))
+    found = {f.kind: f for f in analyse(flown).findings}
+    assert found["gyro_apart"].source == "IMU 1"
+    assert "differs from IMU 2" in found["gyro_apart"].text
+    assert found["accelerometer_apart"].source == "IMU 1 or IMU 2"
+    assert "not known" in found["accelerometer_apart"].evidence
+
+
 def test_a_sensor_that_is_known_to_be_frozen_has_no_bias():
     flown = flight(imus=2)
     first = flown.context.imus[0]
