@@ -180,13 +180,13 @@ def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, M
     longest = np.maximum.reduceat(gaps, place)[:-1]
     turned = np.linalg.norm(track.w_b, axis=1) * np.minimum(gaps, LONGEST_GAP_S)
     path = np.add.reduceat(turned, place)[:-1]
-    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | (longest > LONGEST_GAP_S)
-    shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
-    rough |= np.sqrt(shaken) > SHAKEN_RAD_S * length_s
-    rough |= ~is_known | (path > FASTEST_TURN_RAD_S * length_s)
-    still = _stands_still(track, edges) & (longest <= LONGEST_GAP_S)
-    bias[still] = means(track.t_s, track.w_b, edges)[still]
+    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | ~is_known
+    rough |= path > FASTEST_TURN_RAD_S * length_s
+    still = _stands_still(track, edges)
+    bias[still] = _between_parts(track, edges)[still]
     rough &= ~still
+    shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
+    rough |= (np.sqrt(shaken) > SHAKEN_RAD_S * length_s) | (longest > LONGEST_GAP_S)
     return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
 
 
@@ -208,6 +208,16 @@ def _stands_still(track: ImuTrack, edges: Array) -> Mask:
         apart = np.linalg.norm(directions - directions.mean(axis=1, keepdims=True), axis=2)
         still &= (apart < STILL_RAD).all(axis=1)
     return still
+
+
+def _between_parts(track: ImuTrack, edges: Array) -> Array:
+    """(M, 3) mean rate from the mean direction of the first part of each window to the last's."""
+    place = np.clip(np.searchsorted(edges, track.t_s, side="right"), 1, len(edges) - 1)
+    inside_s = np.minimum(track.t_s - edges[place - 1], edges[place] - track.t_s)
+    weight = np.clip(STILL_PARTS * inside_s / WINDOW_S, 0.0, 1.0)[:, None]
+    summed = means(track.t_s, np.hstack((weight * track.w_b, weight)), edges)
+    rate: Array = summed[:, :3] / summed[:, 3:]
+    return rate
 
 
 def _levers(best: Attitudes, at_s: Array) -> Array:
