@@ -71,7 +71,8 @@ class Comparing:
 
     def on_sample(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Effect]:
         """Our newest estimate, None during an alignment."""
-        return _records(self.witness.add(sample, estimate))
+        found = self.witness.add(sample, estimate)
+        return _records(found) if found else []
 
     def told(self, t_ns: int) -> Told | None:
         """The autopilot's newest attitude, of its main estimator if it can be; None if stale."""

@@ -1,5 +1,6 @@
 """The one state that the whole service is in, with its reason; it sets the heartbeat's status."""
 
+from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple
 
@@ -53,7 +54,7 @@ class Signs(NamedTuple):
         autopilot_known: a heartbeat made the binding, and heartbeats still come.
         last_sample_ns: host time of the last sample that was used; None before the first.
         last_gap_ns: time between the last two samples that were used; None before the second.
-        no_imu: why there may be no samples.
+        no_imu: says why there may be no samples.
         has_estimate: the filter is past its alignment.
         late_ns: how late estimates have been for a while; 0 when they are not.
         objections: lasting ones, such as wrong units.
@@ -66,7 +67,7 @@ class Signs(NamedTuple):
     autopilot_known: bool
     last_sample_ns: int | None
     last_gap_ns: int | None
-    no_imu: Objection
+    no_imu: Callable[[], Objection]
     has_estimate: bool
     late_ns: int
     objections: tuple[Objection, ...]
@@ -106,10 +107,10 @@ def judge(signs: Signs, t_ns: int) -> Verdict:
     if not signs.autopilot_known:
         return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
-        return Verdict(State.NO_IMU, *signs.no_imu)
+        return Verdict(State.NO_IMU, *signs.no_imu())
     if signs.last_gap_ns is not None and signs.last_gap_ns > SILENT_IMU_NS:
         # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
-        return Verdict(State.NO_IMU, *signs.no_imu)
+        return Verdict(State.NO_IMU, *signs.no_imu())
     if not signs.has_estimate:
         return Verdict(State.ALIGNING, "alignment", "finding the first attitude")
     objections = list(signs.objections)

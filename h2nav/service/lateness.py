@@ -71,23 +71,22 @@ class Lateness:
         """
         sent_ns = sample_us * 1000 + self._clock_ns
         delay_ns = arrived_ns - sent_ns
-        if self._is_forgiven(now_ns):
+        late_since_ns = self._late_since_ns
+        if late_since_ns is not None and self._is_forgiven(now_ns - late_since_ns):
             self._least_ns = None
         if self._least_ns is not None:
             crept_ns = round((arrived_ns - self._least_at_ns) * self._creep)
             delay_ns = min(delay_ns, self._least_ns + max(crept_ns, 0))
         self._least_ns, self._least_at_ns = delay_ns, arrived_ns
         self.late_ns = now_ns - sent_ns - delay_ns
-        if not self.is_late:
+        if self.late_ns <= LATE_NS:
             self._late_since_ns = None
-        elif self._late_since_ns is None:
+        elif late_since_ns is None:
             self._late_since_ns = now_ns
 
-    def _is_forgiven(self, now_ns: int) -> bool:
+    def _is_forgiven(self, lasting_ns: int) -> bool:
         """Where nobody compares the clocks, a delay that lasts long is taken as the usual one."""
-        since_ns = self._late_since_ns
-        is_compared = self._creep == CREEP_COMPARED
-        return not is_compared and since_ns is not None and now_ns - since_ns > FORGIVEN_NS
+        return self._creep != CREEP_COMPARED and lasting_ns > FORGIVEN_NS
 
     @property
     def is_late(self) -> bool:

@@ -75,40 +75,36 @@ E = TypeVar("E", bound=_Timed)
 
 
 class _Output(Generic[E]):
-    """One kind of message, its rate and when it is due next, on the samples' clock."""
+    """One kind of message, its rate and when it is due next, on the samples' clock.
+
+    Attributes:
+        make: what is made of an estimate.
+        default_hz: the rate that the configuration asks for.
+        rate_hz: the rate in force.
+        after_us: between this time and `before_us` nothing is due.
+        before_us: see there.
+    """
 
     def __init__(self, make: Callable[[E], Messages], rate_hz: float) -> None:
-        self._make = make
-        self._latest: E | None = None
+        self.make = make
         self.default_hz: float = rate_hz
-        self.rate_hz: float = rate_hz
-        self._due_us: float | None = None
-        # Between these nothing is due: most estimates are told by two comparisons.
-        self._after_us = self._before_us = 0.0
+        self.set_rate(rate_hz)
 
     def take(self, estimate: E) -> Messages:
         """What is made of it, where it is due."""
-        self._latest = estimate
-        if self._after_us < estimate.t_us < self._before_us:
-            return ()
-        return self._make(estimate) if self._is_due(estimate.t_us) else ()
-
-    def latest(self) -> Messages:
-        """What is made of the latest estimate."""
-        return () if self._latest is None else self._make(self._latest)
-
-    def forget(self) -> None:
-        """The latest estimate is stale."""
-        self._latest = None
+        return self.make(estimate) if self._is_due(estimate.t_us) else ()
 
     def set_rate(self, rate_hz: float) -> None:
         """Changes the rate from the next estimate on."""
-        self.rate_hz = rate_hz
-        self._due_us = None
-        self._after_us = self._before_us = 0.0
+        self.rate_hz: float = rate_hz
+        self._due_us: float | None = None
+        self.after_us = self.before_us = 0.0
 
     def _is_due(self, t_us: int) -> bool:
+        if self.after_us < t_us < self.before_us:
+            return False
         if self.rate_hz <= 0.0:
+            self.after_us, self.before_us = -math.inf, math.inf
             return False
         period_us = 1e6 / self.rate_hz
         is_due = True
@@ -118,8 +114,8 @@ class _Output(Generic[E]):
             is_due = False
         else:
             self._due_us += period_us
-        self._after_us = self._due_us - 2.0 * period_us - 1e5
-        self._before_us = self._due_us - EARLY * period_us
+        self.after_us = self._due_us - 2.0 * period_us - 1e5
+        self.before_us = self._due_us - EARLY * period_us
         return is_due
 
 
@@ -169,18 +165,28 @@ class Outputs:
         }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
+        self._latest: AttitudeEstimate | None = None
+        self._latest_motion: Motion | None = None
+        # Between these nothing is due: most estimates are told by two comparisons.
+        self._after_us = self._before_us = 0.0
         self.sent = 0
         self.are_held = False
         self.assess: Callable[[], Assessment] = Assessment
 
     def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
         """The messages to send for this attitude."""
+        self._latest = estimate
         due: list[OutMessage] = []
+        if self._after_us < estimate.t_us < self._before_us:
+            return due
         for output in self._attitudes.values():
             due += output.take(estimate)
         attitudes = len(due)
         for output in self._assessments.values():
             due += output.take(estimate)
+        outputs = (*self._attitudes.values(), *self._assessments.values())
+        self._after_us = max(output.after_us for output in outputs)
+        self._before_us = min(output.before_us for output in outputs)
         if self.are_held:
             return []
         self.sent += attitudes
@@ -188,21 +194,26 @@ class Outputs:
 
     def due_odometry(self, motion: Motion) -> Messages:
         """ODOMETRY of this estimate, where it is due."""
+        self._latest_motion = motion
         return self._odometry.take(motion)
 
     def latest(self, message_id: int) -> Messages:
         """What is made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
-        output = self._outputs.get(message_id)
-        return () if output is None or self.are_held else output.latest()
+        if self.are_held or not self.offers(message_id):
+            return ()
+        if message_id == mavlink.MAVLINK_MSG_ID_ODOMETRY:
+            motion = self._latest_motion
+            return () if motion is None else self._odometry.make(motion)
+        output = self._attitudes.get(message_id) or self._assessments[message_id]
+        return () if self._latest is None else output.make(self._latest)
 
     def forget(self) -> None:
         """The latest estimates are stale: they must not be sent any more."""
-        for output in self._outputs.values():
-            output.forget()
+        self._latest = self._latest_motion = None
 
     def forget_odometry(self) -> None:
         """The same for ODOMETRY alone."""
-        self._odometry.forget()
+        self._latest_motion = None
 
     def offers(self, message_id: int) -> bool:
         """Whether this message is one of ours."""
@@ -219,6 +230,7 @@ class Outputs:
     def set_rate(self, message_id: int, rate_hz: float) -> None:
         """Changes a rate, within 0 and `MAX_RATE_HZ`."""
         self._outputs[message_id].set_rate(min(max(rate_hz, 0.0), MAX_RATE_HZ))
+        self._after_us = self._before_us = 0.0
 
 
 def _status(estimate: AttitudeEstimate, assessment: Assessment) -> Messages:

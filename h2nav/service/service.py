@@ -72,6 +72,8 @@ FALLBACK_SYSTEM_ID = 1
 # and a link that carries few samples carries few fields.
 FIELD_RATE_HZ = 20.0
 FIELD_SHARE = 0.2
+# The earth field changes over kilometres: some autopilots tell their place fifty times a second.
+PLACE_PAUSE_NS = SECOND_NS
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
@@ -144,8 +146,9 @@ class Service:
         self.time_sync = TimeSync()
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
+        self._arrivals: Counter[int] = Counter()  # of the bound autopilot's messages
         self._bound_address: Sender | None = None
-        self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
+        self._idle_until_ns: dict[int, int] = {}  # likewise
         self._parameter = ParameterRequest()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
@@ -165,9 +168,11 @@ class Service:
     @property
     def message_ids(self) -> frozenset[int]:
         """The messages that the service uses; others need not be decoded."""
-        heard = (READERS.keys() - MOTION_READERS.keys()) | self.motion.message_ids
+        heard = set(READERS.keys() - MOTION_READERS.keys()) | self.motion.message_ids
+        if not self._settings.aiding.autopilot_velocity:
+            heard.remove(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
         if self._settings.autopilot.simulation_truth:
-            heard = heard | {mavlink.MAVLINK_MSG_ID_SIMSTATE}  # its rate is measured like any other
+            heard.add(mavlink.MAVLINK_MSG_ID_SIMSTATE)  # its rate is measured like any other
         return frozenset(heard)
 
     @property
@@ -285,8 +290,7 @@ class Service:
             message_id: one of `message_ids`.
         """
         if sender == self._bound_address:
-            if self._streams is not None:
-                self._streams.arrived(message_id)
+            self._arrivals[message_id] += 1
             if t_ns < self._idle_until_ns.get(message_id, 0):
                 return False
             return self._heeds_own(t_ns, message_id)
@@ -308,6 +312,8 @@ class Service:
                 return True
             idle_until_ns = self._comparing.idle_until_ns(message_id)
         else:
+            if message_id == mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
+                self._idle_until_ns[message_id] = t_ns + PLACE_PAUSE_NS
             return message_id in READERS
         self._idle_until_ns[message_id] = idle_until_ns
         return False
@@ -407,6 +413,7 @@ class Service:
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
+        self._arrivals = self._streams.arrivals
         self._bound_address = identity.address
         self._idle_until_ns.clear()
         self._parameter = ParameterRequest(self._estimation.timing.parameter)
@@ -429,7 +436,8 @@ class Service:
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:
-            effects += self._send_all(self._outputs.due(estimate))
+            for message in self._outputs.due(estimate):
+                effects.append(self._send(message))
         # Rates and forces are late, and what is computed with them needs the attitude they had.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
         effects.append(Used(sample, estimate, self._lateness.late_ns))
@@ -655,7 +663,7 @@ class Service:
             autopilot_known=self._pulse.is_heard(t_ns),
             last_sample_ns=self._pulse.sample_ns,
             last_gap_ns=self._pulse.sample_gap_ns,
-            no_imu=self._why_no_imu(t_ns),
+            no_imu=lambda: self._why_no_imu(t_ns),
             has_estimate=self._estimation.has_estimate,
             late_ns=self._lateness.late_ns if self._lateness.is_lasting(t_ns) else 0,
             objections=(

@@ -7,28 +7,29 @@ COMMAND_ACK does not say which message it is about; measure; ask again with grow
 `MOST_PER_MINUTE` times; nothing at all while the autopilot is silent. REQUEST_DATA_STREAM is the
 way where the command is not answered or not known.
 
-What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at
-its other messages, `acknowledged` at its answers, `measure` and `next_request` ten times a second,
-`restart` when its time starts again; and it reports the `notices`.
+What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, a count in
+`arrivals` for each other message, `acknowledged` at its answers, `measure` and `next_request` ten
+times a second, `restart` when its time starts again; and it reports the `notices`.
 """
 
 import math
 import re
-from collections import deque
+from collections import Counter, deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
 from h2nav.service.effects import Notice
+from h2nav.service.limits import SECOND_NS
 from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
 from h2nav.service.wished_stream import SHORTEST_LOOK_NS, Phase, Trouble, Wish, WishedStream
 from h2nav.wire import outbound
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.readers import message_name
 
-ACK_WAIT_NS = 1_000_000_000
+ACK_WAIT_NS = SECOND_NS
 SILENT_NS = 2_500_000_000
-MINUTE_NS = 60_000_000_000
+MINUTE_NS = 60 * SECOND_NS
 REPEAT_NS = 10 * MINUTE_NS
 MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
@@ -79,6 +80,7 @@ class StreamRequests:
         self._told_ns: dict[tuple[int, Trouble, float], int] = {}
         self._notices: list[Notice] = []
         self._held_hz: dict[int, float] = {}
+        self._noted_ns = 0
         self._waiting: WishedStream | None = None
         self._refused_waiting = False
         self._unanswered = 0
@@ -101,15 +103,16 @@ class StreamRequests:
 
     # --- what comes ---------------------------------------------------------------------------
 
+    @property
+    def arrivals(self) -> Counter[int]:
+        """Counts the autopilot's messages by their ids; whoever hears one adds it."""
+        return self._meter.counts
+
     def heard(self, t_ns: int) -> None:
         """A heartbeat of the autopilot came; the first one after a silence restarts all."""
         if self._is_silent(t_ns):
             self.restart()
         self._heard_ns = t_ns
-
-    def arrived(self, message_id: int) -> None:
-        """Another message of the autopilot came."""
-        self._meter.counts[message_id] += 1
 
     def said(self, text: str) -> None:
         """The autopilot sent a STATUSTEXT, perhaps to say why it refuses."""
@@ -149,7 +152,7 @@ class StreamRequests:
         if self._listening_since_ns is None:
             self._listening_since_ns = t_ns
         if not self._asks:
-            self._note_held()
+            self._note_held(t_ns)
             return
         listened_ns = t_ns - self._listening_since_ns
         if listened_ns >= SHORTEST_LOOK_NS and not any(map(self._comes, self._streams)):
@@ -299,7 +302,10 @@ class StreamRequests:
             self._most_hz = min(self._most_hz, stream.rate_hz)
             self._tell(t_ns, stream, trouble)
 
-    def _note_held(self) -> None:
+    def _note_held(self, t_ns: int) -> None:
+        if t_ns - self._noted_ns < SECOND_NS:
+            return
+        self._noted_ns = t_ns
         for stream in self._streams:
             for message_id in stream.candidates:
                 hz = self._meter.hz(message_id, LONGEST_SPAN_NS)

@@ -67,23 +67,25 @@ class ImuReading(NamedTuple):
 
 def _integers(time: int, m: Any) -> ImuReading:
     """RAW_IMU and SCALED_IMU*: milli-g, mrad/s, mgauss in int16."""
-    rates, forces = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
-    if m.xacc == 0 and m.yacc == 0 and m.zacc == 0:
+    p, q, r = m.xgyro, m.ygyro, m.zgyro
+    x, y, z = m.xacc, m.yacc, m.zacc
+    if x == 0 and y == 0 and z == 0:
         # SCALED_IMU3 of a vehicle with two IMUs and three compasses looks so.
         raise Refused("zero_force")
-    no_field = m.xmag == 0 and m.ymag == 0 and m.zmag == 0
+    a, b, c = m.xmag, m.ymag, m.zmag
+    no_field = a == 0 and b == 0 and c == 0
     return ImuReading(
         time,
-        (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3),
-        (m.xacc * MILLI_G, m.yacc * MILLI_G, m.zacc * MILLI_G),
-        None
-        if no_field
-        else (m.xmag * UT_PER_MGAUSS, m.ymag * UT_PER_MGAUSS, m.zmag * UT_PER_MGAUSS),
-        max(rates) >= AMBIGUOUS_MRAD_S
-        or min(rates) <= -AMBIGUOUS_MRAD_S
-        or max(forces) >= CLIPPED_FORCE_MG
-        or min(forces) <= -CLIPPED_FORCE_MG,
+        (p * 1e-3, q * 1e-3, r * 1e-3),
+        (x * MILLI_G, y * MILLI_G, z * MILLI_G),
+        None if no_field else (a * UT_PER_MGAUSS, b * UT_PER_MGAUSS, c * UT_PER_MGAUSS),
+        not (_is_within(AMBIGUOUS_MRAD_S, p, q, r) and _is_within(CLIPPED_FORCE_MG, x, y, z)),
     )
+
+
+def _is_within(limit: float, x: float, y: float, z: float) -> bool:
+    """Whether all three are smaller than the limit; a NaN is not."""
+    return -limit < x < limit and -limit < y < limit and -limit < z < limit
 
 
 def _raw_imu(m: Any) -> ImuReading:
@@ -101,17 +103,14 @@ def _highres_imu(m: Any) -> ImuReading:
         gauss = UT_PER_GAUSS
         field = _highres_field((m.xmag * gauss, m.ymag * gauss, m.zmag * gauss))
     rate, force = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
-    need_finite("non_finite", *rate, *force)
+    clipped = not (_is_within(CLIPPED_RATE_RAD_S, *rate) and _is_within(CLIPPED_FORCE_M_S2, *force))
+    if clipped:
+        need_finite("non_finite", *rate, *force)
     if m.fields_updated & HIGHRES_MOTION_BITS != HIGHRES_MOTION_BITS or force == (0.0, 0.0, 0.0):
         raise Refused("zero_force")
-    need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
-    need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
-    clipped = (
-        max(rate) >= CLIPPED_RATE_RAD_S
-        or min(rate) <= -CLIPPED_RATE_RAD_S
-        or max(force) >= CLIPPED_FORCE_M_S2
-        or min(force) <= -CLIPPED_FORCE_M_S2
-    )
+    if clipped:
+        need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
+        need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
     time = need_time("time_out_of_range", m.time_usec)
     # MAVLink 1 has no number, and what is beyond any IMU is none.
     imu = m.id if m.id < MOST_IMUS else 0
@@ -120,8 +119,8 @@ def _highres_imu(m: Any) -> ImuReading:
 
 def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
     """The field with ArduPilot's factor undone; None where it is all zero or absurd."""
-    need_finite("non_finite", *m_b_ut)
     norm_ut = math.hypot(*m_b_ut)
+    need_finite("non_finite", norm_ut)
     if norm_ut > ABSURD_FIELD_UT:
         m_b_ut = (
             m_b_ut[0] / HIGHRES_FIELD_FAULT,
