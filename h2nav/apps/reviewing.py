@@ -56,7 +56,29 @@ def review(
     Raises:
         BadInput: the file is no recording, or the configuration cannot be used.
     """
-    flight, heard = _played(path, wished, progress)
+    return review_source(open_flight(path), wished, smooths=smooths, progress=progress)
+
+
+def review_source(
+    source: Source,
+    wished: Wishes,
+    *,
+    smooths: bool = True,
+    progress: Progress = lambda done, total: None,
+) -> Reviewed:
+    """The same of a recording that is open.
+
+    Args:
+        source: the recording.
+        wished: see `review`.
+        smooths: see `review`.
+        progress: see `review`.
+
+    Raises:
+        BadInput: the configuration cannot be used.
+    """
+    flight, heard = _played(source, wished, progress)
+    del source  # it may hold half of the memory
     if smooths and heard is not None:
         flight = flight._replace(smoothed=_smoothed(*heard))
     return Reviewed(flight, analyse(flight))
@@ -76,9 +98,8 @@ class _Heard(NamedTuple):
     start_ns: int
 
 
-def _played(path: Path, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:
+def _played(source: Source, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:
     """A flight before it is smoothed and analysed; what only its playing needs is gone then."""
-    source = open_flight(path)
     context = _context(source)
     collector = Collector()
     if not has_enough_samples(context):

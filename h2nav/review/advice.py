@@ -122,6 +122,9 @@ ADVICE = {
     ),
     "gyro_bias": Advice("The gyro turns while it stands still.", _BIAS, "bias"),
     "gyro_bias_step": Advice("The gyro's zero jumped.", _BIAS, "bias"),
+    "gyro_scale": Advice(
+        "The gyro shows more of each turn than there is, or less.", _SENSOR, "bias"
+    ),
     "accelerometer_bias": Advice("At rest it does not measure gravity.", _BIAS, "bias"),
     "gyro_apart": Advice("One gyro disagrees with its neighbours.", _SENSOR, "bias"),
     "accelerometer_apart": Advice(
@@ -151,6 +154,11 @@ ADVICE = {
     "imu_slow": Advice("Fewer samples than a good estimate needs.", _LINK, "timing"),
     "imu_twice": Advice("Samples were recorded twice.", _LINK, "timing"),
     "late_bursts": Advice("Samples came late and in bursts.", _LINK, "timing"),
+    "clock_jump": Advice(
+        "The stamps of the samples leapt, the samples did not: something set the clock.",
+        "What sets the autopilot's time, and the stamps of its messages.",
+        "timing",
+    ),
     "clock_drift": Advice("The clocks of recorder and autopilot run apart.", _LINK, "timing"),
     "gps_lag": Advice(
         "The receiver's velocity lags behind the motion.",
@@ -159,6 +167,9 @@ ADVICE = {
     ),
     "gps_velocity": Advice(
         "The receiver's velocity is not the vehicle's motion by its IMU.", _RECEIVER, "gps"
+    ),
+    "gps_frozen": Advice(
+        "The receiver repeats one velocity: it reports, and measures nothing.", _RECEIVER, "gps"
     ),
     "gps_jump": Advice(
         "The position jumped where its velocity says that nothing moved so far.", _RECEIVER, "gps"

@@ -12,6 +12,7 @@ from h2nav.review.ending import look_at_ending
 from h2nav.review.estimators import look_at_estimators
 from h2nav.review.flight import Flight
 from h2nav.review.force_steps import REACH_S, look_at_force_steps
+from h2nav.review.gyro_scale import look_at_gyro_scale
 from h2nav.review.inertial import Mask, best_attitude, slowed
 from h2nav.review.receiver import look_at_receiver, moves_of
 from h2nav.review.sensor_bias import look_at_biases, measuring
@@ -83,6 +84,8 @@ def analyse(flight: Flight) -> Analysis:
         found += own
     first = _soundest(flight, slow)
     alive = tuple(t for t in (measuring(t, flight.findings) for t in slow) if len(t.t_s) > 1)
+    for track in alive:
+        found += look_at_gyro_scale(track, context.armed)
     is_polled = flight.kind in TELEMETRY
     for fixes in map(_fixes, context.gps):
         receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)

@@ -268,7 +268,7 @@ def means(t_s: Array, values: Array, edges_s: Array) -> Array:
 def slowed(track: ImuTrack) -> ImuTrack:
     """Means of as many samples as leave 100 a second or more, at the time of their last one.
 
-    The motion of a vehicle is in them; its vibration is not. The compass is left out.
+    The motion of a vehicle is in them; its vibration is not. Of the field, the newest value stays.
     """
     count = len(track.t_s)
     together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
@@ -276,12 +276,14 @@ def slowed(track: ImuTrack) -> ImuTrack:
         return track._replace(w_b=track.w_b.astype(float), f_b=track.f_b.astype(float))
     whole = count // together * together
     last = slice(together - 1, whole, together)
+    fields = track.m_b_ut[:whole].reshape(-1, together, 3)
+    newest = together - 1 - np.isfinite(fields[:, ::-1, 0]).argmax(axis=1)
     return track._replace(
         t_s=track.t_s[last],
         stamp_us=track.stamp_us[last],
         w_b=track.w_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
         f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
-        m_b_ut=track.m_b_ut[last],
+        m_b_ut=fields[np.arange(len(fields)), newest],
     )
 
 

@@ -54,6 +54,9 @@ DELAY_PARAMETERS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
 LOST_S = 1.0
+# The noise of a receiver, 0.05 m/s, is five times what its messages show: no two fixes of a vehicle
+# that moves are alike, except where one is told several times.
+FROZEN_S, FROZEN_FIXES, MOVING_M_S = 2.0, 5, 0.5
 USUAL_SHARE = 0.98
 FEWEST_SATELLITES = 6
 # EKF3 stops trusting a velocity of more (EK3_CHECK_SCALE 100 %).
@@ -90,6 +93,7 @@ def look_at_receiver(
     """
     name = "GPS" if gps.receiver == 0 else f"GPS {gps.receiver + 1}"
     found = [*_lost(name, gps, context), *_quality(name, gps, context)]
+    found += _frozen(name, gps, within(gps.t_s, context.armed))
     position_m = _jumps(gps)
     found += _told_jumps(name, gps, position_m, within(gps.t_s, context.armed))
     lag_s = math.nan
@@ -363,6 +367,34 @@ def _lost(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
                     "no 3D fix was reported between these times",
                 )
             )
+    return found
+
+
+def _frozen(name: str, gps: GpsTrack, flying: Mask) -> list[Finding]:
+    """The same velocity again and again, of a vehicle that by it moves."""
+    speed = np.linalg.norm(np.nan_to_num(gps.v_n[:, :2]), axis=1)
+    told = gps.has_fix & flying & (speed > MOVING_M_S)
+    alike = (gps.v_n[1:, :2] == gps.v_n[:-1, :2]).all(axis=1) & told[1:] & told[:-1]
+    found = []
+    for first, last in runs(alike):
+        lasted = float(gps.t_s[last + 1] - gps.t_s[first])
+        count = last - first + 2
+        if lasted < FROZEN_S or count < FROZEN_FIXES:
+            continue
+        found.append(
+            Finding(
+                "gps_frozen",
+                name,
+                Severity.WARNING,
+                float(gps.t_s[first]),
+                float(gps.t_s[last + 1]),
+                lasted,
+                "s",
+                f"velocity did not change for {lasted:.0f} s",
+                f"{count} fixes in a row of exactly the same {speed[first]:.1f} m/s, which no "
+                "receiver measures twice",
+            )
+        )
     return found
 
 

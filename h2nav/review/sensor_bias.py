@@ -1,7 +1,9 @@
 """Bias of gyros and accelerometers against data sheets, and of IMUs against each other.
 
 A gyro's bias is what it turns too much between two attitudes that are known: over 5 s an attitude
-known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used.
+known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used. While
+force and field both stand still in the body, nothing turns, and the bias is what the gyro shows: no
+filter that was led astray by it has a part in that.
 """
 
 import itertools
@@ -59,8 +61,18 @@ SURE_RAD = 4.0 * DEG
 # A scale that is off by 1 % is a false bias of a hundredth of the rate.
 FASTEST_TURN_RAD_S = 40.0 * DEG
 LONGEST_GAP_S = 0.1
+# Directions of force and field, means of a fifth of a window, that stand still: over four fifths of
+# it, 0.5 deg/s at worst. In a steady turn the force stands still alone.
+STILL_RAD = 1.0 * DEG
+STILL_PARTS = 5
 # What slow samples of a vibrating gyro may make of a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
+COMPASS_FROZEN = "compass_frozen"
+# What else shows which of two IMUs is wrong that disagree.
+SHOWN_BY = {
+    "gyro_apart": ("gyro_bias", "gyro_bias_step"),
+    "accelerometer_apart": ("accelerometer_bias", "vibration", "clipping"),
+}
 DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
 
 
@@ -80,12 +92,12 @@ def look_at_biases(
             bias.
     """
     biases, found = [], []
-    tracks = tuple(measuring(track, told) for track in tracks)
+    tracks = tuple(_with_live_field(measuring(track, told), told) for track in tracks)
     for track in tracks:
         bias, own = _of_imu(track, best, armed)
         biases.append(bias)
         found += own
-    return tuple(biases), found + _apart(tracks)
+    return tuple(biases), found + _apart(tracks, (*found, *told))
 
 
 def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
@@ -106,6 +118,14 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
         track.f_b[good],
         track.m_b_ut[good],
     )
+
+
+def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+    """The samples without the field of a compass that was ever frozen: it stands still at will."""
+    source = f"IMU {track.imu + 1}"
+    if not any(f.kind == COMPASS_FROZEN and f.source == source for f in told):
+        return track
+    return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
 
 
 def _of_imu(
@@ -160,11 +180,44 @@ def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, M
     longest = np.maximum.reduceat(gaps, place)[:-1]
     turned = np.linalg.norm(track.w_b, axis=1) * np.minimum(gaps, LONGEST_GAP_S)
     path = np.add.reduceat(turned, place)[:-1]
-    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | (longest > LONGEST_GAP_S)
+    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | ~is_known
+    rough |= path > FASTEST_TURN_RAD_S * length_s
+    still = _stands_still(track, edges)
+    bias[still] = _between_parts(track, edges)[still]
+    rough &= ~still
     shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
-    rough |= np.sqrt(shaken) > SHAKEN_RAD_S * length_s
-    rough |= ~is_known | (path > FASTEST_TURN_RAD_S * length_s)
+    rough |= (np.sqrt(shaken) > SHAKEN_RAD_S * length_s) | (longest > LONGEST_GAP_S)
     return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
+
+
+def _stands_still(track: ImuTrack, edges: Array) -> Mask:
+    """(M,) windows in which the body does not turn, by its force and its field alone."""
+    has_field = np.isfinite(track.m_b_ut).all(axis=1)
+    if not has_field.any():
+        return np.zeros(len(edges) - 1, dtype=bool)
+    parts = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(STILL_PARTS) / STILL_PARTS
+    inner = np.append(parts.ravel(), edges[-1])
+    shape = (len(edges) - 1, STILL_PARTS, 3)
+    force = means(track.t_s, track.f_b, inner).reshape(shape)
+    field = means(track.t_s[has_field], track.m_b_ut[has_field], inner).reshape(shape)
+    down = force / np.linalg.norm(force, axis=2, keepdims=True)
+    level = field - (field * down).sum(axis=2, keepdims=True) * down
+    level /= np.linalg.norm(level, axis=2, keepdims=True)
+    still = np.ones(len(edges) - 1, dtype=bool)
+    for directions in (down, level):
+        apart = np.linalg.norm(directions - directions.mean(axis=1, keepdims=True), axis=2)
+        still &= (apart < STILL_RAD).all(axis=1)
+    return still
+
+
+def _between_parts(track: ImuTrack, edges: Array) -> Array:
+    """(M, 3) mean rate from the mean direction of the first part of each window to the last's."""
+    place = np.clip(np.searchsorted(edges, track.t_s, side="right"), 1, len(edges) - 1)
+    inside_s = np.minimum(track.t_s - edges[place - 1], edges[place] - track.t_s)
+    weight = np.clip(STILL_PARTS * inside_s / WINDOW_S, 0.0, 1.0)[:, None]
+    summed = means(track.t_s, np.hstack((weight * track.w_b, weight)), edges)
+    rate: Array = summed[:, :3] / summed[:, 3:]
+    return rate
 
 
 def _levers(best: Attitudes, at_s: Array) -> Array:
@@ -284,7 +337,7 @@ def _force(name: str, t_s: Array, norms: Array) -> list[Finding]:
     ]
 
 
-def _apart(tracks: tuple[ImuTrack, ...]) -> list[Finding]:
+def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Finding]:
     """Mean rates and forces of two IMUs over the same windows, which turn and fall together."""
     ends = [(track.t_s[0], track.t_s[-1]) for track in tracks if len(track.t_s) > 1]
     if len(ends) < 2:
@@ -297,8 +350,8 @@ def _apart(tracks: tuple[ImuTrack, ...]) -> list[Finding]:
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     names = [f"IMU {track.imu + 1}" for track in tracks]
     return [
-        *_disagreeing("gyro_apart", names, edges, gyro, GYRO_APART_RAD_S),
-        *_disagreeing("accelerometer_apart", names, edges, force, FORCE_APART_M_S2),
+        *_disagreeing("gyro_apart", names, edges, gyro, GYRO_APART_RAD_S, known),
+        *_disagreeing("accelerometer_apart", names, edges, force, FORCE_APART_M_S2, known),
     ]
 
 
@@ -310,9 +363,14 @@ def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
 
 
 def _disagreeing(
-    kind: str, names: list[str], edges: Array, values: list[Array], limit: float
+    kind: str,
+    names: list[str],
+    edges: Array,
+    values: list[Array],
+    limit: float,
+    known: tuple[Finding, ...],
 ) -> list[Finding]:
-    """Pairs that differ; with three IMUs the odd one is named."""
+    """Pairs that differ; the odd one of three is named, and of two the one that is known as bad."""
     beyond: dict[tuple[int, int], Array] = {}
     for one, other in itertools.combinations(range(len(values)), 2):
         difference = values[one] - values[other]
@@ -325,30 +383,41 @@ def _disagreeing(
         ):
             beyond[one, other] = apart
     blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
+    if len(blamed) > 1:
+        suspected = {f.source for f in known if f.kind in SHOWN_BY[kind]}
+        shown = [i for i in blamed if names[i] in suspected]
+        blamed = shown if len(shown) == 1 else blamed
     found = []
     for pair, apart in beyond.items():
-        if len(blamed) == 1 and pair != next(iter(beyond)):
-            continue
-        odd = blamed[0] if len(blamed) == 1 else pair[1]
-        places = np.flatnonzero(apart > limit)
-        size = float(np.median(apart[places]))
-        is_gyro = kind == "gyro_apart"
-        shown, unit = (size / DEG, "deg/s") if is_gyro else (size, "m/s^2")
-        most = limit / DEG if is_gyro else limit
-        others = " and ".join(name for i, name in enumerate(names) if i != odd)
-        sensor = "gyro" if is_gyro else "accelerometer"
-        both = "" if len(blamed) == 1 else "; which of the two is wrong is not known from this"
-        found.append(
-            Finding(
-                kind,
-                names[odd],
-                Severity.WARNING,
-                float(edges[places[0]]),
-                float(edges[places[-1] + 1]),
-                shown,
-                unit,
-                f"{sensor} differs from {others} by {shown:.1f} {unit}",
-                f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {most:.2g} {unit}{both}",
-            )
-        )
+        if len(blamed) != 1:
+            found.append(_difference(kind, [names[i] for i in pair], [], edges, apart, limit))
+        elif not found:
+            others = [name for i, name in enumerate(names) if i != blamed[0]]
+            found.append(_difference(kind, [names[blamed[0]]], others, edges, apart, limit))
     return found
+
+
+def _difference(
+    kind: str, odd: list[str], others: list[str], edges: Array, apart: Array, limit: float
+) -> Finding:
+    """One finding: of the odd IMU against the others, or of two of which one is wrong."""
+    places = np.flatnonzero(apart > limit)
+    is_gyro = kind == "gyro_apart"
+    sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")
+    one = DEG if is_gyro else 1.0
+    size = float(np.median(apart[places])) / one
+    text, unknown = f"{sensor} differs from {' and '.join(others)} by", ""
+    if not others:
+        text, unknown = f"{sensor}s differ by", "; which of the two is wrong is not known from this"
+    return Finding(
+        kind,
+        " or ".join(odd),
+        Severity.WARNING,
+        float(edges[places[0]]),
+        float(edges[places[-1] + 1]),
+        size,
+        unit,
+        f"{text} {size:.1f} {unit}",
+        f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
+        f"{unknown}",
+    )

@@ -39,6 +39,8 @@ REBOOT_US = -1_000_000
 LATE_S = 0.2
 LATE_SHARE = 0.001
 WINDOW_S = 10.0
+# A clock that was set: the quickest arrivals of so long before and after differ by the whole step.
+BESIDE_S, WHOLE_SHARE = 2.0, 0.9
 
 
 def pauses(context: Context) -> tuple[Span, ...]:
@@ -88,11 +90,11 @@ def look_at_timing(
     """
     if len(track.t_s) < FEWEST:
         return _empty(track), []
-    stamp_s = _stamps(track)
+    name = f"IMU {track.imu + 1}"
+    stamp_s, found = _without_jumps(name, track, _stamps(track))
     late_s, drift_ppm = _lateness(track.t_s, stamp_s)
     timing = _columns(track, stamp_s, late_s)
-    name = f"IMU {track.imu + 1}"
-    found = [*_gaps(name, track, stamp_s, armed, paused)]
+    found += _gaps(name, track, stamp_s, armed, paused)
     found += _rate(name, track, stamp_s, paused)
     if drift_ppm is not None and abs(drift_ppm) > DRIFT_PPM:
         found.append(_drift(name, track, drift_ppm))
@@ -113,6 +115,47 @@ def _stamps(track: ImuTrack) -> Array:
     is_new = (steps < REBOOT_US) | (steps > arrival_us + 60e6)
     steps = np.where(is_new, arrival_us, steps)
     return np.concatenate(([0.0], np.cumsum(steps))) * 1e-6
+
+
+def _without_jumps(name: str, track: ImuTrack, stamp_s: Array) -> tuple[Array, list[Finding]]:
+    """Stamps as of a clock that nobody set, and what says that somebody did.
+
+    From one sample to the next, which came as usual, the stamp runs on by another time, and the
+    arrivals are as much earlier or later against it from then on. Of samples that are lost, or held
+    back on a link, one of both is not so.
+    """
+    gap_s = np.diff(track.t_s)
+    extra_s = np.diff(stamp_s) - gap_s
+    least_s = max(LATE_S, GAP_PERIODS * float(np.median(gap_s)))
+    places = np.flatnonzero((np.abs(extra_s) > least_s) & (gap_s < LATE_S))
+    delay = track.t_s - stamp_s
+    jumps = []
+    for place in places.tolist():
+        at_s = track.t_s[place]
+        first, last = np.searchsorted(track.t_s, (at_s - BESIDE_S, at_s + BESIDE_S))
+        change = delay[first : place + 1].min() - delay[place + 1 : last + 1].min()
+        if WHOLE_SHARE < change / extra_s[place] < 1.0 / WHOLE_SHARE:
+            jumps.append(place)
+    if not jumps:
+        return stamp_s, []
+    steps = np.zeros(len(stamp_s))
+    steps[np.array(jumps) + 1] = extra_s[jumps]
+    largest = max(jumps, key=lambda place: abs(extra_s[place]))
+    size = float(extra_s[largest])
+    times = "" if len(jumps) == 1 else f", {len(jumps)} times"
+    finding = Finding(
+        "clock_jump",
+        name,
+        Severity.WARNING,
+        float(track.t_s[jumps[0]]),
+        float(track.t_s[jumps[-1] + 1]),
+        abs(size),
+        "s",
+        f"the autopilot's clock jumped by {size:+.2f} s{times}",
+        f"the stamp of {track.source} at {track.t_s[largest + 1]:.1f} s, while the samples came as "
+        "before: none is missing",
+    )
+    return stamp_s - np.cumsum(steps), [finding]
 
 
 def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:

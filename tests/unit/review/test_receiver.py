@@ -83,6 +83,21 @@ def moved(flown: Flight, v_n: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
+def test_a_velocity_that_never_changes_is_told_and_a_fix_that_is_told_twice_is_not():
+    flown = flight()
+    (gps,) = flown.context.gps
+    v_n = gps.v_n.copy()
+    v_n[1::2] = v_n[:-1:2]
+    twice = with_gps(flown, v_n=v_n)
+    assert "gps_frozen" not in {f.kind for f in analyse(twice).findings}
+    place = int(np.flatnonzero(np.linalg.norm(gps.v_n[200:, :2], axis=1) > 1.0)[0]) + 200
+    v_n = gps.v_n.copy()
+    v_n[place : place + 40] = v_n[place]
+    found = {f.kind: f for f in analyse(with_gps(flown, v_n=v_n)).findings}
+    assert found["gps_frozen"].from_s == pytest.approx(gps.t_s[place])
+    assert found["gps_frozen"].size == pytest.approx(39 * 0.2)
+
+
 def test_a_jump_of_the_position_is_told():
     flown = flight()
     gps = flown.context.gps[0]

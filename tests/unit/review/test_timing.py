@@ -73,6 +73,29 @@ def test_samples_that_come_twice_are_told():
     assert finding.size == pytest.approx(9.1, abs=0.2)
 
 
+@pytest.mark.parametrize("jump_s", [3.0, -0.6])
+def test_a_clock_that_is_set_loses_no_samples(jump_s):
+    flown = flight()
+    first = flown.context.imus[0]
+    stamps = first.stamp_us + np.where(first.t_s >= 50.0, round(jump_s * 1e6), 0)
+    finding = only(with_imu(flown, stamp_us=stamps))
+    assert (finding.kind, finding.severity) == ("clock_jump", Severity.WARNING)
+    assert f"jumped by {jump_s:+.2f} s" in finding.text
+    assert finding.from_s == pytest.approx(50.0, abs=0.05)
+
+
+def test_a_link_that_held_samples_back_set_no_clock():
+    flown = flight()
+    first = flown.context.imus[0]
+    held = (first.t_s > 50.0) & (first.t_s < 51.0)
+    arrived = np.where(held, 51.0, first.t_s)
+    # Some of them it lost.
+    rows = ~((first.t_s > 50.3) & (first.t_s < 50.8))
+    changed = {**kept(first, rows), "t_s": arrived[rows]}
+    kinds = {f.kind for f in analyse(with_imu(flown, **changed)).findings}
+    assert kinds == {"imu_gaps", "late_bursts"}
+
+
 def test_a_stamp_clock_that_drifts_is_measured():
     flown = flight()
     first = flown.context.imus[0]

@@ -1,0 +1,105 @@
+"""tools/review_sweep.py: faults do what they are named for, and what is told of them is judged."""
+
+import importlib.util
+import sys
+
+import numpy as np
+import pytest
+from needs import REPOSITORY
+
+from h2nav.flightlogs.telemetry import read_context
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.io.recordings import open_recording
+from h2nav.maths.units import DEG
+
+TOOLS = REPOSITORY / "tools"
+TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
+
+
+@pytest.fixture(scope="module")
+def tool():
+    sys.path.insert(0, str(TOOLS))
+    spec = importlib.util.spec_from_file_location("review_sweep", TOOLS / "review_sweep.py")
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    yield module
+    sys.path.remove(str(TOOLS))
+
+
+@pytest.fixture
+def written(tool, tmp_path):
+    """Writes a short flight with a fault, from 20 to 30 s, and reads it again."""
+    number = 0
+
+    def context(name, size):
+        nonlocal number
+        number += 1
+        path = tmp_path / f"{number}.tlog"
+        fault = next((each for each in tool.FAULTS if each.name == name), None)
+        case = tool.Case(size, 20.0, 30.0, np.array([0.0, 0.0, 1.0]), 50.0, 1)
+        tool.write_tlog(open_recording(TAKEOFF), path, fault, case, only_first=False)
+        return read_context(open_recording(path))
+
+    return context
+
+
+def test_without_a_fault_nothing_is_changed(written):
+    for mine, own in zip(
+        written("", 0.0).imus, read_context(open_recording(TAKEOFF)).imus, strict=True
+    ):
+        for one, other in zip(mine, own, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_a_bias_is_put_into_the_first_gyro_for_its_time(written):
+    plain, faulty = written("", 0.0), written("gyro bias in flight", 2.0)
+    extra = faulty.imus[0].w_b - plain.imus[0].w_b
+    acts = (plain.imus[0].t_s >= 20.0) & (plain.imus[0].t_s < 30.0)
+    np.testing.assert_allclose(extra[acts], [[0.0, 0.0, 2.0 * DEG]] * acts.sum(), atol=0.001)
+    assert not extra[~acts].any()
+    np.testing.assert_array_equal(faulty.imus[1].w_b, plain.imus[1].w_b)
+
+
+def test_samples_are_taken_away_and_stamps_moved(written):
+    plain = written("", 0.0).imus[0]
+    assert len(written("samples missing", 0.5).imus[0].t_s) == len(plain.t_s) - 100
+    moved = written("clock jumps", 1.5).imus[0]
+    late_us = np.where((plain.t_s >= 20.0) & (plain.t_s < 30.0), 1_500_000, 0)
+    np.testing.assert_array_equal(moved.stamp_us - plain.stamp_us, late_us)
+
+
+def test_the_autopilots_heading_is_turned(written):
+    plain, faulty = written("", 0.0).attitudes[0], written("autopilot's heading off", 10.0)
+    turn = np.abs((plain.q_nb * faulty.attitudes[0].q_nb).sum(axis=1)).clip(max=1.0)
+    angle = 2.0 * np.degrees(np.arccos(turn))
+    acts = (plain.t_s >= 20.0) & (plain.t_s < 30.0)
+    np.testing.assert_allclose(angle[acts], 10.0, atol=0.1)
+    assert angle[~acts].max() < 0.1
+
+
+def found(kind, source, from_s, to_s):
+    return Finding(kind, source, Severity.WARNING, from_s, to_s, 1.0, "", "text", "evidence")
+
+
+def test_right_is_the_kind_of_the_sensor_at_its_time(tool):
+    fault = next(each for each in tool.FAULTS if each.name == "gyro bias in flight")
+    case = tool.Case(2.0, 50.0, tool.FOREVER, np.array([1.0, 0.0, 0.0]), 50.0, 1)
+    assert tool.is_right(found("gyro_bias_step", "IMU 1", 45.0, 55.0), fault, case)
+    assert not tool.is_right(found("gyro_bias_step", "IMU 2", 45.0, 55.0), fault, case)
+    assert not tool.is_right(found("gyro_bias_step", "IMU 1", 30.0, 55.0), fault, case)
+    assert not tool.is_right(found("compass_field", "compass", 50.0, 55.0), fault, case)
+
+
+def test_what_the_flight_says_without_the_fault_is_not_held_against_it(tool):
+    case = tool.Case(2.0, 50.0, tool.FOREVER, np.array([1.0, 0.0, 0.0]), 50.0, 1)
+    usual = found("imu_slow", "IMU 1", 0.0, 100.0)
+    plain = tool.Outcome("flight", "", case, [usual])
+    faulty = tool.Outcome(
+        "flight",
+        "gyro bias in flight",
+        case,
+        [usual, found("gyro_bias", "IMU 1", 52.0, 100.0), found("gps_lag", "GPS", 0.0, 100.0)],
+    )
+    (row,) = tool.judged([plain, faulty])
+    assert [words.split()[2] for words in row["right"]] == ["gyro_bias"]
+    assert [words.split()[2] for words in row["beside"]] == ["gps_lag"]

@@ -1,0 +1,1 @@
+"""Known faults, put into recorded flights to see what the review says of them."""
