@@ -178,7 +178,11 @@ def pipeline_for(
     service = Service(
         dataclasses.replace(settings, autopilot=asks_nobody),
         Surroundings(
-            filter_for or inputs.filters.filter_for, earth_field_at, inputs.unix_s, offset_ns
+            filter_for or inputs.filters.filter_for,
+            earth_field_at,
+            inputs.unix_s,
+            offset_ns,
+            has_listener=False,
         ),
     )
     outlets = Outlets(lambda t_ns: t_ns + offset_ns, None, recorder, watcher, observer)

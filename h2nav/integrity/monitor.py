@@ -91,6 +91,7 @@ class Monitor:
         speeds: of the vehicle.
 
     Attributes:
+        field_is_frozen: the compass says nothing of the heading.
         ratios: test ratios, as of the latest sample.
     """
 
@@ -99,6 +100,7 @@ class Monitor:
         self._speeds = speeds
         self._watch = Watch()
         self._checked = 0  # bits of the latest check
+        self.field_is_frozen = False
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
@@ -125,12 +127,14 @@ class Monitor:
     def check(self, sample: ImuSample) -> Use:
         """Takes a sample before the filter does; what the filter may do with it."""
         bits = self._checked = self._watch.check(sample)
+        self.field_is_frozen = bits & FIELD_FROZEN > 0
         return use_of(bits) if bits else Use.ALL
 
     @property
-    def field_is_frozen(self) -> bool:
-        """The compass says nothing of the heading."""
-        return bool(self._checked & FIELD_FROZEN)
+    def sensor_is_bad(self) -> bool:
+        """Gyro or accelerometer is known to be bad now."""
+        found = sensor_alarms(self._name, self._checked, self._watch.memory)
+        return any(alarm.degrades for alarm in found)
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes the sample that was checked last and what the filter has made of it, not led."""
@@ -142,7 +146,7 @@ class Monitor:
         bits = self._strapdown.add(t_us, estimate)
         if int(estimate.trust) & FIELD_USED:
             self._field_used_us = t_us
-        if self._checked & FIELD_FROZEN:
+        if self.field_is_frozen:
             self._field.restart()
             self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
         if bits & ~KEPT:

@@ -4,19 +4,27 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from h2nav.attitude.lead import led
-from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
-from h2nav.service.lane import NO_SAMPLE, SILENT_NS, FilterFor, Lane, Outcome
+from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import Cause, LaneSelection, Switch
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.records import LaneRecord
+from h2nav.service.sample_clock import Verdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.twins import Twins
@@ -26,6 +34,25 @@ from h2nav.wire.vehicle import ParameterValue
 LOOK_NS = 50_000_000
 # A new epoch reaches every lane within this time.
 EPOCH_NS = 10 * SECOND_NS
+
+
+class Outcome(NamedTuple):
+    """What resulted from an IMU reading.
+
+    Attributes:
+        sample: the sample that was used; None when the reading was refused, lent its field only, or
+            went to a filter that is not sent.
+        estimate: of the time of the sample.
+        unled: as the filter made it: of the time at which the sample's values were true.
+        event: REBOOT or NEW_EPOCH when the sample began a new epoch.
+        switched: tells that another IMU is sent from this sample on, and why.
+    """
+
+    sample: ImuSample | None = None
+    estimate: AttitudeEstimate | None = None
+    unled: AttitudeEstimate | None = None
+    event: Verdict | None = None
+    switched: str = ""
 
 
 class Estimation:
@@ -112,7 +139,7 @@ class Estimation:
     @property
     def has_estimate(self) -> bool:
         """There is an attitude."""
-        return self._sent is not None and self._sent.estimate is not None
+        return self._sent is not None and self._sent.has_estimate
 
     @property
     def newest_t_us(self) -> int | None:
@@ -161,7 +188,7 @@ class Estimation:
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
         """Takes a reading of the bound autopilot that is considered."""
-        outcomes: dict[int, Outcome] = {}
+        steps: dict[int, Step] = {}
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
@@ -171,16 +198,15 @@ class Estimation:
         goes_on = self._newest if self._has_sent else None
         for lane in self._lanes:
             if lane.considers(t_ns, message_id):
-                outcome = lane.take(t_ns, message_id, reading, goes_on)
-                if outcome.sample is not None:
-                    outcomes[lane.imu] = outcome
+                step = lane.take(t_ns, message_id, reading, goes_on)
+                if step.sample is not None:
+                    steps[lane.imu] = step
         told = ""
         if self._twins:
             self._find_twins(t_ns)
             if t_ns - self._looked_ns >= LOOK_NS:
                 told = self._look(t_ns)
-        outcome = self._sendable(t_ns, outcomes.get(self._lane.imu, NO_SAMPLE))
-        return outcome._replace(switched=told) if told else outcome
+        return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), told)
 
     def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
@@ -227,24 +253,25 @@ class Estimation:
         assert self._sent is not None
         return self._sent
 
-    def _sendable(self, t_ns: int, outcome: Outcome) -> Outcome:
-        """What is sent of an outcome of the lane that is sent: its times only grow."""
-        sample, lane = outcome.sample, self._lane
+    def _sendable(self, t_ns: int, step: Step, switched: str) -> Outcome:
+        """What is sent of a step of the lane that is sent: its times only grow."""
+        (sample, unled, of_step), lane = step, self._lane
         if sample is None:
-            return outcome
+            return Outcome(switched=switched)
         event, lane.event = lane.event, None
         if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
-            event = None if outcome.event is None else event
+            event = None if of_step is None else event
         if event is not None:
             self._epoch_ns = t_ns
             self._begin_epoch()
             self._first_ns = t_ns
         if self._newest is not None and sample.t_us <= self._newest[0]:
-            return NO_SAMPLE
+            return Outcome(switched=switched)
         self._newest = sample.t_us, t_ns
-        self._has_sent |= outcome.estimate is not None
+        self._has_sent |= unled is not None
         self.used += 1
-        return outcome if event is outcome.event else outcome._replace(event=event)
+        estimate = None if unled is None else lane.lead(unled)
+        return Outcome(sample, estimate, unled, event, switched)
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; tells of a change."""

@@ -64,26 +64,21 @@ OTHER_SPEEDS = Speeds(15.0)
 NO_VEC3: Vec3 = (0.0, 0.0, 0.0)
 
 
-class Outcome(NamedTuple):
+class Step(NamedTuple):
     """What resulted from an IMU reading.
 
     Attributes:
-        sample: the sample that was used; None when the reading was refused, lent its field only, or
-            went to a filter that is not sent.
-        estimate: of the time of the sample.
+        sample: the sample that was used; None when the reading was refused or lent its field only.
         unled: as the filter made it: of the time at which the sample's values were true.
         event: REBOOT or NEW_EPOCH when the sample began a new epoch.
-        switched: tells that another IMU is sent from this sample on, and why.
     """
 
     sample: ImuSample | None = None
-    estimate: AttitudeEstimate | None = None
     unled: AttitudeEstimate | None = None
     event: Verdict | None = None
-    switched: str = ""
 
 
-NO_SAMPLE = Outcome()
+NO_STEP = Step()
 
 
 class Lane:
@@ -103,7 +98,6 @@ class Lane:
         last_used_ns: host time of the newest sample; None before the first.
         resumed_ns: host time at which readings came again after none of any lane had come.
         newest: the newest sample, as it came.
-        estimate: the newest estimate, of the time of its sample.
         rate_hz: of the samples.
         is_bad: a sensor is known to be bad.
         is_spoilt: the filter has to begin anew, with the attitude of another where there is one.
@@ -150,7 +144,7 @@ class Lane:
         self.last_used_ns: int | None = None
         self.resumed_ns = 0
         self.newest: ImuSample | None = None
-        self.estimate: AttitudeEstimate | None = None
+        self._unled: AttitudeEstimate | None = None
         self.rate_hz = 0.0
         self.is_bad = False
         self.is_spoilt = False
@@ -162,6 +156,20 @@ class Lane:
     def imu_message(self) -> ImuMessage | None:
         """The message in use."""
         return self._choice.chosen
+
+    @property
+    def has_estimate(self) -> bool:
+        """There is an attitude."""
+        return self._unled is not None
+
+    @property
+    def estimate(self) -> AttitudeEstimate | None:
+        """The newest estimate, of the time of its sample."""
+        return None if self._unled is None else self.lead(self._unled)
+
+    def lead(self, unled: AttitudeEstimate) -> AttitudeEstimate:
+        """An estimate of the filter, of the time of its sample."""
+        return led(unled, self.timing.delays.gyro_s)
 
     @property
     def monitor(self) -> Monitor:
@@ -208,7 +216,7 @@ class Lane:
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
-        may_follow = self.estimate is not None and not self.is_spoilt and has_rate
+        may_follow = self.has_estimate and not self.is_spoilt and has_rate
         return Condition(
             may_follow, self.is_silent(t_ns), self.ratio, self._monitor.ratios.of_field
         )
@@ -254,7 +262,7 @@ class Lane:
 
     def take(
         self, t_ns: int, message_id: int, reading: ImuReading, goes_on: tuple[int, int] | None
-    ) -> Outcome:
+    ) -> Step:
         """Takes a reading that is considered.
 
         Args:
@@ -266,7 +274,7 @@ class Lane:
         is_own = self._takes_others or reading.imu in (None, self.imu)
         if not is_own or not self._choice.considers(message_id, t_ns):
             self._fields.hears(t_ns, reading.m_b_ut)
-            return NO_SAMPLE
+            return NO_STEP
         self._choice.takes(message_id, t_ns)
         if self._clock is None or self._clock_of != message_id:
             newest_us, newest_ns = self._newest_us, self.last_used_ns
@@ -289,7 +297,7 @@ class Lane:
         if verdict is Verdict.SECOND_SENDER:
             self._contested_line = self._clock.line
         self.refuse(t_ns, verdict.value)
-        return NO_SAMPLE
+        return NO_STEP
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
@@ -300,7 +308,7 @@ class Lane:
     def rest(self, t_ns: int) -> None:
         """This stream is no lane at present."""
         self._rests_until_ns = t_ns + REST_NS
-        self.last_used_ns = self.newest = self.estimate = None
+        self.last_used_ns = self.newest = self._unled = None
 
     @property
     def is_refused(self) -> bool:
@@ -339,7 +347,7 @@ class Lane:
         """The autopilot's time starts again: the filter aligns again and keeps the learnt bias."""
         self._filter.restart()
         self._newest_us = None
-        self.newest = self.estimate = None
+        self.newest = self._unled = None
         self._monitor = self._monitor.anew()
         self._fields.restart()
         self.timing.restart()
@@ -350,7 +358,7 @@ class Lane:
         if t_ns - self._counted_ns >= SECOND_NS:
             self.rate_hz = self._counted * 1e9 / (t_ns - self._counted_ns)
             self._counted_ns, self._counted = t_ns, 0
-        self.is_bad = bool(self.faults())
+        self.is_bad = self._monitor.sensor_is_bad
         if self.is_bad:
             self._good_ns = None
             if self._bad_ns is None:
@@ -360,8 +368,8 @@ class Lane:
         self._bad_ns = None
         if self._good_ns is None:
             self._good_ns = t_ns
-        if self.estimate is not None and not self.is_spoilt and self.ratio < CALM_RATIO:
-            self._biases.append((t_ns, self.estimate.bias_b))
+        if self._unled is not None and not self.is_spoilt and self.ratio < CALM_RATIO:
+            self._biases.append((t_ns, self._unled.bias_b))
             while len(self._biases) > 1 and self._biases[1][0] <= t_ns - BIAS_NS:
                 del self._biases[0]
 
@@ -379,14 +387,14 @@ class Lane:
         """
         self.is_spoilt = False
         self._monitor.restart()
-        if other is None or other.estimate is None:
+        if other is None or other._unled is None:
             self._filter.restart()
             return
         self._filter.restore(other._filter.state())
         self._filter.use_delays(self.timing.delays)
         self._offset = NO_VEC3
         if self._biases:
-            (x, y, z), (u, v, w) = self._biases[0][1], other.estimate.bias_b
+            (x, y, z), (u, v, w) = self._biases[0][1], other._unled.bias_b
             a, b, c = other._offset
             self._offset = (x - u + a, y - v + b, z - w + c)
 
@@ -396,14 +404,14 @@ class Lane:
         )
         return tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped))
 
-    def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Outcome:
+    def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Step:
         self._newest_us = sample.t_us
         self.newest = sample
         use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
         if use is Use.NONE:
             self._is_frozen = True
             self.refuse(t_ns, "frozen")
-            return NO_SAMPLE
+            return NO_STEP
         if self._is_frozen:
             self._is_frozen = False
             self._filter.restart()
@@ -423,19 +431,17 @@ class Lane:
             # A filter must not raise; if one does, the vehicle still needs the next attitude.
             self.restart()
             self._rejected["filter_error"] += 1
-            return Outcome(sample, event=event)
+            return Step(sample, event=event)
         # Neither attitude nor rates are so large that their sum is not finite where they are.
         if unled is not None and not math.isfinite(sum(unled.q_nb) + sum(unled.w_b)):
             self.restart()
             self._rejected["non_finite_estimate"] += 1
             unled = None
-        if unled is None:
-            self.estimate = None
-            return Outcome(sample, event=event)
-        self._monitor.add(sample, unled)
-        unled = self._monitor.opened(unled)
-        self.estimate = led(unled, self.timing.delays.gyro_s)
-        return Outcome(sample, self.estimate, unled, event)
+        if unled is not None:
+            self._monitor.add(sample, unled)
+            unled = self._monitor.opened(unled)
+        self._unled = unled
+        return Step(sample, unled, event)
 
     def _updated(self, sample: ImuSample) -> AttitudeEstimate | None:
         if self._offset == NO_VEC3:

@@ -92,7 +92,7 @@ class _Output(Generic[E]):
 
     def take(self, estimate: E) -> Messages:
         """What is made of it, where it is due."""
-        return self.make(estimate) if self._is_due(estimate.t_us) else ()
+        return self.make(estimate) if self.is_due(estimate.t_us) else ()
 
     def set_rate(self, rate_hz: float) -> None:
         """Changes the rate from the next estimate on."""
@@ -100,7 +100,8 @@ class _Output(Generic[E]):
         self._due_us: float | None = None
         self.after_us = self.before_us = 0.0
 
-    def _is_due(self, t_us: int) -> bool:
+    def is_due(self, t_us: int) -> bool:
+        """Whether one is due at this time; it counts as sent then."""
         if self.after_us < t_us < self.before_us:
             return False
         if self.rate_hz <= 0.0:
@@ -130,9 +131,17 @@ class Outputs:
     Args:
         settings: the rates; 0 switches a message off.
         odometry_rate_hz: of ODOMETRY; None = motion is not estimated.
+        has_listener: somebody gets the messages; else those of attitudes are counted, not made.
     """
 
-    def __init__(self, settings: OutputSettings, odometry_rate_hz: float | None = None) -> None:
+    def __init__(
+        self,
+        settings: OutputSettings,
+        odometry_rate_hz: float | None = None,
+        *,
+        has_listener: bool = True,
+    ) -> None:
+        self._has_listener = has_listener
         self._attitudes: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(
                 lambda estimate: (outbound.attitude(estimate),), settings.attitude_rate_hz
@@ -179,17 +188,16 @@ class Outputs:
         due: list[OutMessage] = []
         if self._after_us < estimate.t_us < self._before_us:
             return due
-        for output in self._attitudes.values():
-            due += output.take(estimate)
-        attitudes = len(due)
-        for output in self._assessments.values():
-            due += output.take(estimate)
         outputs = (*self._attitudes.values(), *self._assessments.values())
-        self._after_us = max(output.after_us for output in outputs)
-        self._before_us = min(output.before_us for output in outputs)
+        now = [output for output in outputs if output.is_due(estimate.t_us)]
+        self._after_us = max([output.after_us for output in outputs])
+        self._before_us = min([output.before_us for output in outputs])
         if self.are_held:
-            return []
-        self.sent += attitudes
+            return due
+        self.sent += sum(output in self._attitudes.values() for output in now)
+        if self._has_listener:
+            for output in now:
+                due += output.make(estimate)
         return due
 
     def due_odometry(self, motion: Motion) -> Messages:

@@ -88,12 +88,14 @@ class Surroundings(NamedTuple):
         field_at: the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds).
         unix_s: today's date, for the field model, until the autopilot sends the time.
         unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
+        has_listener: somebody gets what is sent; a replay has nobody.
     """
 
     filter_for: FilterFor
     field_at: EarthFieldAt
     unix_s: float
     unix_offset_ns: int = 0
+    has_listener: bool = True
 
 
 @dataclass(slots=True)
@@ -123,7 +125,11 @@ class Service:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
         self._estimation = Estimation(surroundings.filter_for, settings.autopilot)
-        self._outputs = Outputs(settings.output, odometry_rate_hz(settings))
+        self._outputs = Outputs(
+            settings.output,
+            odometry_rate_hz(settings),
+            has_listener=surroundings.has_listener,
+        )
         self._notices = Notices(settings.output.status_text)
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
