@@ -9,12 +9,13 @@ from needs import REPOSITORY
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recordings import open_recording
-from h2nav.service.records import EstimateRecord
+from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.service.service import Service, Surroundings
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
@@ -100,7 +101,8 @@ class Replayed:
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        record = estimate_record(estimate, late_ns)
         self.reference.estimate(t_ns, record)
         self.estimates.append(record)
 

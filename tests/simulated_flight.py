@@ -10,6 +10,7 @@ from typing import Any
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
@@ -17,7 +18,7 @@ from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
 from h2nav.service.aiding import EarthFieldAt
-from h2nav.service.records import EstimateRecord, HealthRecord
+from h2nav.service.records import EstimateRecord, HealthRecord, estimate_record
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
@@ -168,7 +169,8 @@ class SimulatedFlight:
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        record = estimate_record(estimate, late_ns)
         self.reference.estimate(t_ns, record)
         self.seen.estimates.append((self.t_s, record))
 

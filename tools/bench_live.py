@@ -28,11 +28,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
-from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings, OutputSettings
 from h2nav.wire.readers import READERS
@@ -165,7 +165,7 @@ class Quiet:
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not looked at."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Estimates are not looked at."""
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:

@@ -26,13 +26,13 @@ from h2nav.apps.configuration import Configuration, LogSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.log_contents import open_recorder
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
-from h2nav.service.records import EstimateRecord
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
 
@@ -165,7 +165,7 @@ class Vehicle:
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not looked at."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Counts."""
         self.estimates += 1
 

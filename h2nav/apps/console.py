@@ -10,11 +10,11 @@ from h2nav.apps.json_output import json_text
 from h2nav.apps.panel import Sight, autopilot_attitude, euler_deg, panel_lines
 from h2nav.apps.terminal_footer import TerminalFooter
 from h2nav.apps.voice import Voice
-from h2nav.attitude.samples import Quat
+from h2nav.attitude.samples import AttitudeEstimate, Quat
 from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
 from h2nav.io.host_clock import UnixClock
-from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
+from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord, estimate_record
 
 REFRESH_NS = 200_000_000
 EVENT_NS = 1_000_000_000
@@ -42,7 +42,7 @@ class Console:
         self._footer = TerminalFooter(stream, self._lines) if _can_be_drawn_on(stream) else None
         self._is_journal = _is_journal(stream)
         self._clock = UnixClock()
-        self._latest: EstimateRecord | None = None
+        self._latest: AttitudeEstimate | None = None
         self._latest_ns = 0
         self._shown_ns = 0
         self._event_ns = 0
@@ -50,9 +50,9 @@ class Console:
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not shown."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Remembers it for panel and events."""
-        self._latest, self._latest_ns = record, t_ns
+        self._latest, self._latest_ns = estimate, t_ns
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """Shows a line; the panel stays below it."""
@@ -98,7 +98,9 @@ class Console:
 
     def _fresh(self, t_ns: int) -> EstimateRecord | None:
         """The newest estimate, unless it is too old to be shown."""
-        return self._latest if t_ns - self._latest_ns <= STALE_NS else None
+        if self._latest is None or t_ns - self._latest_ns > STALE_NS:
+            return None
+        return estimate_record(self._latest)
 
     def _event(self, name: str, t_ns: int, values: dict[str, Any]) -> None:
         if self._events is None:

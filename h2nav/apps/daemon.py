@@ -124,14 +124,13 @@ class Daemon:
     def _read(self) -> None:
         """Processes what has arrived; the rest is left for the next round."""
         for _ in range(READS_PER_ROUND):
-            chunks = self._link.read()
-            for data, stamp_ns in chunks:
+            for data, stamp_ns in self._link.read():
                 now_ns = time.monotonic_ns()
                 # The kernel's stamp went by the UNIX clock, which may have been set since.
                 arrived_ns = now_ns if stamp_ns is None else min(stamp_ns, now_ns)
                 self._arrived_ns = max(self._arrived_ns, arrived_ns)
                 self._pipeline.received(self._arrived_ns, data, now_ns)
-            if not chunks:
+            if not self._link.has_more:
                 break
 
     def _notice_stall(self, now_ns: int) -> None:

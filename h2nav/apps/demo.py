@@ -29,11 +29,12 @@ from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.panel import Sight
 from h2nav.apps.run import add_live_argument
 from h2nav.apps.session import Session
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
-from h2nav.service.records import EstimateRecord, HealthRecord
+from h2nav.service.records import HealthRecord, estimate_record
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.orders import KEYS, key_table
 from h2nav.sim.scenarios import SCENARIOS
@@ -143,9 +144,9 @@ class _Onlooker(Console):
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
-        super().estimate(t_ns, record)
-        self.reference.estimate(t_ns, record)
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        super().estimate(t_ns, estimate, late_ns)
+        self.reference.estimate(t_ns, estimate_record(estimate))
 
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
         super().status(t_ns, look)

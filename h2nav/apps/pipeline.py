@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.link_signing import LinkSigning
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame, PlacedFrame, frame_at
@@ -17,7 +18,7 @@ from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
 from h2nav.io.signing import without_signature
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
-from h2nav.service.records import EstimateRecord, estimate_record, imu_record
+from h2nav.service.records import estimate_record, imu_record
 from h2nav.service.service import Service
 from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
@@ -53,8 +54,8 @@ class Watcher(Protocol):
     def frame(self, t_ns: int, frame: Frame) -> None:
         """A good frame of `message_ids` came."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
-        """An estimate was made."""
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        """An estimate was made, later than usual on this link by `late_ns`."""
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """The service has something to report."""
@@ -177,6 +178,7 @@ class Pipeline:
         )
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
+        self._link_state: tuple[bool, str] | None = None
         self._timer_ns = 0
         self._now_ns = 0
 
@@ -307,8 +309,10 @@ class Pipeline:
             self._live.flush()
 
     def link(self, t_ns: int, is_up: bool, error: str = "") -> None:
-        """Tells the service of the link's state, and of its latest error."""
-        self._guarded(t_ns, "link", lambda: self.service.on_link(t_ns, is_up, error))
+        """Tells the service of the link's state, and of its latest error, where they changed."""
+        if (is_up, error) != self._link_state:
+            self._link_state = is_up, error
+            self._guarded(t_ns, "link", lambda: self.service.on_link(t_ns, is_up, error))
 
     def stalled(self, t_ns: int, length_ns: int) -> None:
         """Tells the service that the program was held up."""
@@ -368,12 +372,13 @@ class Pipeline:
 
     def _log_used(self, t_ns: int, effect: Used) -> None:
         sample, estimate, late_ns = effect
-        if self._writers:
-            self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
         if estimate is not None:
-            record = estimate_record(estimate, late_ns)
-            self._watcher.estimate(t_ns, record)
-            self._log(t_ns, "/estimate", record, estimate.t_us)
+            self._watcher.estimate(t_ns, estimate, late_ns)
+        if not self._writers:
+            return
+        self._log(t_ns, "/imu", imu_record(sample), sample.t_us)
+        if estimate is not None:
+            self._log(t_ns, "/estimate", estimate_record(estimate, late_ns), estimate.t_us)
             if self._recorder is not None:
                 self._recorder.transform(self._unix_ns(t_ns), estimate.q_nb)
 

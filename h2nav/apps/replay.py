@@ -16,6 +16,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.log_contents import attach_inputs
 from h2nav.apps.pipeline import Pipeline
 from h2nav.apps.playback import Playback
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed, smoothed_record
@@ -25,7 +26,7 @@ from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording
-from h2nav.service.records import EstimateRecord
+from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.wire.readers import Message
 
 ESTIMATE_TOPIC = "/estimate"
@@ -145,7 +146,8 @@ class _Watcher:
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.reference.frame(t_ns, frame)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        record = estimate_record(estimate, late_ns)
         self.reference.estimate(t_ns, record)
         recorded = next(self._recorded, None)
         if recorded is not None:

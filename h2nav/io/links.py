@@ -38,6 +38,10 @@ class Link(Protocol):
         """Whether frames wait for room: select on the descriptor for writing, then `maintain`."""
 
     @property
+    def has_more(self) -> bool:
+        """Whether there may be more than the latest `read` took."""
+
+    @property
     def local_port(self) -> int | None:
         """The bound UDP port; None while the link is down, and for other kinds of links."""
 

@@ -42,6 +42,10 @@ class StreamLink:
         url: the connection URL it was made from.
         transport: the serial port or the TCP connection.
         explain: an error of the transport in words.
+
+    Attributes:
+        is_up: the descriptor is open.
+        has_more: there may be more than the latest `read` took.
     """
 
     local_port = None
@@ -58,6 +62,7 @@ class StreamLink:
         self._opening_since_ns: int | None = None
         self._t_ns = 0
         self.is_up = False
+        self.has_more = False
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -95,6 +100,7 @@ class StreamLink:
 
     def read(self) -> list[Received]:
         """What has arrived since the last call, nothing while down; never blocks, never raises."""
+        self.has_more = False
         if not self.is_up:
             return []
         try:
@@ -104,6 +110,7 @@ class StreamLink:
             return []
         if not chunk:
             return []
+        self.has_more = True
         self._back_off.succeeded()
         self._tally.add(bytes_in=len(chunk), chunks_in=1)
         return [Received(chunk)]

@@ -50,6 +50,9 @@ class UdpLink:
         url: the connection URL it was made from.
         target: its parsed form.
         vouch: whether a datagram makes its sender the peer; every one does where it is None.
+
+    Attributes:
+        has_more: the latest `read` stopped before the end of what had arrived.
     """
 
     has_backlog = False
@@ -66,6 +69,7 @@ class UdpLink:
         self._peer_heard_ns = 0
         self._t_ns = 0
         self._drained_ns = 0  # when the kernel last had no more datagrams for us
+        self.has_more = False
         self._datagram = bytearray(_DATAGRAM_BYTES)
         self._view = memoryview(self._datagram)
 
@@ -119,6 +123,7 @@ class UdpLink:
     def read(self) -> list[Received]:
         """The peer's datagrams since the last call, at most 64; never blocks, never raises."""
         datagrams: list[Received] = []
+        self.has_more = False
         if self._socket is None:
             return datagrams
         unix_offset_ns = time.time_ns() - time.monotonic_ns()
@@ -143,6 +148,8 @@ class UdpLink:
                 self._tally.add(shed_datagrams=1)
                 continue
             datagrams.append(Received(data, t_ns))
+        else:
+            self.has_more = True
         if datagrams:
             size = sum(len(datagram.data) for datagram in datagrams)
             self._tally.add(bytes_in=size, chunks_in=len(datagrams))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from h2nav.attitude.samples import Trust
+from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.flightlogs.context import Span
 from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Finding, Severity
@@ -14,7 +14,7 @@ from h2nav.io.deframer import Frame
 from h2nav.maths.units import DEG
 from h2nav.review.certainty import stretches
 from h2nav.review.flight import EarthFields, Estimates, Ratios
-from h2nav.service.records import AidingRecord, EstimateRecord, HealthRecord, LaneRecord
+from h2nav.service.records import AidingRecord, HealthRecord, LaneRecord
 from h2nav.wire.readers import Message
 
 _ROW = 10  # time, attitude 4, bias 3, deviations 2
@@ -32,14 +32,10 @@ class EstimateRows:
     def __init__(self) -> None:
         self._rows = array("d")
 
-    def add(self, *row: float) -> None:
-        """One estimate.
-
-        Args:
-            row: time since the recording began, s; attitude body to NED (4); gyro bias, rad/s (3);
-                predicted deviations of tilt and heading, rad.
-        """
-        self._rows.extend(row)
+    def add(self, t_s: float, estimate: AttitudeEstimate) -> None:
+        """Keeps one of a sample that came at this time of the recording."""
+        sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
+        self._rows.extend((t_s, *estimate.q_nb, *estimate.bias_b, *sigmas))
 
     def estimates(self) -> Estimates | None:
         """All so far; None without any."""
@@ -88,23 +84,12 @@ class Collector:
     def message(self, t_ns: int, message: Message) -> None:
         """What a log says is in its context."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Keeps an estimate."""
         t_s = self._since_start_s(t_ns)
         self._t_s.append(t_s)
-        self._trust.append(record.trust)
-        self._estimates.add(
-            t_s,
-            record.q_w,
-            record.q_x,
-            record.q_y,
-            record.q_z,
-            record.bias_x_rad_s,
-            record.bias_y_rad_s,
-            record.bias_z_rad_s,
-            record.sigma_tilt_deg * DEG,
-            record.sigma_heading_deg * DEG,
-        )
+        self._trust.append(int(estimate.trust))
+        self._estimates.add(t_s, estimate)
 
     def record(self, t_ns: int, topic: str, record: object) -> None:
         """Keeps what the pictures show."""

@@ -76,9 +76,7 @@ class Lateness:
             self._least_ns = None
         if self._least_ns is not None:
             crept_ns = round((arrived_ns - self._least_at_ns) * self._creep)
-            least_ns = self._least_ns + crept_ns if crept_ns > 0 else self._least_ns
-            if least_ns < delay_ns:
-                delay_ns = least_ns
+            delay_ns = min(delay_ns, self._least_ns + max(crept_ns, 0))
         self._least_ns, self._least_at_ns = delay_ns, arrived_ns
         self.late_ns = now_ns - sent_ns - delay_ns
         if self.late_ns <= LATE_NS:

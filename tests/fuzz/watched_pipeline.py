@@ -19,12 +19,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from fuzz.clean_sessions import CONFIGURATIONS
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.recorder import Recorder
-from h2nav.service.records import EstimateRecord
+from h2nav.service.records import estimate_record
 from h2nav.service.service import Service, Surroundings
 
 MINUTE_NS = 60_000_000_000
@@ -138,8 +139,9 @@ class WatchedPipeline:
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not watched."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Every number of an estimate is one; not every filter knows its sigma."""
+        record = estimate_record(estimate, late_ns)
         for name, value in zip(record._fields, record, strict=True):
             is_unknown = name.startswith("sigma_") and math.isnan(value)
             if isinstance(value, float) and not math.isfinite(value) and not is_unknown:

@@ -18,11 +18,11 @@ from h2nav.apps.playback import (
     inputs_for,
     pipeline_for,
 )
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io.deframer import Frame
 from h2nav.io.recorder import Recorder
 from h2nav.io.recordings import Recording, open_recording
-from h2nav.service.records import EstimateRecord
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 ATTITUDE = 30
@@ -52,8 +52,8 @@ class Everything:
     def frame(self, t_ns: int, frame: Frame) -> None:
         self.told.append((t_ns, frame))
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
-        self.told.append((t_ns, repr(record)))  # NaN is not equal to itself
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        self.told.append((t_ns, repr(estimate), late_ns))  # NaN is not equal to itself
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         self.told.append((t_ns, severity, text))

@@ -18,8 +18,8 @@ class Watched(Replayed):
         self._ledger = Findings()
         super().__init__(shared_data(f"flights/{flight}.tlog"), Configuration())
 
-    def estimate(self, t_ns, record):
-        super().estimate(t_ns, record)
+    def estimate(self, t_ns, estimate, late_ns):
+        super().estimate(t_ns, estimate, late_ns)
         witness = self.pipeline.service._comparing.witness
         found = witness.latest
         if found is not None and found not in self.compared[-1:]:

@@ -1,5 +1,6 @@
 """What is heard while a flight is played: from the autopilot, and from our service."""
 
+import math
 from array import array
 from typing import Any, NamedTuple
 
@@ -7,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.evaluation.reference import ATTITUDE, SIMSTATE, Attitudes
 from h2nav.evaluation.rows import Array
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Frame
-from h2nav.service.records import EstimateRecord
 from h2nav.wire.vehicle import heartbeat, landed_state
 
 AHRS2 = mavlink.MAVLINK_MSG_ID_AHRS2
@@ -147,14 +148,14 @@ class FromService:
         """Hands a frame on."""
         self._autopilot.frame(t_ns, frame)
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Keeps an estimate."""
         self._arrived_us.append(t_ns // 1000)
-        self._boot_us.append(record.t_us)
+        self._boot_us.append(estimate.t_us)
         if self._tells_time:
-            self._autopilot.boot_time(t_ns // 1000, record.t_us)
-        attitude = (record.q_w, record.q_x, record.q_y, record.q_z)
-        self._rows.extend((*attitude, record.sigma_tilt_deg, record.sigma_heading_deg))
+            self._autopilot.boot_time(t_ns // 1000, estimate.t_us)
+        sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
+        self._rows.extend((*estimate.q_nb, *map(math.degrees, sigmas)))
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """Keeps a notice."""

@@ -12,7 +12,6 @@ from h2nav.apps.console import Console
 from h2nav.apps.panel import Sight
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.integrity.findings import Severity
-from h2nav.service.records import estimate_record
 
 SECOND = 1_000_000_000
 
@@ -31,9 +30,7 @@ def never(t_ns):
     raise AssertionError("nobody wants to see it")
 
 
-ESTIMATE = estimate_record(
-    AttitudeEstimate(7_000_000, (1.0, 0.0, 0.0, 0.0), *[(0.0, 0.0, 0.0)] * 3, 0.01, Trust(0))
-)
+ESTIMATE = AttitudeEstimate(7_000_000, (1.0, 0.0, 0.0, 0.0), *[(0.0, 0.0, 0.0)] * 3, 0.01, Trust(0))
 
 
 def all_of(screen):
@@ -56,7 +53,7 @@ def terminal(monkeypatch):
 
 def test_the_panel_shows_both_attitudes_and_their_difference(flight, terminal):
     console, shown = terminal
-    console.estimate(SECOND, ESTIMATE)
+    console.estimate(SECOND, ESTIMATE, 0)
     console.status(SECOND, sight_of(flight))
     panel = shown()
     assert "h2nav         +0.00" in panel
@@ -66,7 +63,7 @@ def test_the_panel_shows_both_attitudes_and_their_difference(flight, terminal):
 
 def test_an_old_attitude_is_not_shown_as_the_present_one(flight, terminal):
     console, shown = terminal
-    console.estimate(SECOND, ESTIMATE)
+    console.estimate(SECOND, ESTIMATE, 0)
     console.status(SECOND + SECOND // 2 + 1, sight_of(flight))
     assert "h2nav             -" in shown()
 
@@ -111,7 +108,7 @@ def test_events_have_time_and_attitude(flight, capsys):
     console = Console(events_as_json=True, stream=io.StringIO())
     health = flight.pipeline.service.health
     console.notice(SECOND, Severity.NOTICE, "hello")
-    console.estimate(2 * SECOND, ESTIMATE)
+    console.estimate(2 * SECOND, ESTIMATE, 0)
     console.status(2 * SECOND, sight_of(flight))
     console.status(3 * SECOND - 1, never)
     console.closing(4 * SECOND, health, None)

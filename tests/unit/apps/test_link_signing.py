@@ -106,8 +106,8 @@ class SignedFlight:
     def frame(self, t_ns, frame) -> None:
         raise AssertionError("none was asked for")
 
-    def estimate(self, t_ns, record) -> None:
-        self.estimates.append(record)
+    def estimate(self, t_ns, estimate, late_ns) -> None:
+        self.estimates.append(estimate)
 
     def notice(self, t_ns, severity, text) -> None:
         self.notices.append((severity, text))

@@ -8,6 +8,7 @@ import pytest
 from needs import DEG
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import parse_phase, phases_of, read_events
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
@@ -24,7 +25,6 @@ from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer
 from h2nav.maths import quaternion
-from h2nav.service.records import EstimateRecord
 
 START_S = 1_000.0
 BOOT_S = 20.0  # the autopilot's time at the start of the recording
@@ -67,10 +67,11 @@ class MadeUp:
         """An estimate that is wrong by a rotation vector (NED, rad)."""
         q = quaternion.multiply(quaternion.exp(rotation), true_attitude(t_s))
         boot_us = round((BOOT_S + t_s if boot_s is None else boot_s) * 1e6)
-        record = EstimateRecord(
-            boot_us, *q, *[0.0] * 12, sigma_tilt, 0, sigma_heading_deg=sigma_heading
+        nothing, sigmas = (0.0, 0.0, 0.0), (math.radians(sigma_tilt), math.radians(sigma_heading))
+        estimate = AttitudeEstimate(
+            boot_us, q, nothing, nothing, nothing, sigmas[0], Trust(0), sigmas[1]
         )
-        self.runs["h2nav"].estimate(self.ns(t_s), record)
+        self.runs["h2nav"].estimate(self.ns(t_s), estimate, 0)
 
     def armed(self, t_s: float, is_armed: bool) -> None:
         mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if is_armed else 0

@@ -21,6 +21,7 @@ from made_logs import (
 from needs import DEG, shared_data
 
 from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
+from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.flightlogs.autopilot_log import AutopilotLog
 from h2nav.flightlogs.context import AttitudeTrack
 from h2nav.flightlogs.dataflash import open_dataflash
@@ -28,7 +29,7 @@ from h2nav.flightlogs.imu_series import THINNED_HZ
 from h2nav.flightlogs.ulog import open_ulog
 from h2nav.io.deframer import Frame
 from h2nav.maths import quaternion
-from h2nav.service.records import EstimateRecord
+from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.sim.imu_model import GyroSampling
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import MOST_IMUS, ImuReading
@@ -417,9 +418,9 @@ class Listener:
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Nothing comes as frames."""
 
-    def estimate(self, t_ns: int, record: EstimateRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """Keeps it."""
-        self.estimates.append(record)
+        self.estimates.append(estimate_record(estimate, late_ns))
 
     def notice(self, t_ns: int, severity: object, text: str) -> None:
         """Says nothing."""
