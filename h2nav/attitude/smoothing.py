@@ -378,7 +378,7 @@ def _placed(
 
 
 def _reversed(piece: _Piece) -> _Piece:
-    """A piece without biases and latencies as it looks when time runs backward.
+    """A piece without biases and latencies as it looks when time runs backward; it is used up.
 
     Its times are mirrored about their middle. A rate is the mean since the sample before: backward
     it leads to that one. Forces, fields and the earth stay as they are. Velocities change their
@@ -388,14 +388,15 @@ def _reversed(piece: _Piece) -> _Piece:
     """
     samples = piece.samples
     ends_us = samples[0].t_us + samples[-1].t_us
-    turned = []
-    for sample, later in itertools.pairwise((*samples, samples[-1])):
+    turned, later = [], samples[-1]
+    while samples:  # used up, because there are millions of them
+        sample = samples.pop()
         x, y, z = later.w_b
         clipped = sample.clipped or later.clipped
         turned.append(
             ImuSample(ends_us - sample.t_us, (-x, -y, -z), sample.f_b, sample.m_b_ut, clipped)
         )
-    turned.reverse()
+        later = sample
     fixes = []
     for _, fix in piece.fixes:
         north, east, down = fix.v_n
