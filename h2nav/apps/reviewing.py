@@ -201,11 +201,5 @@ def _why_none(context: Context, reason: str) -> str:
 def _smoothed(listener: Listener, filters: FilterFactory, start_ns: int) -> Estimates | None:
     rows = EstimateRows()
     for t_ns, estimate in smoothed(listener, filters.filter_for):
-        rows.add(
-            (t_ns - start_ns) * 1e-9,
-            *estimate.q_nb,
-            *estimate.bias_b,
-            estimate.sigma_tilt_rad,
-            estimate.sigma_heading_rad,
-        )
+        rows.add((t_ns - start_ns) * 1e-9, estimate)
     return rows.estimates()

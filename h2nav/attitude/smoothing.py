@@ -155,7 +155,7 @@ class _Backward:
                 continue
             a, b, c, d, p, q, r, x, y, z, u, v, w, sigma_tilt, sigma_heading = values
             estimate = AttitudeEstimate(
-                t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w), sigma_tilt, Trust(trust),
+                t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w), sigma_tilt, _TRUST[trust],
                 sigma_heading,
             )  # fmt: skip
             yield _Known(estimate, is_referenced)
@@ -382,7 +382,7 @@ def _placed(
 
 
 def _reversed(piece: _Piece) -> _Piece:
-    """A piece without biases and latencies as it looks when time runs backward.
+    """A piece without biases and latencies as it looks when time runs backward; it is used up.
 
     Its times are mirrored about their middle. A rate is the mean since the sample before: backward
     it leads to that one. Forces, fields and the earth stay as they are. Velocities change their
@@ -392,15 +392,16 @@ def _reversed(piece: _Piece) -> _Piece:
     """
     samples = piece.samples
     ends_us = samples[0].t_us + samples[-1].t_us
-    turned = []
-    for sample, later in itertools.pairwise((*samples, samples[-1])):
+    turned, later = [], samples[-1]
+    while samples:  # used up, because there are millions of them
+        sample = samples.pop()
         t_us, _, f_b, m_b_ut, clipped = sample
         _, (x, y, z), _, _, later_clipped = later
         clipped = clipped or later_clipped
         turned.append(
             tuple.__new__(ImuSample, (ends_us - t_us, (-x, -y, -z), f_b, m_b_ut, clipped))
         )
-    turned.reverse()
+        later = sample
     fixes = []
     for _, fix in piece.fixes:
         north, east, down = fix.v_n

@@ -32,14 +32,10 @@ class EstimateRows:
     def __init__(self) -> None:
         self._rows = array("d")
 
-    def add(self, *row: float) -> None:
-        """One estimate.
-
-        Args:
-            row: time since the recording began, s; attitude body to NED (4); gyro bias, rad/s (3);
-                predicted deviations of tilt and heading, rad.
-        """
-        self._rows.extend(row)
+    def add(self, t_s: float, estimate: AttitudeEstimate) -> None:
+        """Keeps one of a sample that came at this time of the recording."""
+        sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
+        self._rows.extend((t_s, *estimate.q_nb, *estimate.bias_b, *sigmas))
 
     def estimates(self) -> Estimates | None:
         """All so far; None without any."""
@@ -93,8 +89,7 @@ class Collector:
         t_s = self._since_start_s(t_ns)
         self._t_s.append(t_s)
         self._trust.append(int(estimate.trust))
-        sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
-        self._estimates.add(t_s, *estimate.q_nb, *estimate.bias_b, *sigmas)
+        self._estimates.add(t_s, estimate)
 
     def record(self, t_ns: int, topic: str, record: object) -> None:
         """Keeps what the pictures show."""
