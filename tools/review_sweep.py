@@ -81,7 +81,11 @@ def outcome(task: Task) -> Outcome:
     source = open_flight(task.path)
     context = source.context() if isinstance(source, AutopilotLog) else read_context(source)
     fault = next((fault for fault in FAULTS if fault.name == task.fault), None)
-    case = _case(context, fault or FAULTS[0], zlib.crc32(f"{task}".encode()))
+    case = _case(
+        context,
+        fault or FAULTS[0],
+        zlib.crc32(f"{task.path.name} {task.fault} {task.seed}".encode()),
+    )
     is_possible = case is not None and (fault is None or _has(source, context, fault))
     if case is None or not is_possible:
         return Outcome(task.path.stem, task.fault, None, [])

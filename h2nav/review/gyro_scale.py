@@ -22,6 +22,7 @@ FEWEST_WINDOWS = 15
 SCALE_LIMIT = 0.03
 SURE = 5.0
 ROUNDS = 5
+STEPS, LARGEST_STEP = 3, 0.2
 # What the fit leaves of the field where the compass can be believed (integrity.field_windows).
 FIELD_SHARE = 0.07
 AXES = "xyz"
@@ -67,6 +68,18 @@ def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding
 
 def _fitted(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
     """(3,) what the gyro measures too much about each axis, as a share, and its deviation."""
+    factor, nearer = np.ones(3), None
+    # A large scale turns further than one linear step can see.
+    for _ in range(STEPS):
+        nearer = _nearer(track._replace(w_b=track.w_b / factor), armed)
+        if nearer is None:
+            return None
+        factor *= 1.0 + nearer[0].clip(-LARGEST_STEP, LARGEST_STEP)
+    return None if nearer is None else (factor - 1.0, nearer[1])
+
+
+def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
+    """The same, as far as one linear step sees it."""
     has_field = np.isfinite(track.m_b_ut).all(axis=1)
     if not has_field.any() or not armed:
         return None
