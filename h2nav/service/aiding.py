@@ -131,6 +131,11 @@ class Aiding:
         self._airspeed_ns = 0
         self._told: VehicleState | None = None
 
+    @property
+    def knows_field(self) -> bool:
+        """The earth field is known."""
+        return self._field.is_known
+
     def tell_vehicle(self, t_ns: int) -> list[Effect]:
         """Passes the vehicle's state on to the filter where it changed."""
         fresh = t_ns - self._airspeed_ns <= STALE_AIRSPEED_NS

@@ -72,6 +72,7 @@ FALLBACK_SYSTEM_ID = 1
 # and a link that carries few samples carries few fields.
 FIELD_RATE_HZ = 20.0
 FIELD_SHARE = 0.2
+GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 # The earth field changes over kilometres: some autopilots tell their place fifty times a second.
 PLACE_PAUSE_NS = SECOND_NS
 MOTION_MESSAGES = (PoseReading, WheelDistances)
@@ -318,7 +319,7 @@ class Service:
                 return True
             idle_until_ns = self._comparing.idle_until_ns(message_id)
         else:
-            if message_id == mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
+            if message_id == GLOBAL_POSITION_INT and self._aiding.knows_field:
                 self._idle_until_ns[message_id] = t_ns + PLACE_PAUSE_NS
             return message_id in READERS
         self._idle_until_ns[message_id] = idle_until_ns
