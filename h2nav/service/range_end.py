@@ -64,29 +64,25 @@ class _Axis:
 
 
 class _Axes:
-    """The three axes of one sensor.
-
-    Attributes:
-        usual: where sensors spend their lives: no range ends below.
-        were_usual: so were the latest values.
-    """
+    """The three axes of one sensor."""
 
     def __init__(self, ranges: tuple[float, ...], offset: float) -> None:
-        self.usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
+        # Where sensors spend their lives: no range ends below.
+        self._usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
         self._axes = [_Axis(ranges, offset) for _ in range(3)]
-        self.were_usual = True
+        self._were_usual = True
 
     def any_at_end(self, values: Vec3) -> bool:
         """Takes a sample; whether one of the axes stands at the end of its range."""
         x, y, z = values
-        usual = self.usual
+        usual = self._usual
         if -usual < x < usual and -usual < y < usual and -usual < z < usual:
-            if not self.were_usual:
+            if not self._were_usual:
                 for axis in self._axes:
                     axis.forget()
-                self.were_usual = True
+                self._were_usual = True
             return False
-        self.were_usual = False
+        self._were_usual = False
         found = False
         # Each axis has to see every sample.
         for axis, value, others in zip(self._axes, values, ((y, z), (z, x), (x, y)), strict=True):
@@ -106,12 +102,4 @@ class RangeEnds:
 
     def holds(self, sample: ImuSample) -> bool:
         """Takes a sample; whether one of its axes stands at the end of its range."""
-        gyro, force = self._gyro, self._force
-        (p, q, r), (x, y, z) = sample.w_b, sample.f_b
-        if gyro.were_usual and force.were_usual:
-            most, least = gyro.usual, -gyro.usual
-            if least < p < most and least < q < most and least < r < most:
-                most, least = force.usual, -force.usual
-                if least < x < most and least < y < most and least < z < most:
-                    return False
-        return gyro.any_at_end((p, q, r)) | force.any_at_end((x, y, z))
+        return self._gyro.any_at_end(sample.w_b) | self._force.any_at_end(sample.f_b)

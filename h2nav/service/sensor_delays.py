@@ -176,8 +176,6 @@ class SensorTiming:
         if period_s is None:
             period_s = step_s
         else:
-            longest_s = 2.0 * period_s
-            step_s = min(step_s, longest_s)
-            period_s += (step_s - period_s) / PERIOD_SAMPLES
+            period_s += (min(step_s, 2.0 * period_s) - period_s) / PERIOD_SAMPLES
         self._period_s = period_s
         return period_s

@@ -103,6 +103,7 @@ def _highres_imu(m: Any) -> ImuReading:
         gauss = UT_PER_GAUSS
         field = _highres_field((m.xmag * gauss, m.ymag * gauss, m.zmag * gauss))
     rate, force = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
+    # What no sensor clips is finite and within all other limits: only the rest is looked at twice.
     clipped = not (_is_within(CLIPPED_RATE_RAD_S, *rate) and _is_within(CLIPPED_FORCE_M_S2, *force))
     if clipped:
         need_finite("non_finite", *rate, *force)
