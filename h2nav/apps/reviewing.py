@@ -39,7 +39,7 @@ class Reviewed(NamedTuple):
 
 
 def review(
-    path: Path,
+    source: Source,
     wished: Wishes,
     *,
     smooths: bool = True,
@@ -48,31 +48,10 @@ def review(
     """Plays a recording, smooths, and looks at the whole of it.
 
     Args:
-        path: of any kind that `open_flight` knows.
+        source: the recording; while nobody else holds it, it is gone before the smoother runs.
         wished: configuration, filter and vehicle class.
         smooths: runs the filter backward as well.
         progress: is called with the bytes done and in all.
-
-    Raises:
-        BadInput: the file is no recording, or the configuration cannot be used.
-    """
-    return review_source(open_flight(path), wished, smooths=smooths, progress=progress)
-
-
-def review_source(
-    source: Source,
-    wished: Wishes,
-    *,
-    smooths: bool = True,
-    progress: Progress = lambda done, total: None,
-) -> Reviewed:
-    """The same of a recording that is open.
-
-    Args:
-        source: the recording.
-        wished: see `review`.
-        smooths: see `review`.
-        progress: see `review`.
 
     Raises:
         BadInput: the configuration cannot be used.
@@ -133,7 +112,7 @@ def write_review(
     """Reviews a recording and writes ``folder/name.html`` and ``folder/name.json``.
 
     Args:
-        path: see `review`.
+        path: of any kind that `open_flight` knows.
         folder: that exists.
         name: of the files.
         wished: see `review`.
@@ -144,10 +123,10 @@ def write_review(
         What the JSON holds.
 
     Raises:
-        BadInput: see `review`.
+        BadInput: the file is no recording, or the configuration cannot be used.
         OSError: a file cannot be written.
     """
-    reviewed = review(path, wished, smooths=smooths, progress=progress)
+    reviewed = review(open_flight(path), wished, smooths=smooths, progress=progress)
     found = document(*reviewed)
     (folder / f"{name}.html").write_text(page(*reviewed, found), encoding="utf-8")
     (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))
