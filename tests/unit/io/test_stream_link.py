@@ -85,8 +85,10 @@ def test_returning_device_is_open_within_a_second_and_starts_anew(
     assert link.is_up
     transport.incoming = b"data"
     assert link.read() == [Received(b"data")]
+    assert link.has_more
     transport.present = False
     assert link.read() == []
+    assert not link.has_more
     assert not link.is_up
     transport.present = True
     link.maintain(11_000 * MS + 100 * MS)

@@ -202,14 +202,16 @@ def test_one_read_is_bounded(stack: ExitStack, clock: Clock) -> None:
     sender = bare_socket(stack)
     for number in range(150):
         sender.sendto(b"%d" % number, ("127.0.0.1", link.local_port))
-    counts = []
+    counts, had_more = [], []
     total: list[bytes] = []
     while len(total) < 150:
         datagrams = receive(link)
         counts.append(len(datagrams))
+        had_more.append(link.has_more)
         total += datagrams
     assert total == [b"%d" % number for number in range(150)]
     assert max(counts) == 64
+    assert had_more == [count == 64 for count in counts]
 
 
 def test_largest_datagram_arrives_whole(stack: ExitStack, clock: Clock) -> None:

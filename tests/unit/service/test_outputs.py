@@ -41,6 +41,14 @@ def test_a_rate_above_the_samples_sends_every_sample_once():
     assert counts(outputs, 100.0, 1.0) == (100, 100)
 
 
+def test_messages_that_nobody_gets_are_counted_and_not_made():
+    settings = OutputSettings(attitude_rate_hz=50.0, attitude_quaternion_rate_hz=20.0)
+    heard, unheard = Outputs(settings), Outputs(settings, has_listener=False)
+    assert sum(counts(heard, 100.0, 2.0)) == heard.sent > 100
+    assert counts(unheard, 100.0, 2.0) == (0, 0)
+    assert unheard.sent == heard.sent
+
+
 def test_nothing_stale_is_handed_out():
     outputs = Outputs(OutputSettings())
     list(outputs.due(estimate(0)))

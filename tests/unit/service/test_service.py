@@ -9,6 +9,7 @@ from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.service.effects import Notice
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.imu import ImuReading
+from h2nav.wire.position import Place
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import Heartbeat
 
@@ -48,6 +49,26 @@ class Bench:
         if self.service.heeds(t_ns, sender, message_id):
             effects = self.service.on_message(envelope, message)
             self.notices += [effect.text for effect in effects if isinstance(effect, Notice)]
+
+
+def test_a_place_is_read_once_a_second_after_the_field_is_known() -> None:
+    bench = Bench()
+    bench.rests((1, 1), 1, GRAVITY_M_S2)
+    place_id = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
+    def places(of: Place) -> int:
+        """How many of 50 in the next second are read."""
+        start_ns = 1000 * bench.t_us
+        bench.t_us += US_PER_SECOND
+        times_ns = range(start_ns, 1000 * bench.t_us, 20_000_000)
+        heeded = [t_ns for t_ns in times_ns if bench.service.heeds(t_ns, (1, 1), place_id)]
+        for t_ns in heeded:
+            bench.service.on_message(Envelope(t_ns, t_ns, (1, 1), place_id), of)
+        return len(heeded)
+
+    assert places(Place(0.0, 0.0, 0.0)) == 50
+    places(Place(47.4, 8.5, 500.0))
+    assert places(Place(47.4, 8.5, 500.0)) == 1
 
 
 def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
