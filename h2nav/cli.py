@@ -50,6 +50,9 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ),
     },
     "in flight": {
+        ("setup",): Command(
+            "setup", "find the autopilot, write the configuration, start the service", "setup"
+        ),
         ("run",): Command(
             "run",
             "the daemon: estimate attitude from an autopilot's IMU stream",

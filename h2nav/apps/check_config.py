@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Checks the file; 0 when it is fine, 2 when it is not."""
     if args.example:
-        print(_example(args.example), end="")
+        print(example(args.example), end="")
         return 0
     if args.schema:
         print_json(configuration_schema(), indent=2)
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     errors: tuple[str, ...] = ()
     warnings: list[str] = []
     try:
-        chosen = _checked(args.config)
+        chosen = checked(args.config)
         warnings = [f"{args.config}: {line}" for line in configuration.warnings(chosen)]
     except BadInput as error:
         errors = error.lines
@@ -55,8 +55,12 @@ def run(args: argparse.Namespace) -> int:
     return 2 if errors else 0
 
 
-def _checked(path: Path) -> Configuration:
-    """The configuration; BadInput for one that the daemon would not start with."""
+def checked(path: Path) -> Configuration:
+    """The configuration of a file.
+
+    Raises:
+        BadInput: the daemon would not start with it.
+    """
     chosen = configuration.read(path)
     try:
         FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
@@ -71,7 +75,7 @@ def _checked(path: Path) -> Configuration:
     return chosen
 
 
-def _example(name: str) -> str:
+def example(name: str) -> str:
     """An example that names the schema by its whole path, as it will be kept elsewhere."""
     path = _examples()[name]
     text = path.read_text(encoding="utf-8")

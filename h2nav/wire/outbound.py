@@ -180,6 +180,14 @@ def set_message_interval(target: Address, message_id: int, rate_hz: float) -> Ou
     )
 
 
+def request_message(target: Address, message_id: int) -> OutMessage:
+    """COMMAND_LONG with MAV_CMD_REQUEST_MESSAGE, for one message now."""
+    nothing = (0.0,) * 6
+    return mavlink.MAVLink_command_long_message(
+        *target, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, float(message_id), *nothing
+    )
+
+
 def request_data_stream(target: Address, group: int, rate_hz: float) -> OutMessage:
     """REQUEST_DATA_STREAM for one MAV_DATA_STREAM."""
     return mavlink.MAVLink_request_data_stream_message(*target, group, max(1, round(rate_hz)), 1)

@@ -105,6 +105,21 @@ class ParameterValue(NamedTuple):
     value: float | None
 
 
+class Firmware(NamedTuple):
+    """AUTOPILOT_VERSION: the version of the flight software.
+
+    Attributes:
+        version: such as ``4.5.7``.
+        stage: ``dev``, ``alpha``, ``beta``, ``rc``, or empty for a release.
+    """
+
+    version: str
+    stage: str
+
+    def __str__(self) -> str:
+        return f"{self.version} {self.stage}".rstrip()
+
+
 class StatusText(NamedTuple):
     """STATUSTEXT, a piece of at most 50 characters."""
 
@@ -150,6 +165,14 @@ def time_sync(m: Any) -> TimeSyncMessage:
 def status_text(m: Any) -> StatusText:
     """STATUSTEXT; the codec has made a text of whatever its bytes are."""
     return StatusText(m.text)
+
+
+def firmware(m: Any) -> Firmware:
+    """AUTOPILOT_VERSION; every value of its fields means something."""
+    packed = m.flight_sw_version
+    stages = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
+    version = f"{packed >> 24 & 0xFF}.{packed >> 16 & 0xFF}.{packed >> 8 & 0xFF}"
+    return Firmware(version, stages.get(packed & 0xFF, ""))
 
 
 def param_value(m: Any) -> ParameterValue:

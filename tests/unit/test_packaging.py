@@ -101,10 +101,13 @@ def test_the_archive_is_enough_to_build_and_test(archive):
 def test_the_wheel_holds_every_module_and_the_data(wheel):
     with zipfile.ZipFile(wheel) as stream:
         held = set(stream.namelist())
-    data = {f"h2nav/{name}" for name in repository_files("gains/**/*.yaml", "configs/*")}
+    patterns = ("gains/**/*.yaml", "configs/*", "packaging/layouts/*", "packaging/systemd/*")
+    data = {f"h2nav/{name}" for name in repository_files(*patterns)}
     modules = repository_files("h2nav/**/*.py")
     assert held >= modules | data | repository_files("h2nav/*/assets/*") | {"h2nav/py.typed"}
-    assert {name for name in held if name.endswith((".py", ".yaml", ".json"))} == modules | data
+    kinds = (".py", ".yaml", ".json")
+    wanted = {name for name in modules | data if name.endswith(kinds)}
+    assert {name for name in held if name.endswith(kinds)} == wanted
 
 
 def test_the_wheel_offers_its_extras(wheel):

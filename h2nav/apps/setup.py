@@ -1,0 +1,334 @@
+"""``h2nav setup``: finds the autopilot, writes and checks the configuration, starts the service."""
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps import check_config
+from h2nav.apps import configuration as configurations
+from h2nav.apps.json_output import print_json
+from h2nav.apps.log_progress import count_bar
+from h2nav.errors import BadInput, TaskFailed
+from h2nav.io import system_unit
+from h2nav.io.link_scan import Hearing, Place, Speaker, scan, serial_place
+from h2nav.io.link_urls import SerialUrl, parse_link_url
+from h2nav.io.serial_ports import PortListing, listed_ports, port_at
+from h2nav.service.autopilot import Identity
+from h2nav.wire.readers import message_name
+
+# QGroundControl's and MAVProxy's usual output, PX4's onboard one, a second output; SITL, BlueOS.
+USUAL_URLS = (
+    "udpin:0.0.0.0:14550",
+    "udpin:0.0.0.0:14540",
+    "udpin:0.0.0.0:14551",
+    "tcp:127.0.0.1:5760",
+    "tcp:127.0.0.1:5777",
+)
+SERVICE_CONFIG = Path("/etc/h2nav/config.yaml")
+USER_CONFIG = Path("h2nav.yaml")
+SERVICE_LOGS, USER_LOGS = "/var/log/h2nav", "~/h2nav-logs"
+# At most so fast a line is taken for a telemetry radio, which others share.
+RADIO_BAUD = 57600
+# An attitude needs some 50 samples a second; two IMUs at 100 Hz need this line.
+GOOD_BAUD = 230400
+SHOWN_STREAMS = 6
+_CLOSING = """\
+Serial ports are tried at the usual baud rates until frames pass their checksum; UDP and TCP at the
+usual ports. Nothing is sent but a request for the version of an autopilot that was heard (and a
+heartbeat to a silent USB port). Without a terminal and without --yes nothing is written."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the command line."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _CLOSING
+    parser.add_argument(
+        "--connect",
+        action="append",
+        default=[],
+        metavar="URL",
+        help="look only here: a device (all baud rates), or a connection URL; may be repeated",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="CONFIG.yaml",
+        help=f"file to write (default: {SERVICE_CONFIG} for root, else ./{USER_CONFIG})",
+    )
+    parser.add_argument("--yes", action="store_true", help="take the defaults, ask nothing")
+    parser.add_argument("--force", action="store_true", help="replace a file that is there")
+    parser.add_argument("--no-service", action="store_true", help="leave systemd alone")
+    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+class Choice(NamedTuple):
+    """An autopilot and the way to it.
+
+    Attributes:
+        hearing: where it was heard.
+        speaker: the autopilot.
+    """
+
+    hearing: Hearing
+    speaker: Speaker
+
+
+def run(args: argparse.Namespace) -> int:
+    """Looks, shows, writes, starts; 0 when there is an autopilot."""
+    output = args.output or (SERVICE_CONFIG if os.geteuid() == 0 else USER_CONFIG)
+    if output.exists() and not args.force and (args.yes or args.output):
+        raise BadInput(f"{output}: is there already; --force replaces it")
+    ports, urls = _wanted(args.connect)
+    places = [serial_place(port.path) for port in ports] + [Place(url, (url,)) for url in urls]
+    with count_bar("listening", "ports") as progress:
+        hearings = scan(places, progress)
+    choices = [Choice(hearing, each) for hearing in hearings for each in hearing.speakers]
+    if args.json:
+        print_json(_document(ports, hearings))
+    else:
+        print("\n".join(_report(ports, hearings)))
+    if not choices:
+        raise TaskFailed(_nothing_heard(hearings))
+    asks = sys.stdin.isatty() and not args.yes and not args.json
+    if not asks and not args.yes:
+        return 0
+    chosen = _pick(choices, asks)
+    if chosen is None or not _write(output, chosen, choices, args.force, asks):
+        return 0
+    if not args.no_service and os.geteuid() == 0 and output == SERVICE_CONFIG:
+        _offer_service(asks)
+    else:
+        print(f"start it: h2nav run -c {output}")
+    return 0
+
+
+def _wanted(connect: Sequence[str]) -> tuple[list[PortListing], list[str]]:
+    """Where to look: what the user says, else everything."""
+    if not connect:
+        return listed_ports(), list(USUAL_URLS)
+    ports, urls = [], []
+    for text in connect:
+        if text.startswith("/") and not re.search(r"[:,][0-9]+$", text):
+            ports.append(port_at(text))
+            continue
+        parse_link_url(text)
+        urls.append(text)
+    return ports, urls
+
+
+def _report(ports: Sequence[PortListing], hearings: Sequence[Hearing]) -> list[str]:
+    """What was found, place by place; closed network ports only count."""
+    by_name = {port.path: port for port in ports}
+    lines = []
+    for hearing in hearings:
+        port = by_name.get(hearing.place.name)
+        if port is None and not hearing.bytes_in and not _is_taken(hearing):
+            continue
+        title = hearing.place.name if port is None else _title(port)
+        lines.append(f"{title}: {_what(hearing)}")
+        lines += [f"    {line}" for each in hearing.speakers for line in _about(each)]
+        lines += [f"    {line}" for line in (port.obstacles if port is not None else ())]
+        lines += [f"    {line}" for line in _advice(hearing)]
+    if not ports:
+        lines.insert(0, "no serial ports")
+    return lines
+
+
+def _title(port: PortListing) -> str:
+    words = [port.path]
+    if port.device != port.path:
+        words.append(f"({port.device})")
+    if port.description:
+        words.append(f"[{port.description}]")
+    return " ".join(words)
+
+
+def _what(hearing: Hearing) -> str:
+    if hearing.frames:
+        target = parse_link_url(hearing.url)
+        rate = f" at {target.baud} baud" if isinstance(target, SerialUrl) else ""
+        return f"MAVLink{rate}" + ("" if hearing.speakers else ", but no autopilot's heartbeat")
+    if hearing.error:
+        return hearing.error
+    if hearing.is_junk:
+        bauds = [parse_link_url(url) for url in hearing.place.urls]
+        tried = ", ".join(str(each.baud) for each in bauds if isinstance(each, SerialUrl))
+        return f"{hearing.bytes_in} bytes, but no MAVLink" + (f" at {tried} baud" if tried else "")
+    return "silent"
+
+
+def _about(speaker: Speaker) -> list[str]:
+    firmware = f", firmware {speaker.firmware}" if speaker.firmware is not None else ""
+    streams = sorted(speaker.rates_hz.items(), key=lambda each: -each[1])
+    shown = [f"{message_name(number)} {rate:.0f} Hz" for number, rate in streams if rate >= 0.5]
+    more = f" and {len(shown) - SHOWN_STREAMS} more" if len(shown) > SHOWN_STREAMS else ""
+    armed = ", armed" if speaker.heartbeat.is_armed else ""
+    return [
+        f"{identity(speaker).description}{firmware}{armed}",
+        f"streams: {', '.join(shown[:SHOWN_STREAMS])}{more}",
+    ]
+
+
+def _advice(hearing: Hearing) -> list[str]:
+    """What could be better about a link that works."""
+    target = parse_link_url(hearing.url or hearing.place.urls[0])
+    if not hearing.speakers or not isinstance(target, SerialUrl) or target.baud >= GOOD_BAUD:
+        return []
+    if "ttyACM" in os.path.realpath(target.path):
+        return []  # USB has no baud rate
+    return [
+        f"{target.baud} baud carries few IMU samples: set SERIALn_BAUD (ArduPilot) or SER_*_BAUD "
+        "(PX4) to 921600 unless this is a telemetry radio"
+    ]
+
+
+def identity(speaker: Speaker) -> Identity:
+    """What its heartbeat says, as the daemon shows it."""
+    return Identity(*speaker.address, speaker.heartbeat.autopilot, speaker.heartbeat.vehicle_type)
+
+
+def _is_taken(hearing: Hearing) -> bool:
+    return "another program" in hearing.error
+
+
+def _nothing_heard(hearings: Sequence[Hearing]) -> str:
+    remedy = "is the autopilot powered, is its port set to MAVLink (ArduPilot: SERIALn_PROTOCOL 2)?"
+    if any(hearing.is_junk for hearing in hearings):
+        remedy = "bytes came, but no MAVLink: an unusual baud rate, or another protocol"
+    elif any(_is_taken(hearing) for hearing in hearings):
+        remedy = "some ports are held by other programs, see above"
+    return f"no autopilot heard at {len(hearings)} places: {remedy}"
+
+
+def _pick(choices: Sequence[Choice], asks: bool) -> Choice | None:
+    """The autopilot to use: the only one, or the user's choice.
+
+    Raises:
+        TaskFailed: there are several, and nobody can be asked.
+    """
+    addresses = {choice.speaker.address for choice in choices}
+    ordered = sorted(choices, key=_preference)
+    if not asks:
+        if len(addresses) > 1:
+            found = ", ".join(
+                f"{identity(each.speaker).description} at {each.hearing.url}" for each in ordered
+            )
+            raise TaskFailed(f"several autopilots: {found}; name the link with --connect URL")
+        return ordered[0]
+    if len(ordered) == 1:
+        return ordered[0]
+    for number, each in enumerate(ordered, 1):
+        print(f"{number}) {identity(each.speaker).description} at {each.hearing.url}")
+    answer = input(f"which one? [1-{len(ordered)}, Enter = 1, q = none] ").strip() or "1"
+    if not answer.isdecimal() or not 1 <= int(answer) <= len(ordered):
+        return None
+    return ordered[int(answer) - 1]
+
+
+def _preference(choice: Choice) -> tuple[int, float]:
+    """Serial lines are ours alone and come first; then the faster stream."""
+    is_serial = isinstance(parse_link_url(choice.hearing.url), SerialUrl)
+    return (0 if is_serial else 1, -sum(choice.speaker.rates_hz.values()))
+
+
+def _write(
+    output: Path, chosen: Choice, choices: Sequence[Choice], force: bool, asks: bool
+) -> bool:
+    """Writes the configuration and checks it; False where the user does not want it."""
+    if asks and not _agrees(f"write {output}?"):
+        return False
+    if output.exists() and not force and not (asks and _agrees(f"{output} is there; replace it?")):
+        return False
+    others = [each for each in choices if each.hearing is chosen.hearing]
+    text = configuration_text(chosen, is_shared=len(others) > 1)
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{output}: {error.strerror}; name another file with -o") from error
+    checked = check_config.checked(output)
+    for line in configurations.warnings(checked):
+        print(f"h2nav: {output}: {line}", file=sys.stderr)
+    print(f"{output}: written and checked")
+    return True
+
+
+def configuration_text(chosen: Choice, is_shared: bool) -> str:
+    """The example for this kind of link, with this link in it.
+
+    Args:
+        chosen: the autopilot and the way to it.
+        is_shared: other autopilots are on the same link, so that this one has to be named.
+    """
+    target = parse_link_url(chosen.hearing.url)
+    is_px4 = chosen.speaker.heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
+    kind = "serial" if isinstance(target, SerialUrl) else "udp"
+    name = f"{'px4' if is_px4 else 'ardupilot'}-{kind}"
+    if isinstance(target, SerialUrl) and target.baud <= RADIO_BAUD:
+        name = "telemetry-radio"
+    text = re.sub(
+        r"(?m)^  url: .*$", lambda _: f"  url: {chosen.hearing.url}", check_config.example(name)
+    )
+    if is_shared:
+        line = f"\nautopilot:\n  system_id: {chosen.speaker.address[0]}\n"
+        text = re.sub(r"(?m)^\nautopilot:\n", lambda _: line, text)
+        if "system_id:" not in text:
+            text += line
+    if os.geteuid() != 0:
+        text = text.replace(SERVICE_LOGS, USER_LOGS)
+    return text
+
+
+def _offer_service(asks: bool) -> None:
+    if not system_unit.is_booted():
+        print(f"no systemd here; start it: h2nav run -c {SERVICE_CONFIG}")
+        return
+    if asks and not _agrees("install and start the service h2nav?"):
+        return
+    try:
+        system_unit.install_and_start()
+    except OSError as error:
+        raise TaskFailed(f"{error.filename}: {error.strerror}") from error
+    print("h2nav.service runs; `h2nav status` says how it is, `journalctl -fu h2nav` follows it")
+
+
+def _agrees(question: str) -> bool:
+    return input(f"{question} [Y/n] ").strip().lower() in ("", "y", "yes")
+
+
+def _document(ports: Sequence[PortListing], hearings: Sequence[Hearing]) -> dict[str, Any]:
+    by_name = {port.path: port for port in ports}
+    return {"places": [_place_document(each, by_name.get(each.place.name)) for each in hearings]}
+
+
+def _place_document(hearing: Hearing, port: PortListing | None) -> dict[str, Any]:
+    return {
+        "place": hearing.place.name,
+        "url": hearing.url if hearing.frames else None,
+        "device": None if port is None else port.device,
+        "description": "" if port is None else port.description,
+        "obstacles": [] if port is None else list(port.obstacles),
+        "bytes_in": hearing.bytes_in,
+        "frames": hearing.frames,
+        "error": hearing.error,
+        "autopilots": [
+            {
+                "system_id": each.address[0],
+                "component_id": each.address[1],
+                "description": identity(each).description,
+                "firmware": None if each.firmware is None else str(each.firmware),
+                "is_armed": each.heartbeat.is_armed,
+                "rates_hz": {
+                    message_name(number): round(rate, 1) for number, rate in each.rates_hz.items()
+                },
+            }
+            for each in hearing.speakers
+        ],
+    }

@@ -1,0 +1,134 @@
+"""The serial ports of this computer: stable names, what is plugged in, what is in the way."""
+
+import contextlib
+import glob
+import grp
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from serial.tools.list_ports_linux import SysFS
+
+BY_ID = "/dev/serial/by-id"
+# Raspberry Pi OS names the header's UART so, whatever drives it.
+ALIASES = ("/dev/serial0", "/dev/serial1")
+# USB adapters and autopilots; UARTs of Broadcom, Nvidia, Qualcomm, NXP, TI and PC boards.
+PATTERNS = ("ttyACM*", "ttyUSB*", "ttyAMA*", "ttyTHS*", "ttyHS*", "ttymxc*", "ttyO*", "ttyS*")
+ABSENT_UART = "0"  # PORT_UNKNOWN of the kernel: a name without hardware behind it
+
+
+class PortListing(NamedTuple):
+    """One serial port.
+
+    Attributes:
+        path: the name that stays the same when devices are plugged in another order.
+        device: the node that it leads to now.
+        description: what the device calls itself; empty where it says nothing.
+        obstacles: what keeps us from using it, each with its remedy.
+    """
+
+    path: str
+    device: str
+    description: str
+    obstacles: tuple[str, ...]
+
+
+def listed_ports(further: tuple[str, ...] = ()) -> list[PortListing]:
+    """Every serial port with hardware behind it.
+
+    Args:
+        further: device paths to list besides.
+    """
+    stable = {os.path.realpath(link): link for link in _links()}
+    nodes = [node for pattern in PATTERNS for node in sorted(glob.glob(f"/dev/{pattern}"))]
+    nodes = [node for node in nodes if node in stable or _has_hardware(node)]
+    found = [port_at(stable.get(node, node)) for node in nodes]
+    known = {port.device for port in found}
+    return found + [port_at(path) for path in further if os.path.realpath(path) not in known]
+
+
+def port_at(path: str) -> PortListing:
+    """The port behind a path, whether or not it exists."""
+    device = os.path.realpath(path)
+    return PortListing(path, device, _description(device), tuple(_obstacles(device)))
+
+
+def _links() -> list[str]:
+    """Stable names, the better ones last."""
+    aliases = [alias for alias in ALIASES if os.path.exists(alias)]
+    return aliases + sorted(glob.glob(f"{BY_ID}/*"))
+
+
+def _has_hardware(node: str) -> bool:
+    """False for the names that the kernel keeps for UARTs that are not there."""
+    try:
+        kind = Path(f"/sys/class/tty/{os.path.basename(node)}/type").read_text(encoding="ascii")
+    except OSError:
+        return True
+    return kind.strip() != ABSENT_UART
+
+
+def _description(device: str) -> str:
+    """Manufacturer and product as USB tells them."""
+    try:
+        info = SysFS(device)
+    except OSError:
+        return ""
+    words = [word for word in (info.manufacturer, info.product) if word]
+    return " ".join(dict.fromkeys(words))
+
+
+def _obstacles(device: str) -> list[str]:
+    found = []
+    if _is_console(device):
+        found.append(
+            "the kernel's console is on this port: take `console=` of it out of the boot options "
+            "(Raspberry Pi: raspi-config, Interface Options, Serial Port)"
+        )
+    found += [f"{name} has it open (process {pid})" for name, pid in _users(device)]
+    try:
+        state = os.stat(device)
+    except OSError:
+        return found
+    if not os.access(device, os.R_OK | os.W_OK):
+        found.append(
+            f"permission denied: `sudo usermod -aG {_group(state.st_gid)} $USER`, then log in again"
+        )
+    return found
+
+
+def _group(gid: int) -> str:
+    with contextlib.suppress(KeyError):
+        return grp.getgrgid(gid).gr_name
+    return str(gid)
+
+
+def _is_console(device: str) -> bool:
+    try:
+        words = Path("/proc/cmdline").read_text(encoding="utf-8", errors="replace").split()
+    except OSError:
+        return False
+    consoles = [word.removeprefix("console=").split(",")[0] for word in words if "console=" in word]
+    return any(os.path.realpath(f"/dev/{name}") == device for name in consoles)
+
+
+def _users(device: str) -> list[tuple[str, int]]:
+    """Programs that have the device open, as far as we may look at them."""
+    found = []
+    for folder in glob.glob("/proc/[0-9]*/fd"):
+        pid = int(folder.split("/")[2])
+        if pid == os.getpid() or device not in _open_files(folder):
+            continue
+        with contextlib.suppress(OSError):
+            name = Path(f"/proc/{pid}/comm").read_text(encoding="utf-8", errors="replace").strip()
+            found.append((name, pid))
+    return found
+
+
+def _open_files(folder: str) -> set[str]:
+    found = set()
+    with contextlib.suppress(OSError):
+        for name in os.listdir(folder):
+            with contextlib.suppress(OSError):
+                found.add(os.readlink(f"{folder}/{name}"))
+    return found

@@ -1,0 +1,129 @@
+"""From what was heard to a configuration that the daemon starts with."""
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps import configuration, setup
+from h2nav.apps.setup import Choice, configuration_text
+from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
+from h2nav.io import link_scan
+from h2nav.io.link_scan import Hearing, Place, Speaker
+from h2nav.io.system_unit import unit_text
+from h2nav.wire.vehicle import Firmware, Heartbeat
+
+ARDUPILOT = Heartbeat(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False)
+PX4 = Heartbeat(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR, False)
+
+
+def choice(url: str, heartbeat: Heartbeat = ARDUPILOT, system_id: int = 1) -> Choice:
+    rates_hz = {mavlink.MAVLINK_MSG_ID_RAW_IMU: 50.0}
+    speaker = Speaker((system_id, 1), heartbeat, Firmware("4.5.7", ""), rates_hz)
+    hearing = Hearing(Place(url, (url,)), url, (speaker,), 100, 4000, "")
+    return Choice(hearing, speaker)
+
+
+@pytest.fixture
+def heard(monkeypatch: pytest.MonkeyPatch) -> list[Choice]:
+    """What the scan finds."""
+    choices: list[Choice] = []
+
+    def found(places: list[Place], progress: object) -> list[Hearing]:
+        empty = Hearing(Place("udpin:0.0.0.0:14550", ("udpin:0.0.0.0:14550",)), "", (), 0, 0, "")
+        return [each.hearing for each in choices] or [empty]
+
+    monkeypatch.setattr(setup, "scan", found)
+    return choices
+
+
+@pytest.mark.parametrize(
+    ("url", "heartbeat"),
+    [
+        ("serial:/dev/serial/by-id/usb-Cube:115200", ARDUPILOT),
+        ("serial:/dev/ttyAMA0:921600", PX4),
+        ("serial:/dev/ttyUSB0:57600", ARDUPILOT),
+        ("udpin:0.0.0.0:14550", ARDUPILOT),
+        ("udpin:0.0.0.0:14540", PX4),
+    ],
+)
+def test_the_configuration_names_the_link_and_is_valid(
+    url: str, heartbeat: Heartbeat, tmp_path: Path
+) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(configuration_text(choice(url, heartbeat), is_shared=False))
+    assert configuration.read(path).link.url == url
+
+
+@pytest.mark.parametrize("heartbeat", [ARDUPILOT, PX4])
+def test_one_of_several_autopilots_on_a_link_is_named_by_its_system(
+    heartbeat: Heartbeat, tmp_path: Path
+) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(configuration_text(choice("udpin:0.0.0.0:14550", heartbeat, 7), is_shared=True))
+    assert configuration.read(path).autopilot.system_id == 7
+
+
+def test_yes_writes_and_checks(heard: list[Choice], tmp_path: Path) -> None:
+    heard.append(choice("udpin:0.0.0.0:14550"))
+    path = tmp_path / "etc" / "config.yaml"
+    assert main(["setup", "--yes", "-o", str(path), "--no-service"]) == SUCCESS
+    assert configuration.read(path).link.url == "udpin:0.0.0.0:14550"
+
+
+def test_a_file_that_is_there_stays(heard: list[Choice], tmp_path: Path) -> None:
+    heard.append(choice("udpin:0.0.0.0:14550"))
+    path = tmp_path / "config.yaml"
+    path.write_text("mine")
+    assert main(["setup", "--yes", "-o", str(path)]) == BAD_INPUT
+    assert path.read_text() == "mine"
+    assert main(["setup", "--yes", "--force", "-o", str(path), "--no-service"]) == SUCCESS
+    assert configuration.read(path).link.url == "udpin:0.0.0.0:14550"
+
+
+def test_a_serial_line_comes_before_the_network(heard: list[Choice], tmp_path: Path) -> None:
+    heard += [choice("udpin:0.0.0.0:14550"), choice("serial:/dev/ttyAMA0:921600")]
+    path = tmp_path / "config.yaml"
+    assert main(["setup", "--yes", "-o", str(path), "--no-service"]) == SUCCESS
+    assert configuration.read(path).link.url == "serial:/dev/ttyAMA0:921600"
+
+
+def test_several_autopilots_need_the_users_choice(
+    heard: list[Choice], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard += [choice("udpin:0.0.0.0:14550"), choice("serial:/dev/ttyAMA0:921600", PX4, 2)]
+    assert main(["setup", "--yes", "-o", str(tmp_path / "config.yaml")]) == FAILED
+    assert "several autopilots" in capsys.readouterr().err
+
+
+def test_nothing_heard_fails_with_a_remedy(
+    heard: list[Choice], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["setup", "--yes", "--connect", "udpin:0.0.0.0:14550"]) == FAILED
+    assert "SERIALn_PROTOCOL" in capsys.readouterr().err
+
+
+def test_without_a_terminal_and_without_yes_nothing_is_written(
+    heard: list[Choice], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard.append(choice("udpin:0.0.0.0:14550"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["setup", "-o", "config.yaml"]) == SUCCESS
+    assert not (tmp_path / "config.yaml").exists()
+
+
+def test_bytes_without_frames_are_told_from_silence(
+    heard: list[Choice], capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = link_scan.serial_place("/dev/ttyAMA0")
+    junk = Hearing(place, place.urls[-1], (), 0, 5000, "")
+    heard.append(Choice(junk, choice("udpin:0.0.0.0:14550").speaker))
+    assert main(["setup", "--connect", "/dev/ttyAMA0"]) == FAILED
+    said = capsys.readouterr()
+    assert "5000 bytes, but no MAVLink at 57600, 115200" in said.out
+    assert "an unusual baud rate" in said.err
+
+
+def test_the_unit_starts_the_program_that_set_it_up() -> None:
+    text = unit_text("/home/me/venv/bin/h2nav")
+    assert "ExecStart=/home/me/venv/bin/h2nav run -c /etc/h2nav/config.yaml" in text
