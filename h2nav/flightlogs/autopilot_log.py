@@ -67,7 +67,6 @@ class Recorded(NamedTuple):
         fix_us: (N,) when its fixes were measured, on the autopilot's clock.
         flown: attitude that the autopilot flew by.
         second: attitude of its second estimator, as AHRS2 tells it.
-        airborne: (N,) 1 while it has left the ground; None where nobody says.
         airspeed_m_s: (N,) along the nose; None without.
         settings: parameters, in order.
         origin: where it started; None where it is not said.
@@ -82,7 +81,6 @@ class Recorded(NamedTuple):
     fix_us: Times = np.empty(0, np.int64)
     flown: AttitudeTrack | None = None
     second: AttitudeTrack | None = None
-    airborne: Series | None = None
     airspeed_m_s: Series | None = None
     settings: tuple[Setting, ...] = ()
     origin: Place | None = None
@@ -168,8 +166,8 @@ def _streams(recorded: Recorded) -> list[_Stream]:
     streams = [_heartbeats(recorded, seconds), _settings(recorded)]
     if context.start_unix_s is not None:
         streams.append(_dates(seconds, recorded.start_us, context.start_unix_s))
-    if recorded.airborne is not None:
-        streams.append(_landed(seconds, recorded.start_us, recorded.airborne))
+    if context.airborne is not None:
+        streams.append(_landed(seconds, recorded.start_us, context.airborne))
     if recorded.origin is not None:
         origin = Origin(recorded.origin)
         message_id = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN

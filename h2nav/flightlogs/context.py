@@ -140,12 +140,158 @@ class Series(NamedTuple):
     values: Array
 
 
+class Motors(NamedTuple):
+    """Outputs to the motors of a multirotor; NaN where one is switched off.
+
+    Attributes:
+        numbers: of the motors as the autopilot counts them, from 1.
+        t_s: (N,) when.
+        pwm_us: (N, k) one column per motor, microseconds of pulse width; outputs without one are
+            scaled to 1000 to 2000.
+        least_us: the width at which they stand still.
+        most_us: the largest width that the autopilot ever sends.
+    """
+
+    numbers: tuple[int, ...]
+    t_s: Array
+    pwm_us: Array
+    least_us: float
+    most_us: float
+
+    def share(self) -> Array:
+        """(N, k) 0 to 1 of their range."""
+        span_us = max(self.most_us - self.least_us, 1.0)
+        found: Array = np.clip((self.pwm_us - self.least_us) / span_us, 0.0, 1.0)
+        return found
+
+
+class Battery(NamedTuple):
+    """One battery; NaN where something is unknown.
+
+    Attributes:
+        number: from 0.
+        t_s: (N,) when.
+        voltage_v: (N,).
+        current_a: (N,).
+        remaining: (N,) 0 to 1, as the autopilot estimates it.
+    """
+
+    number: int
+    t_s: Array
+    voltage_v: Array
+    current_a: Array
+    remaining: Array
+
+
+class VibrationTrack(NamedTuple):
+    """Vibration as the autopilot measures it, at the sensor's own rate.
+
+    Attributes:
+        imu: number of the IMU, from 0.
+        t_s: (N,) when.
+        level: (N, k) m/s^2: ArduPilot's VIBE of each body axis, or PX4's one metric of all.
+        clipped: (N,) samples at the end of the range since boot; it falls where it starts again.
+    """
+
+    imu: int
+    t_s: Array
+    level: Array
+    clipped: Array
+
+
+class Esc(NamedTuple):
+    """Telemetry of one motor's controller; NaN where something is unknown.
+
+    Attributes:
+        number: from 1.
+        t_s: (N,) when.
+        rpm: (N,) revolutions a minute.
+        current_a: (N,).
+        temperature_degc: (N,).
+    """
+
+    number: int
+    t_s: Array
+    rpm: Array
+    current_a: Array
+    temperature_degc: Array
+
+
+class Fault(NamedTuple):
+    """Something that the autopilot reports by number: ArduPilot's ERR, PX4's failsafe flags.
+
+    Attributes:
+        t_s: when.
+        subsystem: out of `SUBSYSTEMS`.
+        code: of the subsystem; 0 = over.
+        text: for people.
+    """
+
+    t_s: float
+    subsystem: str
+    code: int
+    text: str
+
+
+class Occurrence(NamedTuple):
+    """An event that the autopilot logs by number, such as arming, take-off or landing.
+
+    Attributes:
+        t_s: when.
+        number: ArduPilot's LogEvent.
+        text: for people.
+    """
+
+    t_s: float
+    number: int
+    text: str
+
+
+class ChangedSetting(NamedTuple):
+    """A parameter that was changed during the recording.
+
+    Attributes:
+        t_s: when.
+        name: of the parameter.
+        before: its value until then.
+        after: its value from then on.
+    """
+
+    t_s: float
+    name: str
+    before: float
+    after: float
+
+
+SUBSYSTEMS = (
+    "battery",
+    "barometer",
+    "compass",
+    "crash_check",
+    "ekf",
+    "failsafe",
+    "fence",
+    "flight_mode",
+    "gps",
+    "ground_station",
+    "imu",
+    "motor",
+    "other",
+    "radio",
+    "terrain",
+    "thrust_loss",
+    "vibration",
+)
+"""What a `Fault` can concern."""
+
+
 class Context(NamedTuple):
     """Everything of a recording that the review shows or looks at beside the service's findings.
 
     Attributes:
         firmware: of the autopilot, such as ``ArduCopter V4.0.4``; empty where it is not said.
         vehicle: what it is, for people, such as ``quadrotor``.
+        vehicle_type: MAV_TYPE; 0 where nobody says.
         start_unix_s: date of `t_s` = 0; None where nothing tells it.
         duration_s: of the recording.
         imus: one per IMU.
@@ -160,6 +306,22 @@ class Context(NamedTuple):
         parameters: of the autopilot, the last value of each.
         throttle: 0 to 1; None where it was not recorded.
         current_a: of the battery; None where it was not recorded.
+        demand: (N, 3) roll, pitch and heading that the controller was asked for, rad; NaN where
+            nothing was asked.
+        demanded_rates: (N, 3) body rates that it was asked for, rad/s.
+        motors: outputs; None where they were not recorded, or nobody knows which are motors.
+        height_m: above where it started, as the autopilot estimates it.
+        height_demand_m: what the controller was asked for.
+        climb_m_s: positive up, as the autopilot estimates it.
+        baro_height_m: of the barometer alone.
+        batteries: one per battery.
+        board_v: supply of the autopilot.
+        vibrations: one per IMU.
+        escs: one per motor whose controller reports.
+        faults: in order.
+        occurrences: in order.
+        airborne: (N,) 1 while it has left the ground, as the autopilot decides.
+        changes: parameters that were changed, in order.
         wind_n_m_s: (N, 2) north and east, where the air moves to, as the autopilot's estimator
             says; None where it does not.
         missing: what the recording lacks for a better review, one phrase each.
@@ -168,6 +330,7 @@ class Context(NamedTuple):
 
     firmware: str = ""
     vehicle: str = ""
+    vehicle_type: int = 0
     start_unix_s: float | None = None
     duration_s: float = 0.0
     imus: tuple[ImuTrack, ...] = ()
@@ -183,5 +346,20 @@ class Context(NamedTuple):
     throttle: Series | None = None
     current_a: Series | None = None
     wind_n_m_s: Series | None = None
+    demand: Series | None = None
+    demanded_rates: Series | None = None
+    motors: Motors | None = None
+    height_m: Series | None = None
+    height_demand_m: Series | None = None
+    climb_m_s: Series | None = None
+    baro_height_m: Series | None = None
+    batteries: tuple[Battery, ...] = ()
+    board_v: Series | None = None
+    vibrations: tuple[VibrationTrack, ...] = ()
+    escs: tuple[Esc, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    occurrences: tuple[Occurrence, ...] = ()
+    airborne: Series | None = None
+    changes: tuple[ChangedSetting, ...] = ()
     missing: tuple[str, ...] = ()
     notes: dict[str, int] = {}  # noqa: RUF012 - never changed

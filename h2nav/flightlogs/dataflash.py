@@ -17,6 +17,7 @@ import numpy as np
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.flightlogs import dataflash_controls as controls
 from h2nav.flightlogs import imu_series
 from h2nav.flightlogs.autopilot_log import (
     AutopilotLog,
@@ -37,13 +38,13 @@ from h2nav.flightlogs.context import (
     Span,
 )
 from h2nav.flightlogs.dataflash_errors import said_of_error
+from h2nav.flightlogs.dataflash_rows import Log, Rows
 from h2nav.flightlogs.imu_series import Fields, Mask, Samples, Times
-from h2nav.flightlogs.log_clock import LogClock, in_order, is_running
+from h2nav.flightlogs.rotations import quaternions
 from h2nav.flightlogs.spans import spans
-from h2nav.flightlogs.telemetry import quaternions
 from h2nav.integrity.findings import Severity
 from h2nav.io.dataflash import read_dataflash
-from h2nav.io.row_tables import LogTables, Table
+from h2nav.io.row_tables import LogTables
 from h2nav.maths import quaternion
 from h2nav.wire.imu import MOST_IMUS, UT_PER_MGAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place
@@ -55,13 +56,10 @@ LEAP_S = 18.0
 # The first weeks are what a receiver counts that does not know the date.
 LEAST_WEEK = 1_500
 MOST_RECEIVERS = 2
-MOST_INSTANCES = 8
 FIX_3D = 3
 FIX_AGE_US = 1_000_000
 SAME_FIX_US = 100_000
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
-# Columns that number the instances of a message.
-NUMBER = ("I", "C", "Instance", "Inst", "IMU")
 # Raw values come in blocks; beyond so many periods another one begins.
 BURST_PAUSE = 5.0
 LEAST_BURST = 64
@@ -175,108 +173,6 @@ def open_dataflash(path: Path) -> DataflashLog:
     return DataflashLog(path)
 
 
-class Rows(NamedTuple):
-    """Rows of one instance of a message whose times can be believed.
-
-    Attributes:
-        number: of the instance, from 0.
-        table: the rows.
-        t_us: (N,) their times, in order.
-        t_s: (N,) since the log began.
-    """
-
-    number: int
-    table: Table
-    t_us: Times
-    t_s: Array
-
-    def where(self, wanted: Mask) -> "Rows":
-        """Some of them."""
-        return Rows(self.number, self.table.only(wanted), self.t_us[wanted], self.t_s[wanted])
-
-
-class Log:
-    """The tables with the log's clock.
-
-    Args:
-        tables: of the file.
-
-    Attributes:
-        clock: of the rows.
-        notes: what was damaged or skipped: reason -> count.
-    """
-
-    def __init__(self, tables: LogTables) -> None:
-        self._tables = tables
-        self.notes = dict(tables.notes)
-        self.clock = _clock(tables)
-
-    @property
-    def duration_s(self) -> float:
-        """From the first time to the last."""
-        return (self.clock.end_us - self.clock.start_us) * 1e-6
-
-    def note(self, reason: str, count: int) -> None:
-        """Something was skipped."""
-        if count:
-            self.notes[reason] = self.notes.get(reason, 0) + count
-
-    def since_start(self, t_us: Times) -> Array:
-        """Times of the autopilot as seconds since the log began."""
-        t_s: Array = np.asarray((t_us - self.clock.start_us) * 1e-6)
-        return t_s
-
-    def find(self, name: str, *columns: str) -> Rows | None:
-        """All rows of a message; None where there are none with these columns."""
-        table = self._tables.find(name, *columns)
-        times = None if table is None else _times(table)
-        return None if table is None or times is None else self._believed(table, times)
-
-    def told(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
-        """Like `find`, of what is told now and then, which until 2015 had no time.
-
-        Rows without one are as old as those before them in the file; where they `begins` something,
-        as those after them, because an autopilot may have logged nothing until then.
-        """
-        table = self._tables.find(name, *columns)
-        if table is None:
-            return None
-        times = _times(table)
-        if times is None:
-            times = (self.clock.after if begins else self.clock.at)(table.places)
-        return self._believed(table, times)
-
-    def _believed(self, table: Table, times: Times) -> Rows | None:
-        name = table.name
-        good = self.clock.believes(table.places, times)
-        good[good] = in_order(times[good])
-        self.note(f"rows of {name} far from the times around them", int((~good).sum()))
-        if not good.any():
-            return None
-        if not good.all():
-            table, times = table.only(good), times[good]
-        times = times.clip(self.clock.start_us, self.clock.end_us)
-        return Rows(0, table, times, self.since_start(times))
-
-    def instances(self, name: str, *columns: str) -> Iterator[Rows]:
-        """One per instance: of one message with their numbers, or of messages with a number."""
-        rows = self.find(name, *columns)
-        if rows is None:
-            return
-        number = next((column for column in NUMBER if column in rows.table), None)
-        if number is not None:
-            numbers = rows.table.integers(number)
-            for value in range(MOST_INSTANCES):
-                if (numbers == value).any():
-                    yield rows.where(numbers == value)._replace(number=value)
-            return
-        yield rows
-        for count in range(2, MOST_IMUS + 1):
-            more = self.find(f"{name}{count}", *columns)
-            if more is not None:
-                yield more._replace(number=count - 1)
-
-
 class Trim:
     """What turns the autopilot's board into the vehicle's body: AHRS_TRIM, some degrees.
 
@@ -314,25 +210,6 @@ class Trim:
 NO_TRIM = Trim({})
 
 
-def _clock(tables: LogTables) -> LogClock:
-    """By the message of which there are most rows that have a time."""
-    for name in sorted(tables.names, key=lambda name: (-tables.rows(name), name)):
-        table = tables.find(name)
-        times = None if table is None else _times(table)
-        if table is not None and times is not None and is_running(times):
-            return LogClock(table.places, times)
-    return LogClock(np.empty(0, np.int64), np.empty(0, np.int64))
-
-
-def _times(table: Table) -> Times | None:
-    """Microseconds since boot; None where the rows do not tell them."""
-    if "TimeUS" in table:
-        return table.integers("TimeUS")
-    if table.name.startswith("GPS"):  # its TimeMS is that of the week
-        return table.integers("T") * 1000 if "T" in table else None
-    return table.integers("TimeMS") * 1000 if "TimeMS" in table else None
-
-
 def recorded(tables: LogTables) -> Recorded:
     """What the tables of a log say."""
     log = Log(tables)
@@ -346,7 +223,7 @@ def recorded(tables: LogTables) -> Recorded:
     imus, readings = _imus(log, trim)
     gps, fix_us, receiver = _gps(log)
     attitudes = _attitudes(log, parameters, trim)
-    modes, armed, airborne = _modes(log, kind), _armed(log), _airborne(log)
+    modes, armed = _modes(log, kind), _armed(log)
     context = Context(
         firmware=firmware,
         vehicle=vehicle_name(vehicle_type),
@@ -366,6 +243,22 @@ def recorded(tables: LogTables) -> Recorded:
         throttle=_throttle(log),
         current_a=_current(log),
         wind_n_m_s=_wind(log),
+        vehicle_type=vehicle_type,
+        demand=controls.demand(log),
+        demanded_rates=controls.demanded_rates(log),
+        motors=controls.motors(log, _first_values(settings), vehicle_type),
+        height_m=controls.height(log, "Alt"),
+        height_demand_m=controls.height(log, "DAlt"),
+        climb_m_s=controls.climb(log),
+        baro_height_m=controls.baro_height(log),
+        batteries=controls.batteries(log),
+        board_v=controls.board(log),
+        vibrations=controls.vibrations(log),
+        escs=controls.escs(log),
+        faults=controls.faults(log),
+        occurrences=controls.occurrences(log),
+        airborne=_airborne(log),
+        changes=controls.changes(_times_of(log, settings)),
     )
     context = context._replace(
         missing=_missing(log, context, has_armed=armed is not None), notes=log.notes
@@ -380,7 +273,6 @@ def recorded(tables: LogTables) -> Recorded:
         fix_us,
         next((track for track in attitudes if not track.name.startswith(SECOND)), None),
         next((track for track in attitudes if track.name == SECOND), None),
-        airborne,
         _airspeed(log),
         settings,
         _origin(log),
@@ -677,6 +569,16 @@ def _settings(log: Log) -> tuple[Setting, ...]:
     values = rows.table.numbers("Value")
     triples = zip(rows.t_us.tolist(), rows.table.texts("Name"), values.tolist(), strict=True)
     return tuple(Setting(*triple) for triple in triples if math.isfinite(triple[2]))
+
+
+def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
+    """As they were at the beginning."""
+    return {setting.name: setting.value for setting in reversed(settings)}
+
+
+def _times_of(log: Log, settings: tuple[Setting, ...]) -> Iterator[tuple[float, str, float]]:
+    start_us = log.clock.start_us
+    return ((1e-6 * (t_us - start_us), name, value) for t_us, name, value in settings)
 
 
 def _said(log: Log) -> tuple[Said, ...]:

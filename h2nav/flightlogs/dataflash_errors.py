@@ -48,6 +48,29 @@ SAYINGS = {
     (18, 2): "barometer glitch",
     (18, 4): "barometer unhealthy",
 }
+# Out of `h2nav.flightlogs.context.SUBSYSTEMS`.
+CONCERNED = {
+    2: "radio",
+    3: "compass",
+    5: "radio",
+    6: "battery",
+    7: "gps",
+    8: "ground_station",
+    9: "fence",
+    10: "flight_mode",
+    11: "gps",
+    12: "crash_check",
+    16: "ekf",
+    17: "ekf",
+    18: "barometer",
+    21: "terrain",
+    23: "terrain",
+    24: "ekf",
+    25: "thrust_loss",
+    26: "failsafe",
+    29: "vibration",
+    31: "gps",
+}
 RESOLVED = 0
 # The code is a flight mode, or the number of a core.
 NUMBERED = (10, 24)
@@ -63,3 +86,8 @@ def said_of_error(subsystem: int, code: int) -> str:
     if code == RESOLVED:
         return f"{name}: over"
     return SAYINGS.get((subsystem, code), f"{name}: {code}" if code > 1 else name)
+
+
+def subsystem_of(subsystem: int) -> str:
+    """What a number concerns."""
+    return CONCERNED.get(subsystem, "other")

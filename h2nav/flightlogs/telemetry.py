@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.flightlogs import telemetry_controls as controls
 from h2nav.flightlogs.autopilot_log import vehicle_name, what_sensors_lack
 from h2nav.flightlogs.context import (
     Array,
@@ -21,6 +22,7 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
+from h2nav.flightlogs.rotations import quaternions
 from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Severity
 from h2nav.io.frame_scan import FrameScan
@@ -60,6 +62,7 @@ MESSAGE_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
         mavlink.MAVLINK_MSG_ID_WIND,
         mavlink.MAVLINK_MSG_ID_WIND_COV,
+        *controls.MESSAGE_IDS,
     }
 )
 """What `context_of` reads."""
@@ -99,6 +102,7 @@ def context_of(
     kind = (0, 0) if beats is None else _usual_kind(beats)
     duration_s = (end_ns - start_ns) * 1e-9
     imus = _imus(clock, kind[0])
+    parameters = _parameters(clock, kind[0])
     start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
     context = Context(
         vehicle=vehicle_name(kind[1]),
@@ -111,10 +115,22 @@ def context_of(
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
         said=_said(clock),
-        parameters=_parameters(clock, kind[0]),
+        parameters=parameters,
         throttle=_throttle(clock),
         current_a=_current(clock),
         wind_n_m_s=_wind(clock),
+        vehicle_type=kind[1],
+        demand=controls.demand(clock.find),
+        demanded_rates=controls.demanded_rates(clock.find),
+        motors=controls.motors(clock.find, parameters, *kind),
+        height_m=controls.height(clock.find),
+        climb_m_s=controls.climb(clock.find),
+        batteries=controls.batteries(clock.find),
+        board_v=controls.board(clock.find),
+        vibrations=controls.vibrations(clock.find),
+        escs=controls.escs(clock.find),
+        faults=controls.faults(clock.find),
+        airborne=controls.airborne(clock.find),
         notes=notes,
     )
     firmware = _firmware(context.said)
@@ -131,6 +147,11 @@ class _Clock:
     def __getitem__(self, message_id: int) -> "FrameTable | None":
         table = self._tables.get(message_id)
         return None if table is None or not len(table.t_ns) else table
+
+    def find(self, message_id: int) -> tuple[FrameTable, Array] | None:
+        """Frames and their times; None without any."""
+        table = self[message_id]
+        return None if table is None else (table, self.t_s(table))
 
     def t_s(self, table: FrameTable) -> Array:
         """(N,) arrival, s since the start."""
@@ -257,20 +278,6 @@ def _attitude(clock: _Clock, name: str, message_id: int) -> AttitudeTrack | None
     angles = _columns(table, "roll", "pitch", "yaw")
     good = np.isfinite(angles).all(axis=1)
     return AttitudeTrack(name, clock.t_s(table)[good], quaternions(angles[good]))
-
-
-def quaternions(angles: Array) -> Array:
-    """(N, 3) roll, pitch, yaw of the z-y-x sequence, rad -> (N, 4) body to NED, scalar first."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(0.5 * angles.T), np.sin(0.5 * angles.T)
-    return np.stack(
-        (
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ),
-        axis=1,
-    )
 
 
 def _receivers(clock: _Clock) -> tuple[GpsTrack, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.flightlogs import imu_series
+from h2nav.flightlogs import ulog_controls as controls
 from h2nav.flightlogs.autopilot_log import (
     AutopilotLog,
     Recorded,
@@ -35,21 +36,20 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
+from h2nav.flightlogs.dataflash_controls import changes
 from h2nav.flightlogs.imu_series import Fields, Samples, Times
-from h2nav.flightlogs.log_clock import LogClock, in_order, is_running
+from h2nav.flightlogs.log_clock import in_order
 from h2nav.flightlogs.spans import spans
+from h2nav.flightlogs.ulog_rows import FIX_AGE_US, MOST_INSTANCES, Log, Rows
 from h2nav.integrity.findings import Severity
-from h2nav.io.row_tables import Table
-from h2nav.io.ulog import ULogFile, instance, read_ulog
+from h2nav.io.ulog import ULogFile, read_ulog
 from h2nav.service.sensor_delays import PX4_FIELD_S, PX4_RATES_S
 from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
 from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
 
-MOST_INSTANCES = 8
 MOST_RECEIVERS = 2
 FIX_3D = 3
-FIX_AGE_US = 1_000_000
 ARMED = 2
 UNIT_WITHIN = 0.05
 # Longest time over which a sample can be a mean.
@@ -119,106 +119,6 @@ def open_ulog(path: Path) -> ULog:
     return ULog(path)
 
 
-class Rows(NamedTuple):
-    """Rows of one instance of a topic whose times can be believed.
-
-    Attributes:
-        number: of the instance, from 0.
-        table: the rows.
-        t_us: (N,) when they were published, in order.
-        t_s: (N,) since the log began.
-    """
-
-    number: int
-    table: Table
-    t_us: Times
-    t_s: Array
-
-    @property
-    def sample_us(self) -> Times:
-        """(N,) when what they tell was measured, as far as they say so; never after they came."""
-        if "timestamp_sample" not in self.table:
-            return self.t_us
-        stamps = self.table.integers("timestamp_sample")
-        age_us = self.t_us - stamps
-        is_age = (age_us >= 0) & (age_us <= FIX_AGE_US)
-        return np.where(is_age, stamps, self.t_us)
-
-
-class Log:
-    """The tables with the log's clock.
-
-    Args:
-        file: what was read.
-
-    Attributes:
-        file: what was read.
-        clock: of the rows.
-        notes: what was damaged or skipped: reason -> count.
-    """
-
-    def __init__(self, file: ULogFile) -> None:
-        self.file = file
-        self.notes = dict(file.tables.notes)
-        self.clock = _clock(file)
-
-    @property
-    def duration_s(self) -> float:
-        """From the first time to the last."""
-        return (self.clock.end_us - self.clock.start_us) * 1e-6
-
-    def since_start(self, t_us: Times) -> Array:
-        """Times of the autopilot as seconds since the log began."""
-        return np.asarray((t_us - self.clock.start_us) * 1e-6)
-
-    def note(self, reason: str, count: int) -> None:
-        """Something was skipped."""
-        if count:
-            self.notes[reason] = self.notes.get(reason, 0) + count
-
-    def find(self, topic: str, *columns: str, number: int = 0) -> Rows | None:
-        """The rows of an instance of a topic; None where there are none with these columns."""
-        table = self.file.tables.find(instance(topic, number), "timestamp", *columns)
-        if table is None:
-            return None
-        times = table.integers("timestamp")
-        good = self.clock.believes(table.places, times)
-        good[good] = in_order(times[good])
-        self.note(f"rows of {topic} far from the times around them", int((~good).sum()))
-        if not good.any():
-            return None
-        if not good.all():
-            table, times = table.only(good), times[good]
-        times = times.clip(self.clock.start_us, self.clock.end_us)
-        return Rows(number, table, times, self.since_start(times))
-
-    def instances(self, topic: str, *columns: str) -> Iterator[Rows]:
-        """One per instance of a topic."""
-        for number in range(MOST_INSTANCES):
-            rows = self.find(topic, *columns, number=number)
-            if rows is not None:
-                yield rows
-
-    def first(self, *choices: tuple[str, str]) -> tuple[Rows, str] | None:
-        """The first topic and column of some that were used over the years."""
-        for topic, column in choices:
-            rows = self.find(topic, column)
-            if rows is not None:
-                return rows, column
-        return None
-
-
-def _clock(file: ULogFile) -> LogClock:
-    """By the topic of which there are most rows."""
-    tables = file.tables
-    for name in sorted(tables.names, key=lambda name: (-tables.rows(name), name)):
-        table = tables.find(name, "timestamp")
-        times = None if table is None else table.integers("timestamp")
-        if table is not None and times is not None and is_running(times):
-            return LogClock(table.places, times)
-    return LogClock(np.empty(0, np.int64), np.empty(0, np.int64))
-
-
 def recorded(file: ULogFile) -> Recorded:
     """What a file says."""
     log = Log(file)
@@ -248,6 +148,21 @@ def recorded(file: ULogFile) -> Recorded:
         throttle=_throttle(log),
         current_a=_current(log),
         wind_n_m_s=_wind(log),
+        vehicle_type=vehicle_type,
+        demand=controls.demand(log),
+        demanded_rates=controls.demanded_rates(log),
+        motors=controls.motors(log, parameters, vehicle_type),
+        height_m=controls.local_position(log, "z", -1.0),
+        height_demand_m=controls.height_demand(log),
+        climb_m_s=controls.local_position(log, "vz", -1.0),
+        baro_height_m=controls.baro_height(log),
+        batteries=controls.batteries(log),
+        board_v=controls.board(log),
+        vibrations=controls.vibrations(log),
+        escs=controls.escs(log),
+        faults=controls.faults(log),
+        airborne=_airborne(log),
+        changes=changes((1e-6 * (t_us - log.clock.start_us), n, v) for t_us, n, v in settings),
     )
     lacks = {
         "no topic has a time": not log.clock.end_us,
@@ -265,7 +180,6 @@ def recorded(file: ULogFile) -> Recorded:
         receiver,
         fix_us,
         flown=attitudes[0] if attitudes else None,
-        airborne=_airborne(log),
         airspeed_m_s=_airspeed(log),
         settings=settings,
     )
