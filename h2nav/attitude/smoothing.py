@@ -43,7 +43,7 @@ REFERENCED_US = 1_000_000
 
 # As numbers: an operation on an IntFlag costs more than the rest of a test.
 _CONVERGED, _RESTARTED = int(Trust.CONVERGED), int(Trust.RESTARTED)
-_REFERENCED = int(Trust.YAW_REFERENCED)
+_REFERENCED, _REST = int(Trust.YAW_REFERENCED), int(Trust.REST)
 _KNOWN_BY_EITHER = _CONVERGED | _REFERENCED
 _TRUST = tuple(map(Trust, range(2 * Trust.SATURATED)))
 
@@ -125,6 +125,50 @@ class _Known(NamedTuple):
     is_referenced: bool
 
 
+class _BiasRun:
+    """What a run says of the gyro's bias.
+
+    Gravity shows what turns the vertical; what turns about it is shown by a heading that is tied to
+    north, or by rest. Without either that part stays what it was before the run.
+
+    Args:
+        bias_b: before the run, rad/s.
+
+    Source: docs/filter.md Eq. (70).
+    """
+
+    def __init__(self, bias_b: Vec3) -> None:
+        self._before_b = self._last_b = bias_b
+        self._is_shown = False
+        self._count = 0
+        self._down_b = (0.0, 0.0, 0.0)
+
+    def add(self, known: _Known | None) -> None:
+        """What the run knows of its next sample."""
+        if known is None:
+            return
+        _, (w, x, y, z), _, self._last_b, _, _, trust, _ = known.estimate
+        self._is_shown = self._is_shown or known.is_referenced or bool(int(trust) & _REST)
+        self._count += 1
+        a, b, c = self._down_b
+        self._down_b = (
+            a + 2.0 * (x * z - w * y),
+            b + 2.0 * (y * z + w * x),
+            c + w * w - x * x - y * y + z * z,
+        )
+
+    @property
+    def shown_b(self) -> Vec3:
+        """The bias at the end of the run as far as something has shown it, rad/s."""
+        if self._is_shown or self._count == 0:
+            return self._last_b
+        # Shorter than 1 where the vehicle has tilted: no axis was vertical all the time.
+        x, y, z = (part / self._count for part in self._down_b)
+        p, q, r = _less(self._last_b, self._before_b)
+        hidden = p * x + q * y + r * z
+        return _less(self._last_b, (hidden * x, hidden * y, hidden * z))
+
+
 class _Backward:
     """What the run backward knows of the samples, packed: a long flight has millions of them."""
 
@@ -185,7 +229,10 @@ def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[Attitude
     for given in stretches:
         first.restart()
         for piece in _pieces(given):
-            learnt = learnt._replace(bias_b=_last_bias(_run(first, piece), learnt.bias_b))
+            ahead = _BiasRun(learnt.bias_b)
+            for known in _known(_run(first, piece)):
+                ahead.add(known)
+            learnt = learnt._replace(bias_b=ahead.shown_b)
             if isinstance(first, KnowsSensors):
                 learnt = learnt._replace(errors=first.sensor_errors)
             yield from _led(_smooth_piece(piece, make, learnt), piece.delays)
@@ -200,12 +247,11 @@ def _smooth_piece(
     )
     chosen = _prepared(make, piece, learnt)
     run = _run(chosen, _reversed(_without(placed, learnt)))
-    backward, bias_b = _Backward(), learnt.bias_b
+    backward, back = _Backward(), _BiasRun(learnt.bias_b)
     for known in _known(_of_samples(run, reversed(piece.samples), learnt.bias_b, -1.0)):
         backward.add(known)
-        if known is not None:
-            bias_b = known.estimate.bias_b
-    learnt = learnt._replace(bias_b=bias_b)
+        back.add(known)
+    learnt = learnt._replace(bias_b=back.shown_b)
     if learnt.errors is not None and isinstance(chosen, KnowsSensors):
         learnt = learnt._replace(errors=_both(learnt.errors, chosen.sensor_errors))
     run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
@@ -312,15 +358,6 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
             return estimate
     chosen.restart()
     return None
-
-
-def _last_bias(run: Iterable[AttitudeEstimate | None], otherwise: Vec3) -> Vec3:
-    """What a run knows of the bias at its end."""
-    bias_b = otherwise
-    for estimate in run:
-        if estimate is not None:
-            bias_b = estimate.bias_b
-    return bias_b
 
 
 def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | None]:
