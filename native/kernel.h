@@ -7,9 +7,10 @@
 
 struct kernel {
     /* returns the bits of the last sample */
-    int32_t (*run)(void *memory, const void *gains, const void *samples, size_t rows,
-                   void *results);
-    size_t memory_size;
+    int32_t (*run)(void *state, void *workspace, const void *gains, const void *samples,
+                   size_t rows, void *results);
+    size_t state_size;
+    size_t workspace_size; /* 0 for a kernel that needs none */
     size_t gains_size;
     size_t sample_size;
     size_t number_size; /* of a double or of a 32-bit integer */

@@ -1,11 +1,12 @@
 /* Python's door to the compiled kernels: buffers in, buffers out, nothing allocated.
  *
- * run(kernel, memory, gains, samples, results)
- *   kernel   its number
- *   memory   writable buffer: the kernel's memory, changed in place
- *   gains    buffer: its gains
- *   samples  buffer: samples, one behind the other
- *   results  writable buffer, one row of 8 numbers per sample: attitude, bias, bits
+ * run(kernel, state, workspace, gains, samples, results)
+ *   kernel     its number
+ *   state      writable buffer: what the kernel remembers, changed in place
+ *   workspace  writable buffer: where it works out a step; empty for a kernel that needs none
+ *   gains      buffer: its gains
+ *   samples    buffer: samples, one behind the other
+ *   results    writable buffer, one row of 8 numbers per sample: attitude, bias, bits
  * It returns the bits of the last sample.
  * kernel_digest tells which version of the Python kernels the C was translated from, number_codes
  * of each kernel whether its numbers are doubles (d) or 32-bit integers (i).
@@ -19,7 +20,7 @@ static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
 enum {
     RESULT_COLUMNS = 8,
-    BUFFERS = 4,
+    BUFFERS = 5,
     BATCH_ROWS = 64,
     KERNELS = sizeof kernels / sizeof *kernels
 };
@@ -27,17 +28,18 @@ enum {
 /* The number of samples, or -1 with an error set when the buffers do not fit together. */
 static Py_ssize_t rows_of(const struct kernel *kernel, const Py_buffer *buffers)
 {
-    if ((size_t)buffers[0].len != kernel->memory_size ||
-        (size_t)buffers[1].len != kernel->gains_size) {
-        PyErr_SetString(PyExc_ValueError, "memory or gains are not those of this kernel");
+    if ((size_t)buffers[0].len != kernel->state_size ||
+        (size_t)buffers[1].len != kernel->workspace_size ||
+        (size_t)buffers[2].len != kernel->gains_size) {
+        PyErr_SetString(PyExc_ValueError, "state or gains are not those of this kernel");
         return -1;
     }
-    if ((size_t)buffers[2].len % kernel->sample_size != 0) {
+    if ((size_t)buffers[3].len % kernel->sample_size != 0) {
         PyErr_SetString(PyExc_ValueError, "samples are not whole samples of this kernel");
         return -1;
     }
-    const size_t rows = (size_t)buffers[2].len / kernel->sample_size;
-    if ((size_t)buffers[3].len != rows * RESULT_COLUMNS * kernel->number_size) {
+    const size_t rows = (size_t)buffers[3].len / kernel->sample_size;
+    if ((size_t)buffers[4].len != rows * RESULT_COLUMNS * kernel->number_size) {
         PyErr_SetString(PyExc_ValueError, "results need one row of 8 numbers per sample");
         return -1;
     }
@@ -49,8 +51,8 @@ static PyObject *run(PyObject *self, PyObject *arguments)
     Py_buffer buffers[BUFFERS];
     int number = 0;
     (void)self;
-    if (!PyArg_ParseTuple(arguments, "iw*y*y*w*", &number, &buffers[0], &buffers[1], &buffers[2],
-                          &buffers[3])) {
+    if (!PyArg_ParseTuple(arguments, "iw*w*y*y*w*", &number, &buffers[0], &buffers[1], &buffers[2],
+                          &buffers[3], &buffers[4])) {
         return NULL;
     }
     Py_ssize_t rows = -1;
@@ -63,8 +65,8 @@ static PyObject *run(PyObject *self, PyObject *arguments)
     if (rows >= 0) {
         /* Other threads may run beside a batch; a single sample is shorter than the hand-over. */
         PyThreadState *thread = rows >= BATCH_ROWS ? PyEval_SaveThread() : NULL;
-        bits = kernels[number]->run(buffers[0].buf, buffers[1].buf, buffers[2].buf, (size_t)rows,
-                                    buffers[3].buf);
+        bits = kernels[number]->run(buffers[0].buf, buffers[1].buf, buffers[2].buf, buffers[3].buf,
+                                    (size_t)rows, buffers[4].buf);
         if (thread != NULL) {
             PyEval_RestoreThread(thread);
         }

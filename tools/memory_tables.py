@@ -30,10 +30,11 @@ def page() -> str:
     for module in kernels():
         _, room, folder, *_ = module.__name__.split(".")
         title = folder if room == "attitude" else room
-        arithmetic = "integers" if rows(module.Memory)[0].range else "floats"
+        arithmetic = "integers" if rows(module.Sample)[0].range else "floats"
         parts.append(f"\n## {title}, in {arithmetic}\n")
-        for name in ("Memory", "Sample", "Gains"):
-            parts.append(_table(name, getattr(module, name)))
+        for name in ("State", "Memory", "Workspace", "Sample", "Gains"):
+            if hasattr(module, name):
+                parts.append(_table(name, getattr(module, name)))
     return "".join(parts)
 
 

@@ -105,7 +105,7 @@ def _integers(record: object, record_type: type) -> list[int]:
 
 def constant_gain_vectors(gains: constant_gain.Gains) -> Vectors:
     """Ordinary motion first, then whatever the formats hold."""
-    memory = constant_gain.Memory()
+    memory = constant_gain.State()
     constant_gain_step.reset(memory)
     return _vectors(
         memory,
@@ -117,7 +117,7 @@ def constant_gain_vectors(gains: constant_gain.Gains) -> Vectors:
 
 def velocity_aided_vectors(gains: velocity_aided.Gains) -> Vectors:
     """Motion with fields, then with fixes too, then whatever the formats hold."""
-    memory = velocity_aided.Memory()
+    memory = velocity_aided.State()
     start.reset(memory, gains)
     return _vectors(
         memory,
@@ -128,7 +128,7 @@ def velocity_aided_vectors(gains: velocity_aided.Gains) -> Vectors:
 
 
 def step_of_any_length(
-    memory: velocity_aided.Memory, gains: velocity_aided.Gains, sample: velocity_aided.Sample
+    memory: velocity_aided.State, gains: velocity_aided.Gains, sample: velocity_aided.Sample
 ) -> int:
     """What ``h2nav_step`` of the velocity-aided filter does; the sample is the same afterwards."""
     given = sample.dt_us, sample.has_mag, sample.has_fix

@@ -73,8 +73,8 @@ class Batch(Protocol):
     def table(self, part: Samples) -> Table:
         """The kernel's samples."""
 
-    def records(self) -> tuple[object, object]:
-        """Memory and gains of the filter's kernel."""
+    def records(self) -> tuple[object, ...]:
+        """What the filter's kernel takes before a sample, the state first."""
 
     def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates of the kernel's results; brings the filter to the end of the part."""
@@ -107,18 +107,17 @@ def run_batch(
 
 
 def _run_kernel(step: CompiledStep, batch: Batch, table: Table) -> npt.NDArray[Any]:
-    """Brings the filter's memory to the end of a table; returns the kernel's results."""
-    memory, gains = batch.records()
+    """Brings the filter's state to the end of a table; returns the kernel's results."""
+    records = batch.records()
     out = np.empty((len(table), RESULT_COLUMNS), dtype=table.dtype[0].base)
-    if is_in_c(memory):
-        step.run(memory, gains, table, out)
+    if is_in_c(records[0]):
+        step.run(records, table, out)
         return out
-    memory_type, gains_type = type(memory), type(gains)
-    in_c_memory, in_c_gains = in_c(memory_type), in_c(gains_type)
-    copy(memory, in_c_memory, memory_type)
-    copy(gains, in_c_gains, gains_type)
-    step.run(in_c_memory, in_c_gains, table, out)
-    copy(in_c_memory, memory, memory_type)
+    twins = [in_c(type(record)) for record in records]
+    for record, twin in zip(records, twins, strict=True):
+        copy(record, twin, type(record))
+    step.run(twins, table, out)
+    copy(twins[0], records[0], type(records[0]))
     return out
 
 

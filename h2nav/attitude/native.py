@@ -8,7 +8,7 @@ import functools
 import importlib
 import os
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import resources
 from types import ModuleType
@@ -76,20 +76,29 @@ class CompiledStep:
         self._number = COMPILED.index(kernel)
         self._result = array(code, [0] * RESULT_COLUMNS)
 
-    def bound(self, memory: object, gains: object, sample: object) -> Callable[[], int]:
-        """What takes the sample that stands in a record, and returns bits; the records stay."""
-        return partial(self._run, self._number, memory, gains, sample, self._result)
+    def bound(self, *records: object) -> Callable[[], int]:
+        """What takes the sample that stands in a record, and returns bits; the records stay.
 
-    def run(self, memory: object, gains: object, samples: object, results: object) -> None:
+        Args:
+            records: those that the step takes in Python, in their order.
+        """
+        return partial(self._run, self._number, *_in_full(records), self._result)
+
+    def run(self, records: Sequence[object], samples: object, results: object) -> None:
         """Many samples.
 
         Args:
-            memory: record, changed.
-            gains: record.
+            records: those that the step takes in Python before a sample; the first is changed.
             samples: buffer of samples, one behind the other.
             results: buffer of `RESULT_COLUMNS` numbers per sample, written.
         """
-        self._run(self._number, memory, gains, samples, results)
+        self._run(self._number, *_in_full((*records, samples)), results)
+
+
+def _in_full(records: Sequence[object]) -> tuple[object, ...]:
+    """State, workspace, gains and samples of a step; the workspace is empty where it has none."""
+    state, *workspace, gains, samples = records
+    return (state, *(workspace or [bytearray()]), gains, samples)
 
 
 def compiled_step(kernel: KernelFiles) -> CompiledStep | None:

@@ -1,22 +1,24 @@
 """The C of the kernels for the native extension: each step, and a loop over samples around it."""
 
+import ast
 from collections.abc import Sequence
 
 from h2nav.attitude.kernel_files import KernelFiles
 from h2nav.translate.c99 import translate
 from h2nav.translate.c_expressions import DOUBLE, INT32
-from h2nav.translate.source import Source
+from h2nav.translate.source import Kernel, Record, Source
 from h2nav.translate.structs import struct_text
 
-_RECORDS = ("Memory", "Gains", "Sample")
-# Of the memory, where it has them: what a row of results holds, and from which column on.
+# Of the state, where it has them: what a row of results holds, and from which column on.
 _RESULTS = (("q_nb", 0), ("gyro_bias", 4))
 
 
 def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
     """The C file of one kernel; a row of its results holds attitude and bias, if any, and bits."""
     translation = translate(sources, [kernel.entry])
-    records = [translation.kernel.records[name] for name in _RECORDS]
+    records = _records(translation.kernel, kernel.entry)
+    state, *workspace, gains, sample = (found.name for found in records)
+    scratch = workspace[0] if workspace else ""
     structs = "\n".join(struct_text(found.about, found.rows, found.name) for found in records)
     number = DOUBLE if records[0].rows[0].range is None else INT32
     held = [row.name for row in records[0].rows]
@@ -34,15 +36,16 @@ def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
 
 {structs}
 {translation.code}
-static int32_t run(void *memory, const void *gains, const void *samples, size_t rows,
-                   void *results)
+static int32_t run(void *state, void *workspace, const void *gains, const void *samples,
+                   size_t rows, void *results)
 {{
-    Memory *s = memory;
-    const Sample *sample = samples;
+    {state} *s = state;
+    const {sample} *sample = samples;
     {number} *result = results;
     int32_t bits = 0;
+    (void)workspace;
     for (size_t row = 0; row < rows; row++) {{
-        bits = {kernel.entry}(s, gains, sample + row);
+        bits = {kernel.entry}(s, {"workspace, " if scratch else ""}gains, sample + row);
 {results}        result[7] = ({number})bits;
         result += 8;
     }}
@@ -50,9 +53,17 @@ static int32_t run(void *memory, const void *gains, const void *samples, size_t 
 }}
 
 const struct kernel {kernel.name} = {{
-    run, sizeof(Memory), sizeof(Gains), sizeof(Sample), sizeof({number}),
+    run, sizeof({state}), {f"sizeof({scratch})" if scratch else 0}, sizeof({gains}),
+    sizeof({sample}), sizeof({number}),
 }};
 """
+
+
+def _records(kernel: Kernel, entry: str) -> list[Record]:
+    """The records that a step takes, in its order: state, workspace if any, gains, sample."""
+    arguments = kernel.functions[entry].node.args.args
+    annotations = [argument.annotation for argument in arguments]
+    return [kernel.records[name.id] for name in annotations if isinstance(name, ast.Name)]
 
 
 def kernels_h(kernels: Sequence[KernelFiles]) -> str:

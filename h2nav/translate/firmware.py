@@ -15,7 +15,7 @@ from h2nav.translate.structs import constant_text, struct_text
 
 # (name without prefix, value, comment)
 Row = tuple[str, int, str]
-STRUCT_NAMES = {"Memory": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2nav_sample"}
+STRUCT_NAMES = {"State": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2nav_sample"}
 
 
 class IntegerForm(NamedTuple):
@@ -67,7 +67,7 @@ def header(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> 
     """Text of ``h2nav_filter.h``."""
     about = "\n".join(f" * {line}".rstrip() for line in form.about.splitlines())
     records = read_kernel(kernels).records
-    structs = "\n".join(_struct(records[name]) for name in ("Memory", "Sample"))
+    structs = "\n".join(_struct(records[name]) for name in ("State", "Sample"))
     constants = enumeration("Of the gain file.", firmware.constants)
     return f"""\
 /* Attitude filter in 32-bit integers. Made by h2nav {firmware.version} from {firmware.gains}.
@@ -85,7 +85,7 @@ def header(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> 
 #define H2NAV_GAIN_HASH "{firmware.gain_hash}"
 
 /* How many numbers the structs hold, all of them int32_t. */
-#define H2NAV_STATE_SIZE {_size(records["Memory"])}
+#define H2NAV_STATE_SIZE {_size(records["State"])}
 #define H2NAV_SAMPLE_SIZE {_size(records["Sample"])}
 
 {structs}

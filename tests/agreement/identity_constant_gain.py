@@ -2,7 +2,7 @@
 
 from agreement.identity_noise import Noise
 
-from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.constant_gain.memory import Gains, Sample, State
 
 
 class ConstantGainSamples:
@@ -11,7 +11,7 @@ class ConstantGainSamples:
     def __init__(self) -> None:
         self._noise = Noise()
 
-    def next_sample(self, sample: Sample, _memory: Memory, step: int) -> None:
+    def next_sample(self, sample: Sample, _state: State, step: int) -> None:
         """Writes sample number `step`; all before it must have been written."""
         noise = self._noise
         mode = (step >> 10) % 5
@@ -31,7 +31,7 @@ class ConstantGainSamples:
         if mode == 4 and step & 15 == 0:
             self._spikes(sample)
 
-    def next_call(self, memory: Memory, gains: Gains, step: int) -> None:
+    def next_call(self, memory: State, gains: Gains, step: int) -> None:
         """Nothing beside the steps."""
 
     def _spikes(self, sample: Sample) -> None:

@@ -4,7 +4,7 @@ from agreement.identity_noise import Noise
 
 from h2nav.attitude.record import assign, values
 from h2nav.attitude.velocity_aided.integer.kernel import place, start
-from h2nav.attitude.velocity_aided.integer.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 
 _REST = values(Sample(dt_us=10000, fix_variance=20000, fix_period_us=210000), Sample)
 
@@ -16,7 +16,7 @@ class VelocityAidedSamples:
         self._noise = Noise()
         self._turned = [6400, 0]
 
-    def next_sample(self, sample: Sample, memory: Memory, step: int) -> None:
+    def next_sample(self, sample: Sample, memory: State, step: int) -> None:
         """Writes sample number `step`; all before it must have been written."""
         mode = (step >> 10) % (8 if (step >> 17) & 1 else 3)
         if mode == 0:
@@ -43,7 +43,7 @@ class VelocityAidedSamples:
             if step & 7 == 0:
                 self._fix(sample, memory, 30 if step & 8 else 20)
 
-    def next_call(self, memory: Memory, gains: Gains, step: int) -> None:
+    def next_call(self, memory: State, gains: Gains, step: int) -> None:
         """What a program asks of the filter now and then beside its steps."""
         if step % 30011 == 15000:
             place.set_place(memory, gains, 6400, 0, 11085)
@@ -67,7 +67,7 @@ class VelocityAidedSamples:
         self._still(sample, 14)
         sample.gyro[2] += 858993
 
-    def _fix(self, sample: Sample, memory: Memory, bits: int) -> None:
+    def _fix(self, sample: Sample, memory: State, bits: int) -> None:
         sample.fix_velocity_n = self._noise(bits)
         sample.fix_velocity_e = self._noise(bits)
         sample.fix_accel_n = self._noise(24)

@@ -24,7 +24,7 @@ from h2nav.attitude.velocity_aided.integer.filter import (
     parts_of,
 )
 from h2nav.attitude.velocity_aided.integer.kernel import place, start, step
-from h2nav.attitude.velocity_aided.integer.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 from h2nav.io import gain_files
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
@@ -48,7 +48,7 @@ class Program:
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
-        self.filter, self.sample = in_c(Memory), in_c(Sample)
+        self.filter, self.sample = in_c(State), in_c(Sample)
         library.h2nav_init(address(self.filter))
 
     def reset(self) -> None:
@@ -90,7 +90,7 @@ class Program:
 
     def memory(self) -> list[Number]:
         """All numbers of the filter, in order."""
-        return values(self.filter, Memory)
+        return values(self.filter, State)
 
 
 def address(record: object) -> object:
@@ -99,9 +99,9 @@ def address(record: object) -> object:
     return ctypes.byref(record)
 
 
-def started(gains: Gains) -> Memory:
+def started(gains: Gains) -> State:
     """What the filter in Python remembers at its start."""
-    fresh = Memory()
+    fresh = State()
     start.reset(fresh, gains)
     return fresh
 
@@ -186,7 +186,7 @@ def test_a_step_of_any_length_is_that_of_the_daemon(library: ctypes.CDLL, dt_us:
             continue
         for part in parts_of(sample, sample.dt_us):
             step.update(python, gains, part)
-    assert program.memory() == values(python, Memory)
+    assert program.memory() == values(python, State)
 
 
 def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> None:
@@ -203,7 +203,7 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
         program, daemon = Program(library), IntegerVelocityAidedFilter(GAINS, GAINS.name)
         program.set_field(field)
         daemon.use_field(EarthField(norm, dip, angle))
-        expected, got = daemon.kernel_memory, program.filter
+        expected, got = daemon.kernel_state, program.filter
         error = (got.declination - expected.declination) * 2.0**-28
         assert abs(math.remainder(error, 2.0 * math.pi)) < 0.01 / horizontal
         for name in ("declination_sine", "declination_cosine"):
@@ -214,19 +214,19 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
         python = started(daemon.kernel_gains)
         north, east, below = field
         place.set_place(python, daemon.kernel_gains, north, east, below)
-        assert program.memory() == values(python, Memory)
+        assert program.memory() == values(python, State)
 
 
 def test_reset_forgets_the_attitude_alone(library: ctypes.CDLL) -> None:
     program = Program(library)
     program.fill((0, 0, 0), (0, 0, -(1 << 20)), (6400, 0, 11085), 10_000)
     assert program.step() & memory.ALIGNED
-    expected = Memory()
-    assign(expected, Memory, program.memory())
+    expected = State()
+    assign(expected, State, program.memory())
     program.filter.mag_age_us = 5000
     program.reset()
     expected.age_us, expected.mag_age_us = -1, 0
-    assert program.memory() == values(expected, Memory)
+    assert program.memory() == values(expected, State)
 
 
 def test_a_changed_kernel_changes_the_c() -> None:

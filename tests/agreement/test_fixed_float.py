@@ -14,7 +14,7 @@ from h2nav.attitude.constant_gain.gains import (
     integer_gains,
 )
 from h2nav.attitude.constant_gain.kernel.step import reset, update
-from h2nav.attitude.constant_gain.memory import Memory, Sample
+from h2nav.attitude.constant_gain.memory import Sample, State
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.maths.quaternion import conjugate, from_euler, rotate
@@ -27,8 +27,8 @@ def image_at(rate_hz: int) -> IntegerGains:
     return integer_gains(constant_gains(DENSITIES, rate_hz, 1.0), "test")
 
 
-def started() -> Memory:
-    fresh = Memory()
+def started() -> State:
+    fresh = State()
     reset(fresh)
     return fresh
 

@@ -14,7 +14,7 @@ from h2nav.attitude.batch_driver import Table, empty_table
 from h2nav.attitude.constant_gain.filter import fill_sample
 from h2nav.attitude.constant_gain.gains import BIAS_UNIT
 from h2nav.attitude.constant_gain.kernel.step import update
-from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.constant_gain.memory import Gains, Sample, State
 from h2nav.attitude.kernel_files import CONSTANT_GAIN
 from h2nav.attitude.native import RESULT_COLUMNS, compiled_step
 from h2nav.attitude.record import assign, in_c, values
@@ -77,7 +77,7 @@ def test_an_hour_at_400_hz_shows_no_drift(tmp_path: Path) -> None:
     assert IMAGE.gains.boost == 3  # what the reference does
     reference = CompiledReference(tmp_path, IMAGE.rounded, BOOST_S)
     rng = np.random.default_rng(1)
-    memory, gains = in_c(Memory), in_c(Gains)
+    memory, gains = in_c(State), in_c(Gains)
     assign(gains, Gains, values(IMAGE.gains, Gains))
     minutes = []
     for minute in range(60):
@@ -90,7 +90,7 @@ def test_an_hour_at_400_hz_shows_no_drift(tmp_path: Path) -> None:
             assert first.gravity == integers["gravity"][0].tolist()
             update(start, IMAGE.gains, first)
             assert start.age_us == 0
-            assign(memory, Memory, values(start, Memory))
+            assign(memory, State, values(start, State))
             reference.start(np.array(start.q_nb, dtype=float))
             table, integers = table[1:], integers[1:]
         results = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)

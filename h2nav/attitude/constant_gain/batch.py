@@ -18,7 +18,7 @@ from h2nav.attitude.batch_driver import (
 )
 from h2nav.attitude.constant_gain.filter import RATE_SCALE, ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import BIAS_UNIT
-from h2nav.attitude.constant_gain.memory import ALIGNED, DISAGREES, Gains, Memory, Sample
+from h2nav.attitude.constant_gain.memory import ALIGNED, DISAGREES, Gains, Sample, State
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.record import row
 from h2nav.maths.quaternion import multiply
@@ -50,16 +50,16 @@ class ConstantGainBatch:
         del samples, first
         return stop
 
-    def records(self) -> tuple[Memory, Gains]:
-        """Memory and gains of the kernel."""
-        return self._filter.kernel_memory, self._filter.kernel_gains
+    def records(self) -> tuple[State, Gains]:
+        """What the kernel takes before a sample."""
+        return self._filter.kernel_state, self._filter.kernel_gains
 
     def table(self, part: Samples) -> Table:
         """The kernel's samples: `fixedpoint.to_fixed` in place, all rows at once.
 
         Powers of two are exact factors, so it does not matter when they come in.
         """
-        self._was_aligned = self._filter.kernel_memory.age_us >= 0
+        self._was_aligned = self._filter.kernel_state.age_us >= 0
         gyro, gravity, mag = (np.empty((len(part.t_us), 3)) for _ in range(3))
         np.multiply(part.gyr, RATE_SCALE * 2.0**40, out=gyro)
         np.multiply(part.acc, self._filter.gravity_scale * 2.0**14, out=gravity)

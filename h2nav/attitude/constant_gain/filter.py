@@ -17,7 +17,7 @@ from h2nav.attitude.constant_gain.gains import (
     integer_gains,
 )
 from h2nav.attitude.constant_gain.kernel.step import reset, restart, update
-from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.constant_gain.memory import Gains, Sample, State
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.native import CompiledStep
@@ -71,13 +71,13 @@ class ConstantGainFilter:
 
     def __init__(self, model: ConstantGainModel, compiled: CompiledStep | None = None) -> None:
         self._model = model
-        self._memory, self._g, self._sample = Memory(), Gains(), Sample()
+        self._state, self._g, self._sample = State(), Gains(), Sample()
         if compiled is not None:
-            self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
-        s, g, u = self._memory, self._g, self._sample
+            self._state, self._g, self._sample = in_c(State), in_c(Gains), in_c(Sample)
+        s, g, u = self._state, self._g, self._sample
         bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
         self._step: Callable[[], int] = bound
-        reset(self._memory)
+        reset(self._state)
         self._t_us: int | None = None
         self._field = model.densities.field
         self._use_gains(model.densities.field)
@@ -88,9 +88,9 @@ class ConstantGainFilter:
         return self._t_us
 
     @property
-    def kernel_memory(self) -> Memory:
+    def kernel_state(self) -> State:
         """The kernel's memory; see `follow`."""
-        return self._memory
+        return self._state
 
     @property
     def kernel_gains(self) -> Gains:
@@ -135,7 +135,7 @@ class ConstantGainFilter:
         again with the sample's time and `Trust.SATURATED`.
         """
         if not all(map(math.isfinite, (*sample.w_b, *sample.f_b))):
-            if self._memory.age_us < 0:
+            if self._state.age_us < 0:
                 return None
             return self._estimate(sample._replace(w_b=self._bias()), memory.SATURATED)
         dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
@@ -147,7 +147,7 @@ class ConstantGainFilter:
             dt_us -= MOST_DT_US
         self._fill(sample, dt_us)
         bits = self._step()
-        if self._memory.age_us < 0 and not bits & memory.DISAGREES:
+        if self._state.age_us < 0 and not bits & memory.DISAGREES:
             return None
         return self._estimate(sample, bits)
 
@@ -171,12 +171,12 @@ class ConstantGainFilter:
 
     def _coast(self, sample: ImuSample) -> None:
         """Turns by the gyro alone for the longest step."""
-        if self._memory.age_us >= 0:
+        if self._state.age_us >= 0:
             fill_sample(self._sample, sample.w_b, (0.0, 0.0, 0.0), None, MOST_DT_US)
             self._step()
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
-        w, x, y, z = map(float, self._memory.q_nb)
+        w, x, y, z = map(float, self._state.q_nb)
         length = math.sqrt(w * w + x * x + y * y + z * z)
         half = 0.5 * self._field.declination_rad
         bias = self._bias()
@@ -196,18 +196,18 @@ class ConstantGainFilter:
         )
 
     def _bias(self) -> Vec3:
-        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._memory.gyro_bias)
+        b_x, b_y, b_z = (word / BIAS_UNIT for word in self._state.gyro_bias)
         return b_x, b_y, b_z
 
     def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
         """The correction that the next step will apply, as a rotation in n."""
-        t_x, t_y, t_z = (part * 2.0**-29 for part in self._memory.turn_carry)
+        t_x, t_y, t_z = (part * 2.0**-29 for part in self._state.turn_carry)
         turned = multiply(multiply(q_nb, (0.0, t_x, t_y, t_z)), conjugate(q_nb))
         return turned[1], turned[2], turned[3]
 
     def _trust(self, bits: int, clipped: bool) -> Trust:
         trust = Trust.ALIGNED
-        if self._memory.age_us >= self._g.boost << self._g.boost_shift:
+        if self._state.age_us >= self._g.boost << self._g.boost_shift:
             trust |= Trust.CONVERGED
         if bits & memory.FORCE_USED:
             trust |= Trust.FORCE_USED
@@ -236,19 +236,19 @@ class ConstantGainFilter:
 
     def restart(self) -> None:
         """Forgets time and attitude; keeps the bias."""
-        restart(self._memory)
+        restart(self._state)
         self._t_us = None
 
     def state(self) -> FilterState:
         """Time, field and the kernel's integers."""
-        return FilterState(self.name, (self._t_us, *self._field, *values(self._memory, Memory)))
+        return FilterState(self.name, (self._t_us, *self._field, *values(self._state, State)))
 
     def restore(self, state: FilterState) -> None:
         """Continues where `state` was taken."""
         t_us, *rest = state.values
-        if state.filter_name != self.name or len(rest) != 3 + size_of(Memory):
+        if state.filter_name != self.name or len(rest) != 3 + size_of(State):
             raise ValueError(f"not a state of the filter {self.name}")
         numbers = [value for value in rest if value is not None]
         self.use_field(EarthField(*map(float, numbers[:3])))
-        assign(self._memory, Memory, [int(value) for value in numbers[3:]])
+        assign(self._state, State, [int(value) for value in numbers[3:]])
         self._t_us = None if t_us is None else int(t_us)

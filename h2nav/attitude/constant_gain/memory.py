@@ -31,7 +31,7 @@ TOLERANCE_MOST = 1 << 25
 
 
 @dataclass(slots=True)
-class Memory:
+class State:
     """The filter's whole memory."""
 
     q_nb: list[I32] = integers(4, -Q_LIMIT, Q_LIMIT, "", "attitude, body to n, scalar first", q=29)

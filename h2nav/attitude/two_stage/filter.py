@@ -26,7 +26,7 @@ from h2nav.attitude.two_stage import memory
 from h2nav.attitude.two_stage.gains import TwoStageGains, gains_at
 from h2nav.attitude.two_stage.kernel.step import step
 from h2nav.attitude.two_stage.kernel.trust import doubt_bias
-from h2nav.attitude.two_stage.memory import Memory, Sample
+from h2nav.attitude.two_stage.memory import Sample, State
 from h2nav.attitude.two_stage.trust import (
     EARTH_FIELD_UT,
     TrustLimits,
@@ -92,7 +92,7 @@ class TwoStageFilter:
         self._start: StartUp | None = None
         self._t_us: int | None = None
         self._set_reference(gains.densities.field)
-        self._memory, self._sample = Memory(), Sample()
+        self._state, self._sample = State(), Sample()
         self._forget_bias()
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
@@ -106,7 +106,7 @@ class TwoStageFilter:
         if self._t_us is None:
             self._begin_with(sample)
             return None
-        s, u = self._memory, self._sample
+        s, u = self._state, self._sample
         m = sample.m_b_ut
         if m is not None and s.heading_referenced < 1.0:
             self._learn_norm(math.hypot(*m))
@@ -163,18 +163,18 @@ class TwoStageFilter:
         """See `AttitudeFilter`."""
         start = (None,) * len(StartUp._fields) if self._start is None else self._start
         given = (None,) * len(EarthField._fields) if self._given is None else self._given
-        kernel = values(self._memory, Memory)
+        kernel = values(self._state, State)
         return FilterState(self.name, (self._t_us, *start, *given, *self._reference, *kernel))
 
     def restore(self, state: FilterState) -> None:
         """See `AttitudeFilter`."""
         parts = state.values
-        if state.filter_name != self.name or len(parts) != HEAD_SIZE + size_of(Memory):
+        if state.filter_name != self.name or len(parts) != HEAD_SIZE + size_of(State):
             raise ValueError(
                 f"not a state of {self.name}: {state.filter_name}, {len(parts)} values"
             )
         numbers = [_NAN if v is None else float(v) for v in parts]
-        assign(self._memory, Memory, numbers[HEAD_SIZE:])
+        assign(self._state, State, numbers[HEAD_SIZE:])
         self._t_us = None if parts[0] is None else int(parts[0])
         self._start = None
         if parts[1] is not None:
@@ -195,9 +195,9 @@ class TwoStageFilter:
 
     def _align_with(self, sample: ImuSample) -> None:
         """TRIAD of one sample; the start-up gains then average over the next ones."""
-        self._memory.q_nb[:] = triad(sample.f_b, sample.m_b_ut)
+        self._state.q_nb[:] = triad(sample.f_b, sample.m_b_ut)
         self._begin(referenced=sample.m_b_ut is not None)
-        self._memory.gyro_last[:] = sample.w_b
+        self._state.gyro_last[:] = sample.w_b
 
     def _finish_start(
         self, sample: ImuSample, bits: int, start: StartUp, dt_s: float
@@ -227,7 +227,7 @@ class TwoStageFilter:
 
     def _begin(self, *, referenced: bool) -> None:
         """Clears everything but attitude and bias, after an alignment from single samples."""
-        s, g = self._memory, self._g
+        s, g = self._state, self._g
         s.gravity_lp_n = s.gravity_lp_e = 0.0
         s.age_s = s.mag_accepted_age_s = s.mag_age_s = s.contradicted_s = s.converged = 0.0
         s.gravity_sum[:] = s.mag_sum[:] = s.gravity_ned[:] = _ZERO
@@ -252,7 +252,7 @@ class TwoStageFilter:
 
     def _begin_moving(self) -> None:
         """Forgets what was learnt of the bias while the force was taken for gravity alone."""
-        s = self._memory
+        s = self._state
         bias, covariance = tuple(s.start_bias), tuple(s.start_p)
         self._begin(referenced=s.heading_referenced > 0.0)
         s.gyro_bias[:] = bias
@@ -263,7 +263,7 @@ class TwoStageFilter:
 
     def _align_again(self) -> None:
         """TRIAD of what both sensors said while they contradicted the attitude."""
-        s = self._memory
+        s = self._state
         north, east, down = s.gravity_sum
         try:
             turn = triad((-north, -east, -down), _vec(s.mag_sum))
@@ -278,7 +278,7 @@ class TwoStageFilter:
         s.doubt_s = self._limits.doubt_s
 
     def _forget_bias(self) -> None:
-        s = self._memory
+        s = self._state
         s.gyro_bias[:] = _ZERO
         s.p_xx = s.p_yy = s.p_zz = (self._limits.bias_start_deg_s * DEG) ** 2
         s.p_xy = s.p_xz = s.p_yz = 0.0
@@ -318,7 +318,7 @@ class TwoStageFilter:
             self._set_reference(EarthField(norm_ut, dip_rad, 0.0))
 
     def _estimate(self, sample: ImuSample, bits: int, *, restarted: bool) -> AttitudeEstimate:
-        s, g = self._memory, self._g
+        s, g = self._state, self._g
         q = _quat(s.q_nb)
         north, east = s.gravity_ned[0], s.gravity_ned[1]
         across = s.mag_ned[1] if bits & memory.FIELD_USED else 0.0
@@ -344,7 +344,7 @@ class TwoStageFilter:
         )
 
     def _trust_index(self, bits: int, *, clipped: bool) -> int:
-        s = self._memory
+        s = self._state
         return (
             (1 if bits & memory.FORCE_USED else 0)
             + (2 if s.mag_accepted_age_s < 1.0 else 0)

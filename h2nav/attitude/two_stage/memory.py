@@ -22,7 +22,7 @@ MOVED = 32  # the vehicle was in motion when it was thought to start at rest: st
 
 
 @dataclass(slots=True)
-class Memory:
+class State:
     """The memory of the filter, and the intermediate results of a step."""
 
     q_nb: list[float] = reals(4, "", "attitude, body to n, scalar first")

@@ -13,7 +13,7 @@ from h2nav.attitude.velocity_aided.filter import (
     MOST_RATE_RAD_S,
     VelocityAidedFilter,
 )
-from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 
 
 class VelocityAidedBatch:
@@ -34,9 +34,10 @@ class VelocityAidedBatch:
         """None while the filter aligns, after a long gap, or with an outside velocity at hand."""
         return stop if self._filter.is_free_at(int(samples.t_us[first])) else first
 
-    def records(self) -> tuple[Memory, Gains]:
-        """Memory and gains of the kernel."""
-        return self._filter.kernel_memory, self._filter.kernel_gains
+    def records(self) -> tuple[State, Workspace, Gains]:
+        """What the kernel takes before a sample."""
+        chosen = self._filter
+        return chosen.kernel_state, chosen.kernel_workspace, chosen.kernel_gains
 
     def table(self, part: Samples) -> Table:
         """The kernel's samples; what the autopilot says of the vehicle stays as it is."""

@@ -48,7 +48,7 @@ from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
 from h2nav.attitude.velocity_aided.kernel.start import begin, find_in_air
 from h2nav.attitude.velocity_aided.kernel.step import step
 from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
-from h2nav.attitude.velocity_aided.memory import Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
 from h2nav.maths.quaternion import multiply
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -83,8 +83,9 @@ _FLAGS = (
 _TRUST = tuple(
     Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
 )
-# What an estimate takes from the kernel's memory, in its order.
-_ESTIMATED = ("q_nb", "gyro_bias", "innovation", "rate", "sigma_tilt", "sigma_heading")
+# What an estimate takes from the kernel, in its order.
+_HELD = ("q_nb", "gyro_bias", "innovation")
+_FOUND = ("rate", "sigma_tilt", "sigma_heading")
 _NO_FIELD = (0.0, 0.0, 0.0)
 
 
@@ -100,15 +101,18 @@ class VelocityAidedFilter:
 
     def __init__(self, gains: VelocityAidedGains, compiled: CompiledStep | None = None) -> None:
         self._gains = gains
-        self._memory, self._g, self._sample = Memory(), gains.kernel, Sample()
+        self._state, self._g, self._sample = State(), gains.kernel, Sample()
+        self._workspace = Workspace()
         if compiled is not None:
-            self._memory, self._g, self._sample = in_c(Memory), in_c(Gains), in_c(Sample)
+            self._state, self._g, self._sample = in_c(State), in_c(Gains), in_c(Sample)
+            self._workspace = in_c(Workspace)
             copy(gains.kernel, self._g, Gains)
-        s, g, u = self._memory, self._g, self._sample
-        bound = partial(step, s, g, u) if compiled is None else compiled.bound(s, g, u)
+        s, w, g, u = self._state, self._workspace, self._g, self._sample
+        bound = partial(step, s, w, g, u) if compiled is None else compiled.bound(s, w, g, u)
         self._step: Callable[[], int] = bound
         self._write = writer(u, Sample, "dt_s", "has_fix")
-        self._read = reader(s, Memory, _ESTIMATED)
+        self._read_held = reader(s, State, _HELD)
+        self._read_found = reader(w, Workspace, _FOUND)
         u.asked = 1.0
         self._t_us: int | None = None
         self._aligned = False
@@ -126,9 +130,14 @@ class VelocityAidedFilter:
         return self._t_us
 
     @property
-    def kernel_memory(self) -> Memory:
-        """The kernel's memory; see `follow`."""
-        return self._memory
+    def kernel_state(self) -> State:
+        """What the kernel remembers; see `follow`."""
+        return self._state
+
+    @property
+    def kernel_workspace(self) -> Workspace:
+        """Where the kernel works out a step."""
+        return self._workspace
 
     @property
     def kernel_gains(self) -> Gains:
@@ -147,19 +156,19 @@ class VelocityAidedFilter:
         """
         if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_S * 1e6:
             return False
-        if self._air is not None or not self._aligned or self._memory.aided:
+        if self._air is not None or not self._aligned or self._state.aided:
             return False
         return self._aiding.is_idle(t_us)
 
     @property
     def gain_set(self) -> int:
         """Number of the gain set in use, 0 the weakest."""
-        return int(self._memory.gain_set)
+        return int(self._state.gain_set)
 
     @property
     def field_latency_s(self) -> float:
         """How late the magnetometer's samples are against the gyro's, as learnt so far."""
-        s, g = self._memory, self._g
+        s, g = self._state, self._g
         expected = g.mag_lag_prior * s.mag_lag_expected
         lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
         return min(max(lag, 0.0), g.mag_lag_limit)
@@ -167,7 +176,7 @@ class VelocityAidedFilter:
     @property
     def sensor_errors(self) -> SensorErrors:
         """What has been learnt of the sensors so far."""
-        s, gravity = self._memory, self._g.gravity
+        s, gravity = self._state, self._g.gravity
         x, y = s.accel_bias[:]
         xx, _, yy = s.p_accel[:]
         return SensorErrors(
@@ -181,7 +190,7 @@ class VelocityAidedFilter:
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Begins with sensors whose errors are undone, as well as they were known so long ago."""
-        s, g = self._memory, self._g
+        s, g = self._state, self._g
         walk = g.bias_walk * walked_s
         x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
         s.p_xx, s.p_yy, s.p_zz = x, y, z
@@ -232,7 +241,7 @@ class VelocityAidedFilter:
         self._t_us = t_us
         if self._air is not None:
             self._follow_in_air(self._air, sample)
-        s = self._memory
+        s = self._state
         aiding.remember(t_us, (s.gained_n, s.gained_e) if s.aided > 0.0 else None)
         return self._estimate(t_us, bits)
 
@@ -242,7 +251,7 @@ class VelocityAidedFilter:
 
     def _fill_fix(self, t_us: int) -> None:
         """Writes the fix that waits into the kernel's sample, if it may be used."""
-        s, u = self._memory, self._sample
+        s, u = self._state, self._sample
         fix = self._aiding.take(t_us, (s.gained_n, s.gained_e))
         if fix is not None:
             u.has_fix = 1.0
@@ -260,7 +269,7 @@ class VelocityAidedFilter:
 
     def use_field(self, field: EarthField) -> None:
         """Norm and dip become the gate's reference; see `AttitudeFilter`."""
-        s = self._memory
+        s = self._state
         change = field.declination_rad - s.declination
         s.declination = field.declination_rad
         s.mag_ref_norm = field.norm_ut
@@ -269,19 +278,19 @@ class VelocityAidedFilter:
         s.mag_new_s = 0.0
         # A heading that velocities have shown is that of true north already.
         if self._aligned and s.mag_accepted_age_s >= 0.0 and s.heading_witnessed == 0.0:
-            turn_heading(s, self._g, change)
+            turn_heading(s, self._workspace, self._g, change)
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
         if not self._aligned or self._t_us is None:
             return
         if self._aiding.offer(fix, self._t_us) and self._air is not None:
-            self._air.take(fix.t_us - self._memory.fix_lag_s * 1e6, fix.v_n)
+            self._air.take(fix.t_us - self._state.fix_lag_s * 1e6, fix.v_n)
             self._align_in_air(self._air, max(fix.sigma_m_s, LEAST_SIGMA_M_S))
 
     def _ask_velocity(self, fix: TimedFix) -> None:
         """Takes the heading that the velocities show, where it contradicts the filter's."""
-        s = self._memory
+        s = self._state
         if self._air is not None or s.age_s < HIGH_PASS_S:
             return
         walk = velocity_walk(gyro_density(s, self._g), s.accel_jitter)
@@ -292,7 +301,7 @@ class VelocityAidedFilter:
         if seen is not None:
             s.heading_unknown = 0.0
         if seen is not None and seen.contradicts:
-            turn_heading(s, self._g, seen.turn_rad)
+            turn_heading(s, self._workspace, self._g, seen.turn_rad)
             s.heading_variance = min(s.heading_variance, (INFLATION * seen.sigma_rad) ** 2)
             s.mag_accepted_age_s = max(s.mag_accepted_age_s, -1.0)
             # Latency and tilt were learnt from velocities that were turned the wrong way.
@@ -301,7 +310,7 @@ class VelocityAidedFilter:
 
     def _watch_in_air(self, t_us: int) -> None:
         """Begins a window in the air; where the gyro's bias is not known, the loop is better."""
-        s = self._memory
+        s = self._state
         is_known = s.p_xx + s.p_yy + s.p_zz < KNOWN_BIAS_RAD_S**2
         self._air = None
         if is_known and self._sample.rest_prior == 0.0:
@@ -312,7 +321,7 @@ class VelocityAidedFilter:
         if window.is_over(sample.t_us):
             self._air = None
             return
-        s = self._memory
+        s = self._state
         w, f = sample.w_b, sample.f_b
         x, y, z = s.gyro_bias[:]
         a, b = s.accel_bias[:]
@@ -324,7 +333,7 @@ class VelocityAidedFilter:
 
     def _align_in_air(self, window: AirAlignment, sigma_m_s: float) -> None:
         """Takes what the window shows so far."""
-        s, g = self._memory, self._g
+        s, g = self._state, self._g
         reference = Reference(
             0.0 if s.heading_witnessed > 0.0 else s.mag_ref_norm,
             s.mag_ref_dip,
@@ -339,16 +348,17 @@ class VelocityAidedFilter:
         """Goes on with what a window in the air has shown."""
         if found is None:
             return
-        s = self._memory
+        s = self._state
         tilt_sigma = math.hypot(found.tilt_sigma_rad, math.sqrt(2.0 * s.p_accel[0]))
         s.q_nb[:] = found.q_nb
-        find_in_air(s, self._g, found.length_s, tilt_sigma, found.heading_sigma_rad)
+        shown = (found.length_s, tilt_sigma, found.heading_sigma_rad)
+        find_in_air(s, self._workspace, self._g, *shown)
         if found.heading_sigma_rad < math.inf:
             self._witness.clear()
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
-        self._memory.mag_lag_expected = delays.field_s - delays.gyro_s
+        self._state.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def restart(self) -> None:
         """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
@@ -367,14 +377,14 @@ class VelocityAidedFilter:
             window = (w.t_us, w.length_s, *w.turn, *w.force, *w.field, w.forces, w.fields)
         air = () if self._air is None else self._air.values()
         head = (self._t_us, int(self._aligned), len(window), len(air))
-        kernel = (*values(self._memory, Memory), *values(self._sample, Sample))
+        kernel = (*values(self._state, State), *values(self._sample, Sample))
         velocity = (*air, *self._witness.values(), *self._aiding.values())
         return FilterState(self.name, (*head, *kernel, *window, *velocity))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
         parts = split_state(state, self.name)
-        assign(self._memory, Memory, parts.memory)
+        assign(self._state, State, parts.kernel)
         assign(self._sample, Sample, parts.sample)
         self._t_us, self._aligned = parts.t_us, parts.is_aligned
         self._window = _window_of(parts.window) if parts.window else None
@@ -386,7 +396,7 @@ class VelocityAidedFilter:
         """Collects samples; the first estimate comes from their mean force and field."""
         if sample.clipped or sample.f_b == (0.0, 0.0, 0.0):
             return None
-        a, b = self._memory.accel_bias[:]
+        a, b = self._state.accel_bias[:]
         f_x, f_y, f_z = sample.f_b
         sample = sample._replace(
             f_b=(f_x - GRAVITY_M_S2 * a, f_y - GRAVITY_M_S2 * b, f_z),
@@ -395,14 +405,14 @@ class VelocityAidedFilter:
         if self._window is None or sample.t_us - self._window.t_us > LONGEST_GAP_S * 1e6:
             self._window = alignment.begin(sample)
         else:
-            x, y, z = self._memory.gyro_bias
+            x, y, z = self._state.gyro_bias
             self._window = alignment.extend(self._window, sample, (x, y, z))
         window = self._window
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
         if window.length_s < wait:
             return None
         self._window = None
-        s = self._memory
+        s = self._state
         half = 0.5 * s.declination
         turned = (math.cos(half), 0.0, 0.0, math.sin(half))
         s.q_nb[:] = multiply(turned, alignment.attitude(window))
@@ -412,37 +422,35 @@ class VelocityAidedFilter:
 
     def _resume(self, sample: ImuSample) -> AttitudeEstimate:
         """After a gap in the air: a force of the air says less of the tilt than the last one."""
-        self._memory.mag_accepted_age_s = -1.0
-        self._memory.heading_unknown = 1.0
-        self._memory.age_s = LONGEST_S
+        self._state.mag_accepted_age_s = -1.0
+        self._state.heading_unknown = 1.0
+        self._state.age_s = LONGEST_S
         return self._begin(sample, AIR_TILT_SIGMA_RAD)
 
     def _begin(self, sample: ImuSample, tilt_sigma_rad: float) -> AttitudeEstimate:
         """Everything but attitude, bias, its covariance, latency and references starts anew."""
         speed = self._sample.forward_speed
-        begin(self._memory, self._g, sample.w_b, sample.f_b, speed, tilt_sigma_rad)
+        first = (sample.w_b, sample.f_b, speed)
+        begin(self._state, self._workspace, self._g, *first, tilt_sigma_rad)
         self._t_us = sample.t_us
         self._aligned = True
         self._aiding.clear()
         self._witness.clear()
         self._watch_in_air(sample.t_us)
         self._sample.gyro[:] = sample.w_b
-        bits = estimate(self._memory, self._sample, memory.RESTARTED)
+        bits = estimate(self._state, self._workspace, self._sample, memory.RESTARTED)
         return self._estimate(sample.t_us, bits)
 
     def _standing(self, t_us: int, bits: int) -> AttitudeEstimate | None:
         """The estimate of before, where there is one."""
         if not self._aligned:
             return None
-        return self._estimate(t_us, estimate(self._memory, self._sample, bits))
+        bits = estimate(self._state, self._workspace, self._sample, bits)
+        return self._estimate(t_us, bits)
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
-        # fmt: off
-        (
-            q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, to_n, to_e, to_d, w_x, w_y, w_z,
-            sigma_tilt_rad, sigma_heading_rad,
-        ) = self._read()
-        # fmt: on
+        q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, to_n, to_e, to_d = self._read_held()
+        w_x, w_y, w_z, sigma_tilt_rad, sigma_heading_rad = self._read_found()
         # Without the detour through the constructor's arguments, which doubles its price.
         return tuple.__new__(
             AttitudeEstimate,
@@ -465,7 +473,7 @@ class SplitState(NamedTuple):
     Attributes:
         t_us: time of the last sample.
         is_aligned: there is an attitude.
-        memory: numbers of the kernel's memory.
+        kernel: numbers of the kernel's state.
         sample: numbers of its last sample.
         window: numbers of the alignment's window; none without one.
         air: numbers of the alignment's window in the air; none without one.
@@ -475,7 +483,7 @@ class SplitState(NamedTuple):
 
     t_us: int | None
     is_aligned: bool
-    memory: list[float]
+    kernel: list[float]
     sample: list[float]
     window: list[float]
     air: list[float]
@@ -485,7 +493,7 @@ class SplitState(NamedTuple):
 
 def split_state(state: FilterState, name: str) -> SplitState:
     """The parts of a state; ValueError for another filter's state."""
-    kernel = (size_of(Memory), size_of(Sample))
+    kernel = (size_of(State), size_of(Sample))
     if state.filter_name != name or len(state.values) < HEAD_SIZE + sum(kernel) + WITNESS_SIZE:
         raise ValueError(f"state of filter {state.filter_name!r} given to {name!r}")
     t_us = state.values[0]

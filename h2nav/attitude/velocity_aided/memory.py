@@ -1,4 +1,4 @@
-"""What the velocity-aided filter remembers, is given, and is fed with, in floats.
+"""What the velocity-aided filter remembers, works with, is given, and is fed with, in floats.
 
 Frames: body forward-right-down; n is local north-east-down with true north. Velocities are divided
 by gravity, so that their unit is the second. Fields are in one unit throughout. theta is what the
@@ -29,8 +29,8 @@ YAW_REFERENCED = 128
 
 
 @dataclass(slots=True)
-class Memory:
-    """The whole memory of the filter, and the intermediate results of a step."""
+class State:
+    """What the filter remembers from one sample to the next, and an estimate repeats."""
 
     q_nb: list[float] = reals(4, "", "attitude, body to n, scalar first")
     gyro_bias: list[float] = reals(3, "rad/s", "gyro bias")
@@ -83,12 +83,7 @@ class Memory:
     gained_n: float = real("s", "velocity gained north since aiding began; nothing corrects it")
     gained_e: float = real("s", "velocity gained east")
     startup_inflation: float = real("", "factor on the noises while the filter starts")
-    r_nb: list[float] = reals(9, "", "matrix of the attitude, row by row; not remembered")
-    dtheta: list[float] = reals(4, "", "correction of theta; not remembered")
     innovation: list[float] = reals(3, "rad", "rotation applied about n, e; heading innovation")
-    mag_ned: list[float] = reals(3, "field", "field in n; not remembered")
-    jacobian: list[float] = reals(4, "", "how the heading depends on theta; not remembered")
-    jacobian_accel: list[float] = reals(2, "", "how it depends on the accelerometer's bias")
     extra_tilt_sigma: float = real("rad", "deviation of the tilt beyond that of the gain sets")
     clipped_angle: float = real("rad", "angle that the clipped samples in a row may have hidden")
     clipped_s: float = real("s", "how long samples have been clipped in a row")
@@ -119,16 +114,27 @@ class Memory:
     p_accel: list[float] = reals(3, "g^2", "its covariance: xx, xy, yy; 0: not yet learnt")
     p_accel_x: list[float] = reals(4, "", "covariance of theta with the bias x")
     p_accel_y: list[float] = reals(4, "", "covariance of theta with the bias y")
-    daccel: list[float] = reals(2, "g", "correction of that bias; not remembered")
     fix_period_s: float = real("s", "time between fixes as last used")
     fix_lag_s: float = real("s", "how late the fixes are, beyond their stamps")
     fix_lag_variance: float = real("s^2", "variance of that")
     dtilt_lag: list[float] = reals(2, "1/s", "sensitivity of the tilt to it, north and east")
     dvelocity_lag: list[float] = reals(2, "", "sensitivity of the velocity to it, north and east")
-    dfix_lag: float = real("s", "correction of it; not remembered")
-    rate: list[float] = reals(3, "rad/s", "angular rate without the bias; not remembered")
-    sigma_tilt: float = real("rad", "predicted deviation of the tilt; not remembered")
-    sigma_heading: float = real("rad", "predicted deviation of the heading; not remembered")
+
+
+@dataclass(slots=True)
+class Workspace:
+    """Intermediate results of one step, each written before it is read; nothing is remembered."""
+
+    r_nb: list[float] = reals(9, "", "matrix of the attitude, row by row")
+    dtheta: list[float] = reals(4, "", "correction of theta")
+    mag_ned: list[float] = reals(3, "field", "field in n")
+    jacobian: list[float] = reals(4, "", "how the heading depends on theta")
+    jacobian_accel: list[float] = reals(2, "", "how it depends on the accelerometer's bias")
+    daccel: list[float] = reals(2, "g", "correction of that bias")
+    dfix_lag: float = real("s", "correction of it")
+    rate: list[float] = reals(3, "rad/s", "angular rate without the bias")
+    sigma_tilt: float = real("rad", "predicted deviation of the tilt")
+    sigma_heading: float = real("rad", "predicted deviation of the heading")
 
 
 @dataclass(slots=True)

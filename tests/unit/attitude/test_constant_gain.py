@@ -9,7 +9,7 @@ from needs import DEG
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter, fill_sample
 from h2nav.attitude.constant_gain.gains import ConstantGainModel, constant_gain_model
 from h2nav.attitude.constant_gain.kernel import step as kernel
-from h2nav.attitude.constant_gain.memory import Gains, Memory, Sample
+from h2nav.attitude.constant_gain.memory import Gains, Sample, State
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.integer import motion, triad
 from h2nav.attitude.record import assign, rows, values
@@ -112,7 +112,7 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(triad, "known", checked)
     monkeypatch.setattr(motion, "known", checked)
     rng = random.Random(5)
-    gains, memory, sample = ConstantGainFilter(MODEL).kernel_gains, Memory(), Sample()
+    gains, memory, sample = ConstantGainFilter(MODEL).kernel_gains, State(), Sample()
     ranges = [found.range or (0, 0) for found in rows(Sample) for _ in range(found.length)]
     kernel.reset(memory)
     for i in range(40_000):
@@ -129,7 +129,7 @@ def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> Non
             numbers[3:9] = numbers[3:9] if i % 500 == 0 else [0, 0, 16384, 8192, 0, 14189]
         assign(sample, Sample, numbers)
         kernel.update(memory, gains, sample)
-        assign(memory, Memory, values(memory, Memory))  # refuses what is out of its range
+        assign(memory, State, values(memory, State))  # refuses what is out of its range
 
 
 def _on_sphere(rng: random.Random, radius: float) -> list[int]:

@@ -20,11 +20,11 @@ from h2nav.attitude.record import size_of
 from h2nav.attitude.samples import AttitudeEstimate, EarthField, Quat, Trust
 from h2nav.attitude.two_stage.filter import TwoStageFilter
 from h2nav.attitude.two_stage.gains import design_two_stage
-from h2nav.attitude.two_stage.memory import Memory
+from h2nav.attitude.two_stage.memory import State
 from h2nav.maths import quaternion
 
 GAINS = design_two_stage(DENSITIES, 100.0, "test")
-_MEMORY = -size_of(Memory)  # where the kernel's memory begins in a state
+_MEMORY = -size_of(State)  # where the kernel's memory begins in a state
 
 
 def new_filter(field: EarthField | None = FIELD) -> TwoStageFilter:

@@ -75,7 +75,7 @@ def reference_norm(law: RateLaw, magnet_b: Vec3, scale: float) -> float:
     filter_ = new_filter(knows_field=True)
     for sample in with_samples(drive, change).flight.samples:
         filter_.update(sample)
-    return filter_.kernel_memory.mag_ref_norm
+    return filter_.kernel_state.mag_ref_norm
 
 
 def spun_before(t: float) -> Vec3:

@@ -183,7 +183,7 @@ def test_the_latency_of_fixes_is_learnt_as_by_the_floats() -> None:
             integers.use_velocity(fix)
         floats.update(sample)
         integers.update(sample)
-    known, found = floats.kernel_memory, integers.kernel_memory
+    known, found = floats.kernel_state, integers.kernel_state
     assert found.fix_lag * 2.0**-30 == pytest.approx(known.fix_lag_s, abs=0.01)
     assert found.fix_lag * 2.0**-30 == pytest.approx(0.08, abs=0.02)
     # The floats learn it by a share, which the noise of the force sets; the integers wholly.
@@ -206,7 +206,7 @@ def test_the_bias_of_the_accelerometer_is_learnt_as_by_the_floats() -> None:
             if number % 20 == 3:
                 filter_.use_velocity(standing(sample))
             filter_.update(biased)
-    known, found = floats.kernel_memory, integers.kernel_memory
+    known, found = floats.kernel_state, integers.kernel_state
     for i, true_m_s2 in enumerate((0.12, -0.1)):
         learnt = found.accel_bias[i] * 2.0**-28 * ACCEL_UNIT_G
         assert learnt == pytest.approx(known.accel_bias[i], abs=0.0015)
@@ -239,7 +239,7 @@ def test_fixes_that_deny_the_tilt_ask_the_force() -> None:
     for number in range(1100):
         t_us = 1_000_000 + 10_000 * number
         if number == 500:
-            filter_.kernel_memory.q_nb[:] = [round(part * 536870000) for part in turned]
+            filter_.kernel_state.q_nb[:] = [round(part * 536870000) for part in turned]
         if number % 20 == 10:
             filter_.use_velocity(VelocityFix(t_us - 10_000, (0.0, 0.0, 0.0), 0.1))
         shake = 2.0 if number % 2 else -2.0
@@ -258,7 +258,7 @@ def test_without_a_field_motion_teaches_no_vertical_bias() -> None:
     samples = [s if s.t_us < 20e6 else s._replace(m_b_ut=None) for s in flight.samples]
     floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
     floats.use_vehicle(FLYING)
-    memory = integers.kernel_memory
+    memory = integers.kernel_state
     found = []
     for sample in samples:
         a, b = floats.update(sample), integers.update(sample)
@@ -286,8 +286,8 @@ def test_the_jitter_of_the_gyro_is_that_of_the_floats(rate_hz: float, sigma: flo
         x, y, z = (rate + rng.gauss(0.0, sigma) for rate in sample.w_b)
         floats.update(sample._replace(w_b=(x, y, z)))
         integers.update(sample._replace(w_b=(x, y, z)))
-    found = integers.kernel_memory.gyro_jitter * 2.0**-36
-    assert found == pytest.approx(floats.kernel_memory.gyro_jitter, rel=0.06)
+    found = integers.kernel_state.gyro_jitter * 2.0**-36
+    assert found == pytest.approx(floats.kernel_state.gyro_jitter, rel=0.06)
     assert found == pytest.approx(sigma**2 / rate_hz, rel=0.3)
 
 

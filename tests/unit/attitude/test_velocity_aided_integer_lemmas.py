@@ -28,8 +28,8 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
     VELOCITY_MOST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from h2nav.io import gain_files
 
@@ -37,7 +37,7 @@ MODULES = (
     triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, place, start, step
 )  # fmt: skip
 BLOCK = 400
-Maker = Callable[[random.Random, Memory, int], Sample]
+Maker = Callable[[random.Random, State, int], Sample]
 
 
 def ranges(record_type: type) -> list[tuple[int, int]]:
@@ -55,17 +55,17 @@ def sample_of(numbers: list[int]) -> Sample:
     return sample
 
 
-def corners(rng: random.Random, _memory: Memory, _number: int) -> Sample:
+def corners(rng: random.Random, _state: State, _number: int) -> Sample:
     """Every number at an end of its range."""
     return sample_of([rng.choice(ends) for ends in SAMPLE_RANGES])
 
 
-def anything(rng: random.Random, _memory: Memory, _number: int) -> Sample:
+def anything(rng: random.Random, _state: State, _number: int) -> Sample:
     """Every number anywhere in its range."""
     return sample_of([rng.randint(low, high) for low, high in SAMPLE_RANGES])
 
 
-def small(rng: random.Random, _memory: Memory, _number: int) -> Sample:
+def small(rng: random.Random, _state: State, _number: int) -> Sample:
     """Magnitudes of every size, so that no logarithm is always large."""
     numbers = []
     for low, high in SAMPLE_RANGES:
@@ -74,7 +74,7 @@ def small(rng: random.Random, _memory: Memory, _number: int) -> Sample:
     return sample_of(numbers)
 
 
-def spin(rng: random.Random, memory: Memory, number: int) -> Sample:
+def spin(rng: random.Random, memory: State, number: int) -> Sample:
     """Fastest turns, largest correction, force and field that agree with nothing."""
     u = _still(rng, memory)
     for i in range(3):
@@ -86,7 +86,7 @@ def spin(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def quiet(rng: random.Random, memory: Memory, number: int) -> Sample:
+def quiet(rng: random.Random, memory: State, number: int) -> Sample:
     """At rest for long, with every length of a step: variances become as small as they can."""
     u = _still(rng, memory)
     u.has_mag = number & 1
@@ -95,7 +95,7 @@ def quiet(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def aided(rng: random.Random, memory: Memory, number: int) -> Sample:
+def aided(rng: random.Random, memory: State, number: int) -> Sample:
     """Fixes: exact, far, with the least and the largest variance and period."""
     u = _still(rng, memory)
     u.aided = 1
@@ -113,7 +113,7 @@ def aided(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def thrust(rng: random.Random, memory: Memory, number: int) -> Sample:
+def thrust(rng: random.Random, memory: State, number: int) -> Sample:
     """One force and one rate for long: velocity and sensitivities reach their limits."""
     u = _still(rng, memory)
     u.accel[number // 100 % 3] = rng.choice((-1, 1)) * (FORCE_MOST - 1)
@@ -123,7 +123,7 @@ def thrust(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def weak(rng: random.Random, memory: Memory, number: int) -> Sample:
+def weak(rng: random.Random, memory: State, number: int) -> Sample:
     """Next to no force and next to no field."""
     u = _still(rng, memory)
     for i in range(3):
@@ -133,7 +133,7 @@ def weak(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def circling(rng: random.Random, memory: Memory, number: int) -> Sample:
+def circling(rng: random.Random, memory: State, number: int) -> Sample:
     """A coherent turn with a strong field, which teaches the latency all it can hold."""
     u = _still(rng, memory)
     angle = 0.2 * number
@@ -145,7 +145,7 @@ def circling(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def relaunched(rng: random.Random, memory: Memory, number: int) -> Sample:
+def relaunched(rng: random.Random, memory: State, number: int) -> Sample:
     """Clipped turns that restart the frame, then the largest innovation for a whole one."""
     u = _still(rng, memory)
     part = number % 24
@@ -160,7 +160,7 @@ def relaunched(rng: random.Random, memory: Memory, number: int) -> Sample:
     return u
 
 
-def _still(rng: random.Random, _memory: Memory) -> Sample:
+def _still(rng: random.Random, _state: State) -> Sample:
     u = Sample(dt_us=10000, fix_variance=1, fix_period_us=1)
     u.accel[2] = -(1 << 20)
     for i, field in enumerate((6400, 0, 11085)):
@@ -194,7 +194,7 @@ def shipped_gains(name: str) -> Gains:
 
 def watched_run(rng: random.Random, gains: Gains, count: int) -> None:
     """Runs blocks of samples, with restarts and new places between them."""
-    memory = Memory()
+    memory = State()
     start.reset(memory, gains)
     for maker in blocks(rng, count):
         for number in range(BLOCK):
@@ -204,15 +204,15 @@ def watched_run(rng: random.Random, gains: Gains, count: int) -> None:
             place.set_place(memory, gains, north, east, down)
         for number in range(20):  # gaps
             start.resume(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))
-            assign(memory, Memory, values(memory, Memory))
+            assign(memory, State, values(memory, State))
         for number in range(20):  # first attitudes from anything
             start.restart(memory)
             take(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))
 
 
-def take(memory: Memory, gains: Gains, sample: Sample) -> None:
+def take(memory: State, gains: Gains, sample: Sample) -> None:
     step.update(memory, gains, sample)
-    assign(memory, Memory, values(memory, Memory))  # refuses what is out of its range
+    assign(memory, State, values(memory, State))  # refuses what is out of its range
 
 
 @pytest.fixture

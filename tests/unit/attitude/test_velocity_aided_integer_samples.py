@@ -107,8 +107,8 @@ def test_only_a_turn_that_the_field_shows_makes_it_the_reference() -> None:
     filter_ = new_filter()
     stood = drive(filter_, flight.samples[:3000])
     assert not any(e is None or e.trust & Trust.FIELD_USED for e in stood[600:])
-    assert filter_.kernel_memory.mag_new_us > 20_000_000
-    assert filter_.kernel_memory.mag_new_turn == 0
+    assert filter_.kernel_state.mag_new_us > 20_000_000
+    assert filter_.kernel_state.mag_new_turn == 0
     turned = drive(filter_, flight.samples[3000:])
     assert turned[-1] is not None
     assert turned[-1].trust & Trust.FIELD_USED
@@ -171,7 +171,7 @@ def test_fixes_after_a_gap_do_not_know_the_velocity_before_it() -> None:
     for estimate, q_nb in zip(later, flight.q_nb[1400:], strict=True):
         assert estimate is not None
         assert quaternion.angle(estimate.q_nb, q_nb) < 1.5 * DEG
-    memory = filter_.kernel_memory
+    memory = filter_.kernel_state
     assert memory.aided == 1
     assert abs(memory.velocity_n) + abs(memory.velocity_e) < 0.02 * 2.0**24
 

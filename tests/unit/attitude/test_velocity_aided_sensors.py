@@ -101,7 +101,7 @@ def test_jitter_is_measured_and_doubted_and_smooth_motion_is_not(law: RateLaw) -
         filter_ = new_filter(scale_noise=0.0)
         estimates = [filter_.update(sample) for sample in drive.flight.samples]
         assert estimates[-1] is not None
-        levels.append(filter_.kernel_memory.gyro_jitter)
+        levels.append(filter_.kernel_state.gyro_jitter)
         tilts.append(estimates[-1].sigma_tilt_rad)
     assert levels[0] < 0.01 * density
     assert levels[1] == pytest.approx(density, rel=0.2)

@@ -24,8 +24,8 @@ from ..memory import (
     SATURATED,
     SATURATIONS_LIMIT,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 
 ONE_Q26 = 1 << 26
@@ -56,13 +56,13 @@ def sane(v: list[I32], x: I32, y: I32, z: I32, tolerance: I32) -> I32:
     return gate
 
 
-def boost_of(s: Memory, g: Gains) -> I32:
+def boost_of(s: State, g: Gains) -> I32:
     """By which power of two the gain is raised; the younger the attitude, the more."""
     return clamp(g.boost - (s.age_us >> g.boost_shift), 0, 3)
 
 
 def innovation(
-    s: Memory,
+    s: State,
     g: Gains,
     sample: Sample,
     r: list[I32],
@@ -111,7 +111,7 @@ def innovation(
     return (g_used & FORCE_USED) | (f_used & FIELD_USED)
 
 
-def watch(s: Memory, dt_us: I32, contradicted: I32, f_sane: I32) -> None:
+def watch(s: State, dt_us: I32, contradicted: I32, f_sane: I32) -> None:
     """Adds up the time of the samples in which both sensors have contradicted the attitude.
 
     One that agrees begins anew; samples without a usable field change nothing.
@@ -130,7 +130,7 @@ def weighted(gain: list[I32], z: list[I32], e: list[I32]) -> None:
     e[2] = (gain[3] * z[0] + gain[4] * z[2] + 16384) >> 15
 
 
-def correct_bias(s: Memory, axis: I32, correction: I32, shift: I32, met: list[I32]) -> None:
+def correct_bias(s: State, axis: I32, correction: I32, shift: I32, met: list[I32]) -> None:
     """Moves one axis of the bias; what is below its resolution is carried to the next step.
 
     Source: docs/fixed-point.md Eq. (6).
@@ -143,7 +143,7 @@ def correct_bias(s: Memory, axis: I32, correction: I32, shift: I32, met: list[I3
     met[0] |= known(bias - limited, -(1 << 28), 1 << 28)  # Lemma 6
 
 
-def step(s: Memory, g: Gains, sample: Sample) -> I32:
+def step(s: State, g: Gains, sample: Sample) -> I32:
     """Takes one sample of an aligned filter; returns what it rested on, as bits."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     zeta = [0, 0, 0]
@@ -174,7 +174,7 @@ def step(s: Memory, g: Gains, sample: Sample) -> I32:
     return used | (saturated & SATURATED)
 
 
-def align(s: Memory, sample: Sample) -> I32:
+def align(s: State, sample: Sample) -> I32:
     """Takes the attitude that one sample shows, if its vectors are usable; returns bits.
 
     Without a field the nose points north.
@@ -199,18 +199,18 @@ def align(s: Memory, sample: Sample) -> I32:
     return ALIGNED
 
 
-def reset(s: Memory) -> None:
+def reset(s: State) -> None:
     """Makes a filter of zeros: not aligned."""
     s.q_nb[0] = Q_LIMIT - (1 << 19)
     s.age_us = -1
 
 
-def restart(s: Memory) -> None:
+def restart(s: State) -> None:
     """Forgets the attitude, keeps the bias and the counter of saturations."""
     s.age_us = -1
 
 
-def update(s: Memory, g: Gains, sample: Sample) -> I32:
+def update(s: State, g: Gains, sample: Sample) -> I32:
     """Takes one sample: aligns, or steps, or asks the next sample to align; returns bits."""
     if s.age_us < 0:
         return align(s, sample)

@@ -5,7 +5,7 @@ Equations: docs/derivation.md section 3.
 
 import math
 
-from ..memory import FIELD_USED, FORCE_USED, SATURATED, Gains, Memory, Sample
+from ..memory import FIELD_USED, FORCE_USED, SATURATED, Gains, Sample, State
 from .motion import turn_world
 from .trust import field_sane, force_near, force_sane
 
@@ -13,7 +13,7 @@ from .trust import field_sane, force_near, force_sane
 STEADY = 1.02
 
 
-def weigh(s: Memory, g: Gains, sample: Sample, level: int) -> int:
+def weigh(s: State, g: Gains, sample: Sample, level: int) -> int:
     """Weighted innovation zeta and its information from what is accepted. Returns bits.
 
     Source: docs/derivation.md Eq. (3.2), (3.3), (3.15).
@@ -55,7 +55,7 @@ def weigh(s: Memory, g: Gains, sample: Sample, level: int) -> int:
     return bits
 
 
-def freeze(s: Memory, g: Gains, dt: float) -> None:
+def freeze(s: State, g: Gains, dt: float) -> None:
     """Sets bias_frozen while the force stands off its place by more than the bias explains.
 
     Source: docs/derivation.md Eq. (3.19).
@@ -77,7 +77,7 @@ def freeze(s: Memory, g: Gains, dt: float) -> None:
         s.p_zz += g.frozen_walk * dt
 
 
-def weigh_field(s: Memory, g: Gains, force_weight: float) -> None:
+def weigh_field(s: State, g: Gains, force_weight: float) -> None:
     """Adds the field; a sample that stands for several steps carries their information.
 
     Source: docs/derivation.md Eq. (3.2), (3.19), (3.20).
@@ -115,7 +115,7 @@ def weigh_field(s: Memory, g: Gains, force_weight: float) -> None:
         s.info_nd = -hd * g.mag_n
 
 
-def correct(s: Memory, g: Gains, level: int) -> int:
+def correct(s: State, g: Gains, level: int) -> int:
     """Both stages: attitude by K_b, bias by its own small covariance. Returns bits.
 
     Source: docs/derivation.md Eq. (3.4), (3.10) - (3.13).
@@ -203,7 +203,7 @@ def max_of(a: float, b: float) -> float:
     return b
 
 
-def learn(s: Memory, weight: float, u_0: float, u_1: float, u_2: float) -> None:
+def learn(s: State, weight: float, u_0: float, u_1: float, u_2: float) -> None:
     """One scalar update of the bias covariance: P^-1 <- P^-1 + weight u u^T.
 
     Source: docs/derivation.md Eq. (3.10).
@@ -220,7 +220,7 @@ def learn(s: Memory, weight: float, u_0: float, u_1: float, u_2: float) -> None:
     s.p_zz -= c * h_2 * h_2
 
 
-def move(s: Memory, g: Gains, eps_n: float, eps_e: float, eps_d: float) -> int:
+def move(s: State, g: Gains, eps_n: float, eps_e: float, eps_d: float) -> int:
     """Applies the bias step of the second stage and the turn of both stages. Returns bits.
 
     `eps` is the turn that the first stage asks for, NED.

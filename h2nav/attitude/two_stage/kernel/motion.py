@@ -5,13 +5,13 @@ Equations: docs/derivation.md section 3.
 
 import math
 
-from ..memory import Gains, Memory, Sample
+from ..memory import Gains, Sample, State
 
 # Variances of the tilt, rad^2: (1.2 deg)^2 opens the gates again.
 OPEN_VARIANCE = 4e-4
 
 
-def propagate(s: Memory, g: Gains, sample: Sample) -> None:
+def propagate(s: State, g: Gains, sample: Sample) -> None:
     """Attitude, regressor and bias covariance over one step; the matrix of the attitude too.
 
     Source: docs/derivation.md Eq. (3.8), (3.9).
@@ -49,7 +49,7 @@ def propagate(s: Memory, g: Gains, sample: Sample) -> None:
     s.doubt_s -= dt
 
 
-def pass_clipped(s: Memory, sample: Sample) -> None:
+def pass_clipped(s: State, sample: Sample) -> None:
     """A sample whose true rate is unknown: nothing is learnt, and the attitude gets uncertain.
 
     A rate that is wrong by its own size for T leaves an error of rate T.
@@ -74,7 +74,7 @@ def pass_clipped(s: Memory, sample: Sample) -> None:
         s.age_s = 0.0
 
 
-def turn_body(s: Memory, phi_x: float, phi_y: float, phi_z: float) -> None:
+def turn_body(s: State, phi_x: float, phi_y: float, phi_z: float) -> None:
     """Turns the attitude about body axes: q <- q Exp(phi); its matrix too.
 
     Source: docs/derivation.md Eq. (1.3), (1.4).
@@ -110,7 +110,7 @@ def turn_body(s: Memory, phi_x: float, phi_y: float, phi_z: float) -> None:
     s.r_nb[8] = 1.0 - 2.0 * (ux * ux + uy * uy)
 
 
-def turn_world(s: Memory, eps_n: float, eps_e: float, eps_d: float) -> None:
+def turn_world(s: State, eps_n: float, eps_e: float, eps_d: float) -> None:
     """Turns the attitude about NED axes, q <- Exp(eps) q, and restores its length.
 
     Source: docs/derivation.md Eq. (1.4), (3.13).
@@ -139,7 +139,7 @@ def turn_world(s: Memory, eps_n: float, eps_e: float, eps_d: float) -> None:
     s.q_nb[3] = scale * uz
 
 
-def measure(s: Memory, g: Gains, sample: Sample) -> None:
+def measure(s: State, g: Gains, sample: Sample) -> None:
     """The measured vectors in NED: gravity = R y_a with y_a = -f_b, field = R y_m."""
     ax = -sample.accel[0]
     ay = -sample.accel[1]

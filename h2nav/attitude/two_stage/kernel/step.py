@@ -3,7 +3,7 @@
 Equations: docs/derivation.md section 3.
 """
 
-from ..memory import FIELD_USED, LOST, MOVED, WRONG, Gains, Memory, Sample
+from ..memory import FIELD_USED, LOST, MOVED, WRONG, Gains, Sample, State
 from .correction import correct, weigh
 from .motion import measure, pass_clipped, propagate
 from .trust import (
@@ -21,7 +21,7 @@ from .trust import (
 LOST_VARIANCE = 0.27
 
 
-def step(s: Memory, g: Gains, sample: Sample) -> int:
+def step(s: State, g: Gains, sample: Sample) -> int:
     """Takes one sample: propagates over its time, then corrects. Returns bits.
 
     Source: docs/derivation.md Eq. (3.8) - (3.22).

@@ -5,11 +5,11 @@ Equations: docs/derivation.md section 3.
 
 import math
 
-from ..memory import LEVELS, WRONG, Gains, Memory, Sample
+from ..memory import LEVELS, WRONG, Gains, Sample, State
 from .motion import turn_world
 
 
-def track_force(s: Memory, g: Gains, sample: Sample) -> int:
+def track_force(s: State, g: Gains, sample: Sample) -> int:
     """Learns how much the vehicle accelerates and vibrates; returns the gain level.
 
     Source: docs/derivation.md Eq. (3.14).
@@ -61,7 +61,7 @@ def track_force(s: Memory, g: Gains, sample: Sample) -> int:
     return level
 
 
-def force_sane(s: Memory, g: Gains) -> int:
+def force_sane(s: State, g: Gains) -> int:
     """1 when the force has the size of gravity."""
     force_2 = (
         s.gravity_ned[0] * s.gravity_ned[0]
@@ -73,7 +73,7 @@ def force_sane(s: Memory, g: Gains) -> int:
     return 0
 
 
-def force_near(s: Memory, g: Gains) -> int:
+def force_near(s: State, g: Gains) -> int:
     """1 when the force points down, within the gate and 3.4 times its own jitter."""
     width = g.accel_gate + 3.4 * math.sqrt(s.accel_jitter)
     if (
@@ -85,7 +85,7 @@ def force_near(s: Memory, g: Gains) -> int:
     return 0
 
 
-def field_sane(s: Memory, g: Gains) -> int:
+def field_sane(s: State, g: Gains) -> int:
     """1 when the field has the size of the reference."""
     field_2 = (
         s.mag_ned[0] * s.mag_ned[0] + s.mag_ned[1] * s.mag_ned[1] + s.mag_ned[2] * s.mag_ned[2]
@@ -96,7 +96,7 @@ def field_sane(s: Memory, g: Gains) -> int:
     return 0
 
 
-def track_contradiction(s: Memory, g: Gains, sample: Sample) -> int:
+def track_contradiction(s: State, g: Gains, sample: Sample) -> int:
     """WRONG when both sensors have long agreed with each other but not with the attitude.
 
     The error is constant in NED while nothing corrects it, so the sums of both vectors over that
@@ -136,7 +136,7 @@ def track_contradiction(s: Memory, g: Gains, sample: Sample) -> int:
     return 0
 
 
-def track_turned(s: Memory, g: Gains) -> int:
+def track_turned(s: State, g: Gains) -> int:
     """1 when a field of the right size and slope has long pointed to another north.
 
     Source: docs/derivation.md Eq. (3.18).
@@ -150,7 +150,7 @@ def track_turned(s: Memory, g: Gains) -> int:
     return 0
 
 
-def take_heading(s: Memory, g: Gains) -> None:
+def take_heading(s: State, g: Gains) -> None:
     """Turns a heading that was tied to nothing to where the field shows north.
 
     Source: docs/derivation.md Eq. (3.17).
@@ -167,7 +167,7 @@ def take_heading(s: Memory, g: Gains) -> None:
     s.mag_age_s = 0.0
 
 
-def doubt_bias(s: Memory, g: Gains) -> None:
+def doubt_bias(s: State, g: Gains) -> None:
     """What led the attitude astray may have led the bias astray, beyond its covariance."""
     s.p_xx += g.bias_doubt
     s.p_yy += g.bias_doubt

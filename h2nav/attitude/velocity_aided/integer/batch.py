@@ -20,7 +20,7 @@ from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.batch import special_samples
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.gains import BIAS_WORD_RAD_S
-from h2nav.attitude.velocity_aided.integer.memory import FIELD_USED, Gains, Memory, Sample
+from h2nav.attitude.velocity_aided.integer.memory import FIELD_USED, Gains, Sample, State
 from h2nav.maths.units import GRAVITY_M_S2
 
 
@@ -48,9 +48,9 @@ class IntegerVelocityAidedBatch:
             return stop
         return first + int(with_field[0])
 
-    def records(self) -> tuple[Memory, Gains]:
-        """Memory and gains of the kernel."""
-        return self._filter.kernel_memory, self._filter.kernel_gains
+    def records(self) -> tuple[State, Gains]:
+        """What the kernel takes before a sample."""
+        return self._filter.kernel_state, self._filter.kernel_gains
 
     def table(self, part: Samples) -> Table:
         """The kernel's samples, each in as many steps as its time needs.

@@ -50,8 +50,8 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
     VARIANCE_LEAST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from h2nav.attitude.velocity_aided.kernel.estimate import (
     CONVERGED_S,
@@ -154,13 +154,13 @@ class IntegerVelocityAidedFilter:
         self, gains: VelocityAidedGains, place: str, compiled: CompiledStep | None = None
     ) -> None:
         self._gains = gains
-        self._memory, self._sample = Memory(), Sample()
+        self._state, self._sample = State(), Sample()
         self._g = integer_gains(gains, place).gains
         if compiled is not None:
-            self._memory, self._sample = in_c(Memory), in_c(Sample)
+            self._state, self._sample = in_c(State), in_c(Sample)
             exact, self._g = self._g, in_c(Gains)
             copy(exact, self._g, Gains)
-        s, g, u = self._memory, self._g, self._sample
+        s, g, u = self._state, self._g, self._sample
         bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
         self._step: Callable[[], int] = bound
         reset(s, g)
@@ -178,9 +178,9 @@ class IntegerVelocityAidedFilter:
         return self._t_us
 
     @property
-    def kernel_memory(self) -> Memory:
+    def kernel_state(self) -> State:
         """The kernel's memory; see `follow`."""
-        return self._memory
+        return self._state
 
     @property
     def kernel_gains(self) -> Gains:
@@ -199,7 +199,7 @@ class IntegerVelocityAidedFilter:
         """
         if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_S * 1e6:
             return False
-        return self._memory.age_us >= 0 and not self._memory.aided and self._aiding.is_idle(t_us)
+        return self._state.age_us >= 0 and not self._state.aided and self._aiding.is_idle(t_us)
 
     @property
     def knows_field_unit(self) -> bool:
@@ -214,24 +214,24 @@ class IntegerVelocityAidedFilter:
     @property
     def gain_set(self) -> int:
         """Number of the gain set in use, 0 the weakest."""
-        return self._memory.gain_set
+        return self._state.gain_set
 
     @property
     def field_latency_s(self) -> float:
         """How late the magnetometer's samples are, as learnt so far."""
-        return self._memory.mag_lag * LAG_UNIT_S
+        return self._state.mag_lag * LAG_UNIT_S
 
     @property
     def sensor_errors(self) -> SensorErrors:
         """What has been learnt of the sensors so far."""
-        s = self._memory
+        s = self._state
         unit = self._gains.kernel.bias_variance / self._g.bias_variance
         variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
         return SensorErrors(variance, field_latency_s=self.field_latency_s)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Begins with sensors whose errors are undone, as well as they were known so long ago."""
-        s, g = self._memory, self._gains.kernel
+        s, g = self._state, self._gains.kernel
         start = self._g.bias_variance
         x, y, z = (
             max(
@@ -249,7 +249,7 @@ class IntegerVelocityAidedFilter:
         As with the filter in floats a sample that no sensor can have made changes nothing, and a
         force of exactly zero or a clipped sample is integrated but corrects nothing.
         """
-        is_aligned = self._memory.age_us >= 0
+        is_aligned = self._state.age_us >= 0
         if self._t_us is not None and sample.t_us <= self._t_us:
             return self._estimate(sample._replace(t_us=self._t_us), 0) if is_aligned else None
         if not is_plausible(sample.w_b, sample.f_b):
@@ -273,9 +273,9 @@ class IntegerVelocityAidedFilter:
         if not u.clipped:
             bits |= self._standing(sample.t_us)
         self._t_us = sample.t_us
-        gained = self._gained() if self._memory.aided else None
+        gained = self._gained() if self._state.aided else None
         self._aiding.remember(sample.t_us, gained)
-        if self._memory.age_us < 0:
+        if self._state.age_us < 0:
             return None
         return self._estimate(sample, bits)
 
@@ -311,7 +311,7 @@ class IntegerVelocityAidedFilter:
     def _resume(self) -> int:
         """The first sample, or the first after a gap."""
         self._sample.dt_us = 0
-        bits = resume(self._memory, self._g, self._sample)
+        bits = resume(self._state, self._g, self._sample)
         self._follow_gained()
         return bits
 
@@ -323,27 +323,27 @@ class IntegerVelocityAidedFilter:
         u = self._sample
         before = values(u, Sample)
         assign(u, Sample, _NOTHING)
-        saturations = self._memory.saturations
-        while max(abs(part) for part in self._memory.correction) >> SETTLED_BITS:
+        saturations = self._state.saturations
+        while max(abs(part) for part in self._state.correction) >> SETTLED_BITS:
             self._step()
         self._step()
         assign(u, Sample, before)
-        self._memory.saturations = saturations
+        self._state.saturations = saturations
 
     def _standing(self, t_us: int) -> int:
         """Bits of what holds from one frame to the next; the kernel gives them once per frame."""
         bits = 0
         if self._accepted_us is not None and t_us - self._accepted_us < ACCEPTED_US:
             bits = memory.FIELD_USED
-        if self._memory.rest_us >= max(self._g.rest_time_us, 1):
+        if self._state.rest_us >= max(self._g.rest_time_us, 1):
             bits |= memory.RESTING
         return bits
 
     def _follow_gained(self) -> None:
         """The velocity gained, which the kernel keeps modulo 2^28, without end."""
-        change = (self._memory.gained_n - self._gained_n) & GAINED_MASK
+        change = (self._state.gained_n - self._gained_n) & GAINED_MASK
         self._gained_n += change - ((change >> 27) << 28)
-        change = (self._memory.gained_e - self._gained_e) & GAINED_MASK
+        change = (self._state.gained_e - self._gained_e) & GAINED_MASK
         self._gained_e += change - ((change >> 27) << 28)
 
     def _gained(self) -> tuple[float, float]:
@@ -373,7 +373,7 @@ class IntegerVelocityAidedFilter:
 
     def use_field(self, field: EarthField) -> None:
         """Norm and dip become the gate's reference; see `AttitudeFilter`."""
-        s = self._memory
+        s = self._state
         self._field_scale = 0
         declination, sine, cosine = field_params(field)
         change = declination - s.declination
@@ -382,9 +382,9 @@ class IntegerVelocityAidedFilter:
         s.declination_cosine = cosine
         norm = field.norm_ut / FIELD_UNIT_UT
         horizontal, down = norm * math.cos(field.dip_rad), norm * math.sin(field.dip_rad)
-        s.mag_ref_horizontal = row(Memory, "mag_ref_horizontal").fixed(horizontal)
-        s.mag_ref_down = row(Memory, "mag_ref_down").fixed(down)
-        s.mag_ref_norm = row(Memory, "mag_ref_norm").fixed(norm)
+        s.mag_ref_horizontal = row(State, "mag_ref_horizontal").fixed(horizontal)
+        s.mag_ref_down = row(State, "mag_ref_down").fixed(down)
+        s.mag_ref_norm = row(State, "mag_ref_norm").fixed(norm)
         s.mag_ref_given = 1
         s.mag_new_us = 0
         referenced = s.age_us >= 0 and s.heading_reset == 0
@@ -394,18 +394,18 @@ class IntegerVelocityAidedFilter:
 
     def use_velocity(self, fix: VelocityFix) -> None:
         """Takes a fix for the next sample; see `AttitudeFilter`."""
-        if self._memory.age_us >= 0 and self._t_us is not None:
+        if self._state.age_us >= 0 and self._t_us is not None:
             self._aiding.offer(fix, self._t_us)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
         lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
-        self._memory.mag_lag_expected = row(Memory, "mag_lag_expected").fixed(lag)
+        self._state.mag_lag_expected = row(State, "mag_lag_expected").fixed(lag)
 
     def restart(self) -> None:
         """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
         if self._sample.rest_prior > 0:
-            restart(self._memory)
+            restart(self._state)
         self._t_us = self._accepted_us = None
         self._aiding.clear()
 
@@ -414,29 +414,29 @@ class IntegerVelocityAidedFilter:
         times = (self._t_us, self._accepted_us)
         vehicle = (self._sample.rest_prior, self._sample.forward_speed)
         head = (*times, self._field_scale, *vehicle, self._gained_n, self._gained_e)
-        kernel = values(self._memory, Memory)
+        kernel = values(self._state, State)
         return FilterState(self.name, (*head, *kernel, *self._aiding.values()))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
-        end = HEAD_SIZE + size_of(Memory)
+        end = HEAD_SIZE + size_of(State)
         if state.filter_name != self.name or len(state.values) < end:
             raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
         optional = [None if value is None else int(value) for value in state.values[:3]]
         numbers = [0 if value is None else value for value in state.values]
         integers = [int(value) for value in numbers[:end]]
-        assign(self._memory, Memory, integers[HEAD_SIZE:])
+        assign(self._state, State, integers[HEAD_SIZE:])
         self._t_us, self._accepted_us, self._field_scale = optional
         self._sample.rest_prior, self._sample.forward_speed = integers[3:5]
         self._gained_n, self._gained_e = integers[5:HEAD_SIZE]
         self._aiding.load([float(value) for value in numbers[end:]])
 
     def _bias(self) -> Vec3:
-        x, y, z = self._memory.gyro_bias
+        x, y, z = self._state.gyro_bias
         return x * BIAS_WORD_RAD_S, y * BIAS_WORD_RAD_S, z * BIAS_WORD_RAD_S
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
-        s = self._memory
+        s = self._state
         w, x, y, z = map(float, s.q_nb)
         length = math.sqrt(w * w + x * x + y * y + z * z)
         q_nb: Quat = (w / length, x / length, y / length, z / length)
@@ -468,7 +468,7 @@ class IntegerVelocityAidedFilter:
 
     def _gain(self) -> tuple[float, float]:
         """Gain in use on tilt and velocity, 1/s^2 and 1/s."""
-        s = self._memory
+        s = self._state
         if s.aided:
             # The gains at a fix are those of a second times its period.
             period_s = max(s.fix_span_us, 1) * 1e-6
@@ -483,7 +483,7 @@ class IntegerVelocityAidedFilter:
 
     def _innovation(self) -> Vec3:
         """Rotation that the last frame's measurements asked for, rad, NED."""
-        s = self._memory
+        s = self._state
         tilt = s.k_tilt_m * 2.0 ** -(15 + s.k_tilt_s)
         heading = s.mag_heading if s.mag_norm else s.declination
         error = (s.declination - heading) * 2.0**-28
@@ -498,7 +498,7 @@ class IntegerVelocityAidedFilter:
 
         Source: docs/filter.md Eq. (11), (27), (30).
         """
-        s = self._memory
+        s = self._state
         tilt, velocity = self._gain()
         variance = 2.0 * tilt * velocity * 2.0 ** (s.log_velocity_noise / 256.0)
         bias = zip((s.p_xx, s.p_yy, s.p_zz), s.dtilt_n[:], s.dtilt_e[:], strict=False)
@@ -518,7 +518,7 @@ class IntegerVelocityAidedFilter:
 
         Source: docs/filter.md Eq. (48), without the slow means of the field.
         """
-        s = self._memory
+        s = self._state
         variance = HEADING_SHARE**2 * HEADING_UNIT_RAD**2 * s.heading_variance * 2.0**-28
         if s.mag_ref_norm:
             variance += (FIELD_OFFSET * s.mag_ref_norm / max(s.mag_ref_horizontal, 1)) ** 2

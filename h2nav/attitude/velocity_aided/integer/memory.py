@@ -56,7 +56,7 @@ SHIFT_MOST = 31
 
 
 @dataclass(slots=True)
-class Memory:
+class State:
     """The filter's whole memory."""
 
     q_nb: list[I32] = integers(4, -Q_LIMIT, Q_LIMIT, "", "attitude, body to n, scalar first", q=29)

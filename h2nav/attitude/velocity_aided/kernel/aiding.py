@@ -3,12 +3,13 @@
 Equations: docs/filter.md.
 """
 
-from ..memory import Gains, Memory
+from ..memory import Gains, State, Workspace
 from .theta import shrink, times_covariance
 
 
 def measure_all(
-    s: Memory,
+    s: State,
+    w: Workspace,
     row: list[float],
     row_accel: list[float],
     row_lag: float,
@@ -19,7 +20,8 @@ def measure_all(
     """One scalar measurement of theta, accelerometer bias and latency; adds to the corrections.
 
     Args:
-        s: memory.
+        s: state.
+        w: workspace.
         row: how the innovation depends on theta.
         row_accel: how it depends on the bias of the accelerometer.
         row_lag: how it depends on the latency.
@@ -44,20 +46,20 @@ def measure_all(
         hx = hx + s.p_accel_x[i] * row[i]
         hy = hy + s.p_accel_y[i] * row[i]
         variance = variance + row[i] * h[i]
-        left = left - row[i] * s.dtheta[i]
+        left = left - row[i] * w.dtheta[i]
     scale = 1.0 / (variance + ax * hx + ay * hy + row_lag * hl + noise)
-    e = scale * (left - ax * s.daccel[0] - ay * s.daccel[1] - row_lag * s.dfix_lag)
+    e = scale * (left - ax * w.daccel[0] - ay * w.daccel[1] - row_lag * w.dfix_lag)
     shrink(s, h[0], h[1], h[2], h[3], scale)
     kx = scale * hx
     ky = scale * hy
     for i in range(4):
-        s.dtheta[i] = s.dtheta[i] + h[i] * e
+        w.dtheta[i] = w.dtheta[i] + h[i] * e
         s.p_accel_x[i] = s.p_accel_x[i] - kx * h[i]
         s.p_accel_y[i] = s.p_accel_y[i] - ky * h[i]
     e = learns * e
-    s.daccel[0] = s.daccel[0] + hx * e
-    s.daccel[1] = s.daccel[1] + hy * e
-    s.dfix_lag = s.dfix_lag + hl * e
+    w.daccel[0] = w.daccel[0] + hx * e
+    w.daccel[1] = w.daccel[1] + hy * e
+    w.dfix_lag = w.dfix_lag + hl * e
     falls = learns * (2.0 - learns)
     s.p_accel[0] = s.p_accel[0] - falls * kx * hx
     s.p_accel[1] = s.p_accel[1] - falls * kx * hy
@@ -65,7 +67,7 @@ def measure_all(
     s.fix_lag_variance = s.fix_lag_variance - falls * scale * hl * hl
 
 
-def use_gains(s: Memory, accel_n: float, accel_e: float, kt: float, kv: float) -> None:
+def use_gains(s: State, accel_n: float, accel_e: float, kt: float, kv: float) -> None:
     """The constant gain moves the sensitivities.
 
     Source: docs/filter.md Eq. (17), (38).
@@ -83,47 +85,47 @@ def use_gains(s: Memory, accel_n: float, accel_e: float, kt: float, kv: float) -
     s.dvelocity_lag[1] = s.dvelocity_lag[1] - kv * part
 
 
-def correct_accel(s: Memory, g: Gains) -> None:
+def correct_accel(s: State, w: Workspace, g: Gains) -> None:
     """Moves bias, latency and velocity by their corrections.
 
     Source: docs/filter.md Eq. (19).
     """
-    s.accel_bias[0] = s.accel_bias[0] + s.daccel[0]
-    s.accel_bias[1] = s.accel_bias[1] + s.daccel[1]
-    lag = s.fix_lag_s + s.dfix_lag
+    s.accel_bias[0] = s.accel_bias[0] + w.daccel[0]
+    s.accel_bias[1] = s.accel_bias[1] + w.daccel[1]
+    lag = s.fix_lag_s + w.dfix_lag
     if lag < 0.0:
         lag = 0.0
     if lag > g.fix_lag_limit:
         lag = g.fix_lag_limit
-    s.dfix_lag = lag - s.fix_lag_s
+    w.dfix_lag = lag - s.fix_lag_s
     s.fix_lag_s = lag
     s.velocity_n = (
         s.velocity_n
-        + s.dvelocity_accel_n[0] * s.daccel[0]
-        + s.dvelocity_accel_n[1] * s.daccel[1]
-        + s.dvelocity_lag[0] * s.dfix_lag
+        + s.dvelocity_accel_n[0] * w.daccel[0]
+        + s.dvelocity_accel_n[1] * w.daccel[1]
+        + s.dvelocity_lag[0] * w.dfix_lag
     )
     s.velocity_e = (
         s.velocity_e
-        + s.dvelocity_accel_e[0] * s.daccel[0]
-        + s.dvelocity_accel_e[1] * s.daccel[1]
-        + s.dvelocity_lag[1] * s.dfix_lag
+        + s.dvelocity_accel_e[0] * w.daccel[0]
+        + s.dvelocity_accel_e[1] * w.daccel[1]
+        + s.dvelocity_lag[1] * w.dfix_lag
     )
 
 
-def accel_tilt_n(s: Memory) -> float:
+def accel_tilt_n(s: State, w: Workspace) -> float:
     """Tilt north by the corrections of bias and latency, rad."""
     return (
-        s.dtilt_accel_n[0] * s.daccel[0]
-        + s.dtilt_accel_n[1] * s.daccel[1]
-        + s.dtilt_lag[0] * s.dfix_lag
+        s.dtilt_accel_n[0] * w.daccel[0]
+        + s.dtilt_accel_n[1] * w.daccel[1]
+        + s.dtilt_lag[0] * w.dfix_lag
     )
 
 
-def accel_tilt_e(s: Memory) -> float:
+def accel_tilt_e(s: State, w: Workspace) -> float:
     """The same east."""
     return (
-        s.dtilt_accel_e[0] * s.daccel[0]
-        + s.dtilt_accel_e[1] * s.daccel[1]
-        + s.dtilt_lag[1] * s.dfix_lag
+        s.dtilt_accel_e[0] * w.daccel[0]
+        + s.dtilt_accel_e[1] * w.daccel[1]
+        + s.dtilt_lag[1] * w.dfix_lag
     )

@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Memory, Sample
+from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Sample, State, Workspace
 
 CONVERGED_S = 10.0  # of running: the start-up transient is over
 REFERENCED_RAD = 15.0 * (math.pi / 180.0)  # predicted deviation of a heading tied to north
@@ -16,23 +16,23 @@ HEADING_SHARE = 0.5
 FIELD_OFFSET = 0.01  # of the field: what no model of it knows
 
 
-def estimate(s: Memory, sample: Sample, bits: int) -> int:
+def estimate(s: State, w: Workspace, sample: Sample, bits: int) -> int:
     """The rate without its bias and the predicted deviations; returns the bits with what holds.
 
     Source: docs/filter.md Eq. (11), (27), (30), (48).
     """
     for i in range(3):
-        s.rate[i] = sample.gyro[i] - s.gyro_bias[i]
-    s.sigma_tilt = tilt_deviation(s)
+        w.rate[i] = sample.gyro[i] - s.gyro_bias[i]
+    w.sigma_tilt = tilt_deviation(s)
     known = 0.0
     if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and s.heading_unknown == 0.0:
         known = 1.0
         bits = bits | YAW_REFERENCED
-    s.sigma_heading = LOST_HEADING_RAD
+    w.sigma_heading = LOST_HEADING_RAD
     if known > 0.0 or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0:
         deviation = heading_deviation(s)
         if not deviation > LOST_HEADING_RAD:
-            s.sigma_heading = deviation
+            w.sigma_heading = deviation
     if s.age_s > CONVERGED_S:
         bits = bits | CONVERGED
     if s.aided > 0.0:
@@ -40,7 +40,7 @@ def estimate(s: Memory, sample: Sample, bits: int) -> int:
     return bits
 
 
-def tilt_deviation(s: Memory) -> float:
+def tilt_deviation(s: State) -> float:
     """Of the gain set, the bias through it, and what is beyond."""
     variance = (
         s.p_xx * (s.dtilt_n[0] * s.dtilt_n[0] + s.dtilt_e[0] * s.dtilt_e[0])
@@ -59,12 +59,12 @@ def tilt_deviation(s: Memory) -> float:
     return TILT_SHARE * math.sqrt(variance + s.extra_tilt_sigma * s.extra_tilt_sigma)
 
 
-def of_accel(s: Memory, x: float, y: float) -> float:
+def of_accel(s: State, x: float, y: float) -> float:
     """Variance through the accelerometer's bias of what has these sensitivities to it."""
     return s.p_accel[0] * x * x + 2.0 * s.p_accel[1] * x * y + s.p_accel[2] * y * y
 
 
-def heading_deviation(s: Memory) -> float:
+def heading_deviation(s: State) -> float:
     """Of theta, and of what a constant disturbance may hide."""
     hidden = FIELD_OFFSET * FIELD_OFFSET + 0.5 * (
         s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip

@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Memory, Sample
+from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Sample, State, Workspace
 from .aiding import measure_all
 from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
@@ -15,7 +15,7 @@ OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
 
-def use_field(s: Memory, g: Gains, sample: Sample) -> int:
+def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Heading, and theta through it, from a new field.
 
     Source: docs/filter.md Eq. (21) - (26).
@@ -32,10 +32,10 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
     s.mag_age_s = 0.0
     if age > OLDEST_FIELD:
         age = OLDEST_FIELD
-    lag = rotate_field(s, g, sample)
-    north = s.mag_ned[0]
-    east = s.mag_ned[1]
-    down = s.mag_ned[2]
+    lag = rotate_field(s, w, g, sample)
+    north = w.mag_ned[0]
+    east = w.mag_ned[1]
+    down = w.mag_ned[2]
     flat = math.sqrt(north * north + east * east)
     norm = math.sqrt(flat * flat + down * down)
     if norm == 0.0:
@@ -50,18 +50,18 @@ def use_field(s: Memory, g: Gains, sample: Sample) -> int:
     innovation = wrapped(s.declination - math.atan2(east, north))
     s.innovation[2] = innovation
     if (lost >= 0.0 or s.heading_witnessed > 0.0) and heading_contradicts(
-        s, g, innovation, age
+        s, w, g, innovation, age
     ) > 0.0:
         return 0
     s.heading_rejected_s = 0.0
     if lost > HEADING_LOST:
-        learn_field(s, g, norm, dip, flat, age, lag)
+        learn_field(s, w, g, norm, dip, flat, age, lag)
     s.mag_accepted_age_s = 0.0
     s.heading_unknown = 0.0
     if lost < 0.0 and s.heading_witnessed == 0.0:
-        turn_heading(s, g, innovation)
+        turn_heading(s, w, g, innovation)
         return FIELD_USED
-    measure_heading(s, g, innovation, age)
+    measure_heading(s, w, g, innovation, age)
     return FIELD_USED
 
 
@@ -74,7 +74,7 @@ def wrapped(angle: float) -> float:
     return angle
 
 
-def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
+def rotate_field(s: State, w: Workspace, g: Gains, sample: Sample) -> float:
     """The field in NED, its latency undone, into mag_ned; returns the latency, s.
 
     The change of the field per second of latency goes into dtheta. Source: docs/filter.md Eq. (21).
@@ -96,15 +96,15 @@ def rotate_field(s: Memory, g: Gains, sample: Sample) -> float:
     if lag > g.mag_lag_limit:
         lag = g.mag_lag_limit
     for i in range(3):
-        a = s.r_nb[3 * i]
-        b = s.r_nb[3 * i + 1]
-        c = s.r_nb[3 * i + 2]
-        s.dtheta[i] = a * lx + b * ly + c * lz
-        s.mag_ned[i] = a * mx + b * my + c * mz - lag * s.dtheta[i]
+        a = w.r_nb[3 * i]
+        b = w.r_nb[3 * i + 1]
+        c = w.r_nb[3 * i + 2]
+        w.dtheta[i] = a * lx + b * ly + c * lz
+        w.mag_ned[i] = a * mx + b * my + c * mz - lag * w.dtheta[i]
     return lag
 
 
-def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> float:
+def is_rejected(s: State, g: Gains, norm: float, dip: float, age: float) -> float:
     """1 while the field contradicts its reference; a steady new field becomes the reference.
 
     Source: docs/filter.md Eq. (22), (26).
@@ -149,7 +149,7 @@ def is_rejected(s: Memory, g: Gains, norm: float, dip: float, age: float) -> flo
     return 0.0
 
 
-def count_turn(s: Memory, norm: float) -> None:
+def count_turn(s: State, norm: float) -> None:
     """Credits the turn of the field in body axes, once it is more than noise.
 
     Source: docs/filter.md Eq. (26).
@@ -166,7 +166,8 @@ def count_turn(s: Memory, norm: float) -> None:
 
 
 def learn_field(
-    s: Memory,
+    s: State,
+    w: Workspace,
     g: Gains,
     norm: float,
     dip: float,
@@ -182,9 +183,9 @@ def learn_field(
     more_norm = (norm - reference) / reference
     more_dip = dip - s.mag_ref_dip
     # Vertical and horizontal size do not depend on the heading; flat > 0 inside the dip gate.
-    down_rate = s.dtheta[2]
-    flat_rate = (s.mag_ned[0] * s.dtheta[0] + s.mag_ned[1] * s.dtheta[1]) / (flat + 0.001 * norm)
-    down = s.mag_ned[2] + lag * down_rate - reference * math.sin(s.mag_ref_dip)
+    down_rate = w.dtheta[2]
+    flat_rate = (w.mag_ned[0] * w.dtheta[0] + w.mag_ned[1] * w.dtheta[1]) / (flat + 0.001 * norm)
+    down = w.mag_ned[2] + lag * down_rate - reference * math.sin(s.mag_ref_dip)
     level = flat + lag * flat_rate - reference * math.cos(s.mag_ref_dip)
     weight = age / (reference * reference)
     s.mag_lag_num = s.mag_lag_num + weight * (down * down_rate + level * flat_rate)
@@ -202,22 +203,22 @@ def learn_field(
         s.mag_ref_dip = s.mag_ref_dip + share * more_dip
 
 
-def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> float:
+def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age: float) -> float:
     """1 while the heading that a field shows is further off than both are expected to be.
 
     Source: docs/filter.md Eq. (57).
     """
-    noise = set_jacobian(s, g)
+    noise = set_jacobian(s, w, g)
     if g.mag_heading_gate == 0.0:
         return 0.0
     if s.mag_ref_given == 0.0 and s.heading_witnessed == 0.0:
         # A reference that was learnt may be the one that is wrong.
         return 0.0
     h = [0.0, 0.0, 0.0, 0.0]
-    times_covariance(s, s.jacobian, h)
+    times_covariance(s, w.jacobian, h)
     expected = noise
     for i in range(4):
-        expected = expected + s.jacobian[i] * h[i]
+        expected = expected + w.jacobian[i] * h[i]
     if innovation * innovation <= g.mag_heading_gate * expected:
         return 0.0
     if s.heading_witnessed > 0.0:
@@ -230,7 +231,7 @@ def heading_contradicts(s: Memory, g: Gains, innovation: float, age: float) -> f
     return 1.0
 
 
-def set_jacobian(s: Memory, g: Gains) -> float:
+def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
     """How the heading depends on theta; returns the density of its noise, rad^2 s.
 
     Source: docs/filter.md Eq. (25).
@@ -240,10 +241,10 @@ def set_jacobian(s: Memory, g: Gains) -> float:
     north = slope * math.sin(s.declination)
     east = -slope * math.cos(s.declination)
     for i in range(4):
-        s.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
-    s.jacobian[3] = s.jacobian[3] + 1.0
+        w.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
+    w.jacobian[3] = w.jacobian[3] + 1.0
     for i in range(2):
-        s.jacobian_accel[i] = north * s.dtilt_accel_n[i] + east * s.dtilt_accel_e[i]
+        w.jacobian_accel[i] = north * s.dtilt_accel_n[i] + east * s.dtilt_accel_e[i]
     tilt = math.sqrt(gyro_density(s, g) * s.velocity_noise)
     # Only the disturbance in the heading counts; norm and dip show the other two components.
     density = g.mag_noise + g.mag_correlation * s.mag_disturbance
@@ -252,25 +253,25 @@ def set_jacobian(s: Memory, g: Gains) -> float:
     return s.startup_inflation * (density + slope * slope * (2.0 * tilt + unknown))
 
 
-def measure_heading(s: Memory, g: Gains, innovation: float, age: float) -> None:
+def measure_heading(s: State, w: Workspace, g: Gains, innovation: float, age: float) -> None:
     """Theta from a heading that is seen through the tilt error.
 
     Source: docs/filter.md Eq. (25).
     """
-    noise = set_jacobian(s, g) / age
+    noise = set_jacobian(s, w, g) / age
     for i in range(4):
-        s.dtheta[i] = 0.0
+        w.dtheta[i] = 0.0
     if s.aided > 0.0:
-        s.daccel[0] = 0.0
-        s.daccel[1] = 0.0
-        s.dfix_lag = 0.0
-        measure_all(s, s.jacobian, s.jacobian_accel, 0.0, innovation, noise, 0.0)
+        w.daccel[0] = 0.0
+        w.daccel[1] = 0.0
+        w.dfix_lag = 0.0
+        measure_all(s, w, w.jacobian, w.jacobian_accel, 0.0, innovation, noise, 0.0)
     else:
-        measure_theta(s, s.jacobian, innovation, noise)
-    apply_theta(s, 0.0, 0.0)
+        measure_theta(s, w, w.jacobian, innovation, noise)
+    apply_theta(s, w, 0.0, 0.0)
 
 
-def turn_heading(s: Memory, g: Gains, angle: float) -> None:
+def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
     """Takes a heading that nothing was known of from the field alone."""
     s.heading_turned = s.heading_turned + angle
     cosine = math.cos(0.5 * angle)
@@ -283,9 +284,9 @@ def turn_heading(s: Memory, g: Gains, angle: float) -> None:
     s.q_nb[1] = cosine * qx - sine * qy
     s.q_nb[2] = cosine * qy + sine * qx
     s.q_nb[3] = cosine * qz + sine * qw
-    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
+    set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
     # Velocity and sensitivities were in the frame that has turned.
-    forget_sensitivities(s)
+    forget_sensitivities(s, w)
     s.velocity_n = 0.0
     s.velocity_e = 0.0
     s.fixes_rejected = MOST_REJECTED

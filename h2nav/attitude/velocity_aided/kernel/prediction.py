@@ -5,10 +5,10 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import MOST_REJECTED, Gains, Memory, Sample
+from ..memory import MOST_REJECTED, Gains, Sample, State, Workspace
 
 
-def predict_attitude(s: Memory, sample: Sample) -> None:
+def predict_attitude(s: State, w: Workspace, sample: Sample) -> None:
     """Attitude over one step, and its matrix.
 
     Source: docs/filter.md Eq. (4).
@@ -16,13 +16,14 @@ def predict_attitude(s: Memory, sample: Sample) -> None:
     dt = sample.dt_s
     turn_body(
         s,
+        w,
         dt * (sample.gyro[0] - s.gyro_bias[0]),
         dt * (sample.gyro[1] - s.gyro_bias[1]),
         dt * (sample.gyro[2] - s.gyro_bias[2]),
     )
 
 
-def turn_body(s: Memory, px: float, py: float, pz: float) -> None:
+def turn_body(s: State, w: Workspace, px: float, py: float, pz: float) -> None:
     """Turns the attitude in body axes: q <- q Exp(p), and its matrix."""
     half = 0.5 * math.sqrt(px * px + py * py + pz * pz)
     c = math.cos(half)
@@ -50,23 +51,23 @@ def turn_body(s: Memory, px: float, py: float, pz: float) -> None:
     s.q_nb[1] = nx
     s.q_nb[2] = ny
     s.q_nb[3] = nz
-    set_matrix(s, nw, nx, ny, nz)
+    set_matrix(s, w, nw, nx, ny, nz)
 
 
-def set_matrix(s: Memory, nw: float, nx: float, ny: float, nz: float) -> None:
+def set_matrix(s: State, w: Workspace, nw: float, nx: float, ny: float, nz: float) -> None:
     """The matrix of an attitude, row by row, into r_nb."""
-    s.r_nb[0] = 1.0 - 2.0 * (ny * ny + nz * nz)
-    s.r_nb[1] = 2.0 * (nx * ny - nw * nz)
-    s.r_nb[2] = 2.0 * (nx * nz + nw * ny)
-    s.r_nb[3] = 2.0 * (nx * ny + nw * nz)
-    s.r_nb[4] = 1.0 - 2.0 * (nx * nx + nz * nz)
-    s.r_nb[5] = 2.0 * (ny * nz - nw * nx)
-    s.r_nb[6] = 2.0 * (nx * nz - nw * ny)
-    s.r_nb[7] = 2.0 * (ny * nz + nw * nx)
-    s.r_nb[8] = 1.0 - 2.0 * (nx * nx + ny * ny)
+    w.r_nb[0] = 1.0 - 2.0 * (ny * ny + nz * nz)
+    w.r_nb[1] = 2.0 * (nx * ny - nw * nz)
+    w.r_nb[2] = 2.0 * (nx * nz + nw * ny)
+    w.r_nb[3] = 2.0 * (nx * ny + nw * nz)
+    w.r_nb[4] = 1.0 - 2.0 * (nx * nx + nz * nz)
+    w.r_nb[5] = 2.0 * (ny * nz - nw * nx)
+    w.r_nb[6] = 2.0 * (nx * nz - nw * ny)
+    w.r_nb[7] = 2.0 * (ny * nz + nw * nx)
+    w.r_nb[8] = 1.0 - 2.0 * (nx * nx + ny * ny)
 
 
-def turn(s: Memory, a: float, b: float, c: float) -> None:
+def turn(s: State, a: float, b: float, c: float) -> None:
     """Turns the attitude in NED by the vector whose half is given: q <- Exp(2 (a, b, c)) q.
 
     Exact for every angle but for the length of q, which is made 1 again: large turns shrink, and
@@ -84,7 +85,7 @@ def turn(s: Memory, a: float, b: float, c: float) -> None:
     s.q_nb[3] = k * (qz + c * qw + a * qy - b * qx)
 
 
-def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
+def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
     """Velocity over one step, levels, start-up, and the switch between kinds of velocity.
 
     Source: docs/filter.md Eq. (5), (8), (13).
@@ -93,28 +94,28 @@ def predict_velocity(s: Memory, g: Gains, sample: Sample) -> None:
     fx = sample.accel[0] / g.gravity - s.accel_bias[0]
     fy = sample.accel[1] / g.gravity - s.accel_bias[1]
     fz = sample.accel[2] / g.gravity
-    north = dt * (s.r_nb[0] * fx + s.r_nb[1] * fy + s.r_nb[2] * fz)
-    east = dt * (s.r_nb[3] * fx + s.r_nb[4] * fy + s.r_nb[5] * fz)
+    north = dt * (w.r_nb[0] * fx + w.r_nb[1] * fy + w.r_nb[2] * fz)
+    east = dt * (w.r_nb[3] * fx + w.r_nb[4] * fy + w.r_nb[5] * fz)
     if sample.aided != s.aided:
         # The velocity before and the one after have nothing to do with each other.
         forget_velocity(s)
         s.dtilt_n[3] = 0.0
         s.dtilt_e[3] = 0.0
-        s.velocity_n = sample.forward_speed * s.r_nb[0] / g.gravity
-        s.velocity_e = sample.forward_speed * s.r_nb[3] / g.gravity
+        s.velocity_n = sample.forward_speed * w.r_nb[0] / g.gravity
+        s.velocity_e = sample.forward_speed * w.r_nb[3] / g.gravity
         s.gained_n = 0.0
         s.gained_e = 0.0
         s.fixes_rejected = MOST_REJECTED
         s.tilt_suspect = 0.0
         s.aided = sample.aided
-        begin_bias(s, g)
+        begin_bias(s, w, g)
     if sample.aided > 0.0:
         # Only a measured velocity tells the heading: a bounded one is bounded in any direction.
         s.dvelocity_n[3] = s.dvelocity_n[3] - east
         s.dvelocity_e[3] = s.dvelocity_e[3] + north
         s.gained_n = s.gained_n + north
         s.gained_e = s.gained_e + east
-        predict_accel(s, g, dt)
+        predict_accel(s, w, g, dt)
     s.velocity_n = s.velocity_n + north
     s.velocity_e = s.velocity_e + east
     wx = sample.gyro[0] - s.gyro_bias[0]
@@ -152,7 +153,7 @@ def jolt_of(last: list[float], step: list[float], now: list[float]) -> float:
     return square / 18.0
 
 
-def gyro_density(s: Memory, g: Gains) -> float:
+def gyro_density(s: State, g: Gains) -> float:
     """Density of the gyro's noise as it acts on the tilt, squared, rad^2/s.
 
     Source: docs/filter.md Eq. (8).
@@ -160,27 +161,27 @@ def gyro_density(s: Memory, g: Gains) -> float:
     return g.gyro_noise + g.scale_noise * s.turning + g.jitter_share * s.gyro_jitter
 
 
-def forget_sensitivities(s: Memory) -> None:
+def forget_sensitivities(s: State, w: Workspace) -> None:
     """Tilt and velocity begin anew: no error of theta has worked on them yet."""
     forget_velocity(s)
     for i in range(4):
         s.dtilt_n[i] = 0.0
         s.dtilt_e[i] = 0.0
-    level_sensitivities(s)
+    level_sensitivities(s, w)
 
 
-def level_sensitivities(s: Memory) -> None:
+def level_sensitivities(s: State, w: Workspace) -> None:
     """A tilt that a resting accelerometer shows is wrong by the accelerometer's bias.
 
     Source: docs/filter.md Eq. (35).
     """
     for i in range(2):
-        s.dtilt_accel_n[i] = s.r_nb[i]
-        s.dtilt_accel_e[i] = s.r_nb[3 + i]
+        s.dtilt_accel_n[i] = w.r_nb[i]
+        s.dtilt_accel_e[i] = w.r_nb[3 + i]
         s.dtilt_lag[i] = 0.0
 
 
-def forget_velocity(s: Memory) -> None:
+def forget_velocity(s: State) -> None:
     """The velocity begins anew."""
     for i in range(4):
         s.dvelocity_n[i] = 0.0
@@ -191,7 +192,7 @@ def forget_velocity(s: Memory) -> None:
         s.dvelocity_lag[i] = 0.0
 
 
-def begin_bias(s: Memory, g: Gains) -> None:
+def begin_bias(s: State, w: Workspace, g: Gains) -> None:
     """Measured velocities come, or come no more: what they teach begins, or is kept as it is.
 
     Source: docs/filter.md Eq. (35), (36).
@@ -199,7 +200,7 @@ def begin_bias(s: Memory, g: Gains) -> None:
     for i in range(4):
         s.p_accel_x[i] = 0.0
         s.p_accel_y[i] = 0.0
-    level_sensitivities(s)
+    level_sensitivities(s, w)
     s.fix_period_s = 1.0
     s.k_tilt = 0.0
     if s.aided > 0.0 and s.p_accel[0] == 0.0:
@@ -208,14 +209,14 @@ def begin_bias(s: Memory, g: Gains) -> None:
         s.fix_lag_variance = g.fix_lag_variance
 
 
-def predict_accel(s: Memory, g: Gains, dt: float) -> None:
+def predict_accel(s: State, w: Workspace, g: Gains, dt: float) -> None:
     """Bias of the accelerometer and latency over one step.
 
     Source: docs/filter.md Eq. (34), (38).
     """
-    dx = dt * s.r_nb[6]
-    dy = dt * s.r_nb[7]
-    dz = dt * s.r_nb[8]
+    dx = dt * w.r_nb[6]
+    dy = dt * w.r_nb[7]
+    dz = dt * w.r_nb[8]
     s.p_accel_x[3] = s.p_accel_x[3] - (
         dx * s.p_accel_x[0] + dy * s.p_accel_x[1] + dz * s.p_accel_x[2]
     )
@@ -230,6 +231,6 @@ def predict_accel(s: Memory, g: Gains, dt: float) -> None:
     if s.fix_lag_variance < g.fix_lag_variance:
         s.fix_lag_variance = s.fix_lag_variance + g.fix_lag_walk * dt
     for i in range(2):
-        s.dvelocity_accel_n[i] = s.dvelocity_accel_n[i] + dt * (s.dtilt_accel_n[i] - s.r_nb[i])
-        s.dvelocity_accel_e[i] = s.dvelocity_accel_e[i] + dt * (s.dtilt_accel_e[i] - s.r_nb[3 + i])
+        s.dvelocity_accel_n[i] = s.dvelocity_accel_n[i] + dt * (s.dtilt_accel_n[i] - w.r_nb[i])
+        s.dvelocity_accel_e[i] = s.dvelocity_accel_e[i] + dt * (s.dtilt_accel_e[i] - w.r_nb[3 + i])
         s.dvelocity_lag[i] = s.dvelocity_lag[i] + dt * s.dtilt_lag[i]

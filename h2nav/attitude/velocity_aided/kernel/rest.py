@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import REST, Gains, Memory, Sample
+from ..memory import REST, Gains, Sample, State, Workspace
 from .aiding import measure_all
 from .theta import apply_theta, measure_theta
 
@@ -13,7 +13,7 @@ SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
 
 
-def use_rest(s: Memory, g: Gains, sample: Sample) -> int:
+def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Bias from the low-passed rate while nothing moves; how long nothing has been felt to move.
 
     Source: docs/filter.md Eq. (20), (31).
@@ -49,11 +49,11 @@ def use_rest(s: Memory, g: Gains, sample: Sample) -> int:
         return 0
     noise = g.rest_noise / dt
     for i in range(3):
-        measure_bias(s, i, noise)
+        measure_bias(s, w, i, noise)
     return REST
 
 
-def moves(s: Memory, axis: int, variance: float) -> float:
+def moves(s: State, axis: int, variance: float) -> float:
     """1 when the low-passed rate contradicts the bias as far as it is known."""
     d = s.gyro_lp[axis] - s.gyro_bias[axis]
     if d * d > SIGMAS_2 * (variance + FLOOR):
@@ -61,17 +61,17 @@ def moves(s: Memory, axis: int, variance: float) -> float:
     return 0.0
 
 
-def measure_bias(s: Memory, axis: int, noise: float) -> None:
+def measure_bias(s: State, w: Workspace, axis: int, noise: float) -> None:
     """Theta from one axis of the low-passed rate, whose variance is noise."""
     row = [0.0, 0.0, 0.0, 0.0]
     row[axis] = 1.0
     nothing = [0.0, 0.0]
     for i in range(4):
-        s.dtheta[i] = 0.0
+        w.dtheta[i] = 0.0
     innovation = s.gyro_lp[axis] - s.gyro_bias[axis]
     if s.aided > 0.0:
         # What theta shares with the accelerometer's bias has to follow.
-        measure_all(s, row, nothing, 0.0, innovation, noise, 0.0)
+        measure_all(s, w, row, nothing, 0.0, innovation, noise, 0.0)
     else:
-        measure_theta(s, row, innovation, noise)
-    apply_theta(s, 0.0, 0.0)
+        measure_theta(s, w, row, innovation, noise)
+    apply_theta(s, w, 0.0, 0.0)

@@ -5,28 +5,35 @@ Equations: docs/filter.md.
 
 from h2nav.attitude.samples import Vec3
 
-from ..memory import Gains, Memory
+from ..memory import Gains, State, Workspace
 from .prediction import set_matrix
 from .tilt import restart_tilt
 
 
 def begin(
-    s: Memory, g: Gains, gyro: Vec3, accel: Vec3, forward_speed: float, tilt_sigma: float
+    s: State,
+    w: Workspace,
+    g: Gains,
+    gyro: Vec3,
+    accel: Vec3,
+    forward_speed: float,
+    tilt_sigma: float,
 ) -> None:
     """Begins with the attitude in q_nb: all but bias, latency and references starts anew.
 
     Args:
-        s: memory; its age_s says how well the tilt is known, its mag_accepted_age_s whether the
+        s: state; its age_s says how well the tilt is known, its mag_accepted_age_s whether the
             heading is.
+        w: workspace.
         g: gains.
         gyro: angular rate of the first sample, rad/s.
         accel: its specific force, m/s^2.
         forward_speed: velocity along the nose, m/s.
         tilt_sigma: deviation of the tilt, rad.
     """
-    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
+    set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
     age = s.age_s
-    restart_tilt(s, g, forward_speed / g.gravity)
+    restart_tilt(s, w, g, forward_speed / g.gravity)
     s.age_s = age
     s.p_xh = s.p_yh = s.p_zh = 0.0
     s.heading_variance = g.heading_variance
@@ -45,19 +52,20 @@ def begin(
 
 
 def find_in_air(
-    s: Memory, g: Gains, length: float, tilt_sigma: float, heading_sigma: float
+    s: State, w: Workspace, g: Gains, length: float, tilt_sigma: float, heading_sigma: float
 ) -> None:
     """Goes on with an attitude in q_nb that velocities have shown in flight.
 
     Args:
-        s: memory.
+        s: state.
+        w: workspace.
         g: gains.
         length: of the window that showed it, s.
         tilt_sigma: deviation of the tilt, rad.
         heading_sigma: deviation of the heading, rad; infinite: it was not found.
     """
-    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
-    restart_tilt(s, g, 0.0)
+    set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
+    restart_tilt(s, w, g, 0.0)
     s.age_s = length
     s.extra_tilt_sigma = tilt_sigma
     if heading_sigma * heading_sigma < g.heading_variance:

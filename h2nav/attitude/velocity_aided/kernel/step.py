@@ -3,7 +3,7 @@
 Equations: docs/filter.md.
 """
 
-from ..memory import FORCE_LOST, SATURATED, Gains, Memory, Sample
+from ..memory import FORCE_LOST, SATURATED, Gains, Sample, State, Workspace
 from .estimate import estimate
 from .heading import use_field
 from .prediction import predict_attitude, predict_velocity
@@ -13,15 +13,15 @@ from .tilt import check_level, doubt_rate, end_clipping
 from .velocity import use_bounded_velocity, use_fix
 
 
-def step(s: Memory, g: Gains, sample: Sample) -> int:
+def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Takes one sample; returns bits.
 
     Source: docs/filter.md Eq. (4) - (26), (30) - (32).
     """
     bits = 0
     dt = sample.dt_s
-    predict_attitude(s, sample)
-    predict_theta(s, g, dt)
+    predict_attitude(s, w, sample)
+    predict_theta(s, w, g, dt)
     s.mag_age_s = s.mag_age_s + dt
     if s.mag_accepted_age_s >= 0.0:
         s.mag_accepted_age_s = s.mag_accepted_age_s + dt
@@ -31,17 +31,17 @@ def step(s: Memory, g: Gains, sample: Sample) -> int:
         bits = SATURATED
     else:
         if s.clipped_s > 0.0:
-            bits = end_clipping(s, g, sample)
-        predict_velocity(s, g, sample)
+            bits = end_clipping(s, w, g, sample)
+        predict_velocity(s, w, g, sample)
         if sample.aided > 0.0:
             if sample.has_fix > 0.0:
-                bits = bits | use_fix(s, g, sample)
+                bits = bits | use_fix(s, w, g, sample)
         else:
-            bits = bits | use_bounded_velocity(s, g, sample)
+            bits = bits | use_bounded_velocity(s, w, g, sample)
         if sample.has_mag > 0.0:
-            bits = bits | use_field(s, g, sample)
-        bits = bits | use_rest(s, g, sample) | check_level(s, g, sample)
+            bits = bits | use_field(s, w, g, sample)
+        bits = bits | use_rest(s, w, g, sample) | check_level(s, w, g, sample)
     bits = bits | limit(s, g)
     if sample.asked > 0.0:
-        bits = estimate(s, sample, bits)
+        bits = estimate(s, w, sample, bits)
     return bits

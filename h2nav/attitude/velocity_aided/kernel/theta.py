@@ -5,18 +5,18 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import SATURATED, Gains, Memory
+from ..memory import SATURATED, Gains, State, Workspace
 from .prediction import turn
 
 
-def predict_theta(s: Memory, g: Gains, dt: float) -> None:
+def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
     """Covariance of theta and the sensitivities over one step.
 
     Source: docs/filter.md Eq. (6), (7), (12).
     """
-    dx = dt * s.r_nb[6]
-    dy = dt * s.r_nb[7]
-    dz = dt * s.r_nb[8]
+    dx = dt * w.r_nb[6]
+    dy = dt * w.r_nb[7]
+    dz = dt * w.r_nb[8]
     p00 = s.p_xx
     p01 = s.p_xy
     p02 = s.p_xz
@@ -56,16 +56,16 @@ def predict_theta(s: Memory, g: Gains, dt: float) -> None:
     s.dvelocity_e[2] = s.dvelocity_e[2] + dt * s.dtilt_e[2] + dz * v
     s.dvelocity_e[3] = v + dt * s.dtilt_e[3]
     u = s.dtilt_n[3]
-    s.dtilt_n[0] = s.dtilt_n[0] + dt * s.r_nb[3] + dx * u
-    s.dtilt_n[1] = s.dtilt_n[1] + dt * s.r_nb[4] + dy * u
-    s.dtilt_n[2] = s.dtilt_n[2] + dt * s.r_nb[5] + dz * u
+    s.dtilt_n[0] = s.dtilt_n[0] + dt * w.r_nb[3] + dx * u
+    s.dtilt_n[1] = s.dtilt_n[1] + dt * w.r_nb[4] + dy * u
+    s.dtilt_n[2] = s.dtilt_n[2] + dt * w.r_nb[5] + dz * u
     u = s.dtilt_e[3]
-    s.dtilt_e[0] = s.dtilt_e[0] - dt * s.r_nb[0] + dx * u
-    s.dtilt_e[1] = s.dtilt_e[1] - dt * s.r_nb[1] + dy * u
-    s.dtilt_e[2] = s.dtilt_e[2] - dt * s.r_nb[2] + dz * u
+    s.dtilt_e[0] = s.dtilt_e[0] - dt * w.r_nb[0] + dx * u
+    s.dtilt_e[1] = s.dtilt_e[1] - dt * w.r_nb[1] + dy * u
+    s.dtilt_e[2] = s.dtilt_e[2] - dt * w.r_nb[2] + dz * u
 
 
-def times_covariance(s: Memory, row: list[float], product: list[float]) -> None:
+def times_covariance(s: State, row: list[float], product: list[float]) -> None:
     """Writes row . P, where P is the covariance of theta."""
     a0 = row[0]
     a1 = row[1]
@@ -77,7 +77,9 @@ def times_covariance(s: Memory, row: list[float], product: list[float]) -> None:
     product[3] = s.p_xh * a0 + s.p_yh * a1 + s.p_zh * a2 + s.heading_variance * a3
 
 
-def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) -> None:
+def measure_theta(
+    s: State, w: Workspace, row: list[float], innovation: float, noise: float
+) -> None:
     """One scalar measurement row . theta; adds to the correction in dtheta.
 
     Source: docs/filter.md Eq. (18).
@@ -88,15 +90,17 @@ def measure_theta(s: Memory, row: list[float], innovation: float, noise: float) 
     left = innovation
     for i in range(4):
         variance = variance + row[i] * h[i]
-        left = left - row[i] * s.dtheta[i]
+        left = left - row[i] * w.dtheta[i]
     scale = 1.0 / (variance + noise)
     e = scale * left
     for i in range(4):
-        s.dtheta[i] = s.dtheta[i] + h[i] * e
+        w.dtheta[i] = w.dtheta[i] + h[i] * e
     shrink(s, h[0], h[1], h[2], h[3], scale)
 
 
-def measure_level(s: Memory, row: list[float], innovation: float, noise: float) -> None:
+def measure_level(
+    s: State, w: Workspace, row: list[float], innovation: float, noise: float
+) -> None:
     """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
 
     Source: docs/filter.md Eq. (39), (58).
@@ -109,17 +113,17 @@ def measure_level(s: Memory, row: list[float], innovation: float, noise: float) 
     scale = 1.0 / (variance + noise)
     left = innovation
     for i in range(3):
-        left = left - row[i] * s.dtheta[i]
+        left = left - row[i] * w.dtheta[i]
     e = scale * left
-    vertical = s.r_nb[6] * h[0] + s.r_nb[7] * h[1] + s.r_nb[8] * h[2]
-    v = [vertical * s.r_nb[6], vertical * s.r_nb[7], vertical * s.r_nb[8], h[3]]
+    vertical = w.r_nb[6] * h[0] + w.r_nb[7] * h[1] + w.r_nb[8] * h[2]
+    v = [vertical * w.r_nb[6], vertical * w.r_nb[7], vertical * w.r_nb[8], h[3]]
     for i in range(3):
-        s.dtheta[i] = s.dtheta[i] + (h[i] - v[i]) * e
+        w.dtheta[i] = w.dtheta[i] + (h[i] - v[i]) * e
     shrink(s, h[0], h[1], h[2], h[3], scale)
     shrink(s, v[0], v[1], v[2], v[3], -scale)
 
 
-def shrink(s: Memory, h0: float, h1: float, h2: float, h3: float, scale: float) -> None:
+def shrink(s: State, h0: float, h1: float, h2: float, h3: float, scale: float) -> None:
     """P -= scale h h^T."""
     k = scale * h0
     s.p_xx = s.p_xx - k * h0
@@ -136,15 +140,15 @@ def shrink(s: Memory, h0: float, h1: float, h2: float, h3: float, scale: float) 
     s.heading_variance = s.heading_variance - scale * h3 * h3
 
 
-def apply_theta(s: Memory, north: float, east: float) -> None:
+def apply_theta(s: State, w: Workspace, north: float, east: float) -> None:
     """Moves bias, velocity and attitude by the correction in dtheta and by a tilt besides.
 
     Source: docs/filter.md Eq. (19).
     """
-    d0 = s.dtheta[0]
-    d1 = s.dtheta[1]
-    d2 = s.dtheta[2]
-    d3 = s.dtheta[3]
+    d0 = w.dtheta[0]
+    d1 = w.dtheta[1]
+    d2 = w.dtheta[2]
+    d3 = w.dtheta[3]
     s.gyro_bias[0] = s.gyro_bias[0] + d0
     s.gyro_bias[1] = s.gyro_bias[1] + d1
     s.gyro_bias[2] = s.gyro_bias[2] + d2
@@ -167,7 +171,7 @@ def apply_theta(s: Memory, north: float, east: float) -> None:
     turn(s, 0.5 * east, -0.5 * north, 0.5 * d3)
 
 
-def limit(s: Memory, g: Gains) -> int:
+def limit(s: State, g: Gains) -> int:
     """Keeps the bias inside its limit and the heading variance where theta is linear."""
     bits = 0
     for i in range(3):

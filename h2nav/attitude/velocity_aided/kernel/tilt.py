@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Memory, Sample
+from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Sample, State, Workspace
 from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 
 MOST_TILT_SIGMA = 1.57  # rad: nothing is known
@@ -19,7 +19,7 @@ AIR_COSINE = 0.87  # 30 deg: a steady turn whose force is within 5 % of g banks 
 GROUND_COSINE = 0.985  # 10 deg: no steady acceleration on the ground is that large
 
 
-def doubt_rate(s: Memory, sample: Sample) -> None:
+def doubt_rate(s: State, sample: Sample) -> None:
     """A clipped rate is doubted by as much as it differs from the rates before it.
 
     Source: docs/filter.md Eq. (30).
@@ -43,7 +43,7 @@ def doubt_rate(s: Memory, sample: Sample) -> None:
     s.clipped_angle = s.clipped_angle + dt * math.sqrt(square)
 
 
-def end_clipping(s: Memory, g: Gains, sample: Sample) -> int:
+def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """After clipped samples: what they have hidden is made up for, or the tilt is found anew.
 
     Over a short time the rate beyond the range is a parabola with the slopes at both ends; over a
@@ -61,25 +61,25 @@ def end_clipping(s: Memory, g: Gains, sample: Sample) -> int:
             before = sign * s.clipped_slope[i]
             # The rate came back somewhere between two samples: half of its fall is seen.
             after = 2.0 * sign * (s.clipped_rate[i] - sample.gyro[i]) / sample.dt_s
-            s.dtheta[i] = 0.0
+            w.dtheta[i] = 0.0
             if before > 0.0 and after > 0.0:
                 hidden = sign * time * time * (before + after) / 12.0
-                s.dtheta[i] = hidden
+                w.dtheta[i] = hidden
                 square = square + hidden * hidden
         if square > 0.0:
-            turn_body(s, s.dtheta[0], s.dtheta[1], s.dtheta[2])
+            turn_body(s, w, w.dtheta[0], w.dtheta[1], w.dtheta[2])
             s.clipped_angle = 0.5 * math.sqrt(square)
     lost = s.clipped_angle
     raise_tilt_sigma(s, s.extra_tilt_sigma + lost)
     # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
     s.heading_variance = s.heading_variance + lost * lost
     if lost > MOST_CLIPPED:
-        bits = begin_anew(s, g, sample)
+        bits = begin_anew(s, w, g, sample)
     s.clipped_angle = 0.0
     return bits
 
 
-def raise_tilt_sigma(s: Memory, angle: float) -> None:
+def raise_tilt_sigma(s: State, angle: float) -> None:
     """The tilt is known no better than this, rad."""
     if angle > MOST_TILT_SIGMA:
         angle = MOST_TILT_SIGMA
@@ -87,7 +87,7 @@ def raise_tilt_sigma(s: Memory, angle: float) -> None:
         s.extra_tilt_sigma = angle
 
 
-def check_level(s: Memory, g: Gains, sample: Sample) -> int:
+def check_level(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Takes the tilt from a force of size g that contradicts it, once something else does too.
 
     Source: docs/filter.md Eq. (31), (32).
@@ -104,16 +104,16 @@ def check_level(s: Memory, g: Gains, sample: Sample) -> int:
     fz = s.accel_lp[2]
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
     ratio = norm / g.gravity
-    down = s.r_nb[6] * fx + s.r_nb[7] * fy + s.r_nb[8] * fz
+    down = w.r_nb[6] * fx + w.r_nb[7] * fy + w.r_nb[8] * fz
     if math.fabs(ratio * ratio - 1.0) > LEVEL_SIZE or -down > cosine * norm:
         return 0
-    level(s, fx, fy, fz, norm)
-    restart_tilt(s, g, sample.forward_speed / g.gravity)
+    level(s, w, fx, fy, fz, norm)
+    restart_tilt(s, w, g, sample.forward_speed / g.gravity)
     s.extra_tilt_sigma = LEVEL_SIGMA
     return RESTARTED
 
 
-def begin_anew(s: Memory, g: Gains, sample: Sample) -> int:
+def begin_anew(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Starts the tilt again after clipped samples that may have hidden a turn.
 
     Source: docs/filter.md Eq. (30).
@@ -123,38 +123,38 @@ def begin_anew(s: Memory, g: Gains, sample: Sample) -> int:
     fz = sample.accel[2]
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
     if s.clipped_angle > ALL_CLIPPED and norm > 0.0:
-        level(s, fx, fy, fz, norm)
-    restart_tilt(s, g, sample.forward_speed / g.gravity)
+        level(s, w, fx, fy, fz, norm)
+    restart_tilt(s, w, g, sample.forward_speed / g.gravity)
     return RESTARTED
 
 
-def level(s: Memory, fx: float, fy: float, fz: float, norm: float) -> None:
+def level(s: State, w: Workspace, fx: float, fy: float, fz: float, norm: float) -> None:
     """Turns the attitude so that a force, of size norm, points up; the heading is asked anew.
 
     Source: docs/filter.md Eq. (32).
     """
     # The smallest turn that does it: half its tangent along its axis.
-    scale = norm - (s.r_nb[6] * fx + s.r_nb[7] * fy + s.r_nb[8] * fz)
-    north = s.r_nb[0] * fx + s.r_nb[1] * fy + s.r_nb[2] * fz
-    east = s.r_nb[3] * fx + s.r_nb[4] * fy + s.r_nb[5] * fz
+    scale = norm - (w.r_nb[6] * fx + w.r_nb[7] * fy + w.r_nb[8] * fz)
+    north = w.r_nb[0] * fx + w.r_nb[1] * fy + w.r_nb[2] * fz
+    east = w.r_nb[3] * fx + w.r_nb[4] * fy + w.r_nb[5] * fz
     if scale < 0.001 * norm:
         # Upside down: about any horizontal axis.
         scale = 0.001 * norm
         north = norm
     turn(s, -east / scale, north / scale, 0.0)
-    set_matrix(s, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
+    set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
     # The field was seen through the wrong tilt: the next gives the heading, as at the start.
     s.mag_accepted_age_s = HEADING_LOST
 
 
-def restart_tilt(s: Memory, g: Gains, nose: float) -> None:
+def restart_tilt(s: State, w: Workspace, g: Gains, nose: float) -> None:
     """The velocity is impossible, so the tilt was wrong: find it anew, keep bias and heading.
 
     Source: docs/filter.md Eq. (14).
     """
-    forget_sensitivities(s)
-    s.velocity_n = nose * s.r_nb[0]
-    s.velocity_e = nose * s.r_nb[3]
+    forget_sensitivities(s, w)
+    s.velocity_n = nose * w.r_nb[0]
+    s.velocity_e = nose * w.r_nb[3]
     s.turning = 0.0
     s.innovation_power = 0.0
     s.innovation_mean_n = 0.0

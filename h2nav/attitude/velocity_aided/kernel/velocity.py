@@ -13,8 +13,9 @@ from ..memory import (
     SETS,
     VELOCITY_USED,
     Gains,
-    Memory,
     Sample,
+    State,
+    Workspace,
 )
 from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, measure_all, use_gains
 from .prediction import forget_velocity, gyro_density
@@ -26,18 +27,18 @@ SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
 
 
-def use_bounded_velocity(s: Memory, g: Gains, sample: Sample) -> int:
+def use_bounded_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Tilt, velocity and bias from a velocity near zero, or near the forward speed along the nose.
 
     Source: docs/filter.md Eq. (9) - (11), (14).
     """
     dt = sample.dt_s
     nose = sample.forward_speed / g.gravity
-    north = nose * s.r_nb[0] - s.velocity_n
-    east = nose * s.r_nb[3] - s.velocity_e
+    north = nose * w.r_nb[0] - s.velocity_n
+    east = nose * w.r_nb[3] - s.velocity_e
     square = north * north + east * east
     if square > g.impossible_velocity:
-        restart_tilt(s, g, nose)
+        restart_tilt(s, w, g, nose)
         return RESTARTED
     time = g.level_time_s
     if s.age_s < time:
@@ -73,11 +74,11 @@ def use_bounded_velocity(s: Memory, g: Gains, sample: Sample) -> int:
     knows_heading = 1.0
     if silence > g.field_silence_s:
         knows_heading = 0.0
-    correct_velocity(s, north, east, noise, keep * s.k_tilt, keep * s.k_velocity, knows_heading)
+    correct_velocity(s, w, north, east, noise, keep * s.k_tilt, keep * s.k_velocity, knows_heading)
     return FORCE_USED
 
 
-def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
+def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Tilt, velocity, bias and heading from a measured velocity.
 
     Source: docs/filter.md Eq. (15), (16).
@@ -125,11 +126,11 @@ def use_fix(s: Memory, g: Gains, sample: Sample) -> int:
     s.k_tilt = g.k_fix_tilt[row + number]
     s.k_velocity = g.k_fix_velocity[row + number]
     noise = s.startup_inflation * g.fix_inflation * density / (period * (1.0 - s.k_velocity))
-    correct_by_fix(s, g, sample, north, east, noise)
+    correct_by_fix(s, w, g, sample, north, east, noise)
     return FORCE_USED | VELOCITY_USED
 
 
-def select_set(s: Memory, g: Gains, density: float) -> int:
+def select_set(s: State, g: Gains, density: float) -> int:
     """Number of the gain set for the measured levels; sharper sets while the filter starts.
 
     Source: docs/filter.md Eq. (9), (14).
@@ -149,17 +150,17 @@ def select_set(s: Memory, g: Gains, density: float) -> int:
 
 
 def correct_by_fix(
-    s: Memory, g: Gains, sample: Sample, north: float, east: float, noise: float
+    s: State, w: Workspace, g: Gains, sample: Sample, north: float, east: float, noise: float
 ) -> None:
     """Both stages for a measured velocity.
 
     Source: docs/filter.md Eq. (16) - (19), (37) - (39).
     """
     for i in range(4):
-        s.dtheta[i] = 0.0
-    s.daccel[0] = 0.0
-    s.daccel[1] = 0.0
-    s.dfix_lag = 0.0
+        w.dtheta[i] = 0.0
+    w.daccel[0] = 0.0
+    w.daccel[1] = 0.0
+    w.dfix_lag = 0.0
     learns = 0.0
     # Before the gyro's biases and the tilt have settled, their errors would look like another's;
     # and the noise of the force, gained over the loop's time, is noise of the fixes here.
@@ -168,16 +169,19 @@ def correct_by_fix(
         own = noise * s.fix_period_s * rate * rate
         learns = own / (own + 2.0 * s.accel_jitter)
     row_lag = s.dvelocity_lag[0] - sample.fix_accel_n
-    measure_all(s, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, learns)
+    measure_all(s, w, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, learns)
     row_lag = s.dvelocity_lag[1] - sample.fix_accel_e
-    measure_all(s, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
+    measure_all(s, w, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
-    correct_accel(s, g)
-    use_constant_gain(s, north, east, s.k_tilt, s.k_velocity, accel_tilt_n(s), accel_tilt_e(s))
+    correct_accel(s, w, g)
+    use_constant_gain(
+        s, w, north, east, s.k_tilt, s.k_velocity, accel_tilt_n(s, w), accel_tilt_e(s, w)
+    )
 
 
 def correct_velocity(
-    s: Memory,
+    s: State,
+    w: Workspace,
     north: float,
     east: float,
     noise: float,
@@ -188,7 +192,8 @@ def correct_velocity(
     """Both stages: the constant gain on tilt and velocity, the covariance on theta.
 
     Args:
-        s: memory.
+        s: state.
+        w: workspace.
         north: innovation of the velocity over g.
         east: the same.
         noise: variance of either innovation without the error of theta, s^2.
@@ -199,18 +204,19 @@ def correct_velocity(
     Source: docs/filter.md Eq. (10), (17) - (19), (30).
     """
     for i in range(4):
-        s.dtheta[i] = 0.0
+        w.dtheta[i] = 0.0
     if knows_heading > 0.0:
-        measure_theta(s, s.dvelocity_n, north, noise)
-        measure_theta(s, s.dvelocity_e, east, noise)
+        measure_theta(s, w, s.dvelocity_n, north, noise)
+        measure_theta(s, w, s.dvelocity_e, east, noise)
     else:
-        measure_level(s, s.dvelocity_n, north, noise)
-        measure_level(s, s.dvelocity_e, east, noise)
-    use_constant_gain(s, north, east, kt, kv, 0.0, 0.0)
+        measure_level(s, w, s.dvelocity_n, north, noise)
+        measure_level(s, w, s.dvelocity_e, east, noise)
+    use_constant_gain(s, w, north, east, kt, kv, 0.0, 0.0)
 
 
 def use_constant_gain(
-    s: Memory,
+    s: State,
+    w: Workspace,
     north: float,
     east: float,
     kt: float,
@@ -226,7 +232,7 @@ def use_constant_gain(
         s.dvelocity_e[i] = s.dvelocity_e[i] - kv * s.dvelocity_e[i]
     s.velocity_n = s.velocity_n + kv * north
     s.velocity_e = s.velocity_e + kv * east
-    apply_theta(s, kt * north + tilt_n, kt * east + tilt_e)
+    apply_theta(s, w, kt * north + tilt_n, kt * east + tilt_e)
     s.extra_tilt_sigma = s.extra_tilt_sigma - 0.5 * kv * s.extra_tilt_sigma
     s.innovation[0] = kt * east
     s.innovation[1] = -kt * north

@@ -5,7 +5,7 @@ Source: docs/fixed-point.md Eq. (31), (32); docs/filter.md Eq. (33) to (39).
 
 from h2nav.maths.fixedpoint import I32, clamp, known
 
-from ..memory import LATENCY_MOST, THETA_MOST, VELOCITY_MOST, Gains, Memory
+from ..memory import LATENCY_MOST, THETA_MOST, VELOCITY_MOST, Gains, State
 from .functions import bits_of, limited, logarithm, power2, product, shifted
 from .theta import (
     fade_one,
@@ -24,7 +24,7 @@ LAG_VARIANCE_LEAST = 1024  # (1 ms)^2, Q30
 Q26 = 26 << 8
 
 
-def predict_accel(s: Memory, g: Gains, r: list[I32]) -> None:
+def predict_accel(s: State, g: Gains, r: list[I32]) -> None:
     """Bias of the accelerometer over one frame.
 
     Source: docs/filter.md Eq. (34), (35).
@@ -69,7 +69,7 @@ def carry_accel(dtilt: list[I32], dvelocity: list[I32], axis: I32, part: I32, ti
     dvelocity[axis] = limited(dvelocity[axis] + (product(seen, time) >> 6), THETA_MOST)
 
 
-def find_spread_of_all(s: Memory, row: list[I32], row_accel: list[I32]) -> I32:
+def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
     """As `find_spread`, of theta and the accelerometer's bias together.
 
     Source: docs/fixed-point.md Eq. (21).
@@ -113,12 +113,12 @@ def find_spread_of_all(s: Memory, row: list[I32], row_accel: list[I32]) -> I32:
     return limited(shifted(explained, 13 - scale), THETA_MOST)
 
 
-def of_accel(s: Memory, i: I32, x: I32, y: I32) -> I32:
+def of_accel(s: State, i: I32, x: I32, y: I32) -> I32:
     """Covariance of one of theta with what two numbers of 13 digits make of the bias, over 2^15."""
     return product(s.p_accel_x[i], x) + product(s.p_accel_y[i], y)
 
 
-def use_accel_gain(s: Memory, learns: I32) -> None:
+def use_accel_gain(s: State, learns: I32) -> None:
     """The accelerometer's part of a gain, after `use_gain`; what is not learnt stays uncertain.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (22).
@@ -140,7 +140,7 @@ def use_accel_gain(s: Memory, learns: I32) -> None:
         s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MOST)
 
 
-def fade_accel(s: Memory) -> None:
+def fade_accel(s: State) -> None:
     """The constant gain moves the sensitivities to the accelerometer's bias.
 
     Source: docs/filter.md Eq. (17).
@@ -150,7 +150,7 @@ def fade_accel(s: Memory) -> None:
         fade_one(s, s.dtilt_accel_e, s.dvelocity_accel_e, i)
 
 
-def apply_accel(s: Memory) -> None:
+def apply_accel(s: State) -> None:
     """Moves the accelerometer's bias, velocity and tilt by what the frame has found of it.
 
     Source: docs/filter.md Eq. (19).
@@ -170,7 +170,7 @@ def apply_accel(s: Memory) -> None:
     turn(s, shifted(north, 12 - scale), shifted(east, 12 - scale))
 
 
-def predict_lag(s: Memory, g: Gains) -> None:
+def predict_lag(s: State, g: Gains) -> None:
     """Latency of the fixes over one frame.
 
     Source: docs/filter.md Eq. (38).
@@ -184,12 +184,12 @@ def predict_lag(s: Memory, g: Gains) -> None:
 
 
 def find_fix_gain(
-    s: Memory, row: list[I32], row_accel: list[I32], innovation: I32, accel: I32, axis: I32
+    s: State, row: list[I32], row_accel: list[I32], innovation: I32, accel: I32, axis: I32
 ) -> None:
     """Gain for one part of a fix; what its latency adds is noise to theta.
 
     Args:
-        s: memory.
+        s: state.
         row: how the innovation depends on theta.
         row_accel: how it depends on the accelerometer's bias.
         innovation: north or east.
@@ -207,7 +207,7 @@ def find_fix_gain(
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
 
 
-def use_lag_gain(s: Memory) -> None:
+def use_lag_gain(s: State) -> None:
     """The latency's part of a gain, after `use_gain`.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (31).
@@ -224,7 +224,7 @@ def use_lag_gain(s: Memory) -> None:
         s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST)
 
 
-def fade_lag(s: Memory) -> None:
+def fade_lag(s: State) -> None:
     """The constant gain moves the sensitivities to the latency.
 
     Source: docs/filter.md Eq. (38).
@@ -240,7 +240,7 @@ def fade_lag(s: Memory) -> None:
         s.dvelocity_lag[i] = limited(velocity, THETA_MOST)
 
 
-def apply_lag(s: Memory, g: Gains) -> None:
+def apply_lag(s: State, g: Gains) -> None:
     """Moves latency, velocity and tilt by what the frame has found of the latency.
 
     Source: docs/filter.md Eq. (19), (38).

@@ -15,8 +15,8 @@ from ..memory import (
     VELOCITY_MOST,
     VELOCITY_USED,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .functions import limited, logarithm, power2, product, shifted
 from .theta import forget_velocity, turn
@@ -28,7 +28,7 @@ STARTED = 850  # log2 of ten: before, the low-passed force is older than the til
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
 
 
-def note_fix(s: Memory, sample: Sample) -> None:
+def note_fix(s: State, sample: Sample) -> None:
     """Keeps the innovation of a fix, at the time for which it was true, for its frame.
 
     Source: docs/filter.md Eq. (15), (37).
@@ -45,7 +45,7 @@ def note_fix(s: Memory, sample: Sample) -> None:
     s.fix_period_us = sample.fix_period_us
 
 
-def judge_fix(s: Memory, g: Gains) -> I32:
+def judge_fix(s: State, g: Gains) -> I32:
     """Gate and level for the fix that waits; returns bits.
 
     Source: docs/filter.md Eq. (15), (16), (30).
@@ -77,7 +77,7 @@ def judge_fix(s: Memory, g: Gains) -> I32:
     return VELOCITY_USED
 
 
-def choose_fix(s: Memory, g: Gains) -> None:
+def choose_fix(s: State, g: Gains) -> None:
     """Noise and gains for a fix that is accepted.
 
     Source: docs/filter.md Eq. (15), (16).
@@ -98,7 +98,7 @@ def choose_fix(s: Memory, g: Gains) -> None:
     )
 
 
-def accept_fixes(s: Memory) -> None:
+def accept_fixes(s: State) -> None:
     """Nothing is known of the velocity yet, or the fixes agree in contradicting it."""
     forget_velocity(s)
     s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MOST)
@@ -108,7 +108,7 @@ def accept_fixes(s: Memory) -> None:
         s.tilt_suspect = 1
 
 
-def set_fix_gains(s: Memory, g: Gains, period_us: I32) -> None:
+def set_fix_gains(s: State, g: Gains, period_us: I32) -> None:
     """Gains of the set for the nearest period that gains were made for."""
     row = 0
     for i in range(PERIODS - 1):
@@ -123,7 +123,7 @@ def set_fix_gains(s: Memory, g: Gains, period_us: I32) -> None:
     s.k_velocity_s = clamp((gain & 31) - 8, -3, 23)
 
 
-def apply_fix(s: Memory) -> None:
+def apply_fix(s: State) -> None:
     """The constant gain for a measured velocity.
 
     Source: docs/filter.md Eq. (16).

@@ -14,8 +14,8 @@ from ..memory import (
     RESTING,
     THETA_MOST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .aiding import (
     apply_accel,
@@ -58,7 +58,7 @@ from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ea
 SETTLED_US = 30000000  # ten times the start-up time
 
 
-def second_stage(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """One of the sixteen parts of a frame; returns bits.
 
     Source: docs/fixed-point.md Eq. (20).
@@ -72,7 +72,7 @@ def second_stage(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     return use_field(s, g, phase)
 
 
-def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
+def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Theta over the frame; levels, noise and gains for its velocity; returns bits."""
     if phase == 0:
         begin_frame(s, g, sample)
@@ -91,7 +91,7 @@ def judge_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) 
     return 0
 
 
-def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
+def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Theta from the frame's velocity, or from rest in its place; returns bits."""
     if phase == 4:
         find_motion_gain(s, g, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
@@ -121,7 +121,7 @@ def use_motion(s: Memory, g: Gains, sample: Sample, r: list[I32], phase: I32) ->
     return 0
 
 
-def rests(s: Memory, g: Gains) -> I32:
+def rests(s: State, g: Gains) -> I32:
     """1 when nothing has moved for long enough."""
     if s.rest_us > 0 and s.rest_us >= g.rest_time_us:
         return 1
@@ -129,12 +129,12 @@ def rests(s: Memory, g: Gains) -> I32:
 
 
 def find_motion_gain(
-    s: Memory, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
+    s: State, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
 ) -> None:
     """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
 
     Args:
-        s: memory.
+        s: state.
         g: gains.
         row: how the innovation depends on theta.
         row_accel: how it depends on the bias of the accelerometer.
@@ -151,7 +151,7 @@ def find_motion_gain(
         find_gain(s, row, innovation, s.log_noise)
 
 
-def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
+def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
     """Uses the gain that `find_motion_gain` has found.
 
     A bounded velocity does not teach the heading, nor what moves it, once no field is there.
@@ -175,7 +175,7 @@ def use_motion_gain(s: Memory, g: Gains, r: list[I32]) -> None:
             use_gain(s)
 
 
-def use_field(s: Memory, g: Gains, phase: I32) -> I32:
+def use_field(s: State, g: Gains, phase: I32) -> I32:
     """Theta from the heading of the newest field, if that is accepted; returns bits.
 
     What it finds is applied with what the next frame's velocity finds.
@@ -197,7 +197,7 @@ def use_field(s: Memory, g: Gains, phase: I32) -> I32:
     return 0
 
 
-def measure_heading(s: Memory, g: Gains, phase: I32) -> None:
+def measure_heading(s: State, g: Gains, phase: I32) -> None:
     """Theta from the heading that has been prepared, unless both are too far apart.
 
     Source: docs/filter.md Eq. (25), (39), (57).
@@ -218,7 +218,7 @@ def measure_heading(s: Memory, g: Gains, phase: I32) -> None:
             use_accel_gain(s, 0)
 
 
-def accept_field(s: Memory, g: Gains) -> I32:
+def accept_field(s: State, g: Gains) -> I32:
     """What is learnt from a field beside the heading; returns bits.
 
     Source: docs/filter.md Eq. (21), (23), (24).
@@ -233,7 +233,7 @@ def accept_field(s: Memory, g: Gains) -> I32:
     return FIELD_USED
 
 
-def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
+def begin_frame(s: State, g: Gains, sample: Sample) -> None:
     """Closes the sums of the frame before.
 
     Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (8).
@@ -255,7 +255,7 @@ def begin_frame(s: Memory, g: Gains, sample: Sample) -> None:
     set_ease(s, g)
 
 
-def close_jitter(s: Memory, g: Gains, share: I32) -> None:
+def close_jitter(s: State, g: Gains, share: I32) -> None:
     """Level of what the samples of the rate do not resolve, which is noise of the frame's density.
 
     Source: docs/filter.md Eq. (8).
@@ -266,7 +266,7 @@ def close_jitter(s: Memory, g: Gains, share: I32) -> None:
     s.jitter_sum = 0
 
 
-def judge_velocity(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+def judge_velocity(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Levels and gate for the innovation of the frame; returns bits."""
     if s.aided > 0:
         if s.fix_period_us > 0:

@@ -17,8 +17,8 @@ from ..memory import (
     REF_MOST,
     THETA_MOST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .functions import HALF_TURN_Q28, length, limited, logarithm, polar, power2, product, ratio
 from .theta import add_heading, forget_sensitivities
@@ -32,11 +32,11 @@ EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
-def take_field(s: Memory, sample: Sample, r: list[I32], w: list[I32]) -> None:
+def take_field(s: State, sample: Sample, r: list[I32], w: list[I32]) -> None:
     """Turns a new field to n, and its change by the rotation; a repeated one is none.
 
     Args:
-        s: memory.
+        s: state.
         sample: one with a field.
         r: matrix, Q15.
         w: rate less bias, 1e6 2^-29 rad/s.
@@ -72,7 +72,7 @@ def take_field(s: Memory, sample: Sample, r: list[I32], w: list[I32]) -> None:
         s.mag_rate[i] = limited(part, 32767)
 
 
-def resolve_field(s: Memory, g: Gains) -> None:
+def resolve_field(s: State, g: Gains) -> None:
     """Undoes the latency of the field that waits; its horizontal part, length and heading.
 
     Source: docs/filter.md Eq. (21).
@@ -99,7 +99,7 @@ def resolve_field(s: Memory, g: Gains) -> None:
     s.mag_norm = clamp(length(s.mag_horizontal, s.mag_ned[2]), 0, NORM_MOST)
 
 
-def judge_field(s: Memory, g: Gains) -> None:
+def judge_field(s: State, g: Gains) -> None:
     """Decides whether the field of the frame is accepted.
 
     Source: docs/filter.md Eq. (22), (26).
@@ -130,17 +130,17 @@ def judge_field(s: Memory, g: Gains) -> None:
     s.mag_accepted = 1
 
 
-def crossed(s: Memory, horizontal: I32, down: I32) -> I32:
+def crossed(s: State, horizontal: I32, down: I32) -> I32:
     """Sine of the angle between the dips of field and reference, times both lengths, Q24."""
     flat = (s.mag_horizontal >> 2) * (down >> 14)
     return flat - (s.mag_ned[2] >> 2) * (horizontal >> 14)
 
 
-def differs(s: Memory, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32, norm: I32) -> I32:
+def differs(s: State, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32, norm: I32) -> I32:
     """1 when length or dip of the field that waits are outside the gates about a reference.
 
     Args:
-        s: memory.
+        s: state.
         norm_gate: relative, Q15.
         dip_gate: sine, Q15.
         horizontal: part of the reference.
@@ -159,7 +159,7 @@ def differs(s: Memory, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32
     return 0
 
 
-def renew_reference(s: Memory, g: Gains) -> I32:
+def renew_reference(s: State, g: Gains) -> I32:
     """A field that contradicts the reference, but not itself, becomes the reference: 1.
 
     Source: docs/filter.md Eq. (26).
@@ -206,7 +206,7 @@ def renew_reference(s: Memory, g: Gains) -> I32:
     return 1
 
 
-def count_turn(s: Memory) -> None:
+def count_turn(s: State) -> None:
     """Credits the turn of the field in body axes, once it is more than noise.
 
     Source: docs/filter.md Eq. (26).
@@ -224,7 +224,7 @@ def count_turn(s: Memory) -> None:
         s.mag_new_from[i] = s.mag_last[i]
 
 
-def forget_heading(s: Memory, g: Gains) -> None:
+def forget_heading(s: State, g: Gains) -> None:
     """The heading is known no better than at the start, and not from the biases."""
     s.p_xh = 0
     s.p_yh = 0
@@ -238,7 +238,7 @@ def moved(reference: I32, part: I32, share: I32) -> I32:
     return limited(reference + product(value - reference, share), REF_MOST)
 
 
-def learn_field(s: Memory, g: Gains, age: I32) -> None:
+def learn_field(s: State, g: Gains, age: I32) -> None:
     """Level of disturbance and reference from a field that is accepted.
 
     Source: docs/filter.md Eq. (23), (24).
@@ -266,7 +266,7 @@ def learn_field(s: Memory, g: Gains, age: I32) -> None:
         s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MOST)
 
 
-def learn_latency(s: Memory, age: I32) -> None:
+def learn_latency(s: State, age: I32) -> None:
     """Latency of the field from how its heading-free parts change with the rotation.
 
     Source: docs/filter.md Eq. (21).
@@ -305,7 +305,7 @@ def learn_latency(s: Memory, age: I32) -> None:
     s.mag_lag_den = den
 
 
-def heading_error(s: Memory) -> I32:
+def heading_error(s: State) -> I32:
     """Heading that the field shows, less what was corrected since it came or will be, rad, Q28."""
     error = s.declination - s.mag_heading
     if error > HALF_TURN_Q28:
@@ -315,7 +315,7 @@ def heading_error(s: Memory) -> I32:
     return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MOST)
 
 
-def turn_heading(s: Memory, g: Gains, angle: I32) -> None:
+def turn_heading(s: State, g: Gains, angle: I32) -> None:
     """Turns by an angle (rad, Q28) of which nothing was known but from the field.
 
     Source: docs/filter.md Eq. (26).
@@ -329,7 +329,7 @@ def turn_heading(s: Memory, g: Gains, angle: I32) -> None:
     forget_heading(s, g)
 
 
-def prepare_heading(s: Memory, g: Gains) -> None:
+def prepare_heading(s: State, g: Gains) -> None:
     """What an accepted field says of the heading, and how that depends on theta.
 
     Source: docs/filter.md Eq. (25).
@@ -364,7 +364,7 @@ def prepare_heading(s: Memory, g: Gains) -> None:
     s.mag_accepted = 2
 
 
-def disturbed(s: Memory, g: Gains) -> I32:
+def disturbed(s: State, g: Gains) -> I32:
     """Density of the heading's magnetic disturbance, squared, rad^2 s, Q26.
 
     Source: docs/filter.md Eq. (25).
@@ -372,7 +372,7 @@ def disturbed(s: Memory, g: Gains) -> I32:
     return limited(product(s.mag_disturbance, g.mag_correlation), 1 << 26) << 3
 
 
-def judge_heading(s: Memory, g: Gains) -> None:
+def judge_heading(s: State, g: Gains) -> None:
     """Refuses a field whose heading is further off than both are expected to be.
 
     Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (57).
@@ -397,7 +397,7 @@ def judge_heading(s: Memory, g: Gains) -> None:
         s.heading_reset = 2
 
 
-def weigh_heading(s: Memory, g: Gains) -> None:
+def weigh_heading(s: State, g: Gains) -> None:
     """Noise of the heading that a field shows.
 
     Source: docs/filter.md Eq. (25).

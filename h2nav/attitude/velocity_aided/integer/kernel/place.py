@@ -5,16 +5,16 @@ Source: docs/filter.md Eq. (23) to (26).
 
 from h2nav.maths.fixedpoint import I16, I32, clamp
 
-from ..memory import NORM_MOST, Gains, Memory
+from ..memory import NORM_MOST, Gains, State
 from .functions import HALF_TURN_Q28, limited, polar, ratio
 from .heading import turn_heading
 
 
-def set_place(s: Memory, g: Gains, north: I16, east: I16, down: I16) -> None:
+def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     """Norm and dip become the gate's reference; a change of declination turns the heading.
 
     Args:
-        s: memory.
+        s: state.
         g: gains.
         north: field of a model, true north, Q14 = 64 uT.
         east: the same.

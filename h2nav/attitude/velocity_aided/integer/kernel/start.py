@@ -7,7 +7,7 @@ from h2nav.attitude.integer.motion import RATE_LIMIT, rotation
 from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.maths.fixedpoint import I32, clamp
 
-from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Memory, Sample
+from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Sample, State
 from .aiding import in_force
 from .functions import limited
 from .heading import forget_heading
@@ -18,7 +18,7 @@ FIELD_WAIT_US = 250000
 MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: most of a declination that the start takes
 
 
-def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
+def begin_anew(s: State, sample: Sample, r: list[I32]) -> None:
     """Starts the tilt again, from a force where the tilt is worth nothing.
 
     That is after clipped samples that may have hidden a turn, and when the low-passed force has
@@ -36,7 +36,7 @@ def begin_anew(s: Memory, sample: Sample, r: list[I32]) -> None:
     begin_frames(s)
 
 
-def align(s: Memory, g: Gains, sample: Sample) -> I32:
+def align(s: State, g: Gains, sample: Sample) -> I32:
     """Takes the attitude that one sample shows; returns bits.
 
     A field is waited for; without one the nose points north.
@@ -68,7 +68,7 @@ def align(s: Memory, g: Gains, sample: Sample) -> I32:
     return ALIGNED | RESTARTED
 
 
-def resume(s: Memory, g: Gains, sample: Sample) -> I32:
+def resume(s: State, g: Gains, sample: Sample) -> I32:
     """Takes the first sample after a gap; returns bits.
 
     On the ground the attitude is found anew. In the air a force says less of the tilt than the
@@ -85,7 +85,7 @@ def resume(s: Memory, g: Gains, sample: Sample) -> I32:
     return RESTARTED
 
 
-def begin(s: Memory, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
+def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     """Everything but attitude, bias, its covariance, latency and references starts anew."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     rotation(s.q_nb, r)
@@ -118,7 +118,7 @@ def begin(s: Memory, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.field_silence_us = 0
 
 
-def reset(s: Memory, g: Gains) -> None:
+def reset(s: State, g: Gains) -> None:
     """Makes a filter of zeros: not aligned, and the biases known as badly as the gains say."""
     s.q_nb[0] = Q_LIMIT - (1 << 19)
     s.p_xx = g.bias_variance
@@ -129,7 +129,7 @@ def reset(s: Memory, g: Gains) -> None:
     s.age_us = -1
 
 
-def restart(s: Memory) -> None:
+def restart(s: State) -> None:
     """Forgets the attitude; keeps bias, references and the counter of saturations."""
     s.age_us = -1
     s.mag_age_us = 0

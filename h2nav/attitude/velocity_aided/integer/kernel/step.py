@@ -27,8 +27,8 @@ from ..memory import (
     RESTARTED,
     SATURATED,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .fixes import note_fix
 from .frame import second_stage
@@ -42,14 +42,14 @@ STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees 
 SATURATIONS_MOST = 1 << 30
 
 
-def update(s: Memory, g: Gains, sample: Sample) -> I32:
+def update(s: State, g: Gains, sample: Sample) -> I32:
     """Takes one sample: aligns or steps; returns bits."""
     if s.age_us < 0:
         return align(s, g, sample)
     return step(s, g, sample)
 
 
-def step(s: Memory, g: Gains, sample: Sample) -> I32:
+def step(s: State, g: Gains, sample: Sample) -> I32:
     """Takes one sample of an aligned filter; returns what it rested on, as bits."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     met = [0]
@@ -77,7 +77,7 @@ def step(s: Memory, g: Gains, sample: Sample) -> I32:
     return bits
 
 
-def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Force, field and fix of one sample, and the frame's part that comes with it; returns bits."""
     w = [0, 0, 0]
     bits = 0
@@ -97,7 +97,7 @@ def use_sample(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     return bits | second_stage(s, g, sample, r)
 
 
-def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
+def rates(s: State, sample: Sample, w: list[I32]) -> None:
     """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean, and that of its jitter.
 
     A rate that is held, as over the parts of a long sample, is not compared with itself.
@@ -125,7 +125,7 @@ def rates(s: Memory, sample: Sample, w: list[I32]) -> None:
             s.gyro_step[i] = change[i]
 
 
-def drain(s: Memory, r: list[I32]) -> None:
+def drain(s: State, r: list[I32]) -> None:
     """Hands the correction to come to the next turn, at most STEP_MOST of it.
 
     Source: docs/fixed-point.md Eq. (7).

@@ -16,7 +16,7 @@ from ..memory import (
     VARIANCE_LEAST,
     VELOCITY_MOST,
     Gains,
-    Memory,
+    State,
 )
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, reciprocal, shifted
 
@@ -25,14 +25,14 @@ MOST_NOISE = 29 << 8
 PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
 
 
-def heading_turn(s: Memory, r: list[I32], turn: list[I32]) -> None:
+def heading_turn(s: State, r: list[I32], turn: list[I32]) -> None:
     """Writes the heading that one unit of each bias gives in the frame, Q22 of its unit."""
     unit = (s.frame_time * 15625) >> 14
     for i in range(3):
         turn[i] = (unit * r[6 + i] + 16384) >> 15
 
 
-def predict_covariance(s: Memory, g: Gains, r: list[I32]) -> None:
+def predict_covariance(s: State, g: Gains, r: list[I32]) -> None:
     """P <- F P F^T + Q over one frame.
 
     Source: docs/filter.md Eq. (12).
@@ -73,7 +73,7 @@ def grown(variance: I32, walk: I32, most: I32) -> I32:
     return variance
 
 
-def predict_sensitivities(s: Memory, r: list[I32]) -> None:
+def predict_sensitivities(s: State, r: list[I32]) -> None:
     """Sensitivities of velocity and tilt over one frame.
 
     Source: docs/filter.md Eq. (6), (7).
@@ -116,11 +116,11 @@ def digits_of(a: I32, b: I32, c: I32, d: I32) -> I32:
     return bits_of(size_of(a) | size_of(b) | size_of(c) | size_of(d))
 
 
-def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> None:
+def find_gain(s: State, row: list[I32], innovation: I32, log_noise: I32) -> None:
     """Gain for one scalar measurement of theta; `use_gain` applies it with the next sample.
 
     Args:
-        s: memory.
+        s: state.
         row: how the measurement depends on theta, Q24 of the measurement's unit.
         innovation: the same unit, Q24.
         log_noise: of its variance without the error of theta.
@@ -130,7 +130,7 @@ def find_gain(s: Memory, row: list[I32], innovation: I32, log_noise: I32) -> Non
     weigh_gain(s, innovation - find_spread(s, row), log_noise)
 
 
-def find_spread(s: Memory, row: list[I32]) -> I32:
+def find_spread(s: State, row: list[I32]) -> I32:
     """H = P a of a row a, and a H; returns what the correction so far explains of the innovation.
 
     Source: docs/fixed-point.md Eq. (21).
@@ -159,11 +159,11 @@ def find_spread(s: Memory, row: list[I32]) -> I32:
     return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MOST)
 
 
-def weigh_gain(s: Memory, y: I32, log_noise: I32) -> None:
+def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     """Divides by the variance of the innovation, noise included.
 
     Args:
-        s: memory.
+        s: state.
         y: innovation without what is explained already, Q24 of the measurement's unit.
         log_noise: of its variance without the error of theta.
 
@@ -204,7 +204,7 @@ def row_times(row: list[I32], a: list[I32]) -> I32:
     return times(row[0], row[1], row[2], row[3], a)
 
 
-def use_gain(s: Memory) -> None:
+def use_gain(s: State) -> None:
     """Correction and covariance with the gain that was found: D += h e, P <- P - h h^T / S.
 
     What is taken from a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
@@ -237,7 +237,7 @@ def use_gain(s: Memory) -> None:
     s.heading_variance = lowered_variance(s.heading_variance, k * h3 >> shift)
 
 
-def use_level_gain(s: Memory, r: list[I32]) -> None:
+def use_level_gain(s: State, r: list[I32]) -> None:
     """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
 
     With c = (vertical part of h, h_4) and k = h - c: D += k e, P <- P - (h h^T - c c^T) / S, in
@@ -284,7 +284,7 @@ def lowered_variance(variance: I32, fall: I32) -> I32:
     return rest
 
 
-def fade(s: Memory) -> None:
+def fade(s: State) -> None:
     """The constant gain has worked on the sensitivities too.
 
     Source: docs/filter.md Eq. (17).
@@ -294,7 +294,7 @@ def fade(s: Memory) -> None:
         fade_one(s, s.dtilt_e, s.dvelocity_e, i)
 
 
-def fade_one(s: Memory, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
+def fade_one(s: State, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
     """One sensitivity of tilt and velocity."""
     before = dvelocity[i]
     tilt = dtilt[i] - shifted(product(before, s.k_tilt_m), s.k_tilt_s - 4)
@@ -303,7 +303,7 @@ def fade_one(s: Memory, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
     dvelocity[i] = limited(velocity, THETA_MOST)
 
 
-def apply_theta(s: Memory, g: Gains) -> I32:
+def apply_theta(s: State, g: Gains) -> I32:
     """Moves bias, velocity and attitude by the correction D, which is forgotten.
 
     Returns SATURATED when the bias meets its limit, else 0.
@@ -339,19 +339,19 @@ def apply_theta(s: Memory, g: Gains) -> I32:
     return bits
 
 
-def turn(s: Memory, tilt_n: I32, tilt_e: I32) -> None:
+def turn(s: State, tilt_n: I32, tilt_e: I32) -> None:
     """Adds a tilt north and east (half radians, Q30) to the correction to come."""
     s.correction[0] = limited(s.correction[0] + limited(tilt_e, 1 << 29), CORRECTION_MOST)
     s.correction[1] = limited(s.correction[1] - limited(tilt_n, 1 << 29), CORRECTION_MOST)
 
 
-def add_heading(s: Memory, angle: I32) -> None:
+def add_heading(s: State, angle: I32) -> None:
     """Adds a heading (half radians, Q30) to the correction to come."""
     s.correction[2] = limited(s.correction[2] + angle, CORRECTION_MOST)
     s.heading_due = limited(s.heading_due + angle, CORRECTION_MOST)
 
 
-def limit_heading(s: Memory, g: Gains) -> None:
+def limit_heading(s: State, g: Gains) -> None:
     """Keeps the heading's variance where theta is linear; correlations stay what they are."""
     most = g.heading_variance
     if s.heading_variance > most:
@@ -364,7 +364,7 @@ def limit_heading(s: Memory, g: Gains) -> None:
         s.heading_variance = most
 
 
-def forget_velocity(s: Memory) -> None:
+def forget_velocity(s: State) -> None:
     """The velocity begins anew: no error of theta has worked on it yet."""
     for i in range(4):
         s.dvelocity_n[i] = 0
@@ -375,7 +375,7 @@ def forget_velocity(s: Memory) -> None:
         s.dvelocity_accel_e[i] = 0
 
 
-def forget_sensitivities(s: Memory) -> None:
+def forget_sensitivities(s: State) -> None:
     """Tilt and velocity begin anew."""
     forget_velocity(s)
     for i in range(4):
@@ -386,7 +386,7 @@ def forget_sensitivities(s: Memory) -> None:
         s.dtilt_lag[i] = 0
 
 
-def fade_tilt_sigma(s: Memory) -> None:
+def fade_tilt_sigma(s: State) -> None:
     """Doubt of the tilt fades at the speed of the loop's poles.
 
     Source: docs/filter.md Eq. (30).

@@ -16,8 +16,8 @@ from ..memory import (
     VARIANCE_LEAST,
     VELOCITY_MOST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .aiding import find_spread_of_all
 from .functions import bits_of, limited, logarithm, power2, product
@@ -35,7 +35,7 @@ REST_SIGMAS_2 = 9  # a rate that is this far from the known bias is no bias
 ONE_Q26 = 1 << 26
 
 
-def watch_rest(s: Memory, g: Gains, sample: Sample) -> None:
+def watch_rest(s: State, g: Gains, sample: Sample) -> None:
     """Low-passes rate and force; notes a sample that is far from either.
 
     Source: docs/fixed-point.md Eq. (26).
@@ -57,7 +57,7 @@ def watch_rest(s: Memory, g: Gains, sample: Sample) -> None:
     s.unsteady |= ((g.rest_gyro - rate) | (g.rest_accel - force)) >> 31
 
 
-def judge_rest(s: Memory, g: Gains, sample: Sample) -> None:
+def judge_rest(s: State, g: Gains, sample: Sample) -> None:
     """How long nothing has been felt to move.
 
     Source: docs/filter.md Eq. (20), (31).
@@ -83,12 +83,12 @@ def judge_rest(s: Memory, g: Gains, sample: Sample) -> None:
         s.rest_us = 0
 
 
-def bias_error(s: Memory, axis: I32) -> I32:
+def bias_error(s: State, axis: I32) -> I32:
     """Low-passed rate less bias, units of theta, Q24."""
     return limited(s.gyro_lp[axis] - (s.gyro_bias[axis] >> 9), 1 << 22) << 7
 
 
-def moves(s: Memory, axis: I32, variance: I32) -> I32:
+def moves(s: State, axis: I32, variance: I32) -> I32:
     """1 when the low-passed rate contradicts the bias as far as it is known."""
     d = limited(bias_error(s, axis), 32767 << 10) >> 10
     known_to = limited(variance + REST_FLOOR, 119000000)
@@ -97,7 +97,7 @@ def moves(s: Memory, axis: I32, variance: I32) -> I32:
     return 0
 
 
-def find_rest_gain(s: Memory, g: Gains) -> None:
+def find_rest_gain(s: State, g: Gains) -> None:
     """Gain for one axis of the low-passed rate taken as bias; the axes take turns.
 
     Source: docs/filter.md Eq. (20).
@@ -118,7 +118,7 @@ def find_rest_gain(s: Memory, g: Gains) -> None:
     weigh_gain(s, bias_error(s, axis) - explained, g.log_rest_noise - log_time)
 
 
-def restart_tilt(s: Memory, sample: Sample, r: list[I32]) -> None:
+def restart_tilt(s: State, sample: Sample, r: list[I32]) -> None:
     """The tilt was wrong: find it anew, keep bias and heading.
 
     Source: docs/filter.md Eq. (14).
@@ -137,7 +137,7 @@ def restart_tilt(s: Memory, sample: Sample, r: list[I32]) -> None:
     s.steady_us = 0
 
 
-def doubt_rate(s: Memory, g: Gains, sample: Sample) -> None:
+def doubt_rate(s: State, g: Gains, sample: Sample) -> None:
     """A clipped rate is doubted by as much as it differs from the rates before it.
 
     Source: docs/filter.md Eq. (30).
@@ -162,7 +162,7 @@ def doubt_rate(s: Memory, g: Gains, sample: Sample) -> None:
     limit_heading(s, g)
 
 
-def raise_tilt_sigma(s: Memory, angle: I32) -> None:
+def raise_tilt_sigma(s: State, angle: I32) -> None:
     """The tilt is known no better than this, rad, Q28."""
     if angle > TILT_SIGMA_MOST:
         angle = TILT_SIGMA_MOST
@@ -170,7 +170,7 @@ def raise_tilt_sigma(s: Memory, angle: I32) -> None:
         s.extra_tilt_sigma = angle
 
 
-def ask_force(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
+def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
     """Notes when a low-passed force of size g denies the tilt, once something else does too.
 
     Source: docs/filter.md Eq. (31).
@@ -194,11 +194,11 @@ def ask_force(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
         s.tilt_suspect = 2
 
 
-def upright(s: Memory, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
+def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     """Takes the attitude in which a force points up and `north` about north; returns 1 if it can.
 
     Args:
-        s: memory.
+        s: state.
         x: specific force, body frame, any unit, below 2^30.
         y: the same.
         z: the same.
@@ -236,7 +236,7 @@ def upright(s: Memory, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     return 1
 
 
-def level(s: Memory, x: I32, y: I32, z: I32, r: list[I32]) -> None:
+def level(s: State, x: I32, y: I32, z: I32, r: list[I32]) -> None:
     """Takes the tilt from a force, unless it shows along the nose; the heading is asked anew.
 
     Source: docs/filter.md Eq. (32).

@@ -16,8 +16,8 @@ from ..memory import (
     THETA_MOST,
     VELOCITY_MOST,
     Gains,
-    Memory,
     Sample,
+    State,
 )
 from .aiding import in_force
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, ratio
@@ -29,7 +29,7 @@ Q24 = 24 << 8
 EASE_MOST = 21 << 8
 
 
-def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
+def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
     """Velocity over one sample; what rounding leaves of force and acceleration comes next time.
 
     Source: docs/filter.md Eq. (5), (13).
@@ -61,7 +61,7 @@ def accelerate(s: Memory, sample: Sample, r: list[I32]) -> None:
         s.gained_e = (s.gained_e + east) & GAINED_MASK
 
 
-def change_aiding(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
+def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
     """The velocity before and the one after have nothing to do with each other."""
     forget_velocity(s)
     s.dtilt_n[3] = 0
@@ -90,7 +90,7 @@ def change_aiding(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> None:
     begin_frames(s)
 
 
-def begin_frames(s: Memory) -> None:
+def begin_frames(s: State) -> None:
     """No frame is complete yet, and no gain is known."""
     s.phase = 1
     s.frame_us = 0
@@ -106,7 +106,7 @@ def begin_frames(s: Memory) -> None:
     s.k_velocity_s = 0
 
 
-def correct_velocity(s: Memory, sample: Sample, r: list[I32]) -> None:
+def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
     """The constant gain for a velocity near zero, or near the forward speed along the nose.
 
     Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (23).
@@ -135,7 +135,7 @@ def correct_velocity(s: Memory, sample: Sample, r: list[I32]) -> None:
     )
 
 
-def judge_bounded(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
+def judge_bounded(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Levels of the frame's innovation; restarts at impossible velocities.
 
     Returns 1 when the tilt has started anew. Source: docs/filter.md Eq. (11), (14).
@@ -158,7 +158,7 @@ def judge_bounded(s: Memory, g: Gains, sample: Sample, r: list[I32]) -> I32:
     return 0
 
 
-def choose_bounded(s: Memory, g: Gains) -> None:
+def choose_bounded(s: State, g: Gains) -> None:
     """Noise and gain set for the levels.
 
     Source: docs/filter.md Eq. (9), (11), (14).
@@ -183,7 +183,7 @@ def square_of(north: I32, east: I32) -> I32:
     return n * n + e * e
 
 
-def level_share(s: Memory, g: Gains, time_us: I32) -> I32:
+def level_share(s: State, g: Gains, time_us: I32) -> I32:
     """Share that a time has in the levels, Q15; a young level is the mean so far."""
     span = g.level_time_us
     if s.age_us < span:
@@ -208,7 +208,7 @@ def density(floor: I32, correlation: I32, ceiling: I32, level: I32) -> I32:
     return noise
 
 
-def select_set(s: Memory, g: Gains) -> None:
+def select_set(s: State, g: Gains) -> None:
     """Gain set for the measured levels; sharper sets while the filter starts.
 
     Source: docs/filter.md Eq. (9), (14).
@@ -227,7 +227,7 @@ def select_set(s: Memory, g: Gains) -> None:
     s.gain_set = number
 
 
-def set_frame_gains(s: Memory, g: Gains) -> None:
+def set_frame_gains(s: State, g: Gains) -> None:
     """Gains of the set for the time of a frame.
 
     Source: docs/fixed-point.md Eq. (24).
@@ -245,7 +245,7 @@ def set_frame_gains(s: Memory, g: Gains) -> None:
     s.k_velocity_s = clamp((gain & 31) - 8 + fall, 0, 30)
 
 
-def set_ease(s: Memory, g: Gains) -> None:
+def set_ease(s: State, g: Gains) -> None:
     """Factor on all noises while the filter starts: the first tilt error is none of the bias.
 
     Source: docs/filter.md Eq. (14).
