@@ -45,7 +45,7 @@ from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.kernel.estimate import estimate
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
-from h2nav.attitude.velocity_aided.kernel.start import begin, find_in_air
+from h2nav.attitude.velocity_aided.kernel.start import begin, expect_vertical_bias, find_in_air
 from h2nav.attitude.velocity_aided.kernel.step import step
 from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
 from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
@@ -416,7 +416,10 @@ class VelocityAidedFilter:
         half = 0.5 * s.declination
         turned = (math.cos(half), 0.0, 0.0, math.sin(half))
         s.q_nb[:] = multiply(turned, alignment.attitude(window))
-        s.mag_accepted_age_s = 0.0 if window.fields else -1.0
+        s.mag_accepted_age_s = 0.0
+        if not window.fields:
+            s.mag_accepted_age_s = -1.0
+            expect_vertical_bias(s, self._g)
         s.age_s = s.heading_unknown = 0.0
         return self._begin(sample, LEVEL_SIGMA)
 

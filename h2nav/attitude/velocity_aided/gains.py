@@ -39,6 +39,8 @@ PARAMETERS: dict[str, Parameter] = {
     "gyro_scale_noise_rthz": Parameter("scale_noise", 1.0, 2, 0.0, 0.1),
     "heading_scale_noise_rthz": Parameter("heading_scale_noise", 1.0, 2, 0.0, 0.1),
     "bias_start_deg_s": Parameter("bias_variance", DEG, 2, 1e-3, 20.0),
+    # The largest: as the other two.
+    "vertical_bias_start_deg_s": Parameter("vertical_bias_variance", DEG, 2, 1e-3, 20.0, 20.0),
     "bias_walk_deg_s_rts": Parameter("bias_walk", DEG, 2, 0.0, 1.0),
     "bias_limit_deg_s": Parameter("bias_limit", DEG, 1, 0.1, 60.0),
     "bias_inflation": Parameter("bias_inflation", 1.0, 1, 1.0, 1e4),

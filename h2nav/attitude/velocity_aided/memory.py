@@ -186,6 +186,7 @@ class Gains:
     bias_inflation: float = real("", "on the noise of the second stage, bounded velocity")
     fix_inflation: float = real("", "on the noise of the second stage, measured velocity")
     bias_variance: float = real("(rad/s)^2", "start and limit of the variance of a bias")
+    vertical_bias_variance: float = real("(rad/s)^2", "most of the bias z's without a field")
     bias_walk: float = real("rad^2/s^3", "density of the bias walk, squared")
     bias_limit: float = real("rad/s", "limit of a bias")
     heading_variance: float = real("rad^2", "start and limit of the variance of the heading")

@@ -52,7 +52,7 @@ def feed(
 @pytest.mark.parametrize(("law", "field"), [(sway, True), (sway, False), (turning, True)])
 def test_5_s_after_a_gap_in_a_manoeuvre_the_tilt_is_right(law: RateLaw, field: bool) -> None:
     drive = without_samples(accelerating(55.0, 41, law=law), GAP, GAP + 400)
-    found = feed(new_filter(), drive, field)
+    found = feed(new_filter(vertical_bias_variance=DEG**2), drive, field)
     errors = tilt_errors(drive, found, GAP)
     assert errors[0] > 20.0 * DEG
     assert max(errors[500:]) < 0.5 * DEG

@@ -113,6 +113,30 @@ def circling_level(t: float) -> Vec3:
     return (0.0, 0.0, 0.2 if t > 20.0 else 0.0)
 
 
+@pytest.mark.parametrize("field", [True, False])
+def test_without_a_field_at_the_start_the_gyro_counts_as_calibrated(field: bool) -> None:
+    filter_ = new_filter()
+    flight = fly(circling_level, 2.0, 0, bias_b=NO_BIAS)
+    for sample in flight.samples:
+        filter_.update(sample if field else sample._replace(m_b_ut=None))
+    sigma = math.sqrt(filter_.kernel_memory.p_zz)
+    assert sigma == pytest.approx((1.0 if field else 0.05) * DEG, rel=0.2)
+
+
+def test_without_any_field_bounded_motion_never_turns_the_heading() -> None:
+    """Blown about for a minute, after a calm start."""
+    blown = coloured(61.0, 0, 25.0, 2.0, 0.5)
+    force = Disturbance(force=lambda t: blown[round(25.0 * t)] if t > 10.0 else NO_BIAS)
+    flight = fly(circling_level, 60.0, 0, rate_hz=25.0, bias_b=NO_BIAS, disturbance=force)
+    apart = []
+    filter_ = new_filter()
+    for sample, q in zip(flight.samples, flight.q_nb, strict=True):
+        estimate = filter_.update(sample._replace(m_b_ut=None))
+        if estimate is not None:
+            apart.append(heading_apart(q, estimate.q_nb))
+    assert max(abs(heading - apart[0]) for heading in apart) < 2.0 * DEG
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_without_a_field_bounded_motion_leaves_the_vertical_bias_alone(seed: int) -> None:
     """20 s on the ground with a field; then three minutes in the air without, blown about."""

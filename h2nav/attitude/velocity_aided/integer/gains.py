@@ -189,6 +189,8 @@ def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
     put("log_rest_noise", _log(g.rest_noise / bias2), "rest_noise_deg_s_rthz")
     most("bias_limit", g.bias_limit * 2.0**53 / 2e6, "bias_limit_deg_s")
     put("bias_variance", g.bias_variance / bias2 * 2.0**28, "bias_start_deg_s")
+    vertical = min(g.vertical_bias_variance, g.bias_variance)
+    put("vertical_bias_variance", vertical / bias2 * 2.0**28, "vertical_bias_start_deg_s")
     put("bias_walk", g.bias_walk / bias2 * 2.0**28, "bias_walk_deg_s_rts")
     heading = g.heading_variance / HEADING_UNIT_RAD**2
     put("heading_variance", heading * 2.0**28, "heading_start_deg")

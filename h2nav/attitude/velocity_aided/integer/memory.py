@@ -352,6 +352,9 @@ class Gains:
     bias_variance: I32 = integer(
         VARIANCE_LEAST, THETA_MOST, "", "start and limit of the variance of a bias", q=28
     )
+    vertical_bias_variance: I32 = integer(
+        VARIANCE_LEAST, THETA_MOST, "", "most of the bias z's without a field", q=28
+    )
     bias_walk: I32 = integer(0, 1 << 28, "1/s", "density of the bias walk, squared", q=28)
     heading_variance: I32 = integer(
         VARIANCE_LEAST, THETA_MOST, "0.25 rad^2", "start and limit of the heading variance", q=28

@@ -51,6 +51,13 @@ def begin(
     s.aided = 0.0
 
 
+def expect_vertical_bias(s: State, g: Gains) -> None:
+    """Without a field nothing shows the drift of the heading: what is known beforehand decides."""
+    if s.p_zz > g.vertical_bias_variance:
+        s.p_zz = g.vertical_bias_variance
+        s.p_xz = s.p_yz = 0.0
+
+
 def find_in_air(
     s: State, w: Workspace, g: Gains, length: float, tilt_sigma: float, heading_sigma: float
 ) -> None:

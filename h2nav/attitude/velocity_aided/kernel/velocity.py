@@ -24,6 +24,7 @@ from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
 SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
+NEVER_S = 1e9  # since the last field where there was none: as long as a gain file may wait for one
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
 
 
@@ -68,10 +69,10 @@ def use_bounded_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> in
     if dt * s.k_velocity > 0.5:
         keep = 0.5 / s.k_velocity
     noise = s.startup_inflation * noise * (1.0 / dt + s.k_velocity)
+    knows_heading = 1.0
     silence = s.mag_accepted_age_s
     if silence < 0.0:
-        silence = s.age_s
-    knows_heading = 1.0
+        silence = NEVER_S
     if silence > g.field_silence_s:
         knows_heading = 0.0
     correct_velocity(s, w, north, east, noise, keep * s.k_tilt, keep * s.k_velocity, knows_heading)

@@ -7,7 +7,16 @@ from h2nav.attitude.integer.motion import RATE_LIMIT, rotation
 from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.maths.fixedpoint import I32, clamp
 
-from ..memory import ALIGNED, FIELD_MOST_US, RESTARTED, VARIANCE_LEAST, Gains, Sample, State
+from ..memory import (
+    AGE_MOST_US,
+    ALIGNED,
+    FIELD_MOST_US,
+    RESTARTED,
+    VARIANCE_LEAST,
+    Gains,
+    Sample,
+    State,
+)
 from .aiding import in_force
 from .functions import limited
 from .heading import forget_heading
@@ -58,6 +67,11 @@ def align(s: State, g: Gains, sample: Sample) -> I32:
     if upright(s, sample.accel[0], sample.accel[1], sample.accel[2], north) == 0:
         return 0
     s.heading_reset = 1 - sample.has_mag
+    if sample.has_mag == 0 and s.p_zz > g.vertical_bias_variance:
+        # nothing shows the drift of the heading: what is known beforehand decides
+        s.p_zz = g.vertical_bias_variance
+        s.p_xz = 0
+        s.p_yz = 0
     begin(s, g, sample, LEVEL_SIGMA)
     if sample.has_mag > 0:
         # the attitude is that of magnetic north
@@ -116,6 +130,8 @@ def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.mag_new_us = 0
     s.heading_rejected_us = 0
     s.field_silence_us = 0
+    if s.heading_reset > 0:
+        s.field_silence_us = AGE_MOST_US
 
 
 def reset(s: State, g: Gains) -> None:
