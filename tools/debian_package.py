@@ -1,0 +1,142 @@
+"""Makes Debian packages, each in a clean Debian of its suite and architecture, and tries them.
+
+`build` leaves dist/h2nav_VERSION~SUITE_ARCH.deb; `check` installs a package in a clean root, flies the
+demo in it, removes and purges it, and says what was left. An architecture other than this
+computer's runs under qemu-user (packages qemu-user-static and binfmt-support), some ten times slower.
+Needs root, a network and mmdebstrap.
+
+Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64]
+     python3 tools/debian_package.py check [--suite bookworm] [--arch arm64]
+"""
+
+import argparse
+import os
+import platform
+import re
+import ssl
+import subprocess
+import sys
+import tarfile
+import tempfile
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+SUITES = ("bookworm", "trixie")
+NEEDED = "gcc,libc6-dev,python3-dev,python3-venv"
+SLIM = [
+    *(f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in ("doc", "locale", "man")),
+    "--dpkgopt=force-unsafe-io",
+    '--aptopt=Acquire::Languages "none"',
+]
+# What the build reads; the rest of a checkout (.git, .venv, logs) stays outside.
+SOURCES = (
+    "h2nav configs gains native packaging pyproject.toml setup.py README.md LICENSE MANIFEST.in"
+).split()
+# Installs, flies, upgrades over itself, removes, purges; the last lines say what is left.
+TRIAL = """
+set -eu
+export DEBIAN_FRONTEND=noninteractive
+apt-get install -y -qq /h2nav.deb
+h2nav --version | grep 'native kernels'
+h2nav check-config /etc/h2nav/config.yaml
+h2nav demo --seconds {seconds}
+echo '# mine' >> /etc/h2nav/config.yaml
+apt-get install -y -qq --reinstall /h2nav.deb
+tail -n 1 /etc/h2nav/config.yaml | grep -x '# mine'
+apt-get remove -y -qq h2nav
+test -e /etc/h2nav/config.yaml
+apt-get purge -y -qq h2nav
+! getent passwd h2nav
+! find / -xdev -ipath '*h2nav*' -not -path /h2nav.deb -not -path '/tmp/*' -not -path '/var/lib/dpkg/*' \
+    -not -path '/var/log/*' -not -path '/var/cache/*' -not -path '/proc/*' | grep .
+echo 'the package is fine'
+"""
+
+
+def main() -> int:
+    arguments = parsed()
+    package = build(arguments) if arguments.what == "build" else newest(arguments)
+    if arguments.what == "check":
+        check(package, arguments)
+    print(f"{package}: {package.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+def parsed() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("build", "check"))
+    parser.add_argument("--suite", choices=SUITES, default=SUITES[0])
+    parser.add_argument("--arch", choices=("amd64", "arm64"), default=own_architecture())
+    parser.add_argument("--output", type=Path, default=REPOSITORY / "dist", metavar="DIR")
+    return parser.parse_args()
+
+
+def own_architecture() -> str:
+    return "arm64" if platform.machine() == "aarch64" else "amd64"
+
+
+def build(arguments: argparse.Namespace) -> Path:
+    """Builds inside a Debian that is gone afterwards."""
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    version = re.search(r'__version__ = "(.*)"', (REPOSITORY / "h2nav/__init__.py").read_text())
+    assert version is not None
+    name = f"h2nav_{version[1]}~{arguments.suite}_{arguments.arch}.deb"
+    with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
+        archive = Path(folder) / "source.tar"
+        with tarfile.open(archive, "w") as stream:
+            for each in SOURCES:
+                stream.add(REPOSITORY / each, each, filter=is_source)
+        debian(
+            arguments,
+            f"--include={NEEDED}",
+            f"--customize-hook=mkdir -p $1/src && tar -xf {archive} -C $1/src",
+            "--customize-hook=chroot $1 sh /src/packaging/debian/build",
+            f"--customize-hook=copy-out /h2nav.deb {folder}",
+        )
+        target = arguments.output / name
+        target.write_bytes((Path(folder) / "h2nav.deb").read_bytes())
+    return target
+
+
+def is_source(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
+    is_made = member.name.endswith((".so", ".pyc")) or "__pycache__" in member.name
+    return None if is_made else member
+
+
+def newest(arguments: argparse.Namespace) -> Path:
+    """The package that was built last for this suite and architecture."""
+    pattern = f"h2nav_*~{arguments.suite}_{arguments.arch}.deb"
+    found = sorted(arguments.output.glob(pattern), key=lambda path: path.stat().st_mtime)
+    if not found:
+        sys.exit(f"no {pattern} in {arguments.output}: build it first")
+    return found[-1]
+
+
+def check(package: Path, arguments: argparse.Namespace) -> None:
+    seconds = 20 if arguments.arch == own_architecture() else 40
+    with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
+        trial = Path(folder) / "trial"
+        trial.write_text(TRIAL.format(seconds=seconds))
+        debian(
+            arguments,
+            f"--customize-hook=cp {package} $1/h2nav.deb",
+            f"--customize-hook=cp {trial} $1/tmp/trial",
+            "--customize-hook=chroot $1 sh /tmp/trial",
+        )
+
+
+def debian(arguments: argparse.Namespace, *hooks: str) -> None:
+    """A clean Debian, unpacked, used by the hooks, and thrown away."""
+    trusted = ssl.get_default_verify_paths().cafile or "/etc/ssl/certs/ca-certificates.crt"
+    whom_to_trust = f"--setup-hook=mkdir -p $1/etc && cp {trusted} $1/etc/machine.crt"
+    pip = "printf '[global]\\ncert = /etc/machine.crt\\n' > $1/etc/pip.conf"
+    words = ["mmdebstrap", "--variant=minbase", "--mode=root", f"--arch={arguments.arch}", *SLIM]
+    words += [whom_to_trust, f"--setup-hook={pip}", *hooks, arguments.suite, "/dev/null"]
+    # Paths of this computer mean nothing in there.
+    kept = ("PATH", "HOME", "http_proxy", "https_proxy", "no_proxy")
+    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    subprocess.run(words, check=True, env=environment, stdout=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
