@@ -10,12 +10,12 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/attitude/*/mem
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image golden clean
+.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(FOR_DEMO)  ## fake autopilot + daemon + log + error table; needs nothing but Python
 	@$(BIN)/h2nav demo --log-dir logs
@@ -45,6 +45,16 @@ attack: $(FOR_TESTS)  ## every known attack on the daemon as a process, some 15 
 
 image:  ## the container, built without Docker and tried; needs root, buildah and mmdebstrap
 	@$(PYTHON) tools/image.py
+
+deb:  ## Debian packages for SUITE=bookworm ARCH=amd64, built and tried in clean roots; needs root and mmdebstrap
+	@$(PYTHON) tools/debian_package.py build $(if $(SUITE),--suite $(SUITE)) $(if $(ARCH),--arch $(ARCH))
+	@$(PYTHON) tools/debian_package.py check $(if $(SUITE),--suite $(SUITE)) $(if $(ARCH),--arch $(ARCH))
+
+arm64:  ## the same for arm64, under qemu-user
+	@$(MAKE) --no-print-directory deb ARCH=arm64
+
+wheels:  ## the wheels of a release for ARCH=amd64 and every machine, and the source archive; needs the same
+	@$(PYTHON) tools/wheels.py $(if $(ARCH),--arch $(ARCH))
 
 fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
 	@$(BIN)/python tools/fuzz.py explore --minutes $(or $(MINUTES),5)

@@ -1,9 +1,12 @@
 """Builds the optional native batch extension; everything else stands in pyproject.toml.
 
 The C is translated from the Python kernels here, at build time. Without a compiler, or for a
-kernel that does not translate, the installation goes on without the extension.
+kernel that does not translate, the installation goes on without the extension. The extension keeps
+to the stable part of Python's interface, so that one wheel serves every version from 3.11 on.
+H2NAV_NATIVE=forbid leaves it out: the wheel is then one for every machine.
 """
 
+import os
 import sys
 from pathlib import Path
 
@@ -20,6 +23,8 @@ from h2nav.translate.batch import batch_c, kernels_h  # noqa: E402
 from h2nav.translate.source import Source  # noqa: E402
 
 PACKAGE = ROOT / "h2nav"
+OLDEST_PYTHON = "0x030B0000"
+STABLE_ABI = "cp311"
 
 
 class TranslateAndBuild(build_ext):
@@ -48,8 +53,26 @@ class TranslateAndBuild(build_ext):
             ext.extra_compile_args = ["-std=c99", "-O2", "-ffp-contract=off"]
         super().build_extension(ext)
 
+    def copy_extensions_to_source(self) -> None:
+        """Leaves no older extension, for one Python version alone, that would be found first."""
+        super().copy_extensions_to_source()
+        for ext in self.extensions:
+            built = Path(self.get_ext_filename(ext.name)).name
+            for other in (PACKAGE / "attitude").glob("_native.*.so"):
+                if other.name != built:
+                    other.unlink()
 
+
+NATIVE = Extension(
+    "h2nav.attitude._native",
+    ["native/module.c"],
+    define_macros=[("Py_LIMITED_API", OLDEST_PYTHON)],
+    py_limited_api=True,
+    optional=True,
+)
+is_wanted = os.environ.get("H2NAV_NATIVE") != "forbid"
 setup(
-    ext_modules=[Extension("h2nav.attitude._native", ["native/module.c"], optional=True)],
+    ext_modules=[NATIVE] if is_wanted else [],
     cmdclass={"build_ext": TranslateAndBuild},
+    options={"bdist_wheel": {"py_limited_api": STABLE_ABI}} if is_wanted else {},
 )

@@ -1,9 +1,9 @@
 """Makes Debian packages, each in a clean Debian of its suite and architecture, and tries them.
 
-`build` leaves dist/h2nav_VERSION~SUITE_ARCH.deb; `check` installs a package in a clean root, flies the
-demo in it, removes and purges it, and says what was left. An architecture other than this
-computer's runs under qemu-user (packages qemu-user-static and binfmt-support), some ten times slower.
-Needs root, a network and mmdebstrap.
+`build` leaves dist/h2nav_VERSION~SUITE_ARCH.deb; `check` installs a package in a clean root, flies
+the demo in it, installs it again, removes and purges it, and fails where something is left. An
+architecture other than this computer's runs under qemu-user (packages qemu-user-static and
+binfmt-support), some ten times slower. Needs root, a network and mmdebstrap.
 
 Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64]
      python3 tools/debian_package.py check [--suite bookworm] [--arch arm64]
@@ -30,8 +30,10 @@ SLIM = [
 ]
 # What the build reads; the rest of a checkout (.git, .venv, logs) stays outside.
 SOURCES = (
-    "h2nav configs gains native packaging pyproject.toml setup.py README.md LICENSE MANIFEST.in"
-).split()
+    *("h2nav", "configs", "gains", "native", "packaging", "docs", "tests", "tools", ".ci"),
+    *("pyproject.toml", "setup.py", "MANIFEST.in", "Makefile", "Dockerfile", ".dockerignore"),
+    *("README.md", "LICENSE", "ARCHITECTURE.md", "CHANGELOG.md"),
+)
 # Installs, flies, upgrades over itself, removes, purges; the last lines say what is left.
 TRIAL = """
 set -eu
@@ -47,8 +49,8 @@ apt-get remove -y -qq h2nav
 test -e /etc/h2nav/config.yaml
 apt-get purge -y -qq h2nav
 ! getent passwd h2nav
-! find / -xdev -ipath '*h2nav*' -not -path /h2nav.deb -not -path '/tmp/*' -not -path '/var/lib/dpkg/*' \
-    -not -path '/var/log/*' -not -path '/var/cache/*' -not -path '/proc/*' | grep .
+! find / -xdev -ipath '*h2nav*' -not -path /h2nav.deb -not -path '/tmp/*' -not -path '/proc/*' \
+    -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '/var/cache/*' | grep .
 echo 'the package is fine'
 """
 
@@ -83,19 +85,25 @@ def build(arguments: argparse.Namespace) -> Path:
     name = f"h2nav_{version[1]}~{arguments.suite}_{arguments.arch}.deb"
     with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
         archive = Path(folder) / "source.tar"
-        with tarfile.open(archive, "w") as stream:
-            for each in SOURCES:
-                stream.add(REPOSITORY / each, each, filter=is_source)
+        add_source(archive)
         debian(
-            arguments,
+            arguments.suite,
+            arguments.arch,
             f"--include={NEEDED}",
             f"--customize-hook=mkdir -p $1/src && tar -xf {archive} -C $1/src",
-            "--customize-hook=chroot $1 sh /src/packaging/debian/build",
+            "--customize-hook=chroot $1 sh /src/packaging/debian/make",
             f"--customize-hook=copy-out /h2nav.deb {folder}",
         )
         target = arguments.output / name
         target.write_bytes((Path(folder) / "h2nav.deb").read_bytes())
     return target
+
+
+def add_source(archive: Path) -> None:
+    """Writes what a build reads into an archive."""
+    with tarfile.open(archive, "w") as stream:
+        for each in SOURCES:
+            stream.add(REPOSITORY / each, each, filter=is_source)
 
 
 def is_source(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
@@ -118,20 +126,21 @@ def check(package: Path, arguments: argparse.Namespace) -> None:
         trial = Path(folder) / "trial"
         trial.write_text(TRIAL.format(seconds=seconds))
         debian(
-            arguments,
+            arguments.suite,
+            arguments.arch,
             f"--customize-hook=cp {package} $1/h2nav.deb",
             f"--customize-hook=cp {trial} $1/tmp/trial",
             "--customize-hook=chroot $1 sh /tmp/trial",
         )
 
 
-def debian(arguments: argparse.Namespace, *hooks: str) -> None:
+def debian(suite: str, architecture: str, *hooks: str) -> None:
     """A clean Debian, unpacked, used by the hooks, and thrown away."""
     trusted = ssl.get_default_verify_paths().cafile or "/etc/ssl/certs/ca-certificates.crt"
     whom_to_trust = f"--setup-hook=mkdir -p $1/etc && cp {trusted} $1/etc/machine.crt"
     pip = "printf '[global]\\ncert = /etc/machine.crt\\n' > $1/etc/pip.conf"
-    words = ["mmdebstrap", "--variant=minbase", "--mode=root", f"--arch={arguments.arch}", *SLIM]
-    words += [whom_to_trust, f"--setup-hook={pip}", *hooks, arguments.suite, "/dev/null"]
+    words = ["mmdebstrap", "--variant=minbase", "--mode=root", f"--arch={architecture}", *SLIM]
+    words += [whom_to_trust, f"--setup-hook={pip}", *hooks, suite, "/dev/null"]
     # Paths of this computer mean nothing in there.
     kept = ("PATH", "HOME", "http_proxy", "https_proxy", "no_proxy")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
