@@ -119,7 +119,7 @@ def test_without_a_field_at_the_start_the_gyro_counts_as_calibrated(field: bool)
     flight = fly(circling_level, 2.0, 0, bias_b=NO_BIAS)
     for sample in flight.samples:
         filter_.update(sample if field else sample._replace(m_b_ut=None))
-    sigma = math.sqrt(filter_.kernel_memory.p_zz)
+    sigma = math.sqrt(filter_.kernel_state.p_zz)
     assert sigma == pytest.approx((1.0 if field else 0.05) * DEG, rel=0.2)
 
 
