@@ -26,11 +26,14 @@ PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
 STUBBED = ("apt-get", "useradd", "systemctl", "journalctl")
 
 
-def locked() -> dict[str, Requirement]:
-    """Package -> its line in the lock file, hashes left out."""
-    lines = [line for line in LOCK.read_text().splitlines() if re.match(r"[a-z0-9]", line)]
-    found = [Requirement(line.rstrip(" \\")) for line in lines]
-    return {requirement.name: requirement for requirement in found}
+def locked() -> dict[str, list[Requirement]]:
+    """Package -> its lines in the lock file, hashes left out; several where Python decides."""
+    found: dict[str, list[Requirement]] = {}
+    for line in LOCK.read_text().splitlines():
+        if re.match(r"[a-z0-9]", line):
+            requirement = Requirement(line.rstrip(" \\"))
+            found.setdefault(requirement.name, []).append(requirement)
+    return found
 
 
 @pytest.mark.parametrize(
@@ -43,15 +46,16 @@ def locked() -> dict[str, Requirement]:
 )
 def test_the_lock_satisfies_what_is_declared(declared):
     wanted = Requirement(declared)
-    (pin,) = locked()[wanted.name].specifier
-    assert pin.operator == "=="
-    assert wanted.specifier.contains(Version(pin.version))
+    for requirement in locked()[wanted.name]:
+        (pin,) = requirement.specifier
+        assert pin.operator == "=="
+        assert wanted.specifier.contains(Version(pin.version))
 
 
 def test_every_package_of_the_lock_has_hashes_and_no_place():
     text = LOCK.read_text()
     pieces = re.split(r"^(?=[a-z0-9])", text, flags=re.MULTILINE)[1:]
-    assert len(pieces) == len(locked())
+    assert len(pieces) == sum(map(len, locked().values()))
     assert all("--hash=sha256:" in piece for piece in pieces)
     assert "://" not in text
     assert "--index" not in text
@@ -62,7 +66,7 @@ def test_the_container_is_made_of_exact_versions():
     assert bases
     assert all(re.fullmatch(r"docker\.io/library/debian:trixie-\d{8}-slim", base) for base in bases)
     assert "--require-hashes" in DOCKERFILE
-    assert "--python-version 3.13" in LOCK.read_text()
+    assert "--python-version 3.11" in LOCK.read_text()
 
 
 def test_the_container_is_built_from_what_is_needed():
