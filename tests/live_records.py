@@ -6,10 +6,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.io.deframer import DeframerCounters
-from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.live_feed import FeedRecord
 from h2nav.io.recorder import RecorderRecord
@@ -20,6 +19,7 @@ from h2nav.maths.units import DEG
 from h2nav.service.records import (
     AidingRecord,
     EstimateRecord,
+    FindingRecord,
     HealthRecord,
     LaneRecord,
     RejectionRecord,
@@ -54,9 +54,10 @@ def health(**changes):
 
 
 def finding(**changes):
-    made = Finding(
-        "attitude_velocity", "GPS", Severity.ERROR, 40.0, 41.0, 20.0, "deg",
-        "attitude contradicts velocity", "force and velocity differ by 5.0 m/s in 1 s",
+    made = FindingRecord(
+        "attitude_velocity.gps.1", "begin", True, "attitude_velocity", "GPS", "gps", None, "error",
+        40.0, 41.0, 20.0, "deg", "attitude contradicts velocity",
+        "force and velocity differ by 5.0 m/s in 1 s", None,
     )  # fmt: skip
     return made._replace(**changes)
 
@@ -99,7 +100,7 @@ def flying_state(clock=None):
     state = LiveState(clock or Clock())
     for topic, record in FLYING:
         state.take(topic, UNIX_NS, record)
-    state.text(UNIX_NS, LogLevel.INFO, "active")
+    state.text(UNIX_NS, Severity.INFO, "active")
     return state
 
 

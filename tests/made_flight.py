@@ -14,7 +14,7 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.review.analysis import Analysis
 from h2nav.review.document import document
@@ -138,21 +138,24 @@ def _ratios(duration_s, rng):
 
 FINDINGS = (
     Finding(
-        "compass_field", "compass", Severity.ERROR, *MAGNET_S, 14.2, "deg", "compass disturbed",
+        Kind.COMPASS_FIELD, Sensor(SensorKind.COMPASS), Severity.ERROR,
+        *MAGNET_S, 14.2, "deg", "compass disturbed",
         "heading +14 deg, dip -9 deg, norm 131% of the earth's",
     ),
     Finding(
-        "autopilot_heading", "autopilot", Severity.WARNING, 244.0, 362.0, 14.0, "deg",
+        Kind.AUTOPILOT_HEADING, Sensor(SensorKind.AUTOPILOT), Severity.WARNING,
+        244.0, 362.0, 14.0, "deg",
         "autopilot heading off 14 deg, GPS backs us",
         "heading of ATTITUDE differs by 14 deg since 118 s; GPS velocity agrees with h2nav",
     ),
     Finding(
-        "vibration_line", "IMU 1", Severity.INFO, 20.0, 590.0, 0.4, "rad/s",
+        Kind.VIBRATION_LINE, Sensor(SensorKind.IMU, 1), Severity.INFO, 20.0, 590.0, 0.4, "rad/s",
         "gyro vibrates at 84 Hz", "lines at 84 Hz (0.4 rad/s rms, harmonic 1), 168 Hz",
     ),
 )  # fmt: skip
 GPS_LOST = Finding(
-    "gps_lost", "GPS 1", Severity.WARNING, *NO_GPS_S, 50.0, "s", "no fix for 50 s",
+    Kind.GPS_LOST, Sensor(SensorKind.GPS, 1), Severity.WARNING, *NO_GPS_S, 50.0, "s",
+    "no fix for 50 s",
     "3 satellites",
 )  # fmt: skip
 

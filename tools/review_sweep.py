@@ -31,7 +31,7 @@ from h2nav.flightlogs.autopilot_log import AutopilotLog
 from h2nav.flightlogs.context import Context, Span
 from h2nav.flightlogs.opening import Source, open_flight
 from h2nav.flightlogs.telemetry import read_context
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, SensorKind, Severity
 from h2nav.io.recordings import Recording
 from h2nav.maths.units import DEG
 
@@ -174,7 +174,8 @@ def is_right(finding: Finding, fault: Fault, case: Case) -> bool:
     """Whether a finding tells the fault."""
     if finding.kind not in fault.told_as:
         return False
-    if finding.source.startswith("IMU ") and "IMU 1" not in finding.source:
+    kind, _, _ = sensor = finding.sensor
+    if kind is SensorKind.IMU and sensor.numbers and 1 not in sensor.numbers:
         return False
     if finding.kind in TIMELESS:
         return True
@@ -192,8 +193,8 @@ def judged(outcomes: Sequence[Outcome]) -> Iterator[dict[str, Any]]:
         if not each.fault or each.case is None:
             continue
         fault = next(fault for fault in FAULTS if fault.name == each.fault)
-        usual = {(finding.kind, finding.source) for finding in plain[each.flight]}
-        new = [f for f in each.findings if (f.kind, f.source) not in usual]
+        usual = {(finding.kind, finding.sensor) for finding in plain[each.flight]}
+        new = [f for f in each.findings if (f.kind, f.sensor) not in usual]
         right = [f for f in each.findings if is_right(f, fault, each.case) and f in new]
         # What was there before may now be said of the fault: only its time shows it.
         right += [

@@ -56,8 +56,8 @@ class Console:
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """Shows a line; the panel stays below it."""
-        self._event("notice", t_ns, {"severity": severity.name.lower(), "text": text})
-        prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.name.lower()}: "
+        self._event("notice", t_ns, {"severity": severity.word, "text": text})
+        prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.word}: "
         self._say(f"{prefix}{text}")
 
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:

@@ -15,9 +15,11 @@ from contextlib import contextmanager
 from types import FrameType
 
 from h2nav.apps.pipeline import Pipeline
+from h2nav.integrity.severity import Severity
 from h2nav.io.host_clock import UnixClock
 from h2nav.io.links import Link
 from h2nav.io.service_manager import ServiceManager
+from h2nav.service.effects import Notice
 
 LONGEST_WAIT_NS = 100_000_000
 LINK_RECORD_NS = 1_000_000_000
@@ -144,4 +146,5 @@ class Daemon:
         step_ns = self._clock.step_ns() - self._known_step_ns
         if abs(step_ns) > CLOCK_STEP_NS:
             self._known_step_ns += step_ns
-            self._pipeline.note(now_ns, f"host clock stepped by {step_ns * 1e-9:+.1f} s")
+            text = f"host clock stepped by {step_ns * 1e-9:+.1f} s"
+            self._pipeline.note(now_ns, Notice(Severity.NOTICE, text, "host clock stepped"))

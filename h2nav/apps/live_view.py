@@ -13,8 +13,7 @@ from pathlib import Path
 
 from h2nav.apps import extras
 from h2nav.apps.configuration import Configuration
-from h2nav.apps.pipeline import Said
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Phase, Severity
 from h2nav.io.back_off import BackOff
 from h2nav.io.listen_address import parse_listen_address
 from h2nav.io.live_feed import (
@@ -26,6 +25,8 @@ from h2nav.io.live_feed import (
     Word,
     feed_sockets,
 )
+from h2nav.service.effects import Notice
+from h2nav.service.records import FINDING_TOPIC, finding_record
 from h2nav.service.service import Service
 
 LOOK_NS = 100_000_000
@@ -87,7 +88,7 @@ class LiveView:
         )
         self.feed = LiveFeed()
         self._viewer: subprocess.Popen[bytes] | None = None
-        self._is_lost = False
+        self._is_lost = self._is_new = False
         self._back_off = BackOff(FIRST_PAUSE_NS, LONGEST_PAUSE_NS)
         self._started_ns = 0
         self._look_ns = self._status_ns = self._record_ns = 0
@@ -95,7 +96,7 @@ class LiveView:
         self.page_url = ""
         self._trouble = ""
 
-    def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Said]:
+    def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:
         """Does what is due; what there is to say.
 
         Args:
@@ -107,6 +108,10 @@ class LiveView:
             return []
         self._look_ns = t_ns + LOOK_NS
         said = self._look_after(t_ns)
+        if self._is_new:
+            self._is_new = False
+            for finding in service.open_findings:
+                self.feed.record(FINDING_TOPIC, finding_record(Phase.UPDATE, finding), unix_ns)
         if t_ns >= self._status_ns:
             self._status_ns = t_ns + STATUS_NS
             self.feed.record(STATUS_TOPIC, service.status(t_ns), unix_ns)
@@ -126,7 +131,7 @@ class LiveView:
             self._viewer.kill()
             self._viewer.wait()
 
-    def _look_after(self, t_ns: int) -> list[Said]:
+    def _look_after(self, t_ns: int) -> list[Notice]:
         if self._is_lost and self._viewer is not None and self._viewer.poll() is not None:
             self._viewer = None
         if self._viewer is None:
@@ -135,7 +140,7 @@ class LiveView:
             return []
         if t_ns - self._started_ns > PROVED_NS:
             self._back_off.succeeded()
-        said: list[Said] = []
+        said: list[Notice] = []
         try:
             for word in self.feed.words():
                 said += self._heard(word)
@@ -145,7 +150,7 @@ class LiveView:
             return [*said, self._lost(t_ns, "it has stopped reading")]
         return said
 
-    def _start(self, t_ns: int) -> list[Said]:
+    def _start(self, t_ns: int) -> list[Notice]:
         ours, theirs = feed_sockets()
         with theirs:
             try:
@@ -154,12 +159,13 @@ class LiveView:
                 ours.close()
                 self._back_off.failed(t_ns)
                 text = f"live view cannot be started: {error.strerror or error}; tried again later"
-                return [Said(Severity.WARNING, text)]
+                return [Notice(Severity.WARNING, text, "live view not started")]
         self._started_ns, self._is_lost, self._trouble = t_ns, False, ""
         self.feed.begin(ours, self._greeting)
+        self._is_new = True
         return []
 
-    def _lost(self, t_ns: int, reason: str) -> Said:
+    def _lost(self, t_ns: int, reason: str) -> Notice:
         """The viewer is of no use any more; another one is started later."""
         assert self._viewer is not None
         self._is_lost, self._shown_port = True, 0
@@ -167,9 +173,9 @@ class LiveView:
         self.feed.end()
         self._back_off.failed(t_ns)
         text = f"live view lost: {self._trouble or reason}; it is started again"
-        return Said(Severity.WARNING, text)
+        return Notice(Severity.WARNING, text, "live view lost")
 
-    def _heard(self, word: Word) -> list[Said]:
+    def _heard(self, word: Word) -> list[Notice]:
         self._trouble = word.trouble
         self.feed.wants_all = word.wants_all
         if word.port in (0, self._shown_port):
@@ -181,8 +187,8 @@ class LiveView:
         if self._settings.foxglove_port:
             text += f", Foxglove at ws://{page._replace(port=self._settings.foxglove_port)}"
         if page.is_loopback:
-            return [Said(Severity.INFO, text)]
-        return [Said(Severity.WARNING, f"{text}, open to whoever reaches this address")]
+            return [Notice(Severity.INFO, text)]
+        return [Notice(Severity.WARNING, f"{text}, open to whoever reaches this address")]
 
     def _record(self) -> FeedRecord:
         feed = self.feed

@@ -12,13 +12,17 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame, PlacedFrame, frame_at
-from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.key_blanker import KeyBlanker
 from h2nav.io.link_statistics import LinkStatistics
 from h2nav.io.recorder import Recorder
 from h2nav.io.signing import without_signature
-from h2nav.service.effects import Effect, Notice, Record, Send, Used
-from h2nav.service.records import estimate_record, imu_record
+from h2nav.service.effects import Effect, Found, Notice, Record, Send, Used
+from h2nav.service.records import (
+    FINDING_TOPIC,
+    estimate_record,
+    finding_record,
+    imu_record,
+)
 from h2nav.service.service import Service
 from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
@@ -28,18 +32,6 @@ if TYPE_CHECKING:  # loaded where there is a live view
 
 LINK_NAME = "autopilot"
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
-LOG_LEVELS = {
-    Severity.CRITICAL: LogLevel.FATAL,
-    Severity.ERROR: LogLevel.ERROR,
-    Severity.WARNING: LogLevel.WARNING,
-    Severity.NOTICE: LogLevel.INFO,
-    Severity.INFO: LogLevel.INFO,
-}
-RECORDER_SEVERITIES = {
-    LogLevel.ERROR: Severity.ERROR,
-    LogLevel.WARNING: Severity.WARNING,
-    LogLevel.INFO: Severity.NOTICE,
-}
 
 
 class Watcher(Protocol):
@@ -71,20 +63,8 @@ class Observer(Protocol):
         """The service writes down something else than samples and estimates."""
 
 
-class Said(NamedTuple):
-    """Something for people.
-
-    Attributes:
-        severity: of it.
-        text: one line.
-    """
-
-    severity: Severity
-    text: str
-
-
 # Time, the same on the UNIX scale, and the service to what there is to say.
-Beside = Callable[[int, int, Service], Sequence[Said]]
+Beside = Callable[[int, int, Service], Sequence[Notice]]
 
 
 class Outlets(NamedTuple):
@@ -332,17 +312,17 @@ class Pipeline:
     def tell_of_recorder(self, t_ns: int) -> None:
         """Reports what has become of the log since the last time."""
         for notice in self._recorder.notices() if self._recorder is not None else ():
-            self.note(t_ns, notice.text, RECORDER_SEVERITIES[notice.level])
+            self.note(t_ns, Notice(*notice))
 
-    def note(self, t_ns: int, text: str, severity: Severity = Severity.NOTICE) -> None:
+    def note(self, t_ns: int, said: Notice) -> None:
         """Reports something that the service does not know of."""
-        self._carry_out(t_ns, self.service.on_note(t_ns, severity, text))
+        self._carry_out(t_ns, self.service.on_note(t_ns, said))
 
     def tend(self, t_ns: int, name: str, work: Beside) -> None:
         """Lets something that stands beside the service do what is due; reports what it says."""
         try:
             for said in work(t_ns, self._unix_ns(t_ns), self.service):
-                self.note(t_ns, said.text, said.severity)
+                self.note(t_ns, said)
         except Exception as error:
             self._fault(t_ns, name, error)
 
@@ -367,6 +347,8 @@ class Pipeline:
                 if self._observer is not None:
                     self._observer.record(t_ns, effect.topic, effect.record)
                 self._log(t_ns, effect.topic, effect.record, effect.t_us)
+            elif isinstance(effect, Found):
+                self._log(t_ns, FINDING_TOPIC, finding_record(*effect))
             else:
                 self._say(t_ns, effect)
 
@@ -385,7 +367,7 @@ class Pipeline:
     def _say(self, t_ns: int, effect: Notice) -> None:
         self._watcher.notice(t_ns, effect.severity, effect.text)
         for writer in self._writers:
-            writer.text(self._unix_ns(t_ns), LOG_LEVELS[effect.severity], effect.text)
+            writer.text(self._unix_ns(t_ns), effect.severity, effect.text)
 
     def _log(self, t_ns: int, topic: str, record: tuple[Any, ...], t_us: int | None = None) -> None:
         if self._writers:

@@ -161,7 +161,7 @@ class _Watcher:
         """The log has it."""
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        print(f"{severity.name.lower()}: {text}", file=sys.stderr)
+        print(f"{severity.word}: {text}", file=sys.stderr)
 
 
 def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:

@@ -95,7 +95,7 @@ def _played(source: Source, wished: Wishes, progress: Progress) -> tuple[Flight,
     flight = _flight(source, context, collector, pipeline.service)
     if flight.estimates is None:
         return flight, None
-    chosen = (listener, *listener.others)[most_trusted(flight.findings, flight.lanes)]
+    chosen = (listener, *listener.others)[most_trusted(flight.findings, collector.sent_s())]
     chosen.others.clear()
     return flight, _Heard(chosen, inputs.filters, collector.start_ns)
 

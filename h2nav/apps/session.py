@@ -13,11 +13,13 @@ from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.panel import LogSight, Sight
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
+from h2nav.integrity.severity import Severity
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.host_clock import UnixClock
 from h2nav.io.links import open_link
 from h2nav.io.recorder import Recorder
 from h2nav.io.service_manager import ServiceManager
+from h2nav.service.effects import Notice
 from h2nav.service.service import Service, Surroundings
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ class Session:
         """Works until a stop signal, or for a time."""
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
-        self._pipeline.note(time.monotonic_ns(), self._greeting)
+        self._pipeline.note(time.monotonic_ns(), Notice(Severity.NOTICE, self._greeting))
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self._sight)
             if self._live is not None:

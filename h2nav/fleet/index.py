@@ -10,19 +10,13 @@ from urllib.parse import quote
 
 from h2nav.fleet.store import Store
 from h2nav.fleet.tables import FINDINGS, FLIGHTS, Row, severity_rank
+from h2nav.integrity.severity import Severity
 from h2nav.review.html import escape, frame
 
 INDEX = "index.html"
 # More than browsers like; the tables have all.
 MOST_LISTED = 10_000
 _MOST_TOLD = 4
-_LOOKS = {
-    "critical": "severe",
-    "error": "severe",
-    "warning": "doubtful",
-    "notice": "noted",
-    "info": "noted",
-}
 
 
 class _Cell(NamedTuple):
@@ -94,7 +88,8 @@ _HEADS = (
 
 def _row(row: Row) -> str:
     values = row.values
-    look = "failed" if values["error"] else _LOOKS.get(values["worst_severity"], "good")
+    worst = Severity.of(values["worst_severity"])
+    look = "failed" if values["error"] else "good" if worst is None else worst.look
     folder, _, name = str(values["source"]).partition("::")[0].rpartition("/")
     title = escape(name)
     if values["review"]:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from h2nav.fleet.store import Store
 from h2nav.fleet.work import Task
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.severity import Severity
 
 FLIGHTS, FINDINGS = "flights.parquet", "findings.parquet"
 _GROUP_ROWS = 5000
@@ -110,8 +110,8 @@ def write_tables(
 
 def severity_rank(name: str | None) -> int:
     """Sorts severities by their names: the worst first, none at the end."""
-    names = [severity.name.lower() for severity in Severity]
-    return names.index(name) if name in names else len(names)
+    severity = Severity.of(name)
+    return len(Severity) if severity is None else list(Severity).index(severity)
 
 
 def _flight(

@@ -2,34 +2,66 @@
 
 A check says what is wrong at present (`Alarm`); the ledger makes findings of it, with a beginning
 and an end. The daemon reports them live, a replay lists them: there is no second implementation.
+Everything else that shows a finding renders this one record and decides nothing.
 """
 
 from collections.abc import Iterable
-from enum import IntEnum
-from typing import NamedTuple
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from h2nav.integrity.kinds import Kind, SensorKind
+from h2nav.integrity.severity import Severity
+
+__all__ = ["Alarm", "Finding", "Findings", "Kind", "Phase", "Sensor", "SensorKind", "Severity"]
 
 # A cause that comes back within this time goes on.
 PAUSE_S = 10.0
 # Of a whole run; the later ones are counted and not kept.
 MOST_FINDINGS = 500
+# A finding that grows is reported again, and so is one that only goes on, for who comes late.
+UPDATE_S = 5.0
+REPEAT_S = 60.0
+GROWTH = 1.25
+
+_NAMES = {SensorKind.IMU: "IMU", SensorKind.GPS: "GPS", SensorKind.AHRS2: "AHRS2"}
 
 
-class Severity(IntEnum):
-    """MAV_SEVERITY, as far as it is used here."""
+class Sensor(NamedTuple):
+    """What a finding is about.
 
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
+    Attributes:
+        kind: of it.
+        number: from 1, where there are several; None where there is one, or where it is not known
+            which one it is.
+        others: more of the same kind. With a number, they show the same; without one, it is one of
+            these.
+    """
+
+    kind: SensorKind
+    number: int | None = None
+    others: tuple[int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """For people: ``GPS``, ``IMU 1``, ``IMU 1, IMU 2`` or ``IMU 1 or IMU 2``."""
+        kind = _NAMES.get(self.kind, self.kind.value)
+        if self.number is None and not self.others:
+            return kind
+        join = " or " if self.number is None else ", "
+        return join.join(f"{kind} {number}" for number in self.numbers)
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """All that are named."""
+        return self.others if self.number is None else (self.number, *self.others)
 
 
 class Alarm(NamedTuple):
     """Something that is wrong now; its check has already waited until it lasted.
 
     Attributes:
-        kind: stable name, such as ``gyro_frozen``.
-        source: what is concerned, such as ``IMU 1``, ``GPS`` or ``autopilot``.
+        kind: of it.
+        sensor: what is concerned.
         severity: of it.
         size: how wrong, in `unit`.
         unit: of the size; empty for a mere number.
@@ -37,10 +69,12 @@ class Alarm(NamedTuple):
         evidence: what shows it.
         degrades: the attitude that we send cannot be trusted meanwhile.
         since_s: for how long it has been so, s.
+        is_decided: the evidence says who or what is wrong.
+        part: of the sensor, such as ``gyro z``; empty for the whole.
     """
 
-    kind: str
-    source: str
+    kind: Kind
+    sensor: Sensor
     severity: Severity
     size: float
     unit: str
@@ -48,42 +82,41 @@ class Alarm(NamedTuple):
     evidence: str
     degrades: bool = False
     since_s: float = 0.0
+    is_decided: bool = False
+    part: str = ""
 
     @property
     def told(self) -> str:
         """The text, with the number of the IMU where one is concerned."""
-        return f"{self.source}: {self.text}" if self.source.startswith("IMU ") else self.text
+        is_numbered = self.sensor.kind is SensorKind.IMU and self.sensor.number is not None
+        return f"{self.sensor.name}: {self.text}" if is_numbered else self.text
 
-
-class Change(NamedTuple):
-    """What has changed since the update before.
-
-    Attributes:
-        begun: what was not wrong before.
-        news: findings that have just begun or ended.
-    """
-
-    begun: list[Alarm]
-    news: list["Finding"]
+    @property
+    def cause(self) -> str:
+        """Stays the same while the figures in the text change."""
+        return f"{self.kind} {self.sensor.name} {self.part}".rstrip()
 
 
 class Finding(NamedTuple):
-    """An alarm with its beginning and its end.
+    """An alarm with its beginning and its end, or what only the whole of a flight shows.
 
     Attributes:
         kind: see `Alarm`.
-        source: see `Alarm`.
+        sensor: see `Alarm`.
         severity: the worst that it was.
         from_s: when it began, s after the start of the run.
         to_s: when it was last so.
         size: the largest, in `unit`.
         unit: see `Alarm`.
-        text: see `Alarm`, at its largest.
-        evidence: see `Alarm`, at its largest.
+        text: see `Alarm`, at its most decided and largest.
+        evidence: see `Alarm`, of the same time.
+        id: stable within a run; empty before it has been given.
+        is_open: it goes on.
+        cause: `id` of the finding that it follows from; None where it follows from none.
     """
 
-    kind: str
-    source: str
+    kind: Kind
+    sensor: Sensor
     severity: Severity
     from_s: float
     to_s: float
@@ -91,82 +124,187 @@ class Finding(NamedTuple):
     unit: str
     text: str
     evidence: str
+    id: str = ""
+    is_open: bool = False
+    cause: str | None = None
+
+    @property
+    def source(self) -> str:
+        """What is concerned, for people."""
+        return self.sensor.name
+
+
+class Phase(StrEnum):
+    """Why a finding is reported."""
+
+    BEGIN = "begin"
+    UPDATE = "update"  # it grew, its evidence is better, or it still goes on
+    END = "end"
+
+
+class Change(NamedTuple):
+    """What has changed since the update before.
+
+    Attributes:
+        begun: what was not wrong before.
+        news: findings to report, in the order in which they began.
+    """
+
+    begun: list[Alarm]
+    news: list[tuple[Phase, Finding]]
+
+
+class _Entry:
+    """A finding of the ledger.
+
+    Attributes:
+        finding: as it is now.
+    """
+
+    __slots__ = ("_is_renewed", "_shown", "_told_s", "_told_size", "finding")
+
+    def __init__(self, t_s: float, alarm: Alarm, identity: str) -> None:
+        kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _ = alarm
+        self.finding = Finding(
+            kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
+        )
+        self._shown = is_decided, size  # what text and evidence are of
+        self._told_s, self._told_size, self._is_renewed = t_s, size, False
+
+    def extend(self, t_s: float, alarm: Alarm) -> None:
+        """It goes on, or has come back."""
+        found = self.finding
+        severity, size = min(found.severity, alarm.severity), max(found.size, alarm.size)
+        self._is_renewed |= severity < found.severity
+        self.finding = found._replace(to_s=t_s, severity=severity, size=size, is_open=True)
+        # Who was found to be wrong stays said, however the size goes on.
+        shown = alarm.is_decided, alarm.size
+        if shown > self._shown:
+            self._is_renewed |= shown[0] > self._shown[0]
+            self._shown = shown
+            self.finding = self.finding._replace(text=alarm.text, evidence=alarm.evidence)
+
+    def close(self) -> None:
+        """It is over."""
+        self.finding = self.finding._replace(is_open=False)
+
+    def is_due(self, t_s: float) -> bool:
+        """Whether an open one is to be reported again."""
+        has_grown = self._is_renewed or self.finding.size > GROWTH * self._told_size
+        return t_s - self._told_s >= (UPDATE_S if has_grown else REPEAT_S)
+
+    def tell(self, t_s: float) -> Finding:
+        """As it is reported now."""
+        self._told_s, self._told_size, self._is_renewed = t_s, self.finding.size, False
+        return self.finding
 
 
 class Findings:
-    """Makes findings of alarms.
+    """The ledger: makes findings of alarms.
 
     Attributes:
+        alarms: what is wrong at present.
         omitted: findings that were not kept, because there were too many.
     """
 
     def __init__(self) -> None:
-        self._found: list[Finding] = []
-        self._latest: dict[tuple[str, str], int] = {}
-        self._open: tuple[Alarm, ...] = ()
+        self._entries: list[_Entry] = []
+        self._latest: dict[tuple[Kind, Sensor], int] = {}
+        self._open: frozenset[int] = frozenset()
+        self._counts: dict[str, int] = {}
+        self.alarms: tuple[Alarm, ...] = ()
         self.omitted = 0
 
     @property
     def all(self) -> tuple[Finding, ...]:
         """Every finding so far, in the order in which they began."""
-        return tuple(self._found)
+        return tuple(entry.finding for entry in self._entries)
 
     @property
-    def open(self) -> tuple[Alarm, ...]:
-        """What is wrong at present."""
-        return self._open
+    def open(self) -> tuple[Finding, ...]:
+        """Those that go on."""
+        return tuple(self._entries[place].finding for place in sorted(self._open))
 
     def update(self, t_s: float, alarms: Iterable[Alarm]) -> Change:
         """Takes everything that is wrong now.
 
         Args:
             t_s: time since the start of the run.
-            alarms: at most one of each kind and source.
+            alarms: at most one of each kind and sensor.
         """
-        before = {_key(alarm) for alarm in self._open}
-        self._open = tuple(alarms)
-        now = {_key(alarm) for alarm in self._open}
-        begun = [alarm for alarm in self._open if self._note(t_s, alarm)]
-        changed = [self._latest[key] for key in before ^ now if key in self._latest]
-        return Change(begun, [self._found[place] for place in sorted(changed)])
+        self.alarms = tuple(alarms)
+        before, count = self._open, len(self._entries)
+        places = [self._place(t_s, alarm) for alarm in self.alarms]
+        self._open = frozenset(place for place in places if place is not None)
+        begun = [
+            alarm
+            for alarm, place in zip(self.alarms, places, strict=True)
+            if place is not None and place >= count
+        ]
+        news = [
+            (phase, self._entries[place].tell(t_s))
+            for place in sorted(before | self._open)
+            if (phase := self._phase(t_s, place, before)) is not None
+        ]
+        return Change(begun, news)
 
-    def _note(self, t_s: float, alarm: Alarm) -> bool:
-        key = _key(alarm)
+    def _phase(self, t_s: float, place: int, before: frozenset[int]) -> Phase | None:
+        """What there is to report of a finding that is open, or was so."""
+        entry = self._entries[place]
+        if place not in self._open:
+            entry.close()
+            return Phase.END
+        if place not in before:
+            return Phase.BEGIN
+        return Phase.UPDATE if entry.is_due(t_s) else None
+
+    def _place(self, t_s: float, alarm: Alarm) -> int | None:
+        """Which finding an alarm goes on, or begins; None where there are too many."""
+        key = alarm.kind, alarm.sensor
         place = self._latest.get(key)
-        if place is not None and t_s - self._found[place].to_s <= PAUSE_S:
-            self._found[place] = _extended(self._found[place], t_s, alarm)
-            return False
-        if len(self._found) == MOST_FINDINGS:
+        if place is not None and t_s - self._entries[place].finding.to_s <= PAUSE_S:
+            self._entries[place].extend(t_s, alarm)
+            return place
+        if len(self._entries) == MOST_FINDINGS:
             self.omitted += 1
-            return False
-        self._latest[key] = len(self._found)
-        kind, source, severity, size, unit, text, evidence, _, since_s = alarm
-        self._found.append(
-            Finding(kind, source, severity, t_s - since_s, t_s, size, unit, text, evidence)
-        )
-        return True
+            return None
+        self._latest[key] = len(self._entries)
+        identity = next_id(alarm.kind, alarm.sensor, self._counts)
+        self._entries.append(_Entry(t_s, alarm, identity))
+        return self._latest[key]
 
 
-def _key(alarm: Alarm) -> tuple[str, str]:
-    return alarm.kind, alarm.source
+def next_id(kind: Kind, sensor: Sensor, counts: dict[str, int]) -> str:
+    """A new id, such as ``gyro_frozen.imu1.2`` for the second one of this kind and sensor.
+
+    Args:
+        kind: of the finding.
+        sensor: of the finding.
+        counts: how many there are of each so far; grows by one.
+    """
+    stem = f"{kind}.{sensor.kind}{'_'.join(map(str, sensor.numbers))}"
+    counts[stem] = counts.get(stem, 0) + 1
+    return f"{stem}.{counts[stem]}"
 
 
-def _extended(finding: Finding, t_s: float, alarm: Alarm) -> Finding:
-    severity = min(finding.severity, alarm.severity)
-    if alarm.size <= finding.size:
-        return finding._replace(to_s=t_s, severity=severity)
-    return finding._replace(
-        to_s=t_s,
-        severity=severity,
-        size=alarm.size,
-        text=alarm.text,
-        evidence=alarm.evidence,
-    )
-
-
-def as_mapping(finding: Finding) -> dict[str, object]:
-    """For JSON: times to the millisecond, the severity by its name."""
-    rounded = finding._replace(
-        from_s=round(finding.from_s, 3), to_s=round(finding.to_s, 3), size=round(finding.size, 3)
-    )
-    return {**rounded._asdict(), "severity": finding.severity.name.lower()}
+def as_mapping(finding: Finding) -> dict[str, Any]:
+    """For JSON: times to the millisecond, the severity by its word; see `finding_schema`."""
+    return {
+        "id": finding.id,
+        "kind": finding.kind.value,
+        "source": finding.sensor.name,
+        "sensor": {
+            "kind": finding.sensor.kind.value,
+            "number": finding.sensor.number,
+            "others": list(finding.sensor.others),
+        },
+        "severity": finding.severity.word,
+        "from_s": round(finding.from_s, 3),
+        "to_s": round(finding.to_s, 3),
+        "is_open": finding.is_open,
+        "size": round(finding.size, 3),
+        "unit": finding.unit,
+        "text": finding.text,
+        "evidence": finding.evidence,
+        "cause": finding.cause,
+    }

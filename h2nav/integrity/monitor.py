@@ -20,7 +20,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.field_windows import FieldWindows
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.memory import BEGUN, DUE, FIELD_FROZEN, KEPT, ROW, THIN_ROW
 from h2nav.integrity.kernel.windows import JUDGED_US
 from h2nav.integrity.lasting import Lasting
@@ -87,7 +87,7 @@ class Monitor:
     velocity is not given to the filter while `velocity_is_false`.
 
     Args:
-        name: of the IMU, for people.
+        imu: whose samples they are.
         speeds: of the vehicle.
 
     Attributes:
@@ -95,8 +95,8 @@ class Monitor:
         ratios: test ratios, as of the latest sample.
     """
 
-    def __init__(self, name: str, speeds: Speeds) -> None:
-        self._name = name
+    def __init__(self, imu: Sensor, speeds: Speeds) -> None:
+        self._imu = imu
         self._speeds = speeds
         self._watch = Watch()
         self._checked = 0  # bits of the latest check
@@ -118,7 +118,7 @@ class Monitor:
 
     def anew(self) -> "Monitor":
         """A monitor of the same IMU that has seen no sample: the samples' clock begins anew."""
-        fresh = Monitor(self._name, self._speeds)
+        fresh = Monitor(self._imu, self._speeds)
         fresh.use_vehicle(self._vehicle)
         fresh._field.reference = self._field.reference
         fresh._watch.gains.field_delay_s = self._watch.gains.field_delay_s
@@ -133,7 +133,7 @@ class Monitor:
     @property
     def sensor_is_bad(self) -> bool:
         """Gyro or accelerometer is known to be bad now."""
-        found = sensor_alarms(self._name, self._checked, self._watch.memory)
+        found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         return any(alarm.degrades for alarm in found)
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
@@ -263,7 +263,7 @@ class Monitor:
 
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """What is wrong at this time."""
-        found = sensor_alarms(self._name, self._checked, self._watch.memory)
+        found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us > lost_us:
             found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
@@ -289,7 +289,8 @@ class Monitor:
         if self.velocity_is_false:
             evidence += "; gyro and field agree, so the velocity is false and is not used"
         text = "attitude contradicts velocity"
-        return _error("attitude_velocity", "GPS", tilt, text, evidence, since_s)
+        found = _error(Kind.ATTITUDE_VELOCITY, SensorKind.GPS, tilt, text, evidence, since_s)
+        return found._replace(is_decided=self.velocity_is_false)
 
     def _force_alarm(self, since_s: float) -> Alarm:
         north, east, down = self._change_n
@@ -298,14 +299,15 @@ class Monitor:
             f"the force of {LONG_S:.0f} s would give {math.hypot(north, east):.0f} m/s sideways "
             f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
         )
-        text = "attitude contradicts gravity"
+        text, is_by_size = "attitude contradicts gravity", False
         # No attitude lifts; and one that lets a force of the right size fall does not explain this.
         by_size_m_s = LONG_S * (GRAVITY_M_S2 - self._force_m_s2)
         is_upright = math.hypot(north, east) < UPRIGHT * down
         if down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down):
-            text = "force contradicts gravity"
+            text, is_by_size = "force contradicts gravity", True
             evidence += f"; its size is {self._force_m_s2:.1f} m/s^2: the accelerometer is wrong"
-        return _error("attitude_gravity", "IMU", tilt, text, evidence, since_s)
+        found = _error(Kind.ATTITUDE_GRAVITY, SensorKind.IMU, tilt, text, evidence, since_s)
+        return found._replace(is_decided=is_by_size)
 
     def _turn_alarm(self, since_s: float) -> Alarm:
         # So soon after a restart there may be no 10 s.
@@ -317,15 +319,17 @@ class Monitor:
                 f"by the gyro, the field has turned by {turn:.0f} deg in space in {length_s} s, "
                 f"about the vertical: a wrong yaw rate, or a field near the compass"
             )
-        return _error("gyro_field", "gyro", turn, "gyro contradicts field", evidence, since_s)
+        return _error(
+            Kind.GYRO_FIELD, SensorKind.GYRO, turn, "gyro contradicts field", evidence, since_s
+        )
 
     def _field_alarm(self, since_s: float) -> Alarm:
         field = self._field
         heading, dip = field.heading_error_rad / DEG, field.dip_error_rad / DEG
         matters = self._field_matters
         return Alarm(
-            "compass_field",
-            "compass",
+            Kind.COMPASS_FIELD,
+            Sensor(SensorKind.COMPASS),
             Severity.ERROR if matters else Severity.WARNING,
             max(abs(heading), abs(dip)),
             "deg",
@@ -387,20 +391,21 @@ class Monitor:
 
 
 def _error(
-    kind: str, source: str, size_deg: float, text: str, evidence: str, since_s: float
+    kind: Kind, sensor: SensorKind, size_deg: float, text: str, evidence: str, since_s: float
 ) -> Alarm:
     """An alarm that makes the attitude untrustworthy."""
-    return Alarm(kind, source, Severity.ERROR, size_deg, "deg", text, evidence, True, since_s)
+    severity, about = Severity.ERROR, Sensor(sensor)
+    return Alarm(kind, about, severity, size_deg, "deg", text, evidence, True, since_s)
 
 
 def _no_velocity(last: VelocityFix, silent_s: float) -> Alarm:
-    source, text = ("GPS", "no GPS velocity")
+    sensor, text = SensorKind.GPS, "no GPS velocity"
     if not last.independent:
-        source, text = ("autopilot", "no velocity of the autopilot")
+        sensor, text = SensorKind.AUTOPILOT, "no velocity of the autopilot"
     evidence = f"none for {silent_s:.0f} s: gyro, gravity and compass hold the attitude alone"
     return Alarm(
-        "velocity_lost",
-        source,
+        Kind.VELOCITY_LOST,
+        Sensor(sensor),
         Severity.WARNING,
         silent_s,
         "s",

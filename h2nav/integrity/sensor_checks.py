@@ -2,7 +2,7 @@
 
 from enum import Enum
 
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, Severity
 from h2nav.integrity.kernel.memory import (
     FIELD_FROZEN,
     FORCE_FROZEN,
@@ -39,55 +39,57 @@ def use_of(bits: int) -> Use:
     return Use.DOUBTED if stuck else Use.ALL
 
 
-def sensor_alarms(name: str, bits: int, memory: Memory) -> list[Alarm]:
-    """What is wrong with the sensors of the IMU of this name, as of its latest check."""
+def sensor_alarms(imu: Sensor, bits: int, memory: Memory) -> list[Alarm]:
+    """What is wrong with the sensors of an IMU, as of its latest check."""
     found = []
     frozen = bits & (GYRO_FROZEN | FORCE_FROZEN)
     if frozen:
-        found.append(_frozen(name, frozen, memory.still_us[:]))
+        found.append(_frozen(imu, frozen, memory.still_us[:]))
     elif bits >= STUCK_AXIS:
-        text = f"{_AXES[bits // STUCK_AXIS - 1]} is stuck"
+        axis = _AXES[bits // STUCK_AXIS - 1]
+        text = f"{axis} is stuck"
         evidence = "one value in every sample, while the other axes move"
-        found.append(_standstill(name, "axis_stuck", text, evidence, 1.0))
+        stuck = _standstill(imu, Kind.AXIS_STUCK, text, evidence, 1.0)
+        found.append(stuck._replace(part=axis))
     if bits & FIELD_FROZEN:
         text, evidence = (
             "compass is frozen",
             "the same field in every sample, while the vehicle turns",
         )
-        still = _standstill(name, "compass_frozen", text, evidence, 1.0)
+        still = _standstill(imu, Kind.COMPASS_FROZEN, text, evidence, 1.0)
         found.append(still._replace(severity=Severity.WARNING, degrades=False))
-    return found + _levels(name, memory.vibration_m_s2, memory.clipped_share)
+    return found + _levels(imu, memory.vibration_m_s2, memory.clipped_share)
 
 
-def _frozen(name: str, bits: int, still_us: list[float]) -> Alarm:
-    sensor, us = "imu", min(still_us)
+def _frozen(imu: Sensor, bits: int, still_us: list[float]) -> Alarm:
+    kind, what, us = Kind.IMU_FROZEN, "whole IMU", min(still_us)
     if bits == GYRO_FROZEN:
-        sensor, us = "gyro", still_us[0]
+        kind, what, us = Kind.GYRO_FROZEN, "gyro", still_us[0]
     elif bits == FORCE_FROZEN:
-        sensor, us = "accelerometer", still_us[1]
-    text = f"{'whole IMU' if sensor == 'imu' else sensor} is frozen"
+        kind, what, us = Kind.ACCELEROMETER_FROZEN, "accelerometer", still_us[1]
+    text = f"{what} is frozen"
     evidence = "the same values in every sample, while the vehicle moves"
-    return _standstill(name, f"{sensor}_frozen", text, evidence, us * 1e-6)
+    return _standstill(imu, kind, text, evidence, us * 1e-6)
 
 
-def _standstill(name: str, kind: str, text: str, evidence: str, still_s: float) -> Alarm:
+def _standstill(imu: Sensor, kind: Kind, text: str, evidence: str, still_s: float) -> Alarm:
     return Alarm(
-        kind, name, Severity.ERROR, still_s, "s", text, evidence, degrades=True, since_s=still_s
+        kind, imu, Severity.ERROR, still_s, "s", text, evidence, degrades=True, since_s=still_s
     )
 
 
-def _levels(name: str, vibration_m_s2: float, clipped_share: float) -> list[Alarm]:
+def _levels(imu: Sensor, vibration_m_s2: float, clipped_share: float) -> list[Alarm]:
     """What is too much of vibration and clipping."""
     found = []
     if vibration_m_s2 > VIBRATION_M_S2:
         size, severity = vibration_m_s2, Severity.WARNING
         text = f"vibration {size:.0f} m/s2"
         evidence = f"rms of 1 s; {VIBRATION_M_S2:.0f} disturb an autopilot"
-        found.append(Alarm("vibration", name, severity, size, "m/s2", text, evidence))
+        found.append(Alarm(Kind.VIBRATION, imu, severity, size, "m/s2", text, evidence))
     if clipped_share > CLIPPED_SHARE:
         text = f"{clipped_share:.0%} of samples are clipped"
         evidence = "values at the end of the sensor's range"
         lost, size = clipped_share > LOST_SHARE, 100.0 * clipped_share
         severity = Severity.ERROR if lost else Severity.WARNING
-        found.append(Alarm("clipping", name, severity, size, "%", text, evidence, degrades=lost))
+        found.append(Alarm(Kind.CLIPPING, imu, severity, size, "%", text, evidence, degrades=lost))
     return found

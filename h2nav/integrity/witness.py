@@ -11,7 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.velocity_witness import Integrated, VelocityWitness, Verdict, Verdicts
 from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize, tilt_and_heading
 
@@ -151,14 +151,15 @@ class _Disagreement:
         is_main = source is Source.AUTOPILOT
         whose = "the autopilot" if is_main else "the autopilot's AHRS2"
         return Alarm(
-            f"autopilot_{part}",
-            source.value,
+            Kind.AUTOPILOT_TILT if part == "tilt" else Kind.AUTOPILOT_HEADING,
+            Sensor(SensorKind.AUTOPILOT if is_main else SensorKind.AHRS2),
             Severity.WARNING if is_main else Severity.INFO,
             size_deg,
             "deg",
             text,
             f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
             since_s=since_s,
+            is_decided=verdict is not Verdict.UNDECIDED,
         )
 
 

@@ -11,6 +11,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import DecodeError
 
 from h2nav.attitude.samples import Quat
+from h2nav.integrity.severity import Severity
 
 NS_PER_S = 1_000_000_000
 
@@ -23,6 +24,15 @@ class LogLevel(IntEnum):
     WARNING = 3
     ERROR = 4
     FATAL = 5
+
+
+LEVELS = {
+    Severity.CRITICAL: LogLevel.FATAL,
+    Severity.ERROR: LogLevel.ERROR,
+    Severity.WARNING: LogLevel.WARNING,
+    Severity.NOTICE: LogLevel.INFO,
+    Severity.INFO: LogLevel.INFO,
+}
 
 
 class AttitudeMessages:
@@ -54,10 +64,10 @@ def _filled(message: Any, rotation: Any, unix_ns: int, q_nb: Quat) -> bytes:
     return serialized
 
 
-def log_message(unix_ns: int, level: LogLevel, text: str) -> bytes:
+def log_message(unix_ns: int, severity: Severity, text: str) -> bytes:
     """One ``foxglove.Log`` line of the program."""
     message: Any = Log(message=text, name="h2nav")
-    message.level = int(level)
+    message.level = int(LEVELS[severity])
     message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
     serialized: bytes = message.SerializeToString()
     return serialized

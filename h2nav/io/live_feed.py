@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 
 TEXT_TOPIC = "/log"
 FEED_TOPIC = "/feed"
@@ -33,11 +33,11 @@ class Line(NamedTuple):
     """A line of the program, in place of a record.
 
     Attributes:
-        level: how grave it is.
+        severity: of it.
         text: the line.
     """
 
-    level: LogLevel
+    severity: Severity
     text: str
 
 
@@ -156,9 +156,9 @@ class LiveFeed:
         published = unix_ns if publish_ns is None else publish_ns
         self._entries.append((topic, unix_ns, published, record))
 
-    def text(self, unix_ns: int, level: LogLevel, text: str) -> None:
+    def text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """Takes a line of the program."""
-        self.record(TEXT_TOPIC, Line(level, text), unix_ns)
+        self.record(TEXT_TOPIC, Line(severity, text), unix_ns)
 
     def flush(self) -> None:
         """Sends what has been taken since the last time; at the end of each turn."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.severity import Severity
 
 MOST_STATES = 1000
 MOST_REASONS = 500
@@ -91,7 +91,8 @@ class Account:
         }
         self._states: list[tuple[str, str, int, int]] = []
         self._refusals: dict[str, int] = {}
-        self._findings: dict[tuple[str, str, float], dict[str, Any]] = {}
+        self._findings: dict[tuple[str, ...], dict[str, Any]] = {}
+        self._cause = "", ""
         self._differences: dict[str, tuple[Difference, int, int]] = {}
 
     @property
@@ -126,15 +127,16 @@ class Account:
         return LogAccount(states, self._refusals, findings, differences)
 
     def _take_health(self, log_ns: int, values: Mapping[str, Any]) -> None:
-        now = (_text(values.get("state")), _text(values.get("reason")))
+        state, reason = _text(values.get("state")), _text(values.get("reason"))
+        # Earlier logs have no cause; there, only the figures of a reason change while it lasts.
+        cause = _text(values.get("cause")) or _DIGITS.sub("#", reason)
         if self._states:
-            state, reason, from_ns, _ = self._states[-1]
-            self._states[-1] = (state, reason, from_ns, log_ns)
-            # The figures of a reason change while it lasts.
-            if state == now[0] and _DIGITS.sub("#", reason) == _DIGITS.sub("#", now[1]):
+            self._states[-1] = (*self._states[-1][:3], log_ns)
+            if (state, cause) == self._cause:
                 return
-        if now[0] and len(self._states) < MOST_STATES:
-            self._states.append((*now, log_ns, log_ns))
+        self._cause = state, cause
+        if state and len(self._states) < MOST_STATES:
+            self._states.append((state, reason, log_ns, log_ns))
 
     def _take_rejection(self, _: int, values: Mapping[str, Any]) -> None:
         reason, total = _text(values.get("reason")), values.get("total")
@@ -147,14 +149,19 @@ class Account:
         from_s = _number(values.get("from_s"))
         if math.isnan(from_s):
             return
-        key = (_text(values.get("kind")), _text(values.get("source")), from_s)
+        key: tuple[str, ...] = (_text(values.get("id")),)
+        if not key[0]:
+            key = _text(values.get("kind")), _text(values.get("source")), repr(from_s)
         known = self._findings.get(key)
         if known is not None or len(self._findings) < MOST_FINDINGS:
-            # It is written when it begins, when it ends, and so on if it comes back.
+            severity = Severity.of(values.get("severity"))
+            # Logs of findings without an id have a record of each beginning and of each end.
+            toggled = known is not None and not known["ended"]
+            is_open = values.get("is_open")
             self._findings[key] = {
                 **values,
-                "severity": _severity(values.get("severity")),
-                "ended": known is not None and not known["ended"],
+                "severity": "unknown" if severity is None else severity.word,
+                "ended": not is_open if isinstance(is_open, bool) else toggled,
             }
 
     def _take_comparison(self, log_ns: int, values: Mapping[str, Any]) -> None:
@@ -184,11 +191,3 @@ def _text(value: Any) -> str:
 def _number(value: Any) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number else math.nan
-
-
-def _severity(value: Any) -> str:
-    """The name of a MAV_SEVERITY."""
-    try:
-        return Severity(value).name.lower()
-    except ValueError:
-        return "unknown"

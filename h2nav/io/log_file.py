@@ -10,7 +10,8 @@ from mcap.writer import CompressionType, Writer
 
 from h2nav import __version__
 from h2nav.attitude.samples import Quat
-from h2nav.io.foxglove_messages import AttitudeMessages, LogLevel, log_message, protobuf_schemas
+from h2nav.integrity.severity import Severity
+from h2nav.io.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
 from h2nav.io.log_folder import ACTIVE_SUFFIX, LOG_MODE
 from h2nav.io.log_schema import RecordFormat, record_format
 
@@ -117,9 +118,9 @@ class LogFile:
         self._add(self._protobuf("/tf"), self._attitude.transform(unix_ns, q_nb), unix_ns, unix_ns)
         self._add(self._protobuf("/pose"), self._attitude.pose(unix_ns, q_nb), unix_ns, unix_ns)
 
-    def add_text(self, unix_ns: int, level: LogLevel, text: str) -> None:
+    def add_text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """Adds a line of the program."""
-        self._add(self._protobuf("/log"), log_message(unix_ns, level, text), unix_ns, unix_ns)
+        self._add(self._protobuf("/log"), log_message(unix_ns, severity, text), unix_ns, unix_ns)
 
     def sync(self) -> None:
         """Ends the chunk and waits until everything is on the disk."""

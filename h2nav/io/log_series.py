@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav import __version__
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.io.log_file import LogFile
 from h2nav.io.log_folder import (
     RUN_FILES,
@@ -35,10 +35,17 @@ Write = Callable[[LogFile], None]
 
 
 class Notice(NamedTuple):
-    """Something about the recording that has to be reported, once."""
+    """Something about the recording that has to be reported, once.
 
-    level: LogLevel
+    Attributes:
+        severity: of it.
+        text: one line.
+        cause: stays the same while names and figures in the text change; the text by default.
+    """
+
+    severity: Severity
     text: str
+    cause: str = ""
 
 
 class FolderTarget:
@@ -206,7 +213,7 @@ class LogSeries:
     def give_up(self, error: Exception) -> None:
         """Says that nothing more will be recorded."""
         self.trouble = f"{type(error).__name__}: {error}"
-        self.notices.append(Notice(LogLevel.ERROR, f"recording ended: {self.trouble}"))
+        self.notices.append(Notice(Severity.ERROR, f"recording ended: {self.trouble}"))
 
     def _open(self) -> None:
         now_s = self._monotonic_s()
@@ -257,7 +264,8 @@ class LogSeries:
         if self.trouble is not None:
             self.trouble = None
             lost = f"{self.lost} messages lost so far"
-            self.notices.append(Notice(LogLevel.INFO, f"recording again to {file.path}; {lost}"))
+            text = f"recording again to {file.path}; {lost}"
+            self.notices.append(Notice(Severity.NOTICE, text, "recording again"))
         try:
             self._target.check_room(file)
         except OSError as error:
@@ -298,13 +306,15 @@ class LogSeries:
         text = f"{place}: {error.strerror or error}"
         if self.trouble is None:
             again = "trying again" if self._target.retries else "giving up"
-            self.notices.append(Notice(LogLevel.ERROR, f"recording stopped: {text}; {again}"))
+            stopped = f"recording stopped: {text}; {again}"
+            cause = f"recording stopped: {error.strerror or error}"
+            self.notices.append(Notice(Severity.ERROR, stopped, cause))
         self.trouble = text
 
     def _tell_once(self, text: str) -> None:
         if text not in self._told and len(self._told) < 100:
             self._told.add(text)
-            self.notices.append(Notice(LogLevel.WARNING, text))
+            self.notices.append(Notice(Severity.WARNING, text))
 
     def _repair(self, paths: list[Path]) -> None:
         """On a thread of its own, slowly: attitude and the new log come first."""
@@ -324,6 +334,8 @@ class LogSeries:
             except InterruptedError:
                 return
             except OSError as error:
-                self.notices.append(Notice(LogLevel.WARNING, f"{path}: not repaired: {error}"))
+                self.notices.append(Notice(Severity.WARNING, f"{path}: not repaired: {error}"))
                 continue
-            self.notices.append(Notice(LogLevel.INFO, f"{os.fspath(final)}: repaired"))
+            self.notices.append(
+                Notice(Severity.NOTICE, f"{os.fspath(final)}: repaired", "log repaired")
+            )

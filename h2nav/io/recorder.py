@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, Self
 
 from h2nav.attitude.samples import Quat
 from h2nav.errors import BadInput
+from h2nav.integrity.severity import Severity
 from h2nav.io.autopilot_channels import AutopilotDecoder
-from h2nav.io.foxglove_messages import LogLevel
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import ACTIVE_SUFFIX, MIB, LogLimits
 from h2nav.io.log_series import FolderTarget, LogSeries, Notice, SingleTarget
@@ -177,9 +177,9 @@ class Recorder:
         """Records the attitude for viewers: transform ned -> body, and the pose."""
         self._put(lambda file: file.add_attitude(unix_ns, q_nb))
 
-    def text(self, unix_ns: int, level: LogLevel, text: str) -> None:
+    def text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """Records a line of the program."""
-        self._put(lambda file: file.add_text(unix_ns, level, text))
+        self._put(lambda file: file.add_text(unix_ns, severity, text))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Puts a file into this log and at the start of every later one."""

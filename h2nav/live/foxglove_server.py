@@ -5,9 +5,8 @@ from typing import Any
 
 import foxglove
 from foxglove import Channel, Context, Parameter, Schema
-from foxglove.websocket import Capability, ServerListener
+from foxglove.websocket import Capability, ChannelView, ServerListener
 
-from h2nav.integrity.findings import Finding
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.io.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
 from h2nav.io.live_feed import FAST_TOPICS, Line
@@ -26,7 +25,7 @@ FROM_THE_START: dict[str, type[tuple[Any, ...]]] = {
     "/status": records.StatusRecord,
     "/comparison": records.ComparisonRecord,
     "/ratios": InnovationRatios,
-    "/finding": Finding,
+    records.FINDING_TOPIC: records.FindingRecord,
     "/aiding": records.AidingRecord,
     "/rejected": records.RejectionRecord,
     "/time_sync": records.TimeSyncRecord,
@@ -44,17 +43,19 @@ class FoxgloveServer:
 
     def __init__(self, configuration: Mapping[str, Mapping[str, Any]]) -> None:
         self._context = Context()
+        self._listener = _Listener(configuration)
         self._server = foxglove.start_server(
             name="h2nav",
             host="127.0.0.1",
             port=0,
             capabilities=[Capability.Parameters],
-            server_listener=_Parameters(configuration),
+            server_listener=self._listener,
             context=self._context,
             message_backlog_size=BACKLOG_MESSAGES,
         )
         self._guard = Guard(self._server.port)
         self._attitude = AttitudeMessages()
+        self._open: dict[str, tuple[int, records.FindingRecord]] = {}
         self._channels: dict[str, Channel] = {}
         self._formats: dict[tuple[str, type], RecordFormat] = {}
         for topic, (name, descriptors) in protobuf_schemas().items():
@@ -93,8 +94,16 @@ class FoxgloveServer:
             return
         if isinstance(record, Line):
             if self._has_readers(topic):
-                self._log(topic, log_message(unix_ns, record.level, record.text), unix_ns)
+                self._log(topic, log_message(unix_ns, record.severity, record.text), unix_ns)
             return
+        if self._listener.take_newcomer():
+            form = self._form(records.FINDING_TOPIC, records.FindingRecord)
+            for since_ns, finding in self._open.values():
+                self._log(records.FINDING_TOPIC, form.encode(finding), since_ns)
+        if isinstance(record, records.FindingRecord):
+            self._open.pop(record.id, None)
+            if record.is_open:
+                self._open[record.id] = unix_ns, record
         form = self._form(topic, type(record))
         if self._has_readers(topic):
             self._log(topic, form.encode(record), unix_ns)
@@ -134,8 +143,8 @@ class FoxgloveServer:
         self._channels[topic].log(data, log_time=unix_ns)
 
 
-class _Parameters(ServerListener):
-    """The configuration in force; writing it leaves it as it is."""
+class _Listener(ServerListener):
+    """The configuration in force; writing it leaves it as it is. Notes who comes for findings."""
 
     def __init__(self, configuration: Mapping[str, Mapping[str, Any]]) -> None:
         self._values = {
@@ -143,6 +152,15 @@ class _Parameters(ServerListener):
             for section, keys in configuration.items()
             for key, value in keys.items()
         }
+        self._has_newcomer = False
+
+    def take_newcomer(self) -> bool:
+        """Whether a client has come for findings since the last time."""
+        has_one, self._has_newcomer = self._has_newcomer, False
+        return has_one
+
+    def on_subscribe(self, client: object, channel: ChannelView) -> None:
+        self._has_newcomer |= channel.topic == records.FINDING_TOPIC
 
     def on_get_parameters(
         self, client: object, param_names: list[str], request_id: str | None = None

@@ -61,14 +61,12 @@ def told(state: LiveState) -> dict[str, Any]:
     findings = [
         {
             **told.finding._asdict(),
-            "severity": told.finding.severity.name.lower(),
             "age_s": state.age_s(told.began_ns),
-            "is_open": told.is_open,
         }
         for told in reversed(state.findings)
     ]
     lines = [
-        {"level": line.level.name.lower(), "text": line.text, "age_s": state.age_s(line.heard_ns)}
+        {"level": line.severity.word, "text": line.text, "age_s": state.age_s(line.heard_ns)}
         for line in reversed(state.texts)
     ]
     return {"findings": findings, "lines": lines}

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from h2nav.attitude.samples import Trust
-from h2nav.integrity.findings import Finding
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.live.track import Track
-from h2nav.service.records import EstimateRecord
+from h2nav.service.records import EstimateRecord, FindingRecord
 
 Record = tuple[Any, ...]
 
@@ -45,13 +44,11 @@ class Told(NamedTuple):
 
     Attributes:
         began_ns: on the clock of the state.
-        is_open: it is not over; it is told at each beginning and at each end.
         finding: as it was told last.
     """
 
     began_ns: int
-    is_open: bool
-    finding: Finding
+    finding: FindingRecord
 
 
 class Text(NamedTuple):
@@ -59,12 +56,12 @@ class Text(NamedTuple):
 
     Attributes:
         heard_ns: on the clock of the state.
-        level: how grave it is.
+        severity: of it.
         text: the line.
     """
 
     heard_ns: int
-    level: LogLevel
+    severity: Severity
     text: str
 
 
@@ -118,7 +115,7 @@ class LiveState:
             record: a NamedTuple of flat scalars.
         """
         now_ns = self._heard_ns = self._clock()
-        if isinstance(record, Finding):
+        if isinstance(record, FindingRecord):
             self._take_finding(now_ns, record)
             return
         key = (topic, getattr(record, KEYS[topic]) if topic in KEYS else None)
@@ -129,18 +126,18 @@ class LiveState:
         elif isinstance(record, EstimateRecord):
             self._take_estimate(now_ns, record)
 
-    def text(self, unix_ns: int, level: LogLevel, text: str) -> None:
+    def text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """A line of the program.
 
         Args:
             unix_ns: host time of it.
-            level: how grave it is.
+            severity: of it.
             text: the line.
         """
         self._heard_ns = self._clock()
         # A path in it may hold bytes that are no text.
         readable = text.encode(errors="replace").decode()
-        self._texts.append(Text(self._heard_ns, level, readable))
+        self._texts.append(Text(self._heard_ns, severity, readable))
 
     @property
     def silent_s(self) -> float:
@@ -156,9 +153,19 @@ class LiveState:
     @property
     def findings(self) -> tuple[Told, ...]:
         """The latest, in the order in which they were told first."""
-        # An end that found no room on its way here shows when nothing is wrong any more.
-        is_wrong = bool(self.alarms)
-        return tuple(told._replace(is_open=told.is_open and is_wrong) for told in self._findings)
+        status = self.newest("/status")
+        if status is None:
+            return tuple(self._findings)
+        # An end that found no room on its way here shows in the status.
+        goes_on = set(status.record.open_findings.split())
+        return tuple(
+            told._replace(
+                finding=told.finding._replace(
+                    is_open=told.finding.is_open and told.finding.id in goes_on
+                )
+            )
+            for told in self._findings
+        )
 
     @property
     def texts(self) -> tuple[Text, ...]:
@@ -195,15 +202,11 @@ class LiveState:
         for flag in Trust(ours.trust):
             self._trusted_ns[flag] = now_ns
 
-    def _take_finding(self, now_ns: int, finding: Finding) -> None:
+    def _take_finding(self, now_ns: int, finding: FindingRecord) -> None:
         for place, told in enumerate(self._findings):
-            if _is_same(told.finding, finding):
-                self._findings[place] = Told(told.began_ns, not told.is_open, finding)
+            if told.finding.id == finding.id:
+                self._findings[place] = told._replace(finding=finding)
                 return
         began_ns = now_ns - round((finding.to_s - finding.from_s) / NS)
-        self._findings.append(Told(began_ns, True, finding))
+        self._findings.append(Told(began_ns, finding))
         self.findings_told += 1
-
-
-def _is_same(one: Finding, other: Finding) -> bool:
-    return (one.kind, one.source, one.from_s) == (other.kind, other.source, other.from_s)

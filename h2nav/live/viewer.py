@@ -101,7 +101,7 @@ async def _pass_on(
         arrived.clear()
         for topic, unix_ns, _, record in feed.entries():
             if isinstance(record, Line):
-                state.text(unix_ns, record.level, record.text)
+                state.text(unix_ns, record.severity, record.text)
             else:
                 state.take(topic, unix_ns, record)
             if foxglove is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from h2nav.flightlogs.context import GpsTrack, ImuTrack, Span
 from h2nav.flightlogs.spans import without
-from h2nav.integrity.findings import Finding
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
 from h2nav.review.compass import look_at_compass
 from h2nav.review.ending import look_at_ending
 from h2nav.review.estimators import look_at_estimators
@@ -32,7 +32,6 @@ from h2nav.review.tracks import (
 TELEMETRY = ("tlog", "mcap")
 # Raw bytes came at times that nobody wrote down; only the stamps inside them are real.
 WITHOUT_TIMES = "bytes"
-ALIKE_S, ALIKE_SHARE = 2.0, 0.25
 
 
 class Analysis(NamedTuple):
@@ -94,7 +93,7 @@ def analyse(flight: Flight) -> Analysis:
             steps = look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
             if len(alive) == 1:
                 own, steps = _undecided(own, steps), []
-            elif first is not None and f"IMU {first.imu + 1}" in {step.source for step in steps}:
+            elif first is not None and any(first.imu + 1 in s.sensor.numbers for s in steps):
                 # A receiver is not to be judged by an accelerometer that was wrong.
                 first = next(t for t in alive if t.imu != first.imu)
                 receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)
@@ -104,7 +103,7 @@ def analyse(flight: Flight) -> Analysis:
     found += look_at_estimators(context, first, best, flight.findings)
     found += look_at_ending(first, context.armed) if first is not None else []
     return analysis._replace(
-        findings=tuple(sorted([*analysis.findings, *_gathered(found)], key=lambda f: f.from_s)),
+        findings=tuple(sorted([*analysis.findings, *found], key=lambda f: f.from_s)),
         fields=tuple(fields),
         compasses=tuple(fits),
         biases=biases,
@@ -124,7 +123,7 @@ def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
             for step in steps
             if one.from_s - REACH_S < step.to_s and step.from_s < one.to_s + REACH_S
         ]
-        is_told = one.kind == "gps_velocity"
+        is_told = one.kind is Kind.GPS_VELOCITY
         told.append(one._replace(evidence=one.evidence + "".join(near)) if is_told else one)
     return told
 
@@ -147,45 +146,25 @@ def _of_samples(
         vibrations.append(vibration)
         found += own
     spectra, own = look_at_spectra(tracks, flight.context.bursts, armed)
-    gathered = tuple(_gathered([*found, *own]))
-    return Analysis(gathered, spectra=spectra, vibrations=tuple(vibrations), timings=tuple(timings))
-
-
-def _gathered(found: list[Finding]) -> list[Finding]:
-    """What several sensors show alike is told once, of the first of them."""
-    kept: list[Finding] = []
-    others: dict[int, list[str]] = {}
-    for finding in found:
-        place = next((i for i, one in enumerate(kept) if _is_same(one, finding)), None)
-        if place is None:
-            kept.append(finding)
-        else:
-            others.setdefault(place, []).append(finding.source)
-    for place, sources in others.items():
-        one = kept[place]
-        kept[place] = one._replace(evidence=f"{one.evidence}; {' and '.join(sources)} alike")
-    return kept
-
-
-def _is_same(one: Finding, other: Finding) -> bool:
-    """The same, at the same time, of another sensor."""
-    if one.kind != other.kind or one.source == other.source:
-        return False
-    close = abs(one.from_s - other.from_s) < ALIKE_S and abs(one.to_s - other.to_s) < ALIKE_S
-    return close and abs(one.size - other.size) <= ALIKE_SHARE * abs(one.size)
+    return Analysis(
+        (*found, *own),
+        spectra=spectra,
+        vibrations=tuple(vibrations),
+        timings=tuple(timings),
+    )
 
 
 def _is_told(flight: Flight, track: ImuTrack) -> bool:
-    source = f"IMU {track.imu + 1}"
-    return any(f.kind == "vibration" and f.source == source for f in flight.findings)
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    return any(f.kind is Kind.VIBRATION and f.sensor == imu for f in flight.findings)
 
 
 def _soundest(flight: Flight, tracks: tuple[ImuTrack, ...]) -> ImuTrack | None:
     """The IMU that the checks in flight found wrong for the shortest time."""
 
     def wrong_s(track: ImuTrack) -> float:
-        source = f"IMU {track.imu + 1}"
-        return sum(f.to_s - f.from_s for f in flight.findings if f.source == source)
+        imu = Sensor(SensorKind.IMU, track.imu + 1)
+        return sum(f.to_s - f.from_s for f in flight.findings if f.sensor == imu)
 
     return min(tracks, key=wrong_s, default=None)
 

@@ -1,14 +1,14 @@
 """What the service said during a flight, kept for its review."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.flightlogs.context import Span
 from h2nav.flightlogs.spans import spans
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.io.deframer import Frame
 from h2nav.maths.units import DEG
@@ -66,7 +66,7 @@ class Collector:
         self._ratios_s = array("d")
         self._ratios: list[InnovationRatios] = []
         self._states: list[tuple[float, str]] = []
-        self._lanes: list[tuple[float, str]] = []
+        self._lanes: list[tuple[float, int]] = []
         self._fields: list[tuple[float, AidingRecord]] = []
 
     # --- what the pipeline tells --------------------------------------------------------------
@@ -101,13 +101,13 @@ class Collector:
             case HealthRecord():
                 self._states.append((t_s, ": ".join(filter(None, (record.state, record.reason)))))
             case LaneRecord(sent=True):
-                self._lanes.append((t_s, f"IMU {record.imu}"))
+                self._lanes.append((t_s, record.imu))
             case AidingRecord(kind="field"):
                 self._fields.append((t_s, record))
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """Keeps a notice."""
-        self.notices.append((self._since_start_s(t_ns), severity.name.lower(), text))
+        self.notices.append((self._since_start_s(t_ns), severity.word, text))
 
     # --- what is made of it -------------------------------------------------------------------
 
@@ -150,7 +150,16 @@ class Collector:
 
     def lanes(self) -> tuple[Span, ...]:
         """Which IMU was sent; empty where there was one only."""
-        return _spans(self._lanes, self.duration_s)
+        names = [(t_s, Sensor(SensorKind.IMU, imu).name) for t_s, imu in self._lanes]
+        return _spans(names, self.duration_s)
+
+    def sent_s(self) -> dict[int, float]:
+        """How long each IMU was sent, by its number from 1; empty where there was one only."""
+        ends = [*(t_s for t_s, _ in self._lanes[1:]), self.duration_s]
+        found: dict[int, float] = {}
+        for (from_s, imu), to_s in zip(self._lanes, ends, strict=False):
+            found[imu] = found.get(imu, 0.0) + to_s - from_s
+        return found
 
     def _since_start_s(self, t_ns: int) -> float:
         return (t_ns - self.start_ns) * 1e-9 if self._began else 0.0
@@ -160,21 +169,20 @@ def _spans(found: list[tuple[float, str]], end_s: float) -> tuple[Span, ...]:
     return spans([t_s for t_s, _ in found], [name for _, name in found], end_s)
 
 
-def most_trusted(findings: Sequence[Finding], lanes: Sequence[Span]) -> int:
+def most_trusted(findings: Sequence[Finding], sent_s: Mapping[int, float]) -> int:
     """Number of the IMU, from 0 in the order of the lanes, of which least was found to be wrong.
 
     Args:
         findings: of the flight.
-        lanes: which IMU was sent; that one is taken where others are no better.
+        sent_s: how long each IMU was sent, by its number from 1; the one that was sent longest is
+            taken where others are no better.
     """
-    if not lanes:
+    if not sent_s:
         return 0
-    sent_s = {lane.name: 0.0 for lane in lanes}
-    wrong_s = dict(sent_s)
-    for lane in lanes:
-        sent_s[lane.name] += lane.to_s - lane.from_s
+    wrong_s = dict.fromkeys(sent_s, 0.0)
     for each in findings:
-        if each.source in wrong_s and each.severity <= Severity.WARNING:
-            wrong_s[each.source] += each.to_s - each.from_s
-    best = min(sent_s, key=lambda name: (wrong_s[name], -sent_s[name]))
-    return int(best.removeprefix("IMU ")) - 1
+        kind, number, _ = each.sensor
+        is_serious = kind is SensorKind.IMU and each.severity <= Severity.WARNING
+        if is_serious and number is not None and number in wrong_s:
+            wrong_s[number] += each.to_s - each.from_s
+    return min(sent_s, key=lambda imu: (wrong_s[imu], -sent_s[imu])) - 1

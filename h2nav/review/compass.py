@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.flightlogs.context import Array, Context, ImuTrack, Series
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.review.flight import EarthFields
 from h2nav.review.inertial import Attitudes, Mask, conjugate, means, rotate, thinned, within
@@ -326,8 +326,8 @@ def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Fi
         why = "a magnet, a motor or a wire" if flew else "the ground that it stood on, or motors"
         found.append(
             Finding(
-                "compass_step",
-                f"compass {compass + 1}",
+                Kind.COMPASS_STEP,
+                Sensor(SensorKind.COMPASS, compass + 1),
                 Severity.WARNING if flew else Severity.NOTICE,
                 float(from_s),
                 float(to_s),
@@ -453,12 +453,12 @@ def _constant(
     severity = Severity.INFO if is_raw else Severity.WARNING
     found = []
 
-    def tell(kind: str, size: float, unit: str, text: str, evidence: str) -> None:
+    def tell(kind: Kind, size: float, unit: str, text: str, evidence: str) -> None:
         times = float(rows.t_s[0]), float(rows.t_s[-1])
         left = f"; the rest falls from {fit.before_ut * MG_PER_UT:.0f} to "
         evidence += f"{left}{fit.after_ut * MG_PER_UT:.0f} mG rms of {norm * MG_PER_UT:.0f}"
-        source = f"compass {compass + 1}"
-        found.append(Finding(kind, source, severity, *times, size, unit, text, evidence))
+        sensor = Sensor(SensorKind.COMPASS, compass + 1)
+        found.append(Finding(kind, sensor, severity, *times, size, unit, text, evidence))
 
     offset = fit.x[:3]
     turned = math.asin(min(float(np.hypot(*offset[:2])) / level, 1.0))
@@ -471,16 +471,16 @@ def _constant(
             f"of heading; {_change(compass, offset, context, is_raw=is_raw)}; by strength and dip "
             "alone, whatever the heading was"
         )
-        tell("compass_hard_iron", size, "mG", text, evidence)
+        tell(Kind.COMPASS_HARD_IRON, size, "mG", text, evidence)
     soft = float(np.hypot(*fit.x[4:6]))
     if soft > math.tan(HEADING_TOLD_RAD) and fit.is_sure(4, 6):
         text = f"soft iron: {2.0 * soft:.0%} stronger one way than across"
         evidence = f"up to {soft / DEG:.0f} deg of heading, twice in a full turn"
-        tell("compass_soft_iron", 200.0 * soft, "%", text, evidence)
+        tell(Kind.COMPASS_SOFT_IRON, 200.0 * soft, "%", text, evidence)
     scale = float(fit.x[3]) - 1.0
     if abs(scale) > SCALE_TOLD and fit.is_sure(3, 4, around=1.0):
         text = f"field is {scale:+.0%} against the earth's"
-        tell("compass_scale", 100.0 * abs(scale), "%", text, "the same in all headings")
+        tell(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
     return found
 
 
@@ -522,8 +522,8 @@ def _motors(compass: int, rows: Rows, fit: Fit, *, is_current: bool) -> list[Fin
     per = "per ampere" if is_current else "at full throttle"
     return [
         Finding(
-            "compass_motors",
-            f"compass {compass + 1}",
+            Kind.COMPASS_MOTORS,
+            Sensor(SensorKind.COMPASS, compass + 1),
             Severity.WARNING if share > MOTOR_BAD_SHARE else Severity.NOTICE,
             float(rows.t_s[0]),
             float(rows.t_s[-1]),

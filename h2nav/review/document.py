@@ -8,8 +8,8 @@ import numpy as np
 
 from h2nav.flightlogs.context import Array, Span
 from h2nav.integrity.findings import Finding, as_mapping
+from h2nav.integrity.kinds import MEANINGS
 from h2nav.maths.units import DEG
-from h2nav.review.advice import advice
 from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS, aids, covered_s
 from h2nav.review.comparison import Difference, differences
@@ -62,11 +62,11 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "compasses": [_compass(one) for one in analysis.compasses],
         "receivers": [_receiver(one) for one in analysis.receivers],
         "notices": [
-            {"t_s": t_s, "severity": severity.lower(), "text": text}
+            {"t_s": t_s, "severity": severity, "text": text}
             for t_s, severity, text in flight.notices[:MOST_TEXTS]
         ],
         "said": [
-            {"t_s": said.t_s, "severity": said.severity.name.lower(), "text": said.text}
+            {"t_s": said.t_s, "severity": said.severity.word, "text": said.text}
             for said in context.said[:MOST_TEXTS]
         ],
         "rejected": dict(flight.rejected),
@@ -79,7 +79,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
 
 
 def _finding(finding: Finding) -> dict[str, object]:
-    of_kind = advice(finding.kind)
+    of_kind = MEANINGS[finding.kind]
     return {**as_mapping(finding), "means": of_kind.means, "check": of_kind.check}
 
 

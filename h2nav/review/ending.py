@@ -3,7 +3,7 @@
 import numpy as np
 
 from h2nav.flightlogs.context import ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.review.inertial import Mask, runs
 
@@ -39,8 +39,8 @@ def look_at_ending(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
     how = f"an impact of {peak / GRAVITY_M_S2:.0f} g" if peak > HARD_M_S2 else "no hard impact"
     return [
         Finding(
-            "toppled",
-            "vehicle",
+            Kind.TOPPLED,
+            Sensor(SensorKind.VEHICLE),
             Severity.ERROR,
             float(track.t_s[place]) if peak > HARD_M_S2 else lies[0],
             float(track.t_s[-1]),

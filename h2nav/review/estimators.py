@@ -9,7 +9,7 @@ import numpy as np
 
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Array, AttitudeTrack, Context, ImuTrack, Said
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.review.inertial import (
     Attitudes,
@@ -48,36 +48,37 @@ WINDOW_S = 2.0
 class _Phrase(NamedTuple):
     """Texts of the autopilot that mean one thing."""
 
-    kind: str
+    kind: Kind
     pattern: re.Pattern[str]
     text: str
 
 
 # Who crashes is disarmed at once.
-CRASH = "said_crash"
+CRASH = Kind.SAID_CRASH
+AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
-def _phrase(kind: str, pattern: str, text: str) -> _Phrase:
+def _phrase(kind: Kind, pattern: str, text: str) -> _Phrase:
     return _Phrase(kind, re.compile(pattern, re.IGNORECASE), text)
 
 
 # ArduPilot: AP_NavEKF2/3, ekf_check, AP_Arming, crash_check, AP_AHRS; PX4: commander, EKF2, health
 # checks. Lane switches are told from here as well.
 PHRASES = (
-    _phrase("estimator_switch", r"lane switch|primary changed", "estimator changed its lane"),
-    _phrase("said_ekf_failed", r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
-    _phrase("said_gps_glitch", r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
+    _phrase(Kind.ESTIMATOR_SWITCH, r"lane switch|primary changed", "estimator changed its lane"),
+    _phrase(Kind.SAID_EKF_FAILED, r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
+    _phrase(Kind.SAID_GPS_GLITCH, r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
     _phrase(
-        "said_compass",
+        Kind.SAID_COMPASS,
         r"compass.*(inconsist|unhealthy|anomaly|error)|mag.* anomaly|bad compass"
         r"|magnetic interference|compass not healthy",
         "compass not trusted",
     ),
-    _phrase("said_aiding", r"stopped aiding|navigation failure", "EKF without position"),
-    _phrase("said_yaw_reset", r"yaw (reset|align.*reset)|emergency yaw", "EKF heading reset"),
-    _phrase("said_vibration", r"vibration compensation on|high vibration", "vibration"),
+    _phrase(Kind.SAID_AIDING, r"stopped aiding|navigation failure", "EKF without position"),
+    _phrase(Kind.SAID_YAW_RESET, r"yaw (reset|align.*reset)|emergency yaw", "EKF heading reset"),
+    _phrase(Kind.SAID_VIBRATION, r"vibration compensation on|high vibration", "vibration"),
     _phrase(
-        "said_sensor",
+        Kind.SAID_SENSOR,
         r"bad (gyro|accel|AHRS)|(accel|gyro)s? (inconsistent|unhealthy)|accel.* bias"
         r"|sensor .*(fail|timeout)|attitude failure",
         "sensor or attitude unhealthy",
@@ -126,9 +127,9 @@ def _said(context: Context) -> list[Finding]:
             for said in context.said
             if pattern.search(said.text)
             and not PREARM.search(said.text)
-            and _counts(context, said, is_end=kind == CRASH)
+            and _counts(context, said, is_end=kind is CRASH)
         ]
-        if kind == "estimator_switch" and context.primary:
+        if kind is Kind.ESTIMATOR_SWITCH and context.primary:
             continue
         if texts:
             found.append(_told(kind, text, texts))
@@ -141,12 +142,12 @@ def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
     return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
 
 
-def _told(kind: str, text: str, texts: list[Said]) -> Finding:
+def _told(kind: Kind, text: str, texts: list[Said]) -> Finding:
     times = f", {len(texts)} times" if len(texts) > 1 else ""
     quoted = "; ".join(f"{said.t_s:.0f} s: {said.text!r}" for said in texts[:4])
     return Finding(
         kind,
-        "autopilot",
+        AUTOPILOT,
         Severity.WARNING,
         texts[0].t_s,
         texts[-1].t_s,
@@ -171,8 +172,8 @@ def _switches(context: Context) -> list[Finding]:
     times = f", {len(changes)} times" if len(changes) > 1 else ""
     return [
         Finding(
-            "estimator_switch",
-            "autopilot",
+            Kind.ESTIMATOR_SWITCH,
+            AUTOPILOT,
             Severity.WARNING,
             changes[0][0],
             changes[-1][0],
@@ -205,8 +206,8 @@ def _resets(context: Context, track: ImuTrack) -> list[Finding]:
         t_s = float(own.t_s[first + 1])
         found.append(
             Finding(
-                "attitude_reset",
-                "autopilot",
+                Kind.ATTITUDE_RESET,
+                AUTOPILOT,
                 Severity.NOTICE,
                 t_s,
                 float(own.t_s[last + 1]),
@@ -300,8 +301,8 @@ def _cores(context: Context) -> list[Finding]:
                 (apart > most) & flying,
                 LASTING_S,
                 Finding(
-                    "cores_differ",
-                    track.name,
+                    Kind.CORES_DIFFER,
+                    Sensor(SensorKind.ESTIMATOR),
                     Severity.WARNING,
                     0.0,
                     0.0,
@@ -326,9 +327,9 @@ def _beyond(
     tilt, heading = _parts(own.at(grid_s), best.at(grid_s))
     flying = within(grid_s, context.armed)
     found = []
-    for part, apart, sigma, usual in (
-        ("tilt", tilt, best.sigma_tilt_rad, OWN_TILT_RAD),
-        ("heading", heading, best.sigma_heading_rad, OWN_HEADING_RAD),
+    for kind, part, apart, sigma, usual in (
+        (Kind.AUTOPILOT_TILT, "tilt", tilt, best.sigma_tilt_rad, OWN_TILT_RAD),
+        (Kind.AUTOPILOT_HEADING, "heading", heading, best.sigma_heading_rad, OWN_HEADING_RAD),
     ):
         most = GATE * np.hypot(best.near(sigma, grid_s), usual)
         pieces = _lasting(
@@ -337,8 +338,8 @@ def _beyond(
             (apart > most) & flying,
             BEYOND_FOR_S,
             Finding(
-                f"autopilot_{part}",
-                "autopilot",
+                kind,
+                AUTOPILOT,
                 Severity.NOTICE,
                 0.0,
                 0.0,
@@ -348,7 +349,7 @@ def _beyond(
                 "beyond three deviations of ours",
             ),
         )
-        known = [f for f in told if f.kind == f"autopilot_{part}" and f.source == "autopilot"]
+        known = [f for f in told if f.kind is kind and f.sensor == AUTOPILOT]
         for piece in pieces:
             if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
                 continue

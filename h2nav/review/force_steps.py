@@ -11,7 +11,7 @@ import numpy as np
 
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Array, ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.review.inertial import (
     LONGEST_STEP_S,
@@ -227,8 +227,8 @@ def _told(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -
     either = ", unless the receiver's velocity runs away" if is_alone else ""
     return [
         Finding(
-            "accelerometer_bias_step",
-            f"IMU {imu + 1}",
+            Kind.ACCELEROMETER_BIAS_STEP,
+            Sensor(SensorKind.IMU, imu + 1),
             Severity.WARNING,
             float(at_s[place] - GUARD_S),
             float(at_s[place] + GUARD_S),

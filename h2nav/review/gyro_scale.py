@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Array, ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.review.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
 
 WINDOW_S, PARTS = 4.0, 20
@@ -51,8 +51,8 @@ def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding
     )
     return [
         Finding(
-            "gyro_scale",
-            f"IMU {track.imu + 1}",
+            Kind.GYRO_SCALE,
+            Sensor(SensorKind.IMU, track.imu + 1),
             Severity.WARNING,
             armed[0].from_s,
             armed[-1].to_s,

@@ -4,11 +4,12 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from h2nav.integrity.findings import Finding, Severity
-from h2nav.review.advice import advice
+from h2nav.integrity.kinds import MEANINGS
+from h2nav.review.advice import place
 from h2nav.review.analysis import Analysis
 from h2nav.review.certainty import GROUPS
 from h2nav.review.flight import Flight
-from h2nav.review.gathering import all_findings, together
+from h2nav.review.gathering import all_findings
 from h2nav.review.html import asset, data_block, escape, frame, table
 from h2nav.review.parameters import Value, matters_for_attitude
 from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
@@ -16,7 +17,6 @@ from h2nav.review.pictures.columns import shown_s
 from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
 
 MOST_FINDINGS = 40
-_WORDS = {"severe": "serious", "doubtful": "warning", "noted": "note"}
 _KINDS = {
     "tlog": "telemetry log",
     "bytes": "recorded link",
@@ -37,7 +37,7 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     Returns:
         A file that opens without a network: findings, how sure they are, pictures.
     """
-    findings = together(all_findings(flight, analysis))
+    findings = all_findings(flight, analysis)
     sections = [section for section in _sections(flight, analysis, findings) if _is_filled(section)]
     drawn = _Drawn()
     body = "\n".join(
@@ -218,7 +218,7 @@ def _list(findings: Sequence[Finding]) -> str:
 
 
 def _item(finding: Finding) -> str:
-    of_kind, level = advice(finding.kind), _level(finding.severity)
+    of_kind, severity = MEANINGS[finding.kind], finding.severity
     source = finding.source
     text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
     # A size without a unit counts what the text counts too.
@@ -232,18 +232,13 @@ def _item(finding: Finding) -> str:
         f'<span class="line"><i>{name}:</i> {escape(line)}</span>' for name, line in lines if line
     )
     return (
-        f'<li class="finding {level}"><button type="button" data-from="{finding.from_s:.3f}" '
-        f'data-to="{finding.to_s:.3f}" data-place="{of_kind.place}">'
-        f'<span class="what"><span class="tag">{_WORDS[level]}</span>'
+        f'<li class="finding {severity.look}"><button type="button" '
+        f'data-from="{finding.from_s:.3f}" data-to="{finding.to_s:.3f}" '
+        f'data-place="{place(finding.kind)}">'
+        f'<span class="what"><span class="tag">{severity.tag}</span>'
         f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
         f"{shown}</button></li>"
     )
-
-
-def _level(severity: Severity) -> str:
-    if severity <= Severity.ERROR:
-        return "severe"
-    return "doubtful" if severity == Severity.WARNING else "noted"
 
 
 def _span(finding: Finding) -> str:

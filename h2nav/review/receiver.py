@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.flightlogs.context import Array, Context, GpsTrack, ImuTrack
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.review.inertial import (
     Attitudes,
@@ -91,22 +91,22 @@ def look_at_receiver(
         is_polled: its fixes come in a stream that has a rhythm of its own, so that they may be
             older by a period than at the receiver.
     """
-    name = "GPS" if gps.receiver == 0 else f"GPS {gps.receiver + 1}"
-    found = [*_lost(name, gps, context), *_quality(name, gps, context)]
-    found += _frozen(name, gps, within(gps.t_s, context.armed))
+    sensor = Sensor(SensorKind.GPS, None if gps.receiver == 0 else gps.receiver + 1)
+    found = [*_lost(sensor, gps, context), *_quality(sensor, gps, context)]
+    found += _frozen(sensor, gps, within(gps.t_s, context.armed))
     position_m = _jumps(gps)
-    found += _told_jumps(name, gps, position_m, within(gps.t_s, context.armed))
+    found += _told_jumps(sensor, gps, position_m, within(gps.t_s, context.armed))
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
     moves = moves_of(gps)
     if track is not None and best is not None and len(moves.t_s) > 10:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = _lag(moves, velocity)
-        found += _told_lag(name, moves, lag_s, context, _period(gps) if is_polled else 0.0)
+        found += _told_lag(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
         tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
         flying = within(moves.t_s, context.armed)
-        found += _contradictions(name, moves, velocity, tilt, flying, own)
+        found += _contradictions(sensor, moves, velocity, tilt, flying, own)
         difference = _change(gps.t_s, gps.v_n, velocity, LENGTHS_S[0], own)
     place = thinned(len(gps.t_s), MOST_POINTS)
     shown = Receiver(
@@ -202,7 +202,7 @@ def _cost(moves: Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, 
 
 
 def _told_lag(
-    name: str, moves: Moves, lag_s: float, context: Context, polled_s: float
+    sensor: Sensor, moves: Moves, lag_s: float, context: Context, polled_s: float
 ) -> list[Finding]:
     if math.isnan(lag_s):
         return []
@@ -224,8 +224,8 @@ def _told_lag(
         evidence += f"; an autopilot can be told of {LATEST_USABLE_S * 1e3:.0f} ms at most"
     return [
         Finding(
-            "gps_lag",
-            name,
+            Kind.GPS_LAG,
+            sensor,
             Severity.WARNING if is_late else Severity.NOTICE,
             float(moves.t_s[0]),
             float(moves.t_s[-1]),
@@ -250,7 +250,7 @@ def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
 
 
 def _contradictions(
-    name: str, moves: Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
+    sensor: Sensor, moves: Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
 ) -> list[Finding]:
     """Where a change of velocity is none that the IMU could have missed."""
     worst = np.zeros(len(moves.t_s))
@@ -278,8 +278,8 @@ def _contradictions(
         length = moves.t_s[top] - begins[top]
         found.append(
             Finding(
-                "gps_velocity",
-                name,
+                Kind.GPS_VELOCITY,
+                sensor,
                 Severity.WARNING,
                 float(begins[first]),
                 float(moves.t_s[last]),
@@ -319,7 +319,7 @@ def _jumps(gps: GpsTrack) -> Array:
     return apart
 
 
-def _told_jumps(name: str, gps: GpsTrack, position_m: Array, flying: Mask) -> list[Finding]:
+def _told_jumps(sensor: Sensor, gps: GpsTrack, position_m: Array, flying: Mask) -> list[Finding]:
     places = np.flatnonzero((np.nan_to_num(position_m) > JUMP_M) & flying)
     if not len(places):
         return []
@@ -327,8 +327,8 @@ def _told_jumps(name: str, gps: GpsTrack, position_m: Array, flying: Mask) -> li
     times = "once" if len(places) == 1 else f"{len(places)} times"
     return [
         Finding(
-            "gps_jump",
-            name,
+            Kind.GPS_JUMP,
+            sensor,
             Severity.WARNING,
             float(gps.t_s[places[0]]),
             float(gps.t_s[places[-1]]),
@@ -341,7 +341,7 @@ def _told_jumps(name: str, gps: GpsTrack, position_m: Array, flying: Mask) -> li
     ]
 
 
-def _lost(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
+def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     """No fix, or no report, while armed, after there was one."""
     had_fix = np.maximum.accumulate(gps.has_fix) if len(gps.t_s) else gps.has_fix
     found = []
@@ -356,8 +356,8 @@ def _lost(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
             lasted = float(good[place + 1] - good[place])
             found.append(
                 Finding(
-                    "gps_lost",
-                    name,
+                    Kind.GPS_LOST,
+                    sensor,
                     Severity.WARNING,
                     float(good[place]),
                     float(good[place + 1]),
@@ -370,7 +370,7 @@ def _lost(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
     return found
 
 
-def _frozen(name: str, gps: GpsTrack, flying: Mask) -> list[Finding]:
+def _frozen(sensor: Sensor, gps: GpsTrack, flying: Mask) -> list[Finding]:
     """The same velocity again and again, of a vehicle that by it moves."""
     speed = np.linalg.norm(np.nan_to_num(gps.v_n[:, :2]), axis=1)
     told = gps.has_fix & flying & (speed > MOVING_M_S)
@@ -383,8 +383,8 @@ def _frozen(name: str, gps: GpsTrack, flying: Mask) -> list[Finding]:
             continue
         found.append(
             Finding(
-                "gps_frozen",
-                name,
+                Kind.GPS_FROZEN,
+                sensor,
                 Severity.WARNING,
                 float(gps.t_s[first]),
                 float(gps.t_s[last + 1]),
@@ -402,7 +402,7 @@ def _period(gps: GpsTrack) -> float:
     return float(np.median(np.diff(gps.t_s))) if len(gps.t_s) > 1 else 0.0
 
 
-def _quality(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
+def _quality(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     """Few satellites, or a velocity that the receiver itself does not believe in."""
     flying = within(gps.t_s, context.armed) & gps.has_fix
     seconds = _period(gps)
@@ -420,7 +420,15 @@ def _quality(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
                 gps,
                 few,
                 Finding(
-                    "gps_satellites", name, Severity.NOTICE, 0.0, 0.0, least, "", text, evidence
+                    Kind.GPS_SATELLITES,
+                    sensor,
+                    Severity.NOTICE,
+                    0.0,
+                    0.0,
+                    least,
+                    "",
+                    text,
+                    evidence,
                 ),
             )
         )
@@ -436,7 +444,15 @@ def _quality(name: str, gps: GpsTrack, context: Context) -> list[Finding]:
                 gps,
                 poor,
                 Finding(
-                    "gps_accuracy", name, Severity.NOTICE, 0.0, 0.0, worst, "m/s", text, evidence
+                    Kind.GPS_ACCURACY,
+                    sensor,
+                    Severity.NOTICE,
+                    0.0,
+                    0.0,
+                    worst,
+                    "m/s",
+                    text,
+                    evidence,
                 ),
             )
         )

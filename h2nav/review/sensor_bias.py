@@ -12,7 +12,7 @@ import numpy as np
 
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Array, ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.review.inertial import (
     Attitudes,
@@ -67,13 +67,18 @@ STILL_RAD = 1.0 * DEG
 STILL_PARTS = 5
 # What slow samples of a vibrating gyro may make of a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
-COMPASS_FROZEN = "compass_frozen"
 # What else shows which of two IMUs is wrong that disagree.
 SHOWN_BY = {
-    "gyro_apart": ("gyro_bias", "gyro_bias_step"),
-    "accelerometer_apart": ("accelerometer_bias", "vibration", "clipping"),
+    Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
+    Kind.ACCELEROMETER_APART: (Kind.ACCELEROMETER_BIAS, Kind.VIBRATION, Kind.CLIPPING),
 }
-DEAD = ("imu_frozen", "gyro_frozen", "accelerometer_frozen", "axis_stuck", "clipping")
+DEAD = (
+    Kind.IMU_FROZEN,
+    Kind.GYRO_FROZEN,
+    Kind.ACCELEROMETER_FROZEN,
+    Kind.AXIS_STUCK,
+    Kind.CLIPPING,
+)
 
 
 def look_at_biases(
@@ -102,11 +107,11 @@ def look_at_biases(
 
 def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
     """The samples without those of a sensor that is known to be frozen, stuck or clipped."""
-    source = f"IMU {track.imu + 1}"
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
     spans = [
-        Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind)
+        Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind.value)
         for f in told
-        if f.source == source and f.kind in DEAD
+        if f.sensor == imu and f.kind in DEAD
     ]
     good = ~within(track.t_s, spans)
     return ImuTrack(
@@ -122,8 +127,8 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
 
 def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
     """The samples without the field of a compass that was ever frozen: it stands still at will."""
-    source = f"IMU {track.imu + 1}"
-    if not any(f.kind == COMPASS_FROZEN and f.source == source for f in told):
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    if not any(f.kind is Kind.COMPASS_FROZEN and f.sensor == imu for f in told):
         return track
     return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
 
@@ -131,7 +136,7 @@ def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
 def _of_imu(
     track: ImuTrack, best: Attitudes | None, armed: tuple[Span, ...]
 ) -> tuple[Bias, list[Finding]]:
-    name = f"IMU {track.imu + 1}"
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
     centres, bias, rough = _gyro_bias(track, best)
     rest_s, norms = _rest(track, armed)
     place = thinned(len(centres), MOST_POINTS)
@@ -146,9 +151,9 @@ def _of_imu(
         FORCE_LIMIT_M_S2,
     )
     sure = ~rough
-    found = _large(name, centres[sure], bias[sure])
-    found += _jumps(name, centres[sure], bias[sure])
-    return shown, found + _force(name, rest_s, norms)
+    found = _large(imu, centres[sure], bias[sure])
+    found += _jumps(imu, centres[sure], bias[sure])
+    return shown, found + _force(imu, rest_s, norms)
 
 
 def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
@@ -232,7 +237,7 @@ def _levers(best: Attitudes, at_s: Array) -> Array:
     return levers
 
 
-def _large(name: str, t_s: Array, bias: Array) -> list[Finding]:
+def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
     """Beyond the data sheet for a while."""
     if len(t_s) < FEWEST_WINDOWS:
         return []
@@ -244,8 +249,8 @@ def _large(name: str, t_s: Array, bias: Array) -> list[Finding]:
     worst = float(np.median(size[beyond])) / DEG
     return [
         Finding(
-            "gyro_bias",
-            name,
+            Kind.GYRO_BIAS,
+            imu,
             Severity.WARNING,
             float(t_s[beyond[0]] - 0.5 * WINDOW_S),
             float(t_s[beyond[-1]] + 0.5 * WINDOW_S),
@@ -258,7 +263,7 @@ def _large(name: str, t_s: Array, bias: Array) -> list[Finding]:
     ]
 
 
-def _jumps(name: str, t_s: Array, bias: Array) -> list[Finding]:
+def _jumps(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
     """Between the medians of some steady windows before and after one in which the jump may lie."""
     count = len(t_s) - 2 * SIDE
     if count < 1:
@@ -277,8 +282,8 @@ def _jumps(name: str, t_s: Array, bias: Array) -> list[Finding]:
         value = float(size[place]) / DEG
         found.append(
             Finding(
-                "gyro_bias_step",
-                name,
+                Kind.GYRO_BIAS_STEP,
+                imu,
                 Severity.WARNING,
                 float(t_s[place + SIDE - 1]),
                 float(t_s[place + SIDE + 1]),
@@ -313,7 +318,7 @@ def _rest(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array]:
     return centres[still], np.linalg.norm(mean[still, 3:], axis=1)
 
 
-def _force(name: str, t_s: Array, norms: Array) -> list[Finding]:
+def _force(imu: Sensor, t_s: Array, norms: Array) -> list[Finding]:
     if len(norms) * REST_WINDOW_S < REST_FOR_S:
         return []
     norm = float(np.median(norms))
@@ -322,8 +327,8 @@ def _force(name: str, t_s: Array, norms: Array) -> list[Finding]:
         return []
     return [
         Finding(
-            "accelerometer_bias",
-            name,
+            Kind.ACCELEROMETER_BIAS,
+            imu,
             Severity.WARNING,
             float(t_s[0]),
             float(t_s[-1]),
@@ -348,10 +353,10 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     tracks = tuple(track for track in tracks if len(track.t_s) > 1)
     gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
-    names = [f"IMU {track.imu + 1}" for track in tracks]
+    imus = [track.imu + 1 for track in tracks]
     return [
-        *_disagreeing("gyro_apart", names, edges, gyro, GYRO_APART_RAD_S, known),
-        *_disagreeing("accelerometer_apart", names, edges, force, FORCE_APART_M_S2, known),
+        *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, GYRO_APART_RAD_S, known),
+        *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, FORCE_APART_M_S2, known),
     ]
 
 
@@ -363,8 +368,8 @@ def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
 
 
 def _disagreeing(
-    kind: str,
-    names: list[str],
+    kind: Kind,
+    imus: list[int],
     edges: Array,
     values: list[Array],
     limit: float,
@@ -384,34 +389,37 @@ def _disagreeing(
             beyond[one, other] = apart
     blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
     if len(blamed) > 1:
-        suspected = {f.source for f in known if f.kind in SHOWN_BY[kind]}
-        shown = [i for i in blamed if names[i] in suspected]
+        suspected = {f.sensor.number for f in known if f.kind in SHOWN_BY[kind]}
+        shown = [i for i in blamed if imus[i] in suspected]
         blamed = shown if len(shown) == 1 else blamed
     found = []
     for pair, apart in beyond.items():
         if len(blamed) != 1:
-            found.append(_difference(kind, [names[i] for i in pair], [], edges, apart, limit))
+            found.append(_difference(kind, [imus[i] for i in pair], [], edges, apart, limit))
         elif not found:
-            others = [name for i, name in enumerate(names) if i != blamed[0]]
-            found.append(_difference(kind, [names[blamed[0]]], others, edges, apart, limit))
+            others = [imu for i, imu in enumerate(imus) if i != blamed[0]]
+            found.append(_difference(kind, [imus[blamed[0]]], others, edges, apart, limit))
     return found
 
 
 def _difference(
-    kind: str, odd: list[str], others: list[str], edges: Array, apart: Array, limit: float
+    kind: Kind, odd: list[int], others: list[int], edges: Array, apart: Array, limit: float
 ) -> Finding:
     """One finding: of the odd IMU against the others, or of two of which one is wrong."""
     places = np.flatnonzero(apart > limit)
-    is_gyro = kind == "gyro_apart"
+    is_gyro = kind is Kind.GYRO_APART
     sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")
     one = DEG if is_gyro else 1.0
     size = float(np.median(apart[places])) / one
-    text, unknown = f"{sensor} differs from {' and '.join(others)} by", ""
+    good = " and ".join(f"IMU {imu}" for imu in others)
+    text, unknown = f"{sensor} differs from {good} by", ""
     if not others:
         text, unknown = f"{sensor}s differ by", "; which of the two is wrong is not known from this"
     return Finding(
         kind,
-        " or ".join(odd),
+        Sensor(SensorKind.IMU, None, tuple(odd))
+        if len(odd) > 1
+        else Sensor(SensorKind.IMU, odd[0]),
         Severity.WARNING,
         float(edges[places[0]]),
         float(edges[places[-1] + 1]),

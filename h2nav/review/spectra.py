@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.flightlogs.context import Array, Burst, ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.review.inertial import Mask, within
 from h2nav.review.tracks import Peak, Spectrum, Vibration
@@ -249,8 +249,8 @@ def _lines(spectrum: Spectrum) -> list[Finding]:
         evidence += f"; {_notch(spectrum, strong)}"
     return [
         Finding(
-            "vibration_line",
-            f"IMU {spectrum.imu + 1}",
+            Kind.VIBRATION_LINE,
+            Sensor(SensorKind.IMU, spectrum.imu + 1),
             Severity.INFO,
             float(spectrum.t_s[0]),
             float(spectrum.t_s[-1]),
@@ -355,8 +355,8 @@ def _level(track: ImuTrack, level: Array, flying: Mask, rate_hz: float) -> list[
     )
     return [
         Finding(
-            "vibration_level",
-            f"IMU {track.imu + 1}",
+            Kind.VIBRATION_LEVEL,
+            Sensor(SensorKind.IMU, track.imu + 1),
             Severity.WARNING,
             float(track.t_s[places[0]]),
             float(track.t_s[places[-1]]),
@@ -371,8 +371,8 @@ def _level(track: ImuTrack, level: Array, flying: Mask, rate_hz: float) -> list[
 def _clipped(track: ImuTrack, clipped: Mask, count: int) -> Finding:
     places = np.flatnonzero(clipped)
     return Finding(
-        "clipped_samples",
-        f"IMU {track.imu + 1}",
+        Kind.CLIPPED_SAMPLES,
+        Sensor(SensorKind.IMU, track.imu + 1),
         Severity.WARNING,
         float(track.t_s[places[0]]),
         float(track.t_s[places[-1]]),

@@ -7,7 +7,7 @@ was delayed on the way and is not lost; where both jump, samples are lost.
 import numpy as np
 
 from h2nav.flightlogs.context import Array, Context, ImuTrack, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.review.inertial import Mask, runs, within
 from h2nav.review.tracks import Timing
 
@@ -65,8 +65,8 @@ def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
     shown = "; ".join(f"{span.from_s:.1f} to {span.to_s:.1f} s" for span in paused[:4])
     return [
         Finding(
-            "log_paused",
-            "log",
+            Kind.LOG_PAUSED,
+            Sensor(SensorKind.LOG),
             Severity.INFO,
             paused[0].from_s,
             paused[-1].to_s,
@@ -90,16 +90,16 @@ def look_at_timing(
     """
     if len(track.t_s) < FEWEST:
         return _empty(track), []
-    name = f"IMU {track.imu + 1}"
-    stamp_s, found = _without_jumps(name, track, _stamps(track))
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    stamp_s, found = _without_jumps(imu, track, _stamps(track))
     late_s, drift_ppm = _lateness(track.t_s, stamp_s)
     timing = _columns(track, stamp_s, late_s)
-    found += _gaps(name, track, stamp_s, armed, paused)
-    found += _rate(name, track, stamp_s, paused)
+    found += _gaps(imu, track, stamp_s, armed, paused)
+    found += _rate(imu, track, stamp_s, paused)
     if drift_ppm is not None and abs(drift_ppm) > DRIFT_PPM:
-        found.append(_drift(name, track, drift_ppm))
+        found.append(_drift(imu, track, drift_ppm))
     if drift_ppm is None or abs(drift_ppm) < SIMULATED_PPM:
-        found += _late(name, track, late_s)
+        found += _late(imu, track, late_s)
     return timing, found
 
 
@@ -117,7 +117,7 @@ def _stamps(track: ImuTrack) -> Array:
     return np.concatenate(([0.0], np.cumsum(steps))) * 1e-6
 
 
-def _without_jumps(name: str, track: ImuTrack, stamp_s: Array) -> tuple[Array, list[Finding]]:
+def _without_jumps(imu: Sensor, track: ImuTrack, stamp_s: Array) -> tuple[Array, list[Finding]]:
     """Stamps as of a clock that nobody set, and what says that somebody did.
 
     From one sample to the next, which came as usual, the stamp runs on by another time, and the
@@ -144,8 +144,8 @@ def _without_jumps(name: str, track: ImuTrack, stamp_s: Array) -> tuple[Array, l
     size = float(extra_s[largest])
     times = "" if len(jumps) == 1 else f", {len(jumps)} times"
     finding = Finding(
-        "clock_jump",
-        name,
+        Kind.CLOCK_JUMP,
+        imu,
         Severity.WARNING,
         float(track.t_s[jumps[0]]),
         float(track.t_s[jumps[-1] + 1]),
@@ -200,7 +200,7 @@ def _largest(values: Array, place: np.ndarray) -> Array:
 
 
 def _gaps(
-    name: str,
+    imu: Sensor,
     track: ImuTrack,
     stamp_s: Array,
     armed: tuple[Span, ...],
@@ -222,8 +222,8 @@ def _gaps(
     text = f"{len(places)} gaps in the samples, the longest {longest:.2f} s"
     return [
         Finding(
-            "imu_gaps",
-            name,
+            Kind.IMU_GAPS,
+            imu,
             Severity.WARNING if longest >= LOST_S else Severity.NOTICE,
             float(track.t_s[places[0]]),
             float(track.t_s[places[-1] + 1]),
@@ -243,7 +243,7 @@ def _is_paused(t_s: Array, paused: tuple[Span, ...]) -> Mask:
     return found
 
 
-def _rate(name: str, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) -> list[Finding]:
+def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) -> list[Finding]:
     """Too slow, or the same samples twice."""
     steps = np.diff(stamp_s)
     from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
@@ -254,7 +254,7 @@ def _rate(name: str, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) 
         text = f"only {rate:.0f} samples a second were recorded"
         evidence = f"{len(track.t_s)} of {track.source} in {logged_s:.0f} s"
         found.append(
-            Finding("imu_slow", name, Severity.NOTICE, from_s, to_s, rate, "Hz", text, evidence)
+            Finding(Kind.IMU_SLOW, imu, Severity.NOTICE, from_s, to_s, rate, "Hz", text, evidence)
         )
     share = float(np.mean(steps <= SAME_US))
     if share > DUPLICATE_SHARE:
@@ -262,12 +262,12 @@ def _rate(name: str, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) 
         evidence = "the same time stamp as the sample before"
         size = 100.0 * share
         found.append(
-            Finding("imu_twice", name, Severity.NOTICE, from_s, to_s, size, "%", text, evidence)
+            Finding(Kind.IMU_TWICE, imu, Severity.NOTICE, from_s, to_s, size, "%", text, evidence)
         )
     return found
 
 
-def _drift(name: str, track: ImuTrack, ppm: float) -> Finding:
+def _drift(imu: Sensor, track: ImuTrack, ppm: float) -> Finding:
     from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
     text = f"the autopilot's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}"
     evidence = (
@@ -278,10 +278,10 @@ def _drift(name: str, track: ImuTrack, ppm: float) -> Finding:
     if abs(ppm) > SIMULATED_PPM:
         severity = Severity.INFO
         evidence += ": a simulation that did not keep to real time"
-    return Finding("clock_drift", name, severity, from_s, to_s, abs(ppm), "ppm", text, evidence)
+    return Finding(Kind.CLOCK_DRIFT, imu, severity, from_s, to_s, abs(ppm), "ppm", text, evidence)
 
 
-def _late(name: str, track: ImuTrack, late_s: Array | None) -> list[Finding]:
+def _late(imu: Sensor, track: ImuTrack, late_s: Array | None) -> list[Finding]:
     """Bursts that the link held back."""
     if late_s is None:
         return []
@@ -297,4 +297,6 @@ def _late(name: str, track: ImuTrack, late_s: Array | None) -> list[Finding]:
         f"ones by their stamps, in {len(bursts)} bursts"
     )
     from_s, to_s = float(track.t_s[bursts[0][0]]), float(track.t_s[bursts[-1][1]])
-    return [Finding("late_bursts", name, Severity.NOTICE, from_s, to_s, worst, "s", text, evidence)]
+    return [
+        Finding(Kind.LATE_BURSTS, imu, Severity.NOTICE, from_s, to_s, worst, "s", text, evidence)
+    ]

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Phase, Severity
 from h2nav.wire.outbound import OutMessage
 
 
@@ -47,11 +47,25 @@ class Used(NamedTuple):
     late_ns: int = 0
 
 
+class Found(NamedTuple):
+    """A finding has begun, has changed, goes on, or has ended: log it, and show it to programs."""
+
+    phase: Phase
+    finding: Finding
+
+
 class Notice(NamedTuple):
-    """Report to people: journal, log, and (already sent separately) STATUSTEXT."""
+    """Report to people: journal, log, and (already sent separately) STATUSTEXT.
+
+    Attributes:
+        severity: of it.
+        text: one line.
+        cause: stays the same while figures and names in the text change; the text by default.
+    """
 
     severity: Severity
     text: str
+    cause: str = ""
 
 
-Effect = Send | Record | Used | Notice
+Effect = Send | Record | Used | Found | Notice

@@ -317,7 +317,9 @@ class Estimation:
     def _switched(self, switch: Switch) -> str:
         before = self._lane
         (self._sent,) = (lane for lane in self._lanes if lane.imu == switch.lane)
-        return f"{self._lane.name} instead of {before.imu + 1}: {_reason(before, switch.cause)}"
+        return (
+            f"{self._lane.sensor.name} instead of {before.imu + 1}: {_reason(before, switch.cause)}"
+        )
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
         row = lane.imu_message

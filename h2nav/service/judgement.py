@@ -3,12 +3,11 @@
 Findings depend on messages and their times alone, so a replay finds the same.
 """
 
-import re
 from collections.abc import Iterable
 from typing import Protocol
 
 from h2nav.integrity.findings import Alarm, Finding, Findings
-from h2nav.service.effects import Effect, Record
+from h2nav.service.effects import Effect, Found
 from h2nav.service.health import Objection
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Tell
@@ -17,8 +16,6 @@ PERIOD_NS = SECOND_NS // 5
 # Nothing has come for so long; and until then nobody has looked at what comes now.
 QUIET_NS = 2 * SECOND_NS
 AGAIN_NS = SECOND_NS
-TOPIC = "/finding"
-DIGITS = re.compile(r"[0-9]+")
 
 
 class Judged(Protocol):
@@ -50,15 +47,20 @@ class Judgement:
         return self._findings.all
 
     @property
+    def open(self) -> tuple[Finding, ...]:
+        """Those that go on."""
+        return self._findings.open
+
+    @property
     def alarms(self) -> tuple[Alarm, ...]:
         """What is wrong at present."""
-        return self._findings.open
+        return self._findings.alarms
 
     @property
     def objections(self) -> tuple[Objection, ...]:
         """What makes the attitude that is sent untrustworthy now."""
-        wrong = [alarm.told for alarm in self._findings.open if alarm.degrades]
-        return tuple(Objection(DIGITS.sub("#", told), told) for told in wrong)
+        wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
+        return tuple(Objection(alarm.cause, alarm.told) for alarm in wrong)
 
     def look(self, t_ns: int) -> list[Effect]:
         """A message has come; reports what is wrong since it."""
@@ -74,9 +76,8 @@ class Judgement:
         if t_ns < self._again_ns:
             alarms = []
         begun, news = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
-        effects: list[Effect] = [Record(TOPIC, finding) for finding in news]
+        effects: list[Effect] = [Found(phase, finding) for phase, finding in news]
         for alarm in begun:
             if not alarm.degrades:  # the state tells of those that do
-                cause = f"{alarm.kind} {alarm.source}"
-                effects += self._tell(t_ns, alarm.severity, alarm.told, cause)
+                effects += self._tell(t_ns, alarm.severity, alarm.told, alarm.cause)
         return effects

@@ -15,7 +15,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.integrity.findings import Alarm
+from h2nav.integrity.findings import Alarm, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.service.autopilot import Identity
@@ -93,7 +93,7 @@ class Lane:
 
     Attributes:
         imu: number of the IMU, from 0.
-        name: of the IMU for people, who count from 1.
+        sensor: the IMU as people count, from 1.
         timing: how late the sensors are.
         last_used_ns: host time of the newest sample; None before the first.
         resumed_ns: host time at which readings came again after none of any lane had come.
@@ -113,7 +113,7 @@ class Lane:
         rejected: Counter[str],
     ) -> None:
         self.imu, message_ids, self._takes_others = messages
-        self.name = f"IMU {self.imu + 1}"
+        self.sensor = Sensor(SensorKind.IMU, self.imu + 1)
         self._filter = chosen_filter
         self._autopilot = identity.autopilot
         self._wanted_hz = settings.imu_rate_hz
@@ -121,7 +121,7 @@ class Lane:
         self._ids = {*message_ids, CALIBRATED_ID}
         self._fields = FieldSource(identity.autopilot, lends=settings.imu_message == "auto")
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
-        self._monitor = Monitor(self.name, speeds)
+        self._monitor = Monitor(self.sensor, speeds)
         self._ends = RangeEnds()
         self.timing = SensorTiming(settings)
         self.timing.begin(identity)
@@ -227,12 +227,12 @@ class Lane:
         found = self._monitor.alarms(t_us)
         if is_sent:
             return list(found)
-        return [alarm._replace(degrades=False) for alarm in found if alarm.source == self.name]
+        return [alarm._replace(degrades=False) for alarm in found if alarm.sensor == self.sensor]
 
     def faults(self) -> list[Alarm]:
         """Sensors of this IMU that are known to be bad now."""
         alarms = self.alarms(is_sent=True)
-        return [alarm for alarm in alarms if alarm.degrades and alarm.source == self.name]
+        return [alarm for alarm in alarms if alarm.degrades and alarm.sensor == self.sensor]
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples."""

@@ -7,7 +7,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.integrity.findings import Alarm
+from h2nav.integrity.findings import Alarm, Kind, SensorKind
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.witness import Comparison
 from h2nav.motion.samples import OdometryRecord
@@ -17,7 +17,7 @@ from h2nav.wire.outbound import OutMessage
 
 MAX_RATE_HZ = 1000.0
 CONVERGED = Trust.ALIGNED | Trust.CONVERGED
-FORCE_ALARMS = ("accelerometer", "imu_frozen", "attitude_gravity")
+FORCE_ALARMS = {Kind.ACCELEROMETER_FROZEN, Kind.IMU_FROZEN, Kind.ATTITUDE_GRAVITY}
 # A sample that is due within this share of its period is sent now, not a whole sample later.
 EARLY = 0.25
 
@@ -249,9 +249,9 @@ def _status(estimate: AttitudeEstimate, assessment: Assessment) -> Messages:
         flags |= mavlink.ESTIMATOR_ATTITUDE
     if Trust.VELOCITY_USED in estimate.trust:
         flags |= mavlink.ESTIMATOR_VELOCITY_HORIZ
-    if any(alarm.source == "GPS" for alarm in alarms):
+    if any(alarm.sensor.kind is SensorKind.GPS for alarm in alarms):
         flags |= mavlink.ESTIMATOR_GPS_GLITCH
-    if any(alarm.kind.startswith(FORCE_ALARMS) for alarm in alarms):
+    if any(alarm.kind in FORCE_ALARMS for alarm in alarms):
         flags |= mavlink.ESTIMATOR_ACCEL_ERROR
     return (outbound.estimator_status(estimate.t_us, flags, ratios.of_velocity, ratios.of_field),)
 

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.integrity.findings import Finding, Phase
 from h2nav.maths import quaternion
 
 
@@ -139,6 +140,7 @@ class HealthRecord(NamedTuple):
         autopilot_tilt_deg: angle between the autopilot's vertical and ours; empty where nothing was
             compared just now.
         autopilot_heading_deg: the autopilot's heading less ours.
+        cause: of the reason: stays the same while the figures in the reason change.
     """
 
     state: str
@@ -154,6 +156,7 @@ class HealthRecord(NamedTuple):
     late_ms: float = 0.0
     autopilot_tilt_deg: float | None = None
     autopilot_heading_deg: float | None = None
+    cause: str = ""
 
     @property
     def summary(self) -> str:
@@ -185,7 +188,8 @@ class StatusRecord(NamedTuple):
         force_ratio: the same of the force against a velocity that is merely bounded.
         field_ratio: the same of the magnetic field.
         turn_ratio: the same of the gyro against the magnetic field.
-        alarms: what is wrong at present, one per line.
+        alarms: what is wrong at present, for people, one per line.
+        open_findings: ids of the findings that go on, divided by spaces.
     """
 
     state: str
@@ -209,6 +213,7 @@ class StatusRecord(NamedTuple):
     field_ratio: float
     turn_ratio: float
     alarms: str
+    open_findings: str = ""
 
 
 class LaneRecord(NamedTuple):
@@ -289,3 +294,65 @@ class AidingRecord(NamedTuple):
     airspeed_m_s: float | None = None
     gyro_delay_s: float | None = None
     field_delay_s: float | None = None
+
+
+FINDING_TOPIC = "/finding"
+
+
+class FindingRecord(NamedTuple):
+    """What was found to be wrong: written when it begins, changes, still goes on, and ends.
+
+    Attributes:
+        id: stable within a run, such as gyro_frozen.imu1.1.
+        phase: begin, update or end.
+        is_open: it goes on.
+        kind: of the finding; docs/review-findings.md lists them.
+        source: what is concerned, for people.
+        sensor: what is concerned: imu, gyro, compass, gps, autopilot, ahrs2 and others.
+        sensor_number: from 1; empty where there is one.
+        severity: the worst that it was: critical, error, warning, notice or info.
+        from_s: when it began, since the first message of the run.
+        to_s: when it was last so.
+        size: the largest, in the unit of the next field.
+        unit: of the size.
+        text: for people.
+        evidence: what shows it.
+        cause: id of the finding that it follows from; empty where it follows from none.
+    """
+
+    id: str
+    phase: str
+    is_open: bool
+    kind: str
+    source: str
+    sensor: str
+    sensor_number: int | None
+    severity: str
+    from_s: float
+    to_s: float
+    size: float
+    unit: str
+    text: str
+    evidence: str
+    cause: str | None
+
+
+def finding_record(phase: Phase, finding: Finding) -> FindingRecord:
+    """Flattens a finding of the checks in flight."""
+    return FindingRecord(
+        finding.id,
+        phase.value,
+        finding.is_open,
+        finding.kind.value,
+        finding.sensor.name,
+        finding.sensor.kind.value,
+        finding.sensor.number,
+        finding.severity.word,
+        finding.from_s,
+        finding.to_s,
+        finding.size,
+        finding.unit,
+        finding.text,
+        finding.evidence,
+        finding.cause,
+    )

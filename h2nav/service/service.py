@@ -7,7 +7,6 @@ reproduces them exactly.
 """
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
-from h2nav.service.effects import Effect, Record, Send, Used
+from h2nav.service.effects import Effect, Notice, Record, Send, Used
 from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
@@ -63,7 +62,6 @@ from h2nav.wire.vehicle import (
     TimeSyncMessage,
 )
 
-DIGITS = re.compile(r"[0-9]+")
 TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
@@ -204,6 +202,7 @@ class Service:
         return records.HealthRecord(
             state=self._standing.verdict.state.value,
             reason=self._standing.verdict.reason,
+            cause=self._standing.verdict.cause,
             autopilot=str(self._autopilot.identity or ""),
             imu_message=row.name if row else "",
             imu_rate_hz=self._imu_rate_hz() or 0.0,
@@ -230,12 +229,17 @@ class Service:
             self._pulse.sample_ns,
             self._comparing.told(t_ns),
             self._assessment(),
-        )
+        )._replace(open_findings=" ".join(finding.id for finding in self._judgement.open))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What was found to be wrong so far."""
         return self._judgement.findings
+
+    @property
+    def open_findings(self) -> tuple[Finding, ...]:
+        """What is wrong at present."""
+        return self._judgement.open
 
     @property
     def state_s(self) -> dict[str, float]:
@@ -353,9 +357,9 @@ class Service:
                 self._refused[reason] += 1
         return []
 
-    def on_note(self, t_ns: int, severity: Severity, text: str) -> list[Effect]:
+    def on_note(self, t_ns: int, said: Notice) -> list[Effect]:
         """Something that the service does not know of, such as trouble with the log."""
-        return self._notices.tell(t_ns, severity, text, DIGITS.sub("#", text))
+        return self._notices.tell(t_ns, said.severity, said.text, said.cause)
 
     def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
         """A handler of ours raised: this is counted and reported, and the daemon continues.
@@ -463,10 +467,10 @@ class Service:
     def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
         """At rest on the ground; a complaint is looked into wherever the vehicle is."""
         effects: list[Effect] = []
-        complained = bool(self._units.report.complaints)
+        complained = bool(self._units.complaints)
         if (self._autopilot.on_ground or complained) and self._units.add(sample):
-            for complaint in self._units.report.complaints:
-                effects += self._notices.tell(t_ns, Severity.ERROR, complaint, complaint[:5])
+            for quantity, text in self._units.complaints:
+                effects += self._notices.tell(t_ns, Severity.ERROR, text, f"units {quantity}")
         return effects
 
     def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
@@ -663,7 +667,7 @@ class Service:
         return DENIED_IMU if self._streams.is_refused(wished[0]) else SILENT_IMU
 
     def _signs(self, t_ns: int) -> Signs:
-        units = (Objection(text[:5], text) for text in self._units.report.complaints)
+        units = (Objection(f"units {what}", text) for what, text in self._units.complaints)
         return Signs(
             link_error=self._link_error,
             stall_ns=self._pulse.stall_ns(t_ns),

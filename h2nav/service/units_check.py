@@ -1,7 +1,7 @@
 """Checks the units once the vehicle is at rest: gravity and the earth field are known there."""
 
 import math
-from enum import Enum
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample
@@ -14,24 +14,16 @@ FIELD_LOW_UT = 20.0
 FIELD_HIGH_UT = 70.0
 
 
-class Finding(Enum):
-    """What the check says of the specific force."""
-
-    UNDECIDED = 0
-    FINE = 1
-    WRONG = 2
-
-
-class UnitsReport(NamedTuple):
-    """The result of the check.
+class Complaint(NamedTuple):
+    """A quantity that is off.
 
     Attributes:
-        force: whether the specific force at rest is one g.
-        complaints: one line per quantity that is off, with the likely cause.
+        quantity: which one; stays the same while the figures change.
+        text: for people, with the likely cause.
     """
 
-    force: Finding
-    complaints: tuple[str, ...]
+    quantity: str
+    text: str
 
 
 class UnitsCheck:
@@ -39,16 +31,16 @@ class UnitsCheck:
 
     A window without a complaint ends the check; after one with complaints the next is looked at,
     so that what was wrong for a while is not held against the sensors for ever.
+
+    Attributes:
+        complaints: of the latest window.
+        is_over: the units were found to be right.
     """
 
     def __init__(self) -> None:
-        self.report = UnitsReport(Finding.UNDECIDED, ())
+        self.complaints: tuple[Complaint, ...] = ()
+        self.is_over = False
         self._begin()
-
-    @property
-    def is_over(self) -> bool:
-        """The check has found the units right."""
-        return self.report.force is Finding.FINE and not self.report.complaints
 
     def add(self, sample: ImuSample) -> bool:
         """Takes a sample; True at a sample that completes a window."""
@@ -61,7 +53,8 @@ class UnitsCheck:
             self._field_sum_ut += math.hypot(*sample.m_b_ut)
         if self._samples < REST_SAMPLES:
             return False
-        self.report = self._judge()
+        self.complaints = tuple(self._judge())
+        self.is_over = not self.complaints
         self._begin()
         return True
 
@@ -71,21 +64,16 @@ class UnitsCheck:
         self._fields = 0
         self._field_sum_ut = 0.0
 
-    def _judge(self) -> UnitsReport:
-        complaints = []
+    def _judge(self) -> Iterator[Complaint]:
         force = self._force_sum / self._samples
-        force_is_fine = abs(force / GRAVITY_M_S2 - 1.0) <= FORCE_TOLERANCE
-        if not force_is_fine:
-            complaints.append(
-                f"|acc| at rest {force:.3g} m/s2, not 9.8{_likely(force / GRAVITY_M_S2)}"
-            )
+        if abs(force / GRAVITY_M_S2 - 1.0) > FORCE_TOLERANCE:
+            likely = _likely(force / GRAVITY_M_S2)
+            yield Complaint("acc", f"|acc| at rest {force:.3g} m/s2, not 9.8{likely}")
         if self._fields:
             field_ut = self._field_sum_ut / self._fields
             if not FIELD_LOW_UT <= field_ut <= FIELD_HIGH_UT:
-                complaints.append(
-                    f"|mag| at rest {field_ut:.3g} uT, not 20-70{_likely(field_ut / 45.0)}"
-                )
-        return UnitsReport(Finding.FINE if force_is_fine else Finding.WRONG, tuple(complaints))
+                likely = _likely(field_ut / 45.0)
+                yield Complaint("mag", f"|mag| at rest {field_ut:.3g} uT, not 20-70{likely}")
 
 
 def _likely(ratio: float) -> str:

@@ -10,7 +10,7 @@ from log_limits import limits
 from mcap.reader import make_reader
 from needs import absent, need_package, shared_data
 
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import our_logs
 from h2nav.io.log_repair import complete_in_place, recover
@@ -55,7 +55,7 @@ def write_flight(path: Path, *, close: bool = True) -> Path:
                 log.add_record(topic, record, t_ns, t_ns)
             log.add_attitude(t_ns, (0.5, 0.5, 0.5, 0.5))
         if number % 500 == 0:
-            log.add_text(t_ns, LogLevel.INFO, "still here")
+            log.add_text(t_ns, Severity.INFO, "still here")
             log.sync()
     if close:
         return log.close()

@@ -32,7 +32,7 @@ def test_a_magnet_that_turns_the_autopilots_heading_is_told_and_the_velocity_sup
     """EKF3 is off by 4 to 6 deg for 40 s of flight; we are off by 0.4 deg at most."""
     seen = Watched("magnet_vibration")
     first = seen.told[0]
-    assert (first.kind, first.source) == ("autopilot_heading", "autopilot")
+    assert (first.kind, first.sensor.name) == ("autopilot_heading", "autopilot")
     assert first.text == "autopilot heading off 5 deg, GPS backs us"
     verdicts = {found.verdicts.heading for found in seen.compared}
     assert verdicts == {Verdict.H2NAV, Verdict.UNDECIDED}

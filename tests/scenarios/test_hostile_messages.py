@@ -13,6 +13,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 
 from h2nav.integrity.findings import Severity
 from h2nav.io.earth_field import earth_field_at
+from h2nav.service.effects import Notice
 from h2nav.sim.personalities import PX4
 
 STATION = (255, 190)
@@ -284,7 +285,8 @@ def test_a_stop_of_our_own_is_told_as_lateness_and_over_at_the_next_fresh_sample
 def test_trouble_with_the_log_is_told_once_a_minute_whatever_its_figures():
     flight = SimulatedFlight("rest").run(3.0)
     for i in range(20):
-        flight.pipeline.note(flight.t_ns, f"recording stopped: {i} messages lost", Severity.ERROR)
+        text = f"recording stopped: {i} messages lost"
+        flight.pipeline.note(flight.t_ns, Notice(Severity.ERROR, text, "recording stopped"))
     told = [severity for _, severity, text in flight.seen.notices if "recording stopped" in text]
     assert told == [Severity.ERROR]
 

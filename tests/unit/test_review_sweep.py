@@ -8,7 +8,7 @@ import pytest
 from needs import REPOSITORY
 
 from h2nav.flightlogs.telemetry import read_context
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.io.recordings import open_recording
 from h2nav.maths.units import DEG
 
@@ -77,28 +77,39 @@ def test_the_autopilots_heading_is_turned(written):
     assert angle[~acts].max() < 0.1
 
 
-def found(kind, source, from_s, to_s):
-    return Finding(kind, source, Severity.WARNING, from_s, to_s, 1.0, "", "text", "evidence")
+IMU_1 = Sensor(SensorKind.IMU, 1)
+
+
+def found(kind, sensor, from_s, to_s):
+    return Finding(Kind(kind), sensor, Severity.WARNING, from_s, to_s, 1.0, "", "text", "evidence")
 
 
 def test_right_is_the_kind_of_the_sensor_at_its_time(tool):
     fault = next(each for each in tool.FAULTS if each.name == "gyro bias in flight")
     case = tool.Case(2.0, 50.0, tool.FOREVER, np.array([1.0, 0.0, 0.0]), 50.0, 1)
-    assert tool.is_right(found("gyro_bias_step", "IMU 1", 45.0, 55.0), fault, case)
-    assert not tool.is_right(found("gyro_bias_step", "IMU 2", 45.0, 55.0), fault, case)
-    assert not tool.is_right(found("gyro_bias_step", "IMU 1", 30.0, 55.0), fault, case)
-    assert not tool.is_right(found("compass_field", "compass", 50.0, 55.0), fault, case)
+    assert tool.is_right(found("gyro_bias_step", IMU_1, 45.0, 55.0), fault, case)
+    assert not tool.is_right(
+        found("gyro_bias_step", Sensor(SensorKind.IMU, 2), 45.0, 55.0), fault, case
+    )
+    assert not tool.is_right(found("gyro_bias_step", IMU_1, 30.0, 55.0), fault, case)
+    assert not tool.is_right(
+        found("compass_field", Sensor(SensorKind.COMPASS), 50.0, 55.0), fault, case
+    )
 
 
 def test_what_the_flight_says_without_the_fault_is_not_held_against_it(tool):
     case = tool.Case(2.0, 50.0, tool.FOREVER, np.array([1.0, 0.0, 0.0]), 50.0, 1)
-    usual = found("imu_slow", "IMU 1", 0.0, 100.0)
+    usual = found("imu_slow", IMU_1, 0.0, 100.0)
     plain = tool.Outcome("flight", "", case, [usual])
     faulty = tool.Outcome(
         "flight",
         "gyro bias in flight",
         case,
-        [usual, found("gyro_bias", "IMU 1", 52.0, 100.0), found("gps_lag", "GPS", 0.0, 100.0)],
+        [
+            usual,
+            found("gyro_bias", IMU_1, 52.0, 100.0),
+            found("gps_lag", Sensor(SensorKind.GPS), 0.0, 100.0),
+        ],
     )
     (row,) = tool.judged([plain, faulty])
     assert [words.split()[2] for words in row["right"]] == ["gyro_bias"]

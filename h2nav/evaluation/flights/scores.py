@@ -221,7 +221,7 @@ def document(flight: Flight) -> Document:
             name: [
                 {
                     "t_s": round((t_us - flight.start_us) * 1e-6, 3),
-                    "severity": severity.name.lower(),
+                    "severity": severity.word,
                     "text": text,
                 }
                 for t_us, severity, text in run.notices

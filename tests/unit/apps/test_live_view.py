@@ -103,7 +103,7 @@ def test_a_viewer_is_greeted_and_told_how_things_are(beside):
 def test_where_it_can_be_seen_is_said_once(beside):
     beside.run(0.1)
     beside.viewer.reader.say(Word(8080))
-    ((severity, text),) = beside.run(0.2)
+    ((severity, text, _),) = beside.run(0.2)
     assert severity is Severity.INFO
     assert text == "live view at http://127.0.0.1:8080/, Foxglove at ws://127.0.0.1:8765"
     beside.viewer.reader.say(Word(8080, wants_all=True))
@@ -122,7 +122,7 @@ def test_an_open_address_is_warned_of(monkeypatch, settings, text):
     beside = Beside(monkeypatch, settings)
     beside.run(0.1)
     beside.viewer.reader.say(Word(80))
-    ((severity, said),) = beside.run(0.2)
+    ((severity, said, _),) = beside.run(0.2)
     assert severity is Severity.WARNING
     assert said.startswith(text)
     beside.view.close()

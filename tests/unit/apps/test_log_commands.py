@@ -5,8 +5,10 @@ import json
 import math
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from live_records import finding
 from log_limits import limits
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -15,8 +17,7 @@ from needs import shared_data
 from pymavlink import mavutil
 
 from h2nav.cli import main
-from h2nav.integrity.findings import Finding, Severity
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_reader import LogScan
 from h2nav.io.recorder import Recorder
@@ -51,7 +52,7 @@ def write_log(folder: Path, *, close: bool = True) -> Path:
             log.sync()
     log.add_attitude(t_ns, (1.0, 0.0, 0.0, 0.0))
     log.add_record("/rejected", RejectionRecord("late, duplicate", 3), t_ns, t_ns)
-    log.add_text(t_ns, LogLevel.INFO, 'says "hello"\nand more')
+    log.add_text(t_ns, Severity.INFO, 'says "hello"\nand more')
     if close:
         return log.close()
     log.sync()
@@ -273,6 +274,20 @@ def test_export_without_a_usable_schema_names_columns_as_the_messages_do(
     assert row["way_m [m]"] == "1.5"
 
 
+class FindingOfOld(NamedTuple):
+    """As logs have it whose findings have no ids: a record of the beginning, and one of the end."""
+
+    kind: str
+    source: str
+    severity: int
+    from_s: float
+    to_s: float
+    size: float
+    unit: str
+    text: str
+    evidence: str
+
+
 def write_run(folder: Path) -> Path:
     """A run of 30 s as the service writes it down."""
     log = LogFile(folder / "run.mcap")
@@ -296,10 +311,15 @@ def write_run(folder: Path) -> Path:
     health(20.0, "active")
     for at_s, total in ((1.0, 2), (5.0, 7)):
         add("/rejected", at_s, RejectionRecord("late", total))
-    begun = Finding("field", "IMU 1", Severity.WARNING, 4.0, 5.0, 9.0, "deg", "magnet", "dip")
+    begun = FindingOfOld("field", "IMU 1", 4, 4.0, 5.0, 9.0, "deg", "magnet", "dip")
     add("/finding", 5.0, begun)
     add("/finding", 9.0, begun._replace(to_s=9.0, size=12.0))
     add("/finding", 25.0, begun._replace(kind="gps", source="GPS", from_s=25.0, to_s=25.5))
+    now = finding(id="vibration.imu1.1", source="IMU 1", from_s=26.0, severity="warning")
+    add("/finding", 26.0, now)
+    add("/finding", 27.0, now._replace(phase="update", to_s=27.0, size=31.0))
+    add("/finding", 28.0, now._replace(phase="end", is_open=False, to_s=28.0, size=31.0))
+    add("/finding", 29.0, now._replace(id="vibration.imu1.2", from_s=29.0, to_s=29.0))
     for at_s, tilt, heading in ((6.0, 1.0, -3.0), (7.0, 2.5, -8.0), (8.0, 2.0, 4.0)):
         record = ComparisonRecord(1, "autopilot", tilt, heading, 0.1, 1.0, "h2nav", "undecided")
         add("/comparison", at_s, record)
@@ -321,7 +341,11 @@ def test_info_tells_what_the_service_said_of_its_run(
     ]
     assert info["states"][2]["reason"] == "IMU rate 40 of 50 Hz"
     assert info["refusals"] == {"late": 7}
-    magnet, gps = info["findings"]
+    magnet, gps, shaken, again = info["findings"]
+    assert (shaken["severity"], shaken["to_s"], shaken["size"], shaken["ended"]) == (
+        "warning", 28.0, 31.0, True
+    )  # fmt: skip
+    assert not again["ended"]
     assert (magnet["severity"], magnet["to_s"], magnet["size"], magnet["ended"]) == (
         "warning", 9.0, 12.0, True
     )  # fmt: skip

@@ -1,17 +1,33 @@
 """Alarms become findings with a beginning and an end."""
 
+import itertools
+
+import pytest
+
 from h2nav.integrity.findings import (
     MOST_FINDINGS,
     PAUSE_S,
+    REPEAT_S,
+    UPDATE_S,
     Alarm,
     Findings,
+    Kind,
+    Phase,
+    Sensor,
+    SensorKind,
     Severity,
     as_mapping,
 )
+from h2nav.integrity.kinds import MEANINGS
+
+IMU_1, IMU_2 = Sensor(SensorKind.IMU, 1), Sensor(SensorKind.IMU, 2)
 
 
-def alarm(kind="gyro_frozen", source="IMU 1", size=1.0, since_s=0.0, severity=Severity.ERROR):
-    return Alarm(kind, source, severity, size, "s", f"size {size}", "seen", True, since_s)
+def alarm(sensor=IMU_1, size=1.0, since_s=0.0, severity=Severity.ERROR, is_decided=False):
+    text = f"size {size}"
+    return Alarm(
+        Kind.GYRO_FROZEN, sensor, severity, size, "s", text, "seen", True, since_s, is_decided
+    )
 
 
 def test_a_finding_begins_before_it_was_noticed_and_keeps_its_worst():
@@ -35,26 +51,64 @@ def test_what_comes_back_soon_goes_on_and_what_comes_later_is_another():
     assert [(found.from_s, found.to_s) for found in findings.all] == [(0.0, 10.0), (21.0, 21.0)]
 
 
+def phases(change):
+    return [(phase, found.id, found.is_open) for phase, found in change.news]
+
+
 def test_news_are_beginnings_and_ends():
     findings = Findings()
-    one, other = alarm(), alarm(source="IMU 2")
-    assert [found.source for found in findings.update(0.0, [one]).news] == ["IMU 1"]
+    one, other = alarm(), alarm(IMU_2)
+    assert phases(findings.update(0.0, [one])) == [(Phase.BEGIN, "gyro_frozen.imu1.1", True)]
     assert findings.update(1.0, [one]).news == []
-    news = findings.update(2.0, [other]).news
-    assert [(found.source, found.to_s) for found in news] == [("IMU 1", 1.0), ("IMU 2", 2.0)]
+    assert phases(findings.update(2.0, [other])) == [
+        (Phase.END, "gyro_frozen.imu1.1", False),
+        (Phase.BEGIN, "gyro_frozen.imu2.1", True),
+    ]
+    assert [found.id for found in findings.open] == ["gyro_frozen.imu2.1"]
+    assert phases(findings.update(3.0, [one, other])) == [(Phase.BEGIN, "gyro_frozen.imu1.1", True)]
+
+
+def test_what_grows_is_reported_again_but_not_often():
+    findings = Findings()
+    sizes = {t_s: 1.0 + 0.1 * t_s for t_s in range(60)}
+    news = {
+        t_s: findings.update(float(t_s), [alarm(size=size)]).news for t_s, size in sizes.items()
+    }
+    told_s = [t_s for t_s, found in news.items() if found]
+    assert told_s[0] == 0
+    assert len(told_s) > 5
+    assert all(later - earlier >= UPDATE_S for earlier, later in itertools.pairwise(told_s))
+    assert {phase for found in news.values() for phase, _ in found} == {Phase.BEGIN, Phase.UPDATE}
+
+
+def test_what_only_goes_on_is_repeated_for_who_comes_late():
+    findings = Findings()
+    told_s = [t for t in range(200) if findings.update(float(t), [alarm()]).news]
+    assert told_s == [0, int(REPEAT_S), int(2 * REPEAT_S), int(3 * REPEAT_S)]
+
+
+def test_a_decided_verdict_stays_however_the_size_goes_on():
+    findings = Findings()
+    findings.update(0.0, [alarm(size=9.0)])
+    ((phase, found),) = findings.update(UPDATE_S, [alarm(size=4.0, is_decided=True)]).news
+    assert (phase, found.text, found.size) == (Phase.UPDATE, "size 4.0", 9.0)
+    findings.update(6.0, [alarm(size=20.0)])
+    findings.update(7.0, [alarm(size=5.0, is_decided=True)])
+    (found,) = findings.all
+    assert (found.text, found.size) == ("size 5.0", 20.0)
 
 
 def test_they_do_not_grow_without_bound():
     findings = Findings()
     for number in range(MOST_FINDINGS + 7):
-        findings.update(float(number), [alarm(source=f"sensor {number}")])
+        findings.update(float(number), [alarm(Sensor(SensorKind.IMU, number))])
     assert len(findings.all) == MOST_FINDINGS
     assert findings.omitted == 7
 
 
 def test_the_imu_is_named_where_one_is_concerned():
     assert alarm().told == "IMU 1: size 1.0"
-    assert alarm(source="GPS").told == "size 1.0"
+    assert alarm(Sensor(SensorKind.GPS)).told == "size 1.0"
 
 
 def test_json_has_plain_values():
@@ -63,4 +117,28 @@ def test_json_has_plain_values():
     mapping = as_mapping(findings.all[0])
     assert mapping["from_s"] == 1.235
     assert mapping["severity"] == "error"
-    assert list(mapping)[:6] == ["kind", "source", "severity", "from_s", "to_s", "size"]
+    assert mapping["sensor"] == {"kind": "imu", "number": 1, "others": []}
+    assert (mapping["id"], mapping["is_open"], mapping["cause"]) == (
+        "gyro_frozen.imu1.1",
+        True,
+        None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name"),
+    [
+        (Sensor(SensorKind.GPS), "GPS"),
+        (Sensor(SensorKind.COMPASS, 2), "compass 2"),
+        (Sensor(SensorKind.IMU, 1, (3,)), "IMU 1, IMU 3"),
+        (Sensor(SensorKind.IMU, None, (1, 3)), "IMU 1 or IMU 3"),
+    ],
+)
+def test_a_sensor_has_a_name(sensor, name):
+    assert sensor.name == name
+
+
+def test_every_kind_has_a_meaning():
+    assert set(MEANINGS) == set(Kind)
+    silent = [kind for kind, one in MEANINGS.items() if not one.means and "said" not in kind]
+    assert silent == []

@@ -17,6 +17,7 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust, VelocityFix
+from h2nav.integrity.findings import Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.maths import quaternion
@@ -31,7 +32,10 @@ def flight(seed=7):
 
 def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
     """(time, alarms, tilt error, opened deviation) five times a second."""
-    filter_, monitor = new_filter(knows_field=True), Monitor("IMU 1", Speeds(10.0))
+    filter_, monitor = (
+        new_filter(knows_field=True),
+        Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
+    )
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
     rows = []
@@ -89,7 +93,10 @@ def test_swapped_axes_are_a_gyro_that_contradicts(gps):
 def test_velocities_that_no_longer_come_are_told_and_do_not_degrade(hz, within_s):
     drive = flight()
     every = round(100.0 / hz)
-    filter_, monitor = new_filter(knows_field=True), Monitor("IMU 1", Speeds(10.0))
+    filter_, monitor = (
+        new_filter(knows_field=True),
+        Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
+    )
     told = []
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
@@ -195,7 +202,10 @@ def test_after_a_reboot_it_watches_as_before():
     """The samples' clock begins anew, far before the newest sample."""
     drive = flight()
     later = with_samples(drive, lambda i, s: s._replace(t_us=s.t_us + 3_600_000_000))
-    monitor, filter_ = Monitor("IMU 1", Speeds(10.0)), new_filter(knows_field=True)
+    monitor, filter_ = (
+        Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
+        new_filter(knows_field=True),
+    )
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
     for sample in later.flight.samples[:2000]:
@@ -216,7 +226,7 @@ def test_after_a_reboot_it_watches_as_before():
 
 def test_a_filter_without_deviations_of_its_own_is_watched_as_well():
     """As `two_stage` and `constant_gain`; its attitude is wrong by 30 deg from the fault on."""
-    drive, monitor = flight(), Monitor("IMU 1", Speeds(10.0))
+    drive, monitor = flight(), Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
     wrong = quaternion.from_euler(30.0 * DEG, 0.0, 0.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from h2nav.attitude.samples import ImuSample, VehicleState
+from h2nav.integrity.findings import Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 
@@ -37,7 +38,7 @@ def integers(samples):
 
 def found(samples, is_flying=True):
     """Kinds of alarm at the end, and what may be done with the last sample."""
-    monitor, use = Monitor("IMU 1", Speeds(10.0)), Use.ALL
+    monitor, use = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)), Use.ALL
     monitor.use_vehicle(VehicleState(on_ground=not is_flying))
     for sample in samples:
         use = monitor.check(sample)
@@ -113,7 +114,7 @@ def test_vibration_and_clipping_are_measured():
 
 
 def test_a_lasting_clipping_degrades():
-    monitor = Monitor("IMU 1", Speeds(10.0))
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
     for i, sample in enumerate(floats(300)):
         monitor.check(sample._replace(clipped=i % 3 == 0))
     (alarm,) = monitor.alarms(3_000_000)

@@ -1,6 +1,7 @@
 import math
 
 from h2nav.attitude.samples import ImuSample
+from h2nav.integrity.findings import Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 
@@ -14,7 +15,7 @@ def samples(seconds, gyro_x=None, moving=True):
 
 
 def first_suspicion(stream):
-    monitor = Monitor("IMU 1", Speeds(10.0))
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
     for sample in stream:
         if monitor.check(sample) is not Use.ALL:
             (alarm,) = monitor.alarms(sample.t_us)
@@ -41,7 +42,7 @@ def test_truncated_integers_near_zero_are_not_suspected():
 
 
 def test_a_sensor_that_comes_back_is_trusted_again():
-    monitor = Monitor("IMU 1", Speeds(10.0))
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
     uses = [monitor.check(sample) for sample in samples(3.0, gyro_x=0.5)]
     assert uses[-1] is Use.DOUBTED
     assert monitor.check(ImuSample(3_000_000, (0.1, 0.2, 0.3), (0.1, 0.2, -9.7))) is Use.ALL

@@ -104,7 +104,7 @@ def test_a_plain_disagreement_is_told_after_four_seconds_and_ends():
     bench = Bench()
     bench.rests(4.2, yaw(23.0))
     (alarm,) = bench.witness.alarms()
-    assert (alarm.kind, alarm.source) == ("autopilot_heading", "autopilot")
+    assert (alarm.kind, alarm.sensor.name) == ("autopilot_heading", "autopilot")
     assert alarm.severity is Severity.WARNING
     assert alarm.size == pytest.approx(23.0)
     assert alarm.text == "autopilot heading differs by 23 deg"
@@ -154,7 +154,7 @@ def test_the_second_estimator_is_only_a_remark_and_may_be_worse():
     bench = Bench()
     assert bench.rests(20.0, yaw(14.0), Source.AHRS2) == ()
     (alarm,) = bench.rests(20.0, yaw(40.0), Source.AHRS2)
-    assert (alarm.kind, alarm.source) == ("autopilot_heading", "AHRS2")
+    assert (alarm.kind, alarm.sensor.name) == ("autopilot_heading", "AHRS2")
     assert alarm.severity is Severity.INFO
 
 

@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.io.live_feed import (
     MOST_ENTRIES,
     FeedReader,
@@ -39,14 +39,14 @@ def arrived(reader):
 def test_a_turn_arrives_whole_with_its_records(ends):
     feed, reader = ends
     feed.record("/imu", IMU, 5 * S, 4 * S)
-    feed.text(5 * S, LogLevel.WARNING, "GPS lost")
+    feed.text(5 * S, Severity.WARNING, "GPS lost")
     feed.record("/rejected", RejectionRecord("late", 3), 5 * S)
     assert reader.entries() == []
     feed.flush()
     (packet,) = arrived(reader)
     assert packet == [
         ("/imu", 5 * S, 4 * S, IMU),
-        ("/log", 5 * S, 5 * S, Line(LogLevel.WARNING, "GPS lost")),
+        ("/log", 5 * S, 5 * S, Line(Severity.WARNING, "GPS lost")),
         ("/rejected", 5 * S, 5 * S, RejectionRecord("late", 3)),
     ]
     assert type(packet[0].record) is ImuRecord
@@ -107,9 +107,9 @@ def test_one_turn_holds_so_much_and_no_more(ends):
 
 def test_a_packet_that_is_too_long_is_dropped(ends):
     feed, reader = ends
-    feed.text(0, LogLevel.INFO, "long" * 1_000_000)
+    feed.text(0, Severity.INFO, "long" * 1_000_000)
     feed.flush()
-    feed.text(0, LogLevel.INFO, "short")
+    feed.text(0, Severity.INFO, "short")
     feed.flush()
     ((entry,),) = arrived(reader)
     assert entry.record.text == "short"

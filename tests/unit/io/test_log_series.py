@@ -17,7 +17,7 @@ import pytest
 from log_limits import limits
 from mcap.reader import make_reader
 
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.io.log_file import Attachment, LogFile
 from h2nav.io.log_folder import MIB, LogLimits, our_logs
 from h2nav.io.log_repair import complete_in_place, replace_damaged
@@ -157,7 +157,7 @@ def test_a_file_that_may_not_grow_is_left_valid_and_followed_by_another(
         series.tend()
     assert series.lost == 102
     (notice,) = series.notices
-    assert notice.level == LogLevel.ERROR, "one error, however much is lost"
+    assert notice.severity == Severity.ERROR, "one error, however much is lost"
     assert os.strerror(errno.EFBIG) in notice.text
     assert numbers_in(saved) == list(range(100)), "cut after its last whole record"
     clock.now_s += RETRY_FIRST_S
@@ -168,7 +168,7 @@ def test_a_file_that_may_not_grow_is_left_valid_and_followed_by_another(
     assert series.trouble is None
     series.end()
     assert numbers_in(our_logs(tmp_path)[-1]) == [202]
-    assert [notice.level for notice in series.notices] == [LogLevel.ERROR, LogLevel.INFO]
+    assert [notice.severity for notice in series.notices] == [Severity.ERROR, Severity.NOTICE]
     assert "102 messages lost" in series.notices[-1].text
     assert series.written == 101
 

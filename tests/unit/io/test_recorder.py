@@ -17,8 +17,9 @@ from log_limits import limits
 from mcap.reader import make_reader
 
 from h2nav.errors import BadInput
+from h2nav.integrity.severity import Severity
 from h2nav.io import recorder as recorder_module
-from h2nav.io.foxglove_messages import LogLevel, flat_fields
+from h2nav.io.foxglove_messages import flat_fields
 from h2nav.io.log_folder import our_logs
 from h2nav.io.log_reader import is_closed
 from h2nav.io.log_series import LogSeries
@@ -52,7 +53,7 @@ def test_what_goes_in_comes_out(tmp_path: Path) -> None:
         recorder.sent("udp", offset + 2, b"ours")
         recorder.record("/recorder", status, offset + 3, publish_ns=offset - 7)
         recorder.transform(offset + 4, (half, 0.0, 0.0, half))
-        recorder.text(offset + 5, LogLevel.WARNING, "link down")
+        recorder.text(offset + 5, Severity.WARNING, "link down")
     assert recorder.dropped == 0
     assert recorder.trouble is None
     assert recorder.path is not None
@@ -155,7 +156,7 @@ def test_no_folder_is_said_once_and_counted(tmp_path: Path) -> None:
         recorder.transform(11, (1.0, 0.0, 0.0, 0.0))
     assert recorder.dropped == 11
     (notice,) = recorder.notices()
-    assert notice.level == LogLevel.ERROR
+    assert notice.severity == Severity.ERROR
     assert str(blocked) in notice.text
     assert recorder.notices() == []
     assert recorder.path is None

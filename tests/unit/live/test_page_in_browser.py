@@ -19,7 +19,6 @@ from live_records import (
 
 from h2nav.attitude.samples import Trust
 from h2nav.integrity.findings import Severity
-from h2nav.io.foxglove_messages import LogLevel
 from h2nav.live.state import LiveState
 
 BALL = "return document.querySelector('#%s .ball').getAttribute('transform')"
@@ -93,7 +92,7 @@ def test_it_says_what_is_wrong(browser, page):
     words = "attitude contradicts velocity"
     page.take("/status", status(state="degraded", reason=words, alarms=f"{words}\ncompass off"))
     page.take("/finding", finding())
-    page.run(page.state.text, UNIX_NS, LogLevel.WARNING, f"degraded: {words}")
+    page.run(page.state.text, UNIX_NS, Severity.WARNING, f"degraded: {words}")
     says(browser, "#sentence", f"cannot be trusted at present. Cause: {words}.")
     says(browser, "#alarms", "compass off")
     assert words not in text_of(browser, "#alarms")  # said once is enough
@@ -102,7 +101,7 @@ def test_it_says_what_is_wrong(browser, page):
     says(browser, "#lines", f"degraded: {words}")
     assert browser.title.startswith("Degraded")
 
-    page.take("/finding", finding(to_s=52.0))
+    page.take("/finding", finding(phase="end", is_open=False, to_s=52.0))
     page.take("/status", status())
     says(browser, "#word", "Active")
     says(browser, "#findings", "lasted 12 s")
@@ -210,9 +209,9 @@ def test_nothing_at_all_is_known_at_first(browser):
 
 def test_hostile_texts_run_nothing(browser, page):
     hostile = "<img src=x onerror=\"document.title='run'\"><script>document.title='run'</script>"
-    page.take("/finding", finding(text=hostile, evidence=hostile, severity=Severity.WARNING))
+    page.take("/finding", finding(text=hostile, evidence=hostile, severity="warning"))
     page.take("/status", status(state="degraded", reason=hostile, vehicle=hostile))
-    page.run(page.state.text, UNIX_NS, LogLevel.INFO, hostile)
+    page.run(page.state.text, UNIX_NS, Severity.INFO, hostile)
     for place in ("#findings", "#sentence", "#lines", "#figures"):
         says(browser, place, hostile)
     assert not browser.find_elements("css selector", "img")

@@ -9,7 +9,7 @@ import pytest
 from live_records import UNIX_NS, WAIT_S, estimate, flying_state, served
 
 from h2nav import __version__
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.live import server as live_server
 
 
@@ -139,7 +139,7 @@ def test_the_stream_brings_attitudes_and_overviews(page):
         assert roll == 33.0
         names = itertools.takewhile(lambda name: name != "overview", (name for name, _ in stream))
         assert "told" not in names  # nothing new was told
-        page.run(page.state.text, UNIX_NS, LogLevel.WARNING, "degraded: a cause")
+        page.run(page.state.text, UNIX_NS, Severity.WARNING, "degraded: a cause")
         told = next(data for name, data in stream if name == "told")
         assert [line["text"] for line in told["lines"]] == ["degraded: a cause", "active"]
 
@@ -215,4 +215,4 @@ def test_a_viewer_that_never_reads_is_hung_up_on(monkeypatch):
 
 def lengthen(state):
     for number in range(1000):
-        state.text(UNIX_NS, state.texts[0].level, f"{number} " + "long " * 10_000)
+        state.text(UNIX_NS, state.texts[0].severity, f"{number} " + "long " * 10_000)

@@ -4,7 +4,7 @@ import pytest
 from live_records import UNIX_NS, Clock, estimate, finding, health, lane, status
 
 from h2nav.attitude.samples import Trust
-from h2nav.io.foxglove_messages import LogLevel
+from h2nav.integrity.severity import Severity
 from h2nav.live import state as live_state
 from h2nav.live.state import LiveState
 from h2nav.service.records import RejectionRecord
@@ -42,27 +42,27 @@ def test_ages_do_not_follow_the_hosts_clock(state, clock):
     assert state.silent_s == 1.0
 
 
-def test_a_finding_begins_ends_and_comes_back(state, clock):
-    state.take("/status", UNIX_NS, status(alarms="attitude contradicts velocity"))
+def test_a_finding_begins_grows_ends_and_comes_back(state, clock):
     state.take("/finding", UNIX_NS, finding())
     (told,) = state.findings
-    assert told.is_open
+    assert told.finding.is_open
     assert state.age_s(told.began_ns) == pytest.approx(1.0)  # it had lasted when it was told
-    state.take("/finding", UNIX_NS, finding(to_s=44.0))
+    state.take("/finding", UNIX_NS, finding(phase="update", to_s=43.0, size=30.0))
+    assert [told.finding.size for told in state.findings] == [30.0]
+    state.take("/finding", UNIX_NS, finding(phase="end", is_open=False, to_s=44.0))
     (told,) = state.findings
-    assert not told.is_open
-    assert told.finding.to_s == 44.0
+    assert (told.finding.is_open, told.finding.to_s) == (False, 44.0)
     state.take("/finding", UNIX_NS, finding(to_s=47.0))
-    state.take("/finding", UNIX_NS, finding(from_s=80.0, to_s=80.5))
-    assert [told.is_open for told in state.findings] == [True, True]
+    state.take("/finding", UNIX_NS, finding(id="attitude_velocity.gps.2", from_s=80.0, to_s=80.5))
+    assert [told.finding.is_open for told in state.findings] == [True, True]
     assert state.findings_told == 2
 
 
-def test_nothing_stays_open_when_nothing_is_wrong(state):
+def test_an_end_that_was_lost_shows_in_the_status(state):
     state.take("/finding", UNIX_NS, finding())
-    state.take("/status", UNIX_NS, status(alarms=""))
-    (told,) = state.findings
-    assert not told.is_open
+    state.take("/finding", UNIX_NS, finding(id="attitude_velocity.gps.2"))
+    state.take("/status", UNIX_NS, status(open_findings="attitude_velocity.gps.2"))
+    assert [told.finding.is_open for told in state.findings] == [False, True]
 
 
 def test_counters_become_rates_over_about_a_second(state):
@@ -87,15 +87,15 @@ def test_what_estimates_rest_on_is_remembered_with_its_age(state, clock):
 
 
 def test_a_line_with_a_path_that_is_no_text_can_be_shown(state):
-    state.text(UNIX_NS, LogLevel.ERROR, "log: /logs/\udcff: disk full")
+    state.text(UNIX_NS, Severity.ERROR, "log: /logs/\udcff: disk full")
     assert state.texts[0].text == "log: /logs/?: disk full"
 
 
 def test_nothing_grows_without_bound(state):
     for number in range(1000):
-        state.take("/finding", UNIX_NS, finding(from_s=float(number)))
+        state.take("/finding", UNIX_NS, finding(id=f"vibration.imu1.{number}"))
         state.take("/rejected", UNIX_NS, RejectionRecord(f"reason {number}", 1))
-        state.text(UNIX_NS, LogLevel.INFO, f"line {number}")
+        state.text(UNIX_NS, Severity.INFO, f"line {number}")
     assert len(state.findings) == live_state.MOST_FINDINGS
     assert len(state.texts) == live_state.MOST_TEXTS
     assert state.texts[-1].text == "line 999"

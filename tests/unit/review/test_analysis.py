@@ -7,6 +7,7 @@ from reviewed_flights import flight, ideal
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Context
 from h2nav.review.analysis import analyse
+from h2nav.review.gathering import all_findings
 from h2nav.review.inertial import exponential, turns
 
 
@@ -33,9 +34,11 @@ def test_what_three_compasses_show_alike_is_told_once():
     tracks = tuple(
         t._replace(m_b_ut=t.m_b_ut + np.array([10.0, -8.0, 5.0])) for t in flown.context.imus
     )
-    (found,) = analyse(flown._replace(context=flown.context._replace(imus=tracks))).findings
-    assert (found.kind, found.source) == ("compass_hard_iron", "compass 1")
-    assert found.evidence.endswith("compass 2 and compass 3 alike")
+    flown = flown._replace(context=flown.context._replace(imus=tracks))
+    (found,) = all_findings(flown, analyse(flown))
+    assert (found.kind, found.source) == ("compass_hard_iron", "compass 1, compass 2, compass 3")
+    assert (found.id, found.sensor.number) == ("compass_hard_iron.compass1_2_3.1", 1)
+    assert all(f"; compass {number}" in found.evidence for number in (2, 3))
 
 
 def test_an_empty_recording_gives_nothing():

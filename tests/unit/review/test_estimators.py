@@ -6,7 +6,7 @@ from reviewed_flights import estimates, flight, ideal
 
 from h2nav.evaluation.rows import product
 from h2nav.flightlogs.context import Array, AttitudeTrack, Said, Span
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.review.analysis import analyse
 from h2nav.review.flight import Flight
@@ -68,7 +68,15 @@ def test_what_the_witness_told_in_flight_is_not_told_again():
     error = np.zeros((len(t_s), 3))
     error[:, 2] = 30.0 * DEG * np.clip((t_s - 40.0) / 20.0, 0.0, 1.0)
     told = Finding(
-        "autopilot_heading", "autopilot", Severity.WARNING, 50.0, 120.0, 30.0, "deg", "", ""
+        Kind.AUTOPILOT_HEADING,
+        Sensor(SensorKind.AUTOPILOT),
+        Severity.WARNING,
+        50.0,
+        120.0,
+        30.0,
+        "deg",
+        "",
+        "",
     )
     assert not analyse(with_attitude("aggressive", error)._replace(findings=(told,))).findings
 
@@ -82,7 +90,8 @@ def test_cores_that_differ_are_told():
         AttitudeTrack("EKF3 core 1", t_s, turned("flight", error)),
     )
     finding = only(flight(attitudes=cores))
-    assert (finding.kind, finding.source) == ("cores_differ", "EKF3 core 1")
+    assert (finding.kind, finding.source) == ("cores_differ", "estimator")
+    assert "EKF3 core 1" in finding.text
     assert finding.size == pytest.approx(9.0, abs=0.3)
 
 

@@ -9,8 +9,8 @@ import pytest
 from made_flight import FINDINGS, GPS_LOST, MAGNET_S, made_analysis, made_flight, page_of
 
 from h2nav.flightlogs.context import Context, Said, Span
-from h2nav.integrity.findings import Finding, Severity
-from h2nav.review.advice import ADVICE
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.kinds import MEANINGS
 from h2nav.review.analysis import Analysis
 from h2nav.review.document import document
 from h2nav.review.flight import EarthFields, Flight, Ratios
@@ -75,7 +75,7 @@ def test_findings_come_first_and_the_worst_of_them_first(made):
 
 def test_a_finding_has_span_size_evidence_and_what_to_check(made):
     text = text_of(page_of(*made))
-    finding, advice = FINDINGS[0], ADVICE["compass_field"]
+    finding, advice = FINDINGS[0], MEANINGS[FINDINGS[0].kind]
     start = text.index("240 to 360 s: compass disturbed")
     item = text[start : text.index("244 to 362 s")]
     assert "14 deg" in item
@@ -111,20 +111,22 @@ def test_what_a_recording_shows_without_an_estimate_is_shown(made):
 
 def test_neighbouring_sensors_that_show_the_same_are_told_once(made):
     shaken = [
-        Finding("vibration_level", f"IMU {k}", Severity.WARNING, 50.0 + k, 90.0, 40.0 + k, "m/s^2",
-                f"vibration up to {40 + k} m/s^2", "VIBE")
+        Finding(Kind.VIBRATION_LEVEL, Sensor(SensorKind.IMU, k), Severity.WARNING,
+                50.0 + k, 90.0, 40.0 + k, "m/s^2", f"vibration up to {40 + k} m/s^2", f"VIBE {k}")
         for k in (1, 2)
     ]  # fmt: skip
     flight = made[0]._replace(findings=tuple(shaken))
     text = text_of(page_of(flight, Analysis()))
     assert "One thing was found wrong" in text
     assert "IMU 1, IMU 2: vibration up to 42 m/s^2" in text
-    assert len(document(flight, Analysis())["findings"]) == 2
+    (told,) = document(flight, Analysis())["findings"]
+    assert told["evidence"] == "IMU 1: VIBE 1; IMU 2: VIBE 2"
+    assert told["sensor"] == {"kind": "imu", "number": 1, "others": [2]}
 
 
 def test_hostile_texts_stay_texts(made):
     flight, analysis = made
-    finding = FINDINGS[0]._replace(text=HOSTILE, evidence=HOSTILE, source=HOSTILE, unit=HOSTILE)
+    finding = FINDINGS[0]._replace(text=HOSTILE, evidence=HOSTILE, unit=HOSTILE)
     context = flight.context._replace(
         firmware=HOSTILE,
         vehicle=HOSTILE,

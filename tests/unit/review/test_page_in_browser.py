@@ -216,7 +216,7 @@ def test_hostile_texts_run_nothing(browser, made, tmp_path):
         attitudes=tuple(track._replace(name=hostile) for track in flight.context.attitudes),
         said=(Said(3.0, Severity.INFO, hostile),),
     )
-    finding = FINDINGS[0]._replace(text=hostile, evidence=hostile, source=hostile)
+    finding = FINDINGS[0]._replace(text=hostile, evidence=hostile)
     opened(
         browser,
         tmp_path,

@@ -5,7 +5,7 @@ import pytest
 from reviewed_flights import flight, with_imu
 
 from h2nav.evaluation.rows import product
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.review.analysis import analyse
 from h2nav.review.inertial import exponential
@@ -60,7 +60,17 @@ def test_a_step_on_the_ground_is_told_though_the_attitude_follows_the_gyro(axis)
 def test_a_compass_that_stands_still_by_itself_shows_no_bias():
     flown = flight("aggressive")
     first = flown.context.imus[0]
-    frozen = Finding("compass_frozen", "IMU 1", Severity.WARNING, 30.0, 60.0, 0.0, "", "frozen", "")
+    frozen = Finding(
+        Kind.COMPASS_FROZEN,
+        Sensor(SensorKind.IMU, 1),
+        Severity.WARNING,
+        30.0,
+        60.0,
+        0.0,
+        "",
+        "frozen",
+        "",
+    )
     still = with_imu(flown, m_b_ut=np.tile(first.m_b_ut[0], (len(first.t_s), 1)))
     bias = analyse(still._replace(findings=(frozen,))).biases[0]
     np.testing.assert_allclose(np.nanmedian(bias.gyro_b, axis=0) / DEG, BIAS_DEG_S, atol=0.05)
@@ -99,7 +109,9 @@ def test_a_sensor_that_is_known_to_be_frozen_has_no_bias():
     first = flown.context.imus[0]
     is_frozen = (first.t_s > 40.0) & (first.t_s < 80.0)
     w_b = np.where(is_frozen[:, None], 1.0, first.w_b)
-    told = Finding("gyro_frozen", "IMU 1", Severity.ERROR, 40.0, 80.0, 40.0, "s", "", "")
+    told = Finding(
+        Kind.GYRO_FROZEN, Sensor(SensorKind.IMU, 1), Severity.ERROR, 40.0, 80.0, 40.0, "s", "", ""
+    )
     flown = with_imu(flown, w_b=w_b)._replace(findings=(told,))
     assert not [f for f in analyse(flown).findings if "gyro" in f.kind]
 

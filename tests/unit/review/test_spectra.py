@@ -5,7 +5,7 @@ import pytest
 from reviewed_flights import flight, with_imu
 
 from h2nav.flightlogs.context import Burst
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.review.analysis import analyse
 from h2nav.review.spectra import vibe
 
@@ -86,7 +86,17 @@ def test_strong_vibration_is_told_once():
     assert told["vibration_level"].size == pytest.approx(60.0 / np.sqrt(2.0), rel=0.2)
     assert told["vibration_level"].from_s == pytest.approx(50.0, abs=1.0)
     assert told["vibration_level"].to_s == pytest.approx(70.0, abs=1.0)
-    in_flight = Finding("vibration", "IMU 1", Severity.WARNING, 50.0, 70.0, 40.0, "m/s2", "", "")
+    in_flight = Finding(
+        Kind.VIBRATION,
+        Sensor(SensorKind.IMU, 1),
+        Severity.WARNING,
+        50.0,
+        70.0,
+        40.0,
+        "m/s2",
+        "",
+        "",
+    )
     again = analyse(flown._replace(findings=(in_flight,))).findings
     assert "vibration_level" not in {f.kind for f in again}
 

@@ -1,10 +1,20 @@
 """What is wrong, told a few times a second."""
 
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.service.judgement import Judgement
 from h2nav.service.limits import SECOND_NS
 
-WRONG = Alarm("attitude_gravity", "IMU", Severity.ERROR, 1.0, "deg", "wrong", "shown", True, 4.0)
+WRONG = Alarm(
+    Kind.ATTITUDE_GRAVITY,
+    Sensor(SensorKind.IMU),
+    Severity.ERROR,
+    1.0,
+    "deg",
+    "wrong",
+    "shown",
+    True,
+    4.0,
+)
 
 
 class Always:

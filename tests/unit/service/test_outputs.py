@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.velocity_witness import Verdicts
 from h2nav.integrity.witness import Comparison, Source
@@ -84,8 +84,8 @@ def status(trust, **assessment):
     return message
 
 
-def alarm(kind, source="IMU", degrades=False):
-    return Alarm(kind, source, Severity.ERROR, 1.0, "deg", "text", "evidence", degrades)
+def alarm(kind, sensor=SensorKind.IMU, degrades=False):
+    return Alarm(kind, Sensor(sensor), Severity.ERROR, 1.0, "deg", "text", "evidence", degrades)
 
 
 CONVERGED = Trust.ALIGNED | Trust.CONVERGED
@@ -96,11 +96,11 @@ CONVERGED = Trust.ALIGNED | Trust.CONVERGED
     [
         (Trust.ALIGNED, (), 0),
         (CONVERGED, (), mavlink.ESTIMATOR_ATTITUDE),
-        (CONVERGED, (alarm("vibration"),), mavlink.ESTIMATOR_ATTITUDE),
-        (CONVERGED, (alarm("gyro_frozen", degrades=True),), 0),
+        (CONVERGED, (alarm(Kind.VIBRATION),), mavlink.ESTIMATOR_ATTITUDE),
+        (CONVERGED, (alarm(Kind.GYRO_FROZEN, degrades=True),), 0),
         (Trust.VELOCITY_USED, (), mavlink.ESTIMATOR_VELOCITY_HORIZ),
-        (Trust(0), (alarm("attitude_velocity", "GPS"),), mavlink.ESTIMATOR_GPS_GLITCH),
-        (Trust(0), (alarm("accelerometer_frozen"),), mavlink.ESTIMATOR_ACCEL_ERROR),
+        (Trust(0), (alarm(Kind.ATTITUDE_VELOCITY, SensorKind.GPS),), mavlink.ESTIMATOR_GPS_GLITCH),
+        (Trust(0), (alarm(Kind.ACCELEROMETER_FROZEN),), mavlink.ESTIMATOR_ACCEL_ERROR),
     ],
 )
 def test_the_status_says_what_is_known_and_what_is_wrong(trust, alarms, flags):
