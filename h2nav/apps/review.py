@@ -11,16 +11,23 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import byte_bar
 from h2nav.apps.playback import Wishes
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.integrity.severity import Severity
 
 # The page has all of them.
 MOST_SHOWN = 20
+SOMETHING_SERIOUS = 3
+FAILING = (Severity.ERROR, Severity.WARNING)
 _CLOSING = """\
 recordings: telemetry logs of a ground station (.tlog), raw MAVLink bytes, our own logs (.mcap), and
 the logs that autopilots write themselves: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg).
 What a file is shows in its content.
 
 Each flight becomes DIR/FLIGHT.html, one page without addresses outside itself, and DIR/FLIGHT.json
-with every figure of it. A file that cannot be reviewed is named, and the others are."""
+with every figure of it (docs/schema/review.json describes it). A file that cannot be reviewed is
+named, and the others are.
+
+exit status: 0 where nothing serious was found, 3 where something was (--fail-on says from which
+severity on), 2 where a file cannot be reviewed, 1 where a page cannot be written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "past and future together give",
     )
     playback.add_arguments(parser)
+    parser.add_argument(
+        "--fail-on",
+        choices=[severity.word for severity in FAILING],
+        default=Severity.ERROR.word,
+        help="exit with 3 where a finding is at least so grave (error)",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -68,7 +81,14 @@ def run(args: argparse.Namespace) -> int:
         print_json(done)
     if errors:
         raise BadInput(*errors)
-    return 0
+    return SOMETHING_SERIOUS if any(_is_serious(each, args.fail_on) for each in done) else 0
+
+
+def _is_serious(document: dict[str, Any], word: str) -> bool:
+    """Whether something was found that is at least so grave."""
+    limit = next(severity for severity in FAILING if severity.word == word)
+    found = (Severity.of(each["severity"]) for each in document["findings"])
+    return any(severity is not None and severity <= limit for severity in found)
 
 
 def page_names(flights: list[Path]) -> list[str]:
@@ -100,7 +120,9 @@ def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> 
 
 def _show(document: dict[str, Any], page: Path) -> None:
     findings = document["findings"]
-    print(f"{page}: {document['duration_s']:.0f} s, {len(findings) or 'no'} findings")
+    count = "1 finding" if len(findings) == 1 else f"{len(findings) or 'no'} findings"
+    print(f"{page}: {document['duration_s']:.0f} s, {count}")
+    print(f"  {document['verdict']}")
     for each in findings[:MOST_SHOWN]:
         span = f"{each['from_s']:.1f} to {each['to_s']:.1f} s"
         print(f"  {each['severity']}: {span}: {each['source']}: {each['text']}")

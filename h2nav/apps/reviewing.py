@@ -152,8 +152,8 @@ def _flight(
     estimates = collector.estimates()
     reason = "" if service is None else service.health.reason
     return Flight(
-        name=source.path.stem,
-        file=source.path.name,
+        name=_readable(source.path.stem),
+        file=_readable(source.path.name),
         kind=source.kind,
         autopilot="" if service is None else service.bound_to,
         context=context,
@@ -170,6 +170,11 @@ def _flight(
         rejected={} if service is None else service.rejected,
         held=collector.held(),
     )
+
+
+def _readable(name: str) -> str:
+    """A file name as text; on Linux it need be none."""
+    return name.encode(errors="surrogateescape").decode(errors="replace")
 
 
 def _why_none(context: Context, reason: str) -> str:

@@ -23,6 +23,8 @@ def open_flight(path: Path | str) -> Source:
     """
     path = Path(path)
     try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"{path}: is no file; expected a recording")
         with path.open("rb") as stream:
             start = stream.read(PROBE_BYTES)
     except OSError as error:

@@ -11,14 +11,18 @@ from h2nav.integrity.findings import Finding, as_mapping
 from h2nav.integrity.kinds import MEANINGS
 from h2nav.maths.units import DEG
 from h2nav.review.analysis import Analysis
+from h2nav.review.causes import first_causes
 from h2nav.review.certainty import GROUPS, aids, covered_s
 from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
 from h2nav.review.gathering import all_findings
 from h2nav.review.parameters import in_order
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
+from h2nav.review.verdict import verdict
 
 FORMAT = 1
+# Of docs/schema/review.json: grows where a key is added, and no key is renamed or goes.
+SCHEMA = 1
 DIGITS = 6  # significant ones; a file may hold more than any sensor has
 MOST_TEXTS = 500
 
@@ -32,8 +36,12 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     context = flight.context
     start = context.start_unix_s
     apart = differences(flight)
+    findings = all_findings(flight, analysis)
+    first = first_causes(findings)
     found = {
         "format": FORMAT,
+        "schema": SCHEMA,
+        "verdict": verdict(findings, flight.why_no_estimate),
         "name": flight.name,
         "file": flight.file,
         "kind": flight.kind,
@@ -42,7 +50,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "autopilot": flight.autopilot,
         "start_utc": None if start is None else _date(start),
         "duration_s": context.duration_s,
-        "findings": [_finding(one) for one in all_findings(flight, analysis)],
+        "findings": [_finding(one, first[one.id]) for one in findings],
         "checked": _checked(flight, analysis, apart),
         "missing": list(context.missing),
         "why_no_estimate": flight.why_no_estimate or None,
@@ -78,9 +86,14 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     return plain
 
 
-def _finding(finding: Finding) -> dict[str, object]:
+def _finding(finding: Finding, first_cause: str | None) -> dict[str, object]:
     of_kind = MEANINGS[finding.kind]
-    return {**as_mapping(finding), "means": of_kind.means, "check": of_kind.check}
+    return {
+        **as_mapping(finding),
+        "consequence_of": first_cause,
+        "means": of_kind.means,
+        "check": of_kind.check,
+    }
 
 
 def _date(unix_s: float) -> str | None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from h2nav.integrity.findings import Finding, Kind, next_id
 from h2nav.review.analysis import Analysis
+from h2nav.review.causes import with_causes
 from h2nav.review.flight import Flight
 
 # What sensors of the same kind show within this time of each other, and about as large, is one.
@@ -22,8 +23,9 @@ def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
         if one.kind is not Kind.VELOCITY_LOST
         or not any(_overlap(one, other) for other in without_fix)
     ]
-    both = merged((*live, *dict.fromkeys(analysis.findings)))
-    return tuple(sorted(identified(both), key=lambda one: (one.severity, one.from_s, one.kind)))
+    both = identified(merged((*live, *dict.fromkeys(analysis.findings))))
+    found = sorted(both, key=lambda one: (one.severity, one.from_s, one.kind))
+    return tuple(with_causes(found))
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding
 from h2nav.integrity.kinds import MEANINGS
 from h2nav.review.advice import place
 from h2nav.review.analysis import Analysis
@@ -189,19 +189,11 @@ def _untested(told: dict[str, Any]) -> list[str]:
 
 
 def _verdict(told: dict[str, Any], findings: Sequence[Finding]) -> str:
-    wrong = sum(one.severity <= Severity.WARNING for one in findings)
-    if wrong:
-        count = "One thing was" if wrong == 1 else f"{wrong} things were"
-        verdict = f"{count} found wrong; the worst first."
-    else:
-        verdict = "Nothing was found wrong"
-        verdict += " in what could be looked at." if told["why_no_estimate"] else "."
-        verdict += " What may be worth knowing:" if findings else ""
     about = (
-        '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
-        "after the beginning of the recording.</p>"
+        '<p class="about">The worst first. A click on a finding shows its time in all pictures. '
+        "Times are seconds after the beginning of the recording.</p>"
     )
-    return f'<p class="verdict">{verdict}</p>{about if findings else ""}'
+    return f'<p class="verdict">{escape(told["verdict"])}</p>{about if findings else ""}'
 
 
 def _list(findings: Sequence[Finding]) -> str:

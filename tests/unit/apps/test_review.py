@@ -1,6 +1,7 @@
 """The command `h2nav review`: a page and a document per flight, whatever else is in the list."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from replayed import Replayed, rewritten
 from h2nav.apps import reviewing
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.playback import Wishes
-from h2nav.apps.review import page_names
+from h2nav.apps.review import SOMETHING_SERIOUS, page_names
 from h2nav.attitude.samples import Trust
 from h2nav.cli import BAD_INPUT, SUCCESS, main
 from h2nav.flightlogs.opening import open_flight
@@ -71,6 +72,39 @@ def test_what_cannot_be_reviewed_is_named_and_the_others_are(flight, tmp_path, c
         "short.html",
         "short.json",
     ]
+
+
+def test_a_name_that_is_no_text_is_reviewed(flight, tmp_path):
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/flight-\xff.tlog"))
+    path.symlink_to(flight)
+    assert main(["review", str(path), "-o", str(tmp_path / "out"), "--no-smooth"]) == SUCCESS
+    (document,) = (tmp_path / "out").glob("*.json")
+    assert json.loads(document.read_bytes())["file"] == "flight-\ufffd.tlog"
+
+
+def test_a_pipe_is_refused_and_nothing_waits_for_it(tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe.tlog")
+    assert main(["review", str(tmp_path / "pipe.tlog"), "-o", str(tmp_path)]) == BAD_INPUT
+    assert "pipe.tlog: is no file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("severity", "word", "status"),
+    [
+        ("error", "error", SOMETHING_SERIOUS),
+        ("critical", "error", SOMETHING_SERIOUS),
+        ("warning", "error", SUCCESS),
+        ("warning", "warning", SOMETHING_SERIOUS),
+        ("notice", "warning", SUCCESS),
+    ],
+)
+def test_the_status_says_whether_something_serious_was_found(
+    monkeypatch, tmp_path, severity, word, status
+):
+    found = {"severity": severity, "from_s": 1.0, "to_s": 2.0, "source": "IMU 1", "text": "bad"}
+    document = {"findings": [found], "duration_s": 3.0, "verdict": "Bad."}
+    monkeypatch.setattr(reviewing, "write_review", lambda *_, **__: document)
+    assert main(["review", "x", "-o", str(tmp_path), "--fail-on", word]) == status
 
 
 def test_a_recording_without_an_autopilot_says_why_there_is_no_estimate(tmp_path):
