@@ -194,7 +194,6 @@ class Monitor:
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """What the autopilot says of the vehicle."""
         self._vehicle = vehicle
-        self._watch.gains.is_flying = float(vehicle.on_ground is False)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """How late the sensors are."""

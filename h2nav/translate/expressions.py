@@ -27,6 +27,7 @@ FLOAT_FUNCTIONS = {
     "atan2": 2,
     "asin": 1,
     "exp": 1,
+    "log": 1,
 }
 _INTEGER_OPERATIONS: dict[type[ast.operator], Callable[[Interval, Interval], Interval]] = {
     ast.Add: intervals.add,

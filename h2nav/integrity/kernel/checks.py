@@ -2,45 +2,38 @@
 
 import math
 
-from .frozen import field_is_frozen, force_is_frozen, gyro_is_frozen, take_values
-from .memory import FIELD_FROZEN, FORCE_FROZEN, GYRO_FROZEN, STUCK_AXIS, Gains, Memory, Sample
-from .stuck_axis import stuck_axis
+from .memory import FIELD_FROZEN, Gains, Memory, Sample
+from .standstill import TURNING_RAD_S, field_is_frozen, standstill
 
-# Less may be the gyro's bias.
-TURNING_RAD_S = 0.05
 # A turn is counted over no longer than this.
 LONGEST_TURN_US = 100e3
 WINDOW_US = 1e6
+# 5 Hz, as ArduPilot's: what is faster is no motion of the vehicle.
+VIBRATION_US = 1e6 / (2.0 * math.pi * 5.0)
 
 
 def check(s: Memory, g: Gains, sample: Sample) -> int:
     """Takes a sample before the filter does; returns bits."""
-    step_us = 0.0
+    s.step_us = 0.0
     if s.has_begun > 0.0:
-        step_us = sample.t_us - s.t_us
+        s.step_us = sample.t_us - s.t_us
         add_levels(s, sample.accel)
-    s.window_us = s.window_us + step_us
+    else:
+        for i in range(3):
+            s.slow_force[i] = sample.accel[i]
+    s.window_us = s.window_us + s.step_us
     s.samples = s.samples + 1.0
     s.clipped = s.clipped + sample.clipped
     if s.window_us >= WINDOW_US:
         end_window(s)
-    bits = STUCK_AXIS * stuck_axis(s, step_us, sample.gyro, sample.accel)
-    turn_rad = turn_of(sample.gyro, step_us)
-    force = length(sample.accel)
-    take_values(s, 0, sample.gyro, step_us, turn_rad, force, g.is_flying)
-    take_values(s, 1, sample.accel, step_us, turn_rad, force, g.is_flying)
+    bits = standstill(s, sample)
     # A gyro that repeats itself may be frozen, and says nothing of a turn then.
-    if s.repeats[0] <= 0.0:
-        s.field_turned_rad = s.field_turned_rad + turn_rad
+    if s.still_us[0] <= 0.0:
+        s.field_turned_rad = s.field_turned_rad + turn_of(sample.gyro, s.step_us)
     s.has_begun = 1.0
     s.t_us = sample.t_us
-    s.flew = g.is_flying
-    if gyro_is_frozen(s) == 1:
-        bits = bits | GYRO_FROZEN
-    if force_is_frozen(s) == 1:
-        bits = bits | FORCE_FROZEN
     s.field_frozen = 0.0
-    if field_is_frozen(s, sample.mag, sample.has_mag, step_us) == 1:
+    if field_is_frozen(s, sample.mag, sample.has_mag) == 1:
         s.field_frozen = 1.0
         bits = bits | FIELD_FROZEN
     return bits
@@ -62,11 +55,13 @@ def length(v: list[float]) -> float:
 
 
 def add_levels(s: Memory, accel: list[float]) -> None:
-    """Adds what a force differs from the one before."""
+    """Adds what is above the cut-off of a high-pass, as much as a white noise has of it."""
+    share = s.step_us / (s.step_us + VIBRATION_US)
     for i in range(3):
-        # Of a white noise the difference has twice the variance.
-        d = accel[i] - s.values[3 + i]
-        s.squares[i] = s.squares[i] + 0.5 * d * d
+        # Of a white noise of variance 1 this has 2 / (2 - share), whatever the rate.
+        fast = accel[i] - s.slow_force[i]
+        s.slow_force[i] = s.slow_force[i] + share * fast
+        s.squares[i] = s.squares[i] + (1.0 - 0.5 * share) * fast * fast
 
 
 def end_window(s: Memory) -> None:

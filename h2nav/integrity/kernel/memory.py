@@ -28,23 +28,34 @@ class Memory:
 
     has_begun: float = real("", "1: a sample has come")
     t_us: float = real("us", "time of the latest sample")
-    flew: float = real("", "1: the vehicle flew at the latest sample")
+    step_us: float = real("us", "between the latest two samples")
     values: list[float] = reals(6, "rad/s, m/s^2", "latest values of the axes")
-    repeats: list[float] = reals(2, "", "how often a sensor's values have come again")
-    still_us: list[float] = reals(2, "us", "for how long they have been the same")
-    flown_us: list[float] = reals(2, "us", "the same, in flight")
-    low: list[float] = reals(2, "m/s^2", "smallest force meanwhile, in flight")
-    high: list[float] = reals(2, "m/s^2", "largest force meanwhile")
-    turned_rad: list[float] = reals(2, "rad", "angle that the vehicle has turned meanwhile")
-    run_us: list[float] = reals(6, "us", "for how long an axis has repeated its value")
-    run_low: list[float] = reals(18, "", "lowest values meanwhile, three axes for each axis")
-    run_high: list[float] = reals(18, "", "highest values meanwhile")
+    change: list[float] = reals(6, "rad/s, m/s^2", "by how much they differ from those before")
+    usual: list[float] = reals(6, "rad/s, m/s^2", "mean of that, of about the last second")
+    count: list[float] = reals(2, "rad/s, m/s^2", "resolution of gyro and accelerometer")
+    turning: float = real("", "1: the vehicle turns")
+    still_us: list[float] = reals(2, "us", "for how long a sensor's values have been the same")
+    seen: list[float] = reals(
+        23,
+        "",
+        "values that have come, by experience: axes, gyro at rest "
+        "and in motion of four sizes, accelerometer and IMU likewise, compass",
+    )
+    longest: list[float] = reals(23, "", "longest honest run of repeated values among them")
+    run: list[float] = reals(10, "", "how often the values of a channel have come again")
+    run_us: list[float] = reals(10, "us", "for how long")
+    run_moved: list[float] = reals(10, "rad/s, m/s^2", "by how much the neighbour moved meanwhile")
+    run_around: list[float] = reals(10, "rad/s, m/s^2", "by how much it usually moved before")
+    run_counts: list[float] = reals(10, "", "usual change of the values before, in counts")
+    run_turning: list[float] = reals(10, "", "1: the vehicle turns in this run")
+    accused: list[float] = reals(10, "", "1: honest values would not come again so often")
     field: list[float] = reals(3, "uT", "latest field")
     field_still_us: float = real("us", "since that field came first")
     field_turned_rad: float = real("rad", "angle that the vehicle has turned since")
     field_frozen: float = real("", "1: it repeats itself while the vehicle turns")
     window_us: float = real("us", "length of the levels' window so far")
-    squares: list[float] = reals(3, "(m/s^2)^2", "half the squared differences of forces, sums")
+    slow_force: list[float] = reals(3, "m/s^2", "specific force below the cut-off of vibration")
+    squares: list[float] = reals(3, "(m/s^2)^2", "squares of what is above it, sums")
     samples: float = real("", "samples of the window")
     clipped: float = real("", "clipped ones of them")
     vibration_m_s2: float = real("m/s^2", "vibration of the last full window, rms")
@@ -76,7 +87,6 @@ class Memory:
 class Gains:
     """What stands in the place of gains: what is known beside the samples."""
 
-    is_flying: float = real("", "1: the autopilot says so")
     field_delay_s: float = real("s", "how late the field is against the rates")
 
 

@@ -53,7 +53,7 @@ def watched():
     watch, checked, followed, memories = Watch(), [], [], []
     for i, sample in enumerate(samples()):
         if i == 2000:
-            watch.gains.is_flying, watch.gains.field_delay_s = 1.0, 0.03
+            watch.gains.field_delay_s = 0.03
         checked.append(watch.check(sample))
         if i % 100 < 95:
             x, y, z = sample.w_b
