@@ -38,7 +38,7 @@ class TranslateAndBuild(build_ext):
         for kernel in COMPILED:
             paths = [PACKAGE / kernel.room / path for path in kernel.paths]
             sources = [Source(str(path), path.read_text(encoding="utf-8")) for path in paths]
-            texts += [source.text for source in sources]
+            texts += [(PACKAGE / path).read_text(encoding="utf-8") for path in kernel.files]
             target = folder / f"{kernel.name}.c"
             try:
                 target.write_text(batch_c(kernel, sources), encoding="utf-8")

@@ -4,6 +4,7 @@ The build writes that name into the extension, so that one made from older kerne
 """
 
 import hashlib
+import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,14 +17,22 @@ class KernelFiles(NamedTuple):
         paths: inside the room, imported ones first.
         entry: the function that takes memory, gains and a sample.
         room: the package inside ``h2nav``.
+        declared: what else declares fields of its records, read by import.
     """
 
     name: str
     paths: tuple[str, ...]
     entry: str
     room: str = "attitude"
+    declared: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All that the compiled kernel follows from, relative to ``h2nav``."""
+        return tuple(f"{self.room}/{path}" for path in (*self.declared, *self.paths))
 
 
+_PARAMETERS = ("velocity_aided/parameters.py",)
 _SHARED = ("integer/triad.py", "integer/motion.py")
 
 
@@ -39,6 +48,7 @@ VELOCITY_AIDED = KernelFiles(
         "step",
     ),
     "step",
+    declared=_PARAMETERS,
 )
 VELOCITY_AIDED_INTEGER = KernelFiles(
     "velocity_aided_integer",
@@ -51,6 +61,7 @@ VELOCITY_AIDED_INTEGER = KernelFiles(
         ),
     ),
     "update",
+    declared=_PARAMETERS,
 )
 CONSTANT_GAIN = KernelFiles(
     "constant_gain", (*_SHARED, *_kernel("constant_gain", "step")), "update"
@@ -70,6 +81,15 @@ SENSOR_WINDOWS = _watch("sensor_windows", "follow", "rotation", "windows")
 COMPILED = (*FILTERS, SENSOR_CHECKS, SENSOR_WINDOWS)
 
 
+def sources() -> list[str]:
+    """All files that the compiled kernels follow from, relative to the repository."""
+    return sorted({f"h2nav/{path}" for kernel in COMPILED for path in kernel.files})
+
+
 def digest(texts: Sequence[str]) -> str:
     """The name of the kernels with these texts, those of `COMPILED` in order."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+if __name__ == "__main__":
+    sys.stdout.write(" ".join(sources()))  # for the Makefile

@@ -50,9 +50,7 @@ def _current_build() -> ModuleType | None:
         return None
     folder = resources.files("h2nav")
     texts = [
-        folder.joinpath(kernel.room, path).read_text("utf-8")
-        for kernel in COMPILED
-        for path in kernel.paths
+        folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.files
     ]
     return native if native.kernel_digest == digest(texts) else None
 

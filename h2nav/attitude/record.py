@@ -12,7 +12,7 @@ import itertools
 import math
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import Field, field, fields
+from dataclasses import MISSING, Field, field, fields, make_dataclass
 from typing import Any, NamedTuple, TypeVar, cast
 
 from h2nav.maths.fixedpoint import to_fixed
@@ -145,6 +145,23 @@ def _check(field_row: Row, part: Sequence[Number]) -> None:
     for value in part:
         if not (low <= value <= high and math.isfinite(value)):
             raise ValueError(f"{field_row.name} holds {value}, outside {low}..{high}")
+
+
+def with_rows(record_type: type[R], more: Sequence[Row]) -> type[R]:
+    """The record with more fields, each of a single number, before its own."""
+    first = [(row.name, Any, field(default=0, metadata={"row": row})) for row in more]
+    own = [(made.name, Any, _again(made)) for made in fields(cast(Any, record_type))]
+    names = {"__doc__": record_type.__doc__, "__module__": record_type.__module__}
+    made_type = make_dataclass(record_type.__name__, [*first, *own], namespace=names, slots=True)
+    return cast("type[R]", made_type)
+
+
+def _again(made: "Field[Any]") -> Any:
+    """A field as it was declared: one that belongs to a record is of no use to another."""
+    if made.default is not MISSING:
+        return field(default=made.default, metadata=made.metadata)
+    assert made.default_factory is not MISSING
+    return field(default_factory=made.default_factory, metadata=made.metadata)
 
 
 def in_c(record_type: type[R]) -> R:

@@ -14,9 +14,7 @@ import numpy as np
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import values
 from h2nav.attitude.velocity_aided.gains import (
-    CRUISE_SPEED,
     LIMITS,
-    PARAMETERS,
     GainSets,
     class_complaints,
     sets_of,
@@ -24,6 +22,7 @@ from h2nav.attitude.velocity_aided.gains import (
 )
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains, rounded_sets
 from h2nav.attitude.velocity_aided.integer.memory import PERIODS, SETS, Gains
+from h2nav.attitude.velocity_aided.parameters import PARAMETERS
 from h2nav.errors import BadInput
 from h2nav.maths.units import DEG
 from h2nav.synthesis.certificate import CertificateError, accept, spectrum
@@ -41,6 +40,7 @@ FIX_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 assert len(FIX_PERIODS_S) == PERIODS
 FIXED_POINT_FORMAT = "flight-2"
 
+_USUAL = {row.key: row.usual for row in PARAMETERS if row.usual is not None}
 _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
 
 
@@ -123,7 +123,7 @@ def synthesize(
         model=dict(document),
         gains={
             "vehicle_class": document["vehicle_class"],
-            **{key: disturbance[key] for key in (*PARAMETERS, CRUISE_SPEED)},
+            **{key: disturbance.get(key, _USUAL.get(key)) for key in LIMITS},
             **_tables(gain_ladder(gyro, rate_hz)),
         },
         methods=methods,
@@ -276,7 +276,8 @@ def checked_model(document: Mapping[str, object], place: str) -> Mapping[str, ob
     disturbance = document.get("disturbance")
     if not isinstance(disturbance, Mapping):
         raise BadInput(*errors, f"{place}: disturbance: expected a section of keys and values")
-    errors += key_complaints(disturbance, LIMITS, LIMITS, place, "disturbance.")
+    required = [key for key in LIMITS if key not in _USUAL]
+    errors += key_complaints(disturbance, LIMITS, required, place, "disturbance.")
     numbers_within(disturbance, LIMITS, errors, place, "disturbance.")
     errors += class_complaints(document, place, "")
     if errors:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from h2nav.attitude import record
 from h2nav.attitude.record import Row
+from h2nav.attitude.velocity_aided.parameters import ROWS_OF_DECORATORS
 from h2nav.errors import BadInput
 
 Number = int | float
@@ -19,7 +20,9 @@ ConstantValue = Number | tuple["ConstantValue", ...]
 INTRINSIC_MODULES = (
     "math",
     "dataclasses",
+    "typing",
     "h2nav.attitude.record",
+    "h2nav.attitude.velocity_aided.parameters",
     "h2nav.maths.fixedpoint",
 )
 ROW_MAKERS: dict[str, Callable[..., Any]] = {
@@ -151,7 +154,12 @@ def _is_known(kernel: Kernel, name: str) -> bool:
 
 
 def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> Record:
-    rows = []
+    names = {name.id for name in node.decorator_list if isinstance(name, ast.Name)}
+    rows = [
+        row
+        for name in sorted(names & ROWS_OF_DECORATORS.keys())
+        for row in ROWS_OF_DECORATORS[name]()
+    ]
     for statement in node.body:
         match statement:
             case ast.AnnAssign(
@@ -161,7 +169,10 @@ def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> Record:
                 positional = [_row_argument(kernel, path, value) for value in arguments]
                 named = {str(k.arg): _row_argument(kernel, path, k.value) for k in keywords}
                 rows.append(record.named_row(name, ROW_MAKERS[maker](*positional, **named)))
-            case ast.Expr(value=ast.Constant(value=str())):
+            case (
+                ast.Expr(value=ast.Constant(value=str()))
+                | ast.If(test=ast.Name(id="TYPE_CHECKING"))
+            ):
                 pass
             case _:
                 raise Refused(path, statement, "a record holds only fields made by a row")

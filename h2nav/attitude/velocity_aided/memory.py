@@ -8,8 +8,10 @@ Equations: docs/filter.md.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from h2nav.attitude.record import real, reals
+from h2nav.attitude.velocity_aided.parameters import in_floats
 
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
@@ -162,58 +164,17 @@ class Sample:
     fix_accel_e: float = real("g", "acceleration east")
 
 
+@in_floats
 @dataclass(slots=True)
 class Gains:
-    """Gains and limits of a gain file; densities and limits are squared as the kernel needs them.
+    """Gains and limits of a gain file: its parameters (`parameters.py`) and its tables."""
 
-    Which parameter of a gain file becomes which field: `h2nav.attitude.velocity_aided.gains`.
-    """
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> float:
+            """A parameter."""
 
     gravity: float = real("m/s^2", "size of gravity")
-    gyro_noise: float = real("rad^2/s", "density of the gyro, squared")
-    scale_noise: float = real("s", "gyro noise per square of the rate")
-    heading_scale_noise: float = real("s", "the same about the vertical")
-    velocity_floor: float = real("s^3", "least density of the bounded velocity, squared")
-    velocity_correlation: float = real("s", "twice its correlation time")
-    velocity_ceiling: float = real("s^3", "largest density of the bounded velocity, squared")
-    fix_floor: float = real("s^3", "least density of a measured velocity, squared")
-    fix_correlation: float = real("s", "twice its correlation time")
-    fix_ceiling: float = real("s^3", "largest density of a measured velocity, squared")
-    fix_gate: float = real("", "gate on the innovation of a fix, squared sigmas")
-    impossible_velocity: float = real("s^2", "innovation that says the tilt is wrong, squared")
-    level_time_s: float = real("s", "time constant of the levels")
-    start_factor: float = real("s", "how much sharper the gain sets are at the start")
-    bias_inflation: float = real("", "on the noise of the second stage, bounded velocity")
-    fix_inflation: float = real("", "on the noise of the second stage, measured velocity")
-    bias_variance: float = real("(rad/s)^2", "start and limit of the variance of a bias")
-    vertical_bias_variance: float = real("(rad/s)^2", "most of the bias z's without a field")
-    bias_walk: float = real("rad^2/s^3", "density of the bias walk, squared")
-    bias_limit: float = real("rad/s", "limit of a bias")
-    heading_variance: float = real("rad^2", "start and limit of the variance of the heading")
-    mag_noise: float = real("rad^2 s", "density of the heading by the magnetometer, squared")
-    mag_correlation: float = real("s", "twice the correlation time of magnetic disturbance")
-    mag_norm_gate: float = real("", "gate on the norm of the field, relative")
-    mag_dip_gate: float = real("rad", "gate on its dip")
-    mag_ref_time_s: float = real("s", "time constant of the reference field")
-    mag_new_time_s: float = real("s", "after this time another field becomes the reference")
-    mag_new_turn: float = real("rad", "and after this much turning")
-    mag_lag_prior: float = real("rad^2/s^2", "weight of the expected latency")
-    mag_lag_limit: float = real("s", "largest latency")
-    rest_lowpass_s: float = real("s", "time constant of the low-passed rate and force")
-    rest_gyro: float = real("(rad/s)^2", "steady: distance from the low-passed rate, squared")
-    rest_accel: float = real("(m/s^2)^2", "steady: distance from the low-passed force, squared")
-    rest_time_s: float = real("s", "at rest after so long")
-    rest_noise: float = real("rad^2/s", "density of the low-passed rate at rest, squared")
-    innovation_mean_time_s: float = real("s", "time constant of the slow mean of the innovation")
-    startup_time_s: float = real("s", "time scale of startup_inflation")
-    accel_variance: float = real("g^2", "start and limit of the accelerometer's variance; 0: none")
-    accel_walk: float = real("g^2/s", "density of the walk of that bias, squared")
-    fix_lag_variance: float = real("s^2", "start of the variance of the fixes' latency; 0: none")
-    fix_lag_walk: float = real("s", "density of the walk of that latency, squared")
-    fix_lag_limit: float = real("s", "largest latency of the fixes")
-    field_silence_s: float = real("s", "without a field for so long the heading is not learnt")
-    jitter_share: float = real("", "share of the jitter that counts as noise")
-    mag_heading_gate: float = real("", "gate on the heading innovation, squared sigmas; 0: none")
     set_bounds: list[float] = reals(SETS - 1, "1/s^4", "omega0^4 up to which a gain set is taken")
     k_tilt: list[float] = reals(SETS, "1/s^2", "gain on the tilt of each set")
     k_velocity: list[float] = reals(SETS, "1/s", "gain on the velocity of each set")

@@ -250,7 +250,7 @@ def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:
         ((memory, gains, np.zeros(22, np.int32), out), "one row of 8 numbers"),
     ):
         with pytest.raises(ValueError, match=message):
-            compiled.run(number, *buffers)
+            compiled.run(number, buffers[0], bytearray(), *buffers[1:])
     with pytest.raises(ValueError, match="no kernel of this number"):
-        compiled.run(len(COMPILED), memory, gains, sample, out)
-    compiled.run(number, memory, gains, sample, out)
+        compiled.run(len(COMPILED), memory, bytearray(), gains, sample, out)
+    compiled.run(number, memory, bytearray(), gains, sample, out)

@@ -335,11 +335,11 @@ def test_the_float_kernel_compiles_without_a_warning(tmp_path: Path) -> None:
     translation = translate(kernel_sources(VELOCITY_AIDED), [VELOCITY_AIDED.entry])
     records = translation.kernel.records.values()
     structs = "".join(struct_text(found.about, found.rows, found.name) for found in records)
-    arguments = "Memory *s, const Gains *g, const Sample *sample"
+    arguments = "State *s, Workspace *w, const Gains *g, const Sample *sample"
     compiled(
         tmp_path,
         structs + translation.code,
-        f"int32_t run({arguments});\nint32_t run({arguments}) {{ return step(s, g, sample); }}",
+        f"int32_t run({arguments});\nint32_t run({arguments}) {{ return step(s, w, g, sample); }}",
     )
 
 

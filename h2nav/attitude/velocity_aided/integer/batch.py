@@ -19,8 +19,8 @@ from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.batch import special_samples
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.attitude.velocity_aided.integer.gains import BIAS_WORD_RAD_S
 from h2nav.attitude.velocity_aided.integer.memory import FIELD_USED, Gains, Sample, State
+from h2nav.attitude.velocity_aided.integer.units import BIAS_WORD_RAD_S
 from h2nav.maths.units import GRAVITY_M_S2
 
 

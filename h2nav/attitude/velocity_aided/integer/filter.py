@@ -35,10 +35,6 @@ from h2nav.attitude.velocity_aided.filter import (
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.gains import (
-    BIAS_WORD_RAD_S,
-    FIELD_UNIT_UT,
-    HEADING_UNIT_RAD,
-    LAG_UNIT_S,
     field_params,
     integer_gains,
     unpacked,
@@ -52,6 +48,12 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     Gains,
     Sample,
     State,
+)
+from h2nav.attitude.velocity_aided.integer.units import (
+    BIAS_WORD_RAD_S,
+    FIELD_UNIT_UT,
+    HEADING_UNIT_RAD,
+    LAG_UNIT_S,
 )
 from h2nav.attitude.velocity_aided.kernel.estimate import (
     CONVERGED_S,

@@ -13,25 +13,10 @@ from h2nav.attitude.samples import EarthField
 from h2nav.attitude.velocity_aided.gains import GainSets, VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer.memory import FRAME, SETS, Gains, Sample
 from h2nav.attitude.velocity_aided.memory import Gains as FloatGains
+from h2nav.attitude.velocity_aided.parameters import PARAMETERS, Timing
 from h2nav.errors import BadInput
 from h2nav.maths.units import GRAVITY_M_S2
 
-BIAS_WORD_RAD_S = 2e6 / 2.0**53
-# units of theta
-BIAS_UNIT_RAD_S = 2e6 / 2.0**27
-ACCEL_UNIT_G = 2e6 / 2.0**27
-HEADING_UNIT_RAD = 0.5
-# unit of the level of rotation, (rad/s)^2
-TURN_UNIT = 2.0 * (1e6 * 2.0**-29) ** 2
-# units of the squared differences from the low-passed signals
-REST_RATE_UNIT = (1e6 * 2.0**-28) ** 2
-REST_FORCE_UNIT = (2.0**-9) ** 2
-# of the second differences of the rate
-JITTER_UNIT_RAD_S = 1e6 * 2.0**-27
-FIELD_UNIT_UT = 64.0
-LAG_UNIT_S = 8e-6
-# one of LAG_DEN: (field/s)^2 s
-LAG_DEN_UNIT = (1e6 * 2.0**-28) ** 2 * 2.0**6 * 1.024e-3
 PACK_BIAS = 8
 # what the velocity along the nose can be
 _FORWARD = row(Sample, "forward_speed")
@@ -78,7 +63,7 @@ def integer_gains(gains: VelocityAidedGains, place: str) -> IntegerGains:
     """
     image = _Image(Gains(), place)
     image.check_cruise_speed(gains.cruise_speed_m_s)
-    _set_scalars(image, gains.kernel, gains.rate_hz)
+    _set_parameters(image, gains.kernel, _timing(gains.rate_hz))
     return IntegerGains(image.gains, _set_tables(image, gains.kernel))
 
 
@@ -124,10 +109,6 @@ class _Image:
         """The same for each number of a vector."""
         getattr(self.gains, name)[:] = [self._rounded(name, value, what) for value in numbers]
 
-    def put_most(self, name: str, value: float, what: str) -> None:
-        """The same as `put` for an upper limit: larger ones than the format holds never bind."""
-        self.put(name, min(value, _range(name)[1]), what)
-
     def put_gains(self, name: str, gains: Sequence[float], most: float, what: str) -> float:
         """Packed gains; returns the largest relative error of their rounding."""
         for value in gains:
@@ -135,15 +116,6 @@ class _Image:
                 self._refuse(what, f"{value:g} of {LEAST_GAIN:.1g}..{most:g}")
         self.put_list(name, map(packed, gains), what)
         return max(abs(unpacked(packed(value)) / value - 1.0) for value in gains)
-
-    def put_scale(self, name: str, value: float, what: str) -> None:
-        """A factor below one as m 2^-(15 + s)."""
-        if value <= 0.0:
-            self.put(f"{name}_m", 0, what)
-            return
-        mantissa, exponent = math.frexp(value)
-        self.put(f"{name}_m", min(mantissa * 2.0**15, 32767), what)
-        self.put(f"{name}_s", -exponent, what)
 
     def check_cruise_speed(self, speed_m_s: float) -> None:
         """Refuses a velocity along the nose that a sample does not hold."""
@@ -174,70 +146,18 @@ def _log(value: float) -> float:
     return 256.0 * math.log2(value)
 
 
-def _set_scalars(image: _Image, g: FloatGains, rate_hz: float) -> None:
-    put, most = image.put, image.put_most
-    # a sample longer than a step is taken in several
-    step_rate_hz = rate_hz * math.ceil(1e6 / (rate_hz * MOST_DT_US))
-    parts = step_rate_hz / rate_hz
-    lowpass = math.log2(max(g.rest_lowpass_s * step_rate_hz, 1.0))
-    put("rest_lowpass_shift", lowpass, "rest_lowpass_s")
-    most("rest_gyro", g.rest_gyro / REST_RATE_UNIT, "rest_rate_deg_s")
-    force = g.rest_accel / g.gravity**2
-    most("rest_accel", force / REST_FORCE_UNIT, "rest_force_m_s2")
-    most("rest_time_us", g.rest_time_s * 1e6, "rest_time_s")
-    bias2 = BIAS_UNIT_RAD_S**2
-    put("log_rest_noise", _log(g.rest_noise / bias2), "rest_noise_deg_s_rthz")
-    most("bias_limit", g.bias_limit * 2.0**53 / 2e6, "bias_limit_deg_s")
-    put("bias_variance", g.bias_variance / bias2 * 2.0**28, "bias_start_deg_s")
-    vertical = min(g.vertical_bias_variance, g.bias_variance)
-    put("vertical_bias_variance", vertical / bias2 * 2.0**28, "vertical_bias_start_deg_s")
-    put("bias_walk", g.bias_walk / bias2 * 2.0**28, "bias_walk_deg_s_rts")
-    heading = g.heading_variance / HEADING_UNIT_RAD**2
-    put("heading_variance", heading * 2.0**28, "heading_start_deg")
-    put("gyro_noise", g.gyro_noise * 2.0**33, "gyro_noise_deg_s_rthz")
-    turn = TURN_UNIT * 2.0**33 / 2.0
-    image.put_scale("scale_noise", g.scale_noise * turn, "gyro_scale_noise_rthz")
-    image.put_scale("heading_scale_noise", g.heading_scale_noise * turn, "heading_scale_noise_rthz")
-    # White noise comes six times in a second difference, and there are three axes; a rate that is
-    # held over the parts of a sample comes once in them, for a time that is the whole one's.
-    jitter = JITTER_UNIT_RAD_S**2 / (FRAME * FRAME * 18.0) * parts**2
-    put("jitter_share", g.jitter_share * jitter * 2.0**36, "gyro_jitter_share")
-    put("velocity_floor", g.velocity_floor * 2.0**24, "velocity_floor_m_s_rthz")
-    put("velocity_correlation", g.velocity_correlation * 2.0**12, "velocity_correlation_s")
-    most("velocity_ceiling", g.velocity_ceiling * 2.0**24, "velocity_ceiling_m_s_rthz")
-    put("fix_floor", g.fix_floor * 2.0**24, "fix_floor_m_s_rthz")
-    put("fix_correlation", g.fix_correlation * 2.0**12, "fix_correlation_s")
-    most("fix_ceiling", g.fix_ceiling * 2.0**24, "fix_ceiling_m_s_rthz")
-    put("log_bias_inflation", _log(g.bias_inflation), "bias_inflation")
-    put("log_fix_inflation", _log(g.fix_inflation), "fix_inflation")
-    put("log_fix_gate", _log(g.fix_gate), "fix_gate_sigmas")
-    accel2 = ACCEL_UNIT_G**2
-    put("accel_variance", g.accel_variance / accel2 * 2.0**28, "accel_bias_start_m_s2")
-    put("accel_walk", g.accel_walk / accel2 * 2.0**28, "accel_bias_walk_m_s2_rts")
-    put("fix_lag_variance", g.fix_lag_variance * 2.0**30, "fix_latency_start_s")
-    put("fix_lag_walk", g.fix_lag_walk * 2.0**30, "fix_latency_walk_s_rts")
-    put("fix_lag_limit", g.fix_lag_limit * 2.0**30, "fix_latency_limit_s")
-    most("impossible_velocity", g.impossible_velocity * 2.0**24, "impossible_velocity_m_s")
-    put("level_time_us", g.level_time_s * 1e6, "level_time_s")
-    most("innovation_mean_time_us", g.innovation_mean_time_s * 1e6, "drift_time_s")
-    most("startup_time_us", g.startup_time_s * 1e6, "start_time_s")
-    put("log_start_factor", _log(max(g.start_factor * 1e6, 1.0)), "start_factor")
-    _set_field(image, g)
+def _timing(rate_hz: float) -> Timing:
+    """A sample longer than a step is taken in several."""
+    parts = math.ceil(1e6 / (rate_hz * MOST_DT_US))
+    return Timing(rate_hz * parts, float(parts), FRAME)
 
 
-def _set_field(image: _Image, g: FloatGains) -> None:
-    put, most = image.put, image.put_most
-    put("mag_noise", g.mag_noise * 2.0**26, "field_noise_deg_rthz")
-    most("mag_correlation", g.mag_correlation * 2.0**12, "field_correlation_s")
-    most("mag_norm_gate", g.mag_norm_gate * 2.0**15, "field_norm_gate")
-    put("mag_dip_gate", math.sin(g.mag_dip_gate) * 2.0**15, "field_dip_gate_deg")
-    most("field_silence_us", g.field_silence_s * 1e6, "field_silence_s")
-    put("mag_heading_gate", g.mag_heading_gate, "field_heading_gate_sigmas")
-    most("mag_ref_time_us", g.mag_ref_time_s * 1e6, "field_reference_time_s")
-    most("mag_new_time_us", g.mag_new_time_s * 1e6, "field_renewal_time_s")
-    most("mag_new_turn", g.mag_new_turn * 2.0**16, "field_renewal_turn_deg")
-    most("mag_lag_prior", g.mag_lag_prior / LAG_DEN_UNIT, "field_latency_weight_rad2_s")
-    most("mag_lag_limit", g.mag_lag_limit / LAG_UNIT_S, "field_latency_limit_s")
+def _set_parameters(image: _Image, g: FloatGains, timing: Timing) -> None:
+    for parameter in PARAMETERS:
+        if parameter.fixed is not None:
+            value = getattr(g, parameter.field)
+            for name, number in parameter.fixed.numbers(value, timing).items():
+                image.put(name, number, parameter.key)
 
 
 def _set_tables(image: _Image, g: FloatGains) -> float:

@@ -9,10 +9,12 @@ Formats: docs/fixed-point.md.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from h2nav.attitude.integer.motion import BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US, RATE_LIMIT
 from h2nav.attitude.integer.triad import Q_LIMIT
 from h2nav.attitude.record import integer, integers
+from h2nav.attitude.velocity_aided.parameters import in_integers
 from h2nav.maths.fixedpoint import I32
 
 FRAME = 16  # samples per frame of the second stage
@@ -337,94 +339,16 @@ class State:
     declination_cosine: I32 = integer(-(1 << 14), 1 << 14, "", "its cosine", q=14)
 
 
+@in_integers
 @dataclass(slots=True)
 class Gains:
-    """Gains and limits of a gain file, as integers."""
+    """Gains and limits of a gain file, as integers: its parameters and its tables."""
 
-    rest_lowpass_shift: I32 = integer(0, 14, "", "the low-pass takes 2^-shift of the difference")
-    rest_gyro: I32 = integer(0, 1 << 30, "", "limit about the low-passed rate, squared")
-    rest_accel: I32 = integer(0, 1 << 30, "", "limit about the low-passed force, squared")
-    rest_time_us: I32 = integer(0, AGE_MOST_US, "us", "at rest after so long")
-    log_rest_noise: I32 = integer(
-        -LOG_MOST, LOG_MOST, "log2 s", "density of the low-passed rate at rest, squared", q=8
-    )
-    bias_limit: I32 = integer(1, BIAS_LIMIT, "2 rad/us", "limit of a bias", q=53)
-    bias_variance: I32 = integer(
-        VARIANCE_LEAST, THETA_MOST, "", "start and limit of the variance of a bias", q=28
-    )
-    vertical_bias_variance: I32 = integer(
-        VARIANCE_LEAST, THETA_MOST, "", "most of the bias z's without a field", q=28
-    )
-    bias_walk: I32 = integer(0, 1 << 28, "1/s", "density of the bias walk, squared", q=28)
-    heading_variance: I32 = integer(
-        VARIANCE_LEAST, THETA_MOST, "0.25 rad^2", "start and limit of the heading variance", q=28
-    )
-    gyro_noise: I32 = integer(1, 1 << 28, "rad^2/s", "density of the gyro, squared", q=33)
-    scale_noise_m: I32 = integer(0, 32767, "", "gyro noise per turning: m 2^-(15 + s)")
-    scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
-    heading_scale_noise_m: I32 = integer(0, 32767, "", "the same about the vertical")
-    heading_scale_noise_s: I32 = integer(0, SHIFT_MOST, "", "its shift")
-    jitter_share: I32 = integer(
-        0, 32767, "", "share of the jitter that counts as noise; 828 = 1 where a sample is a step"
-    )
-    velocity_floor: I32 = integer(
-        1, 1 << 28, "s^3", "least density of the bounded velocity, squared", q=24
-    )
-    velocity_correlation: I32 = integer(0, 32767, "s", "twice its correlation time", q=12)
-    velocity_ceiling: I32 = integer(1, 1 << 30, "s^3", "its largest density, squared", q=24)
-    fix_floor: I32 = integer(
-        1, 1 << 28, "s^3", "least density of a measured velocity, squared", q=24
-    )
-    fix_correlation: I32 = integer(0, 32767, "s", "twice its correlation time", q=12)
-    fix_ceiling: I32 = integer(1, 1 << 30, "s^3", "its largest density, squared", q=24)
-    log_bias_inflation: I32 = integer(
-        0, LOG_MOST, "log2", "on the noise of the second stage, bounded velocity", q=8
-    )
-    log_fix_inflation: I32 = integer(
-        0, LOG_MOST, "log2", "on the noise of the second stage, measured velocity", q=8
-    )
-    log_fix_gate: I32 = integer(0, LOG_MOST, "log2", "gate on a fix, squared sigmas", q=8)
-    fix_lag_variance: I32 = integer(
-        0, 1 << 28, "s^2", "start of the variance of the fixes' latency; 0: none is learnt", q=30
-    )
-    accel_variance: I32 = integer(
-        0, THETA_MOST, "", "start and limit of the accelerometer's variance; 0: none", q=28
-    )
-    accel_walk: I32 = integer(0, 1 << 28, "1/s", "density of its walk, squared", q=28)
-    fix_lag_walk: I32 = integer(0, 1 << 24, "s", "density of its walk, squared", q=30)
-    fix_lag_limit: I32 = integer(0, LATENCY_MOST, "s", "largest latency of the fixes", q=30)
-    impossible_velocity: I32 = integer(
-        1, 1 << 30, "s^2", "innovation that says the tilt is wrong, squared", q=24
-    )
-    level_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the levels")
-    innovation_mean_time_us: I32 = integer(1000, 1 << 29, "us", "... of the slow mean")
-    startup_time_us: I32 = integer(0, 1 << 29, "us", "time scale of the start-up inflation")
-    log_start_factor: I32 = integer(
-        -LOG_MOST, LOG_MOST, "log2 us", "how much sharper the gain sets are at the start", q=8
-    )
-    mag_noise: I32 = integer(
-        1, 1 << 26, "rad^2 s", "density of the heading by the magnetometer, squared", q=26
-    )
-    mag_correlation: I32 = integer(
-        0, 32767, "s", "twice the correlation time of magnetic disturbance", q=12
-    )
-    mag_norm_gate: I32 = integer(0, 32767, "", "gate on the norm of the field, relative", q=15)
-    mag_dip_gate: I32 = integer(0, 32767, "", "gate on its dip, sine", q=15)
-    field_silence_us: I32 = integer(
-        0, AGE_MOST_US, "us", "without a field for longer the heading is not learnt"
-    )
-    mag_heading_gate: I32 = integer(
-        0, 10000, "", "gate on the heading innovation, squared sigmas; 0: none"
-    )
-    mag_ref_time_us: I32 = integer(1000, 1 << 29, "us", "time constant of the reference field")
-    mag_new_time_us: I32 = integer(
-        1000, 1 << 29, "us", "after this time another field becomes the reference"
-    )
-    mag_new_turn: I32 = integer(0, 1 << 30, "rad", "and after this much turning", q=16)
-    mag_lag_prior: I32 = integer(
-        1, 1 << 29, "", "weight of the expected latency, as mag_lag_den for a norm of 64 uT"
-    )
-    mag_lag_limit: I32 = integer(0, LAG_MOST, "8 us", "largest latency")
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> I32:
+            """A parameter."""
+
     log_set_bounds: list[I32] = integers(
         SETS - 1, -LOG_MOST, LOG_MOST, "log2 1/s^4", "omega0^4 up to which a set is taken", q=8
     )
