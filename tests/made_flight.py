@@ -7,9 +7,12 @@ from needs import DEG
 
 from h2nav.flightlogs.context import (
     AttitudeTrack,
+    Battery,
     Context,
+    Fault,
     GpsTrack,
     ImuTrack,
+    Motors,
     Said,
     Series,
     Span,
@@ -215,6 +218,44 @@ def made_flight(duration_s=600.0, rate_hz=100.0, imus=2, seed=3, **changes):
         rejected={"RAW_IMU: stale": 2},
     )
     return flight._replace(**changes)
+
+
+def made_crash():
+    """Control is lost at 100 s and the vehicle comes down at 104 s of 112 s; with its analysis."""
+    flight = made_flight(112.0, 50.0, imus=1)
+    t_s = np.arange(0.0, 112.0, 0.1)
+    is_lost = _within(t_s, (100.0, 104.0))
+    level = np.zeros_like(t_s)
+    pwm_us = np.tile(1500.0 + 20.0 * np.sin(t_s)[:, None], (1, 4))
+    pwm_us[is_lost, 0] = 1900.0
+    lost = Finding(
+        Kind.LOSS_OF_CONTROL, Sensor(SensorKind.VEHICLE), Severity.ERROR, 100.0, 104.0, 55.0,
+        "deg", "pitch -60 deg where -5 was asked", "ATT, RCOU", id="loss_of_control.vehicle.1",
+    )  # fmt: skip
+    crash = Finding(
+        Kind.CRASH, Sensor(SensorKind.VEHICLE), Severity.CRITICAL, 104.0, 105.0, 9.0, "g",
+        "came down hard", "9 g", id="crash.vehicle.1", cause="loss_of_control.vehicle.1",
+    )  # fmt: skip
+    context = flight.context._replace(
+        modes=(
+            Span(0.0, 60.0, "STABILIZE"),
+            Span(60.0, 103.0, "LOITER"),
+            Span(103.0, 112.0, "LAND"),
+        ),
+        armed=(Span(5.0, 112.0, "armed"),),
+        demand=Series(t_s, np.column_stack((level, level - 5.0 * DEG, level + 1.0))),
+        motors=Motors((1, 2, 3, 4), t_s, pwm_us, 1000.0, 2000.0),
+        throttle=Series(t_s, 0.5 + level),
+        height_m=Series(t_s, 20.0 * (t_s < 104.0)),
+        height_demand_m=Series(t_s, 20.0 + level),
+        climb_m_s=Series(t_s, -5.0 * is_lost),
+        baro_height_m=Series(t_s, 20.5 * (t_s < 104.0)),
+        batteries=(Battery(0, t_s, 12.6 - 0.01 * t_s, 10.0 + level, 1.0 - 0.005 * t_s),),
+        faults=(Fault(102.0, "battery", 1, "low"),),
+        airborne=Series(np.array([0.0, 8.0]), np.array([0.0, 1.0])),
+    )
+    flight = flight._replace(context=context, findings=(lost, crash))
+    return flight, made_analysis(flight)._replace(findings=())
 
 
 def made_analysis(flight, seed=4):

@@ -166,7 +166,7 @@ def _deviations(ours: Estimates | None, flight: Flight) -> dict[str, object] | N
         part: {
             "median_deg": _median(sigma[is_counted]) / DEG,
             "largest_deg": _largest(sigma[is_counted]) / DEG,
-            "last_deg": float(sigma[-1]) / DEG,
+            "last_deg": float((sigma[is_counted] if is_counted.any() else sigma)[-1]) / DEG,
         }
         for part, sigma in (("tilt", ours.sigma_tilt_rad), ("heading", ours.sigma_heading_rad))
     }

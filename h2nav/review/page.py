@@ -3,20 +3,29 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from h2nav.integrity.findings import Finding
-from h2nav.integrity.kinds import MEANINGS
-from h2nav.review.advice import place
+from h2nav.integrity.findings import Finding, Severity
 from h2nav.review.analysis import Analysis
+from h2nav.review.cards import cards
 from h2nav.review.certainty import GROUPS
 from h2nav.review.flight import Flight
 from h2nav.review.gathering import all_findings
 from h2nav.review.html import asset, data_block, escape, frame, table
 from h2nav.review.parameters import Value, matters_for_attitude
-from h2nav.review.pictures import attitude, compass, sensors, spectra, timeline, track
+from h2nav.review.pictures import (
+    attitude,
+    colours,
+    compass,
+    event,
+    sensors,
+    spectra,
+    timeline,
+    track,
+    vehicle,
+)
 from h2nav.review.pictures.columns import shown_s
-from h2nav.review.pictures.picture import Curves, Picture, Section, for_script
+from h2nav.review.pictures.picture import Curves, Picture, Section, Shown, Stack, for_script
 
-MOST_FINDINGS = 40
+LEAST_PERCENT = 0.05  # less is shown as nothing
 _KINDS = {
     "tlog": "telemetry log",
     "bytes": "recorded link",
@@ -38,16 +47,17 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
         A file that opens without a network: findings, how sure they are, pictures.
     """
     findings = all_findings(flight, analysis)
-    sections = [section for section in _sections(flight, analysis, findings) if _is_filled(section)]
+    happened = [one for one in (event.event(flight, findings),) if _is_filled(one)]
+    sections = [one for one in _sections(flight, analysis, findings) if _is_filled(one)]
     drawn = _Drawn()
     body = "\n".join(
         (
             _title(told),
-            _no_estimate(told),
             _findings(told, findings),
-            _certainty(told),
+            *map(drawn.section, happened),
             _contents(sections),
-            *(drawn.section(section) for section in sections),
+            *map(drawn.section, sections),
+            _certainty(told),
             _texts(told),
             _parameters(told["parameters"]),
             _bar(),
@@ -56,6 +66,8 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     data = {
         "duration_s": shown_s(flight.context.duration_s),
         "modes": timeline.mode_backdrop(flight),
+        "marks": timeline.marks(flight, findings),
+        "impact": colours.IMPACT,
         "pictures": [for_script(picture) for picture in drawn.pictures],
     }
     return frame(
@@ -73,6 +85,10 @@ def _sections(
     return (
         timeline.timeline(flight, findings),
         attitude.attitude(flight),
+        vehicle.height(flight),
+        vehicle.motors(flight),
+        vehicle.battery(flight),
+        track.track(flight, findings),
         attitude.difference(flight),
         attitude.certainty(flight),
         attitude.innovations(flight),
@@ -82,7 +98,6 @@ def _sections(
         spectra.spectra(analysis),
         sensors.receivers(flight, analysis),
         sensors.timing(flight, analysis),
-        track.track(flight, findings),
     )
 
 
@@ -106,21 +121,24 @@ class _Drawn:
         parts.append(self._pictures(section.pictures))
         parts.append(section.html)
         if section.further:
-            parts.append("<details><summary>the other sensors</summary>")
+            parts.append(f"<details><summary>{escape(section.further_title)}</summary>")
             parts.append(self._pictures(section.further) + "</details>")
         return "".join(parts) + "</section>"
 
-    def _pictures(self, pictures: Iterable[Picture]) -> str:
-        return f'<div class="pictures">{"".join(self._picture(one) for one in pictures)}</div>'
+    def _pictures(self, pictures: Iterable[Shown]) -> str:
+        return f'<div class="pictures">{"".join(self._figure(one) for one in pictures)}</div>'
 
-    def _picture(self, picture: Picture) -> str:
-        self.pictures.append(picture)
+    def _figure(self, picture: Shown) -> str:
+        lanes = picture.lanes if isinstance(picture, Stack) else (picture,)
+        look = "half" if isinstance(picture, Curves) else "whole"
+        look += " stack" if isinstance(picture, Stack) else ""
         about = f'<p class="about">{escape(picture.about)}</p>' if picture.about else ""
-        return (
-            f'<figure class="{"half" if isinstance(picture, Curves) else "whole"}">'
-            f"<h3>{escape(picture.title)}</h3>{about}"
-            f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div></figure>'
-        )
+        places = "".join(map(self._place, lanes))
+        return f'<figure class="{look}"><h3>{escape(picture.title)}</h3>{about}{places}</figure>'
+
+    def _place(self, picture: Picture) -> str:
+        self.pictures.append(picture)
+        return f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div>'
 
 
 def _title(told: dict[str, Any]) -> str:
@@ -150,31 +168,41 @@ def _no_estimate(told: dict[str, Any]) -> str:
     if not told["why_no_estimate"]:
         return ""
     return (
-        f'<p class="verdict">No attitude of our own: {escape(told["why_no_estimate"])}</p>'
+        f'<p class="lack">No attitude of our own: {escape(told["why_no_estimate"])}</p>'
         "<p>So the autopilot's attitude could not be judged. What the recording shows of itself "
         "stands below.</p>"
     )
 
 
 def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    parts = [
-        '<section id="findings"><h2>What was found</h2>',
-        _verdict(told, findings),
-        _list(findings),
-    ]
+    is_wrong = any(one.severity <= Severity.WARNING for one in findings)
+    return (
+        f'<section id="findings"><p class="verdict">{escape(told["verdict"])}</p>'
+        f"{_no_estimate(told)}{cards(findings)}"
+        f"{_looked_at(told, is_open=not is_wrong)}</section>"
+    )
+
+
+def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
+    """What the verdict rests on; in sight where nothing was found wrong."""
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
     ]
-    if checked:
-        parts.append(f"<p><b>Checked:</b> {escape('; '.join(checked))}.</p>")
-    for lack, what in (
-        ("Could not be checked", _untested(told)),
-        ("Missing in the recording", told["missing"]),
-    ):
-        if what:
-            parts.append(f"<p><b>{lack}:</b> {escape('; '.join(what))}.</p>")
-    return "".join(parts) + "</section>"
+    lines = "".join(
+        f"<p><b>{title}:</b> {escape('; '.join(what))}.</p>"
+        for title, what in (
+            ("Checked", checked),
+            ("Could not be checked", _untested(told)),
+            ("Missing in the recording", told["missing"]),
+        )
+        if what
+    )
+    if not lines:
+        return ""
+    opened = " open" if is_open else ""
+    title = "What was looked at, and what could not be"
+    return f"<details{opened}><summary>{title}</summary>{lines}</details>"
 
 
 def _untested(told: dict[str, Any]) -> list[str]:
@@ -186,61 +214,6 @@ def _untested(told: dict[str, Any]) -> list[str]:
     if tested[GROUPS["velocity"]]["spans"]:
         untested = [name for name in untested if name != GROUPS["force"]]
     return untested
-
-
-def _verdict(told: dict[str, Any], findings: Sequence[Finding]) -> str:
-    about = (
-        '<p class="about">The worst first. A click on a finding shows its time in all pictures. '
-        "Times are seconds after the beginning of the recording.</p>"
-    )
-    return f'<p class="verdict">{escape(told["verdict"])}</p>{about if findings else ""}'
-
-
-def _list(findings: Sequence[Finding]) -> str:
-    def items(some: Iterable[Finding]) -> str:
-        return f'<ol class="findings">{"".join(_item(one) for one in some)}</ol>'
-
-    first, rest = findings[:MOST_FINDINGS], findings[MOST_FINDINGS:]
-    parts = [items(first)] if first else []
-    if rest:
-        parts.append(
-            f"<details><summary>{len(rest)} further findings</summary>{items(rest)}</details>"
-        )
-    return "".join(parts)
-
-
-def _item(finding: Finding) -> str:
-    of_kind, severity = MEANINGS[finding.kind], finding.severity
-    source = finding.source
-    text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
-    # A size without a unit counts what the text counts too.
-    size = f"{_figure(finding.size)} {finding.unit}" if finding.unit else ""
-    lines = [
-        ("means", of_kind.means),
-        ("shown by", finding.evidence),
-        ("check", of_kind.check),
-    ]
-    shown = "".join(
-        f'<span class="line"><i>{name}:</i> {escape(line)}</span>' for name, line in lines if line
-    )
-    return (
-        f'<li class="finding {severity.look}"><button type="button" '
-        f'data-from="{finding.from_s:.3f}" data-to="{finding.to_s:.3f}" '
-        f'data-place="{place(finding.kind)}">'
-        f'<span class="what"><span class="tag">{severity.tag}</span>'
-        f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
-        f"{shown}</button></li>"
-    )
-
-
-def _span(finding: Finding) -> str:
-    digits = 1 if finding.to_s - finding.from_s < 10.0 else 0
-    begin, end = f"{finding.from_s:.{digits}f}", f"{finding.to_s:.{digits}f}"
-    return f"{begin} s" if begin == end else f"{begin} to {end} s"
-
-
-def _figure(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
 
 
 def _certainty(told: dict[str, Any]) -> str:
@@ -287,7 +260,7 @@ def _compared(told: dict[str, Any]) -> str:
     ]
     if not rows:
         return ""
-    heads = ("whose", "of", "usual difference", "largest", "beyond three deviations")
+    heads = ("whose", "of", "usual", "largest", "beyond 3 sigma")
     return "<div><h3>Others against h2nav</h3>" + table(heads, rows) + "</div>"
 
 
@@ -299,8 +272,8 @@ def _tested(told: dict[str, Any]) -> str:
         if one["spans"]
     }
     for name, seconds in told["certainty"]["states_s"].items():
-        shares[f"h2nav was {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
-    rows = [(name, _percent(share)) for name, share in shares.items()]
+        shares[f"h2nav: {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
+    rows = [(name, _percent(share)) for name, share in shares.items() if share >= LEAST_PERCENT]
     if not rows:
         return ""
     return "<div><h3>What was tested</h3>" + table(("", "share of the time"), rows) + "</div>"
@@ -322,7 +295,8 @@ def _contents(sections: Sequence[Section]) -> str:
         "moves it and two stretch it. A click on a name below a picture hides its line; colours "
         "behind the lines are flight modes."
     )
-    return f'<h2>Pictures</h2><p class="about">{escape(about)}</p><p>{links}</p>' if links else ""
+    how = f"<details><summary>How to use the pictures</summary><p>{escape(about)}</p></details>"
+    return f'<nav class="contents"><h2>The flight</h2><p>{links}</p>{how}</nav>' if links else ""
 
 
 def _texts(told: dict[str, Any]) -> str:

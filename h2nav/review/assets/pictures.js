@@ -17,12 +17,13 @@ const decoded = (text) => known(floats(text));
 const isNarrow = () => window.innerWidth < 600;
 
 const grids = new Map();
-function times(points) {
-  if (!grids.has(points)) {
-    const step = END / points;
-    grids.set(points, Float64Array.from({length: points}, (_, k) => (k + 0.5) * step));
+function times(points, [from, to] = [0, END]) {
+  const key = `${points} ${from} ${to}`;
+  if (!grids.has(key)) {
+    const step = (to - from) / points;
+    grids.set(key, Float64Array.from({length: points}, (_, k) => from + (k + 0.5) * step));
   }
-  return grids.get(points);
+  return grids.get(key);
 }
 
 // --- the axis of time ---------------------------------------------------------------------------
@@ -110,6 +111,32 @@ function chosen(plot) {
   });
 }
 
+// Moments: lines through every picture over time, with their names in the picture of an event.
+function moments(isNamed) {
+  return (plot) => inside(plot, (ctx, box, ratio, x) => {
+    ctx.font = `${11 * ratio}px sans-serif`;
+    ctx.textBaseline = "bottom";
+    let free = -Infinity, line = 0;
+    for (const [t, text, colour] of review.marks) {
+      const at = x(t);
+      if (at < box.left - 1 || at > box.left + box.width + 1) continue;
+      ctx.strokeStyle = ctx.fillStyle = colour;
+      ctx.setLineDash(colour === review.impact ? [] : [2 * ratio, 3 * ratio]);
+      ctx.lineWidth = (colour === review.impact ? 2 : 1) * ratio;
+      ctx.beginPath();
+      ctx.moveTo(at, box.top);
+      ctx.lineTo(at, box.top + box.height);
+      ctx.stroke();
+      if (!isNamed) continue;
+      const width = ctx.measureText(text).width + 8 * ratio;
+      const left = Math.min(at + 4 * ratio, box.left + box.width - width);
+      line = left < free ? line + 1 : 0;
+      free = left + width;
+      ctx.fillText(text, left, box.top + box.height - (3 + 13 * line) * ratio);
+    }
+  });
+}
+
 function marked(marks, scale) {
   return (plot) => inside(plot, (ctx, box, ratio) => {
     ctx.strokeStyle = ctx.fillStyle = TEXT;
@@ -140,12 +167,12 @@ function marked(marks, scale) {
 }
 
 // --- kinds of pictures --------------------------------------------------------------------------
-function axes(x_text, y_text, digits, more = {}) {
+function axes(x_text, y_text, digits, more = {}, hasTime = true) {
   const plain = {stroke: TEXT, grid: {stroke: GRID, width: 1}, ticks: {stroke: GRID, width: 1},
     font: "12px sans-serif", labelFont: "12px sans-serif"};
   return [
-    {...plain, size: 32, space: isNarrow() ? 60 : 80,
-      values: (_, ticks) => ticks.map((tick) => `${+tick.toFixed(3)} ${x_text}`)},
+    {...plain, size: hasTime ? 32 : 6, space: isNarrow() ? 60 : 80,
+      values: !hasTime ? (_, ticks) => ticks.map(() => "") : (_, ticks) => ticks.map((tick) => `${+tick.toFixed(3)} ${x_text}`)},
     {...plain, size: isNarrow() ? 50 : 66, label: y_text, labelSize: 16, labelGap: 0,
       values: (_, ticks) => ticks.map((tick) => tick === null ? "" : `${+tick.toPrecision(6)}`),
       ...more},
@@ -173,7 +200,8 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
     made.push({
       label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, auto: trace.sets_range,
       dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
-      value: (_, value) => value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
+      value: (_, value, __, at) => at === null || at === undefined ? "" :
+        value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
     });
     data.push(decoded(trace.values));
     if (!trace.low) continue;
@@ -195,33 +223,44 @@ function edges(plot, at, change) {
   });
 }
 
-function onTime(options, height) {
+// A legend tells values where something is pointed at, and only names elsewhere.
+function pointed(plot) {
+  plot.root.classList.toggle("pointed", plot.cursor.idx !== null && plot.cursor.left >= 0);
+}
+
+const clock = {label: "time", class: "clock", value: (_, t) => t === null || t === undefined ? "" : `${t.toFixed(1)} s`};
+
+function onTime(options, height, window) {
+  const from = window ? window[0] : shown.from, to = window ? window[1] : shown.to;
   return {
     height, legend: {live: true}, ...options,
-    scales: {x: {time: false, range: (_, min, max) => [min, max], min: shown.from, max: shown.to}, ...options.scales},
+    scales: {x: {time: false, range: (_, min, max) => [min, max], min: from, max: to}, ...options.scales},
     cursor: {
       sync: {key: "time", scales: ["x", null], filters: {pub: (type) => type === "mousemove" || type === "mouseleave"}},
-      drag: {x: true, y: false}, focus: {prox: -1},
-      bind: {dblclick: () => () => show(0, END)},
+      drag: {x: !window, y: false}, focus: {prox: -1},
+      bind: {dblclick: () => () => window || show(0, END)},
     },
     hooks: {
-      ...options.hooks, setScale: [followed], drawClear: [backdrop],
-      draw: [modeNames, chosen, ...(options.hooks?.draw ?? [])],
+      ...options.hooks, setScale: window ? [] : [followed], drawClear: [backdrop], setLegend: [pointed],
+      draw: [...(options.hasModes === false ? [] : [modeNames]), chosen, moments(options.isNamed), ...(options.hooks?.draw ?? [])],
     },
   };
 }
 
-function lines(picture) {
+function lines(picture, lane) {
   const {made, data, bands} = series(picture.traces, picture.unit, picture.digits, false,
     picture.goes_round ? around : undefined);
   const points = data.length ? data[0].length : 2;
+  const side = lane ? `${picture.title}, ${picture.unit}` : picture.unit;
+  const height = lane ? (isNarrow() ? 120 : 128) + 26 * lane.isLast : isNarrow() ? 200 : 240;
   return [onTime({
-    series: [{label: "time", value: (_, t) => t === null ? "–" : `${t.toFixed(1)} s`}, ...made], bands,
-    axes: axes("s", picture.unit, picture.digits, picture.goes_round
-      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]} : {}),
-    scales: {y: {range: reach(picture)}},
+    series: [clock, ...made], bands,
+    axes: axes("s", side, picture.digits, picture.goes_round
+      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]} : {},
+      !lane || lane.isLast),
+    scales: {y: {range: reach(picture)}}, isNamed: lane?.isFirst, hasModes: !lane || lane.isFirst,
     hooks: {draw: [marked(picture.limits, "y")], setSeries: [edges]},
-  }, isNarrow() ? 200 : 240), [times(points), ...data]];
+  }, height, picture.window), [times(points, picture.window ?? undefined), ...data]];
 }
 
 function curves(picture) {
@@ -231,11 +270,11 @@ function curves(picture) {
     : {range: reach({limits: [], digits: picture.digits, at_least: null})};
   return [{
     height: isNarrow() ? 220 : 260, bands, legend: {live: true},
-    series: [{label: picture.x_text, value: (_, v) => v === null ? "–" : `${+v.toFixed(1)}`}, ...made],
+    series: [{label: picture.x_text, class: "clock", value: (_, v) => v === null || v === undefined ? "" : `${+v.toFixed(1)}`}, ...made],
     axes: axes("", picture.unit, picture.digits,
       picture.is_logarithmic ? {values: (_, t) => t.map((v) => v === null ? "" : `${+v.toPrecision(2)}`)} : {}),
     scales: {x: {time: false}, y: scale}, cursor: {drag: {x: true, y: false}},
-    hooks: {draw: [marked(picture.marks, "x")], setSeries: [edges]},
+    hooks: {draw: [marked(picture.marks, "x")], setSeries: [edges], setLegend: [pointed]},
   }, [x, ...data]];
 }
 
@@ -270,7 +309,7 @@ function heat(picture) {
   });
   const nearest = (time) => t.reduce((best, v, k) => Math.abs(v - time) < Math.abs(t[best] - time) ? k : best, 0);
   const strongest = (plot, _, __, at) => {
-    if (at === null || !t.length) return "–";
+    if (at === null || at === undefined || !t.length) return "";
     const column = nearest(plot.data[0][at]);
     const part = levels.subarray(column * rows, (column + 1) * rows);
     const row = part.reduce((best, v, k) => v > part[best] ? k : best, 0);
@@ -278,8 +317,7 @@ function heat(picture) {
   };
   const grid = times(2000);
   const options = onTime({
-    series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
-      {label: "strongest", stroke: "#08306b", value: strongest}],
+    series: [clock, {label: "strongest", stroke: "#08306b", value: strongest}],
     axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}},
   }, isNarrow() ? 190 : 220);
   options.hooks.drawClear = [];
@@ -287,44 +325,47 @@ function heat(picture) {
   return [options, [grid, new Array(grid.length).fill(null)]];
 }
 
-function rows(picture) {
-  const step = 40, count = picture.rows.length;
+function rows(picture, lane) {
+  const step = lane ? 34 : 40, bar = lane ? 15 : 20, count = picture.rows.length;
   const draw = (plot) => inside(plot, (ctx, box, ratio, x) => {
     picture.rows.forEach(([label, spans, colours], k) => {
-      const top = box.top + k * step * ratio;
+      const top = box.top + k * step * ratio, right = box.left + box.width;
       ctx.font = `${11 * ratio}px sans-serif`;
       ctx.textBaseline = "middle";
       ctx.fillStyle = SOFT;
       ctx.fillText(label, box.left + 3 * ratio, top + 8 * ratio);
       spans.forEach(([from, to, name], n) => {
-        const left = Math.max(x(from), box.left), right = Math.min(x(to), box.left + box.width);
-        if (x(to) < box.left || left > box.left + box.width) return;
+        const left = Math.max(x(from), box.left), end = Math.min(x(to), right);
+        if (x(to) < box.left || left > right) return;
         ctx.fillStyle = colours[n];
-        ctx.fillRect(left, top + 16 * ratio, Math.max(right - left, 2 * ratio), 20 * ratio);
+        ctx.fillRect(left, top + 16 * ratio, Math.max(end - left, 2 * ratio), bar * ratio);
         ctx.fillStyle = TEXT;
-        written(ctx, name, left, right, top + 26 * ratio, ratio);
+        // What is short may be named up to what follows it, and at the end before it.
+        const next = Math.min(n + 1 < spans.length ? Math.max(x(spans[n + 1][0]), end) : right, right);
+        const width = ctx.measureText(name).width + 6 * ratio, middle = top + (16 + bar / 2) * ratio;
+        const isLast = n + 1 === spans.length && next - left < width && end - left < 20 * ratio;
+        if (isLast && (n === 0 || x(spans[n - 1][1]) < left - width)) ctx.fillText(name, left - width, middle);
+        else written(ctx, name, left, next, middle, ratio);
       });
     });
   });
   const named = (spans) => (plot, _, __, at) => {
-    const t = at === null ? null : plot.data[0][at];
-    const here = t === null ? [] : spans.filter(([from, to]) => from <= t && t <= to);
-    return here.length ? here.map((span) => span[2]).join(", ") : "–";
+    const t = at === null || at === undefined ? null : plot.data[0][at];
+    return t === null ? "" : spans.filter(([from, to]) => from <= t && t <= to).map((span) => span[2]).join(", ");
   };
   // A row without a label goes on with the one above it.
   const labelled = [];
   for (const [label, spans] of picture.rows)
     if (label) labelled.push([label, [...spans]]);
     else labelled.at(-1)[1].push(...spans);
-  const grid = times(2000), nothing = new Array(grid.length).fill(null);
+  const grid = times(2000, picture.window ?? undefined), nothing = new Array(grid.length).fill(null);
   const options = onTime({
-    series: [{label: "time", value: (_, v) => v === null ? "–" : `${v.toFixed(1)} s`},
-      ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
+    series: [clock, ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
     axes: axes("s", "", 0, {values: (_, ticks) => ticks.map(() => ""), grid: {show: false}, ticks: {show: false}}),
     scales: {y: {range: () => [0, 1]}},
-  }, step * count + 34 + 8);
+  }, step * count + 34 + 8, picture.window);
   options.hooks.drawClear = [];
-  options.hooks.draw = [chosen, draw];
+  options.hooks.draw = [chosen, draw, moments(false)];
   return [options, [grid, ...labelled.map(() => nothing)]];
 }
 
@@ -384,15 +425,22 @@ const kinds = {lines, curves, heat, rows};
 
 function made(place) {
   const picture = review.pictures[Number(place.dataset.picture)];
-  const [options, data] = kinds[picture.kind](picture);
+  const stack = place.closest(".stack");
+  const lanes = stack && [...stack.querySelectorAll(".plot")];
+  const lane = lanes && {isFirst: place === lanes[0], isLast: place === lanes.at(-1)};
+  const [options, data] = kinds[picture.kind](picture, lane);
   const plot = new uPlot({...options, width: place.clientWidth}, data, place);
-  const isTimed = picture.kind !== "curves";
+  const isTimed = picture.kind !== "curves" && !picture.window;
   if (isTimed) {
     timed.push(plot);
     touchable(plot.over);
   }
   all.push({place, plot});
   place.classList.add("drawn", picture.kind);
+  // Lanes of the same lines need their names once, where room is scarce.
+  const names = (one) => one?.traces?.map((trace) => trace.label).join();
+  const above = lane && !lane.isFirst && review.pictures[Number(place.dataset.picture) - 1];
+  place.classList.toggle("same", Boolean(above) && names(above) === names(picture));
   new ResizeObserver(() => {
     if (place.clientWidth && place.clientWidth !== plot.width) plot.setSize({width: place.clientWidth, height: plot.height});
   }).observe(place);
@@ -413,7 +461,7 @@ function select(button) {
   selected = [from, to];
   const margin = Math.max(0.3 * (to - from), 3);
   show(from - margin, to + margin);
-  for (const plot of timed) plot.redraw(false);
+  for (const {plot} of all) plot.redraw(false);
   document.getElementById(button.dataset.place)?.scrollIntoView({behavior: "smooth", block: "start"});
 }
 
@@ -422,7 +470,7 @@ const moves = {
     selected = null;
     for (const other of document.querySelectorAll(".finding.shown")) other.classList.remove("shown");
     show(0, END);
-    for (const plot of timed) plot.redraw(false);
+    for (const {plot} of all) plot.redraw(false);
   },
   closer: (width) => show(shown.from + width / 4, shown.to - width / 4),
   wider: (width) => show(shown.from - width / 2, shown.to + width / 2),
@@ -439,6 +487,15 @@ document.addEventListener("click", (event) => {
 
 for (const more of document.querySelectorAll("details"))
   more.addEventListener("toggle", () => { if (more.open) drawn(more.querySelectorAll("[data-picture]")); });
+
+// The ground track in the colours of time or of the flight modes.
+for (const choice of document.querySelectorAll("[data-colours]"))
+  choice.addEventListener("change", () => {
+    const isMode = choice.value === "mode";
+    for (const part of document.querySelectorAll("[data-mode]"))
+      part.style.stroke = isMode ? part.dataset.mode : "";
+    for (const key of document.querySelectorAll("[data-key]")) key.hidden = key.dataset.key !== choice.value;
+  });
 
 // Rows that hold every word of a search.
 for (const input of document.querySelectorAll("[data-search]"))

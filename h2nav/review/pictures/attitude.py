@@ -14,6 +14,8 @@ from h2nav.review.flight import Estimates, Flight
 from h2nav.review.pictures import colours
 from h2nav.review.pictures.columns import COARSE, FINE, Columns
 from h2nav.review.pictures.picture import Lines, Mark, Section, Trace
+from h2nav.review.pictures.timeline import own_rows
+from h2nav.review.pictures.vehicle import demand
 
 MOST_ESTIMATORS = 4
 FULL_TURN_DEG = 360.0
@@ -37,26 +39,42 @@ class _Voice(NamedTuple):
 
 
 def attitude(flight: Flight) -> Section:
-    """Roll, pitch and heading of everybody."""
+    """Roll, pitch and heading of every estimator, and what was asked for."""
     columns = Columns(flight.context.duration_s, FINE)
+    return Section("attitude", "Attitude", attitude_lines(flight, columns))
+
+
+def attitude_lines(
+    flight: Flight, columns: Columns, window_s: tuple[float, float] | None = None
+) -> tuple[Lines, ...]:
+    """Roll, pitch and heading.
+
+    Args:
+        flight: as it was played.
+        columns: of the pictures.
+        window_s: the part of the flight that they show; None for all of it. The smoothed attitude
+            is left out of a part: it knows what came later, and nothing in flight did.
+    """
     traces: dict[str, list[Trace]] = {part: [] for part in _PARTS}
-    voices = _voices(flight)
+    voices = _voices(flight if window_s is None else flight._replace(smoothed=None))
     cut = _rarest_heading(voices)
+    for part in _PARTS:  # below what was flown
+        traces[part] += demand(flight.context, columns, part, cut)
     for voice in voices:
         _add(traces, columns, voice, cut)
     about = "The pale band is three deviations wide to each side: we expect the truth inside it."
-    pictures = tuple(
+    return tuple(
         Lines(
             part.capitalize(),
             f"{_ABOUT[part]} {about}",
             "deg",
             tuple(traces[part]),
             goes_round=part == "heading",
+            window_s=window_s,
         )
         for part in _PARTS
-        if traces[part]
+        if any(np.isfinite(trace.values).any() for trace in traces[part])
     )
-    return Section("attitude", "Attitude", pictures)
 
 
 def _voices(flight: Flight) -> list[_Voice]:
@@ -191,7 +209,9 @@ def certainty(flight: Flight) -> Section:
                 at_least=(0.0, 1.0),
             )
         )
-    return Section("certainty", "How sure we are over time", tuple(pictures))
+    own = own_rows(flight)
+    rows = (own,) if own.rows else ()
+    return Section("certainty", "How sure we are over time", (*pictures, *rows))
 
 
 def innovations(flight: Flight) -> Section:

@@ -18,17 +18,19 @@ def shown_s(duration_s: float) -> float:
 
 
 class Columns:
-    """Equal columns of time from the beginning of the recording to its end.
+    """Equal columns of time: of the whole recording, or of a part of it.
 
     Attributes:
         count: of the columns.
         t_s: (2 count,) the times of the points.
     """
 
-    def __init__(self, duration_s: float, count: int) -> None:
+    def __init__(self, duration_s: float, count: int, from_s: float | None = None) -> None:
+        """Args: how long they are together, how many, where a part begins."""
         self.count = count
+        self._from_s = from_s
         self._width_s = shown_s(duration_s) / count
-        self.t_s = (np.arange(2 * count) + 0.5) * (0.5 * self._width_s)
+        self.t_s = (from_s or 0.0) + (np.arange(2 * count) + 0.5) * (0.5 * self._width_s)
 
     def of(self, t_s: Array, values: Array, turn: float | None = None) -> NDArray[np.float32]:
         """The points of one series.
@@ -48,6 +50,12 @@ class Columns:
         if len(t_s) == 0:
             return np.full(2 * self.count, np.nan, np.float32)
         points = self._between(t_s, values, turn)
+        if self._from_s is not None:
+            t_s = t_s - self._from_s
+            is_inside = (t_s >= 0.0) & (t_s <= self.count * self._width_s)
+            t_s, values = t_s[is_inside], values[is_inside]
+            if len(t_s) == 0:
+                return points.astype(np.float32)
         place = np.clip((t_s / self._width_s).astype(np.int64), 0, self.count - 1)
         starts = np.flatnonzero(np.diff(place, prepend=-1))
         ends = np.append(starts[1:], len(t_s)) - 1

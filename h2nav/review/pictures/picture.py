@@ -57,6 +57,7 @@ class Lines(NamedTuple):
         digits: behind the decimal point.
         at_least: a range that is always shown; None without.
         goes_round: the values are directions, of which any 360 deg may be shown.
+        window_s: what is always shown, from and to; None where it moves with the other pictures.
     """
 
     title: str
@@ -67,6 +68,7 @@ class Lines(NamedTuple):
     digits: int = 1
     at_least: tuple[float, float] | None = None
     goes_round: bool = False
+    window_s: tuple[float, float] | None = None
 
 
 class Curves(NamedTuple):
@@ -134,14 +136,31 @@ class Rows(NamedTuple):
         title: see `Lines`.
         about: see `Lines`.
         rows: from above.
+        window_s: see `Lines`.
     """
 
     title: str
     about: str
     rows: tuple[Row, ...]
+    window_s: tuple[float, float] | None = None
+
+
+class Stack(NamedTuple):
+    """Pictures over the same time, close below each other: one event.
+
+    Attributes:
+        title: see `Lines`.
+        about: see `Lines`.
+        lanes: from above; the title of each stands at its side.
+    """
+
+    title: str
+    about: str
+    lanes: tuple[Lines | Rows, ...]
 
 
 Picture = Lines | Curves | Heat | Rows
+Shown = Picture | Stack
 
 
 class Section(NamedTuple):
@@ -153,13 +172,15 @@ class Section(NamedTuple):
         pictures: the first ones.
         html: what stands below them, with everything escaped.
         further: pictures that are seen on demand.
+        further_title: what they are.
     """
 
     name: str
     title: str
-    pictures: tuple[Picture, ...]
+    pictures: tuple[Shown, ...]
     html: str = ""
-    further: tuple[Picture, ...] = ()
+    further: tuple[Shown, ...] = ()
+    further_title: str = "the other sensors"
 
 
 def for_script(picture: Picture) -> dict[str, object]:
@@ -173,6 +194,8 @@ def for_script(picture: Picture) -> dict[str, object]:
                 "limits": picture.limits,
                 "at_least": picture.at_least,
                 "goes_round": picture.goes_round,
+                "title": picture.title,
+                "window": picture.window_s,
                 "traces": [_trace(trace) for trace in picture.traces],
             }
         case Curves():
@@ -195,7 +218,7 @@ def for_script(picture: Picture) -> dict[str, object]:
                 "levels": _text(np.ascontiguousarray(picture.levels, np.uint8)),
             }
         case Rows():
-            return {"kind": "rows", "rows": picture.rows}
+            return {"kind": "rows", "rows": picture.rows, "window": picture.window_s}
 
 
 def _trace(trace: Trace) -> dict[str, object]:

@@ -11,6 +11,9 @@ _STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.
 # What is drawn and told of recordings with more spans than a picture can show.
 MOST_SPANS = 500
 MOST_FINDING_ROWS = 4
+MOST_MARKS = 12
+# Findings of a moment that every picture shall show.
+MOMENTS = {"crash": "impact", "toppled": "tipped over", "loss_of_control": "control lost"}
 
 
 def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
@@ -21,21 +24,53 @@ def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
     ]
 
 
-def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
-    """One picture."""
+def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, str, str]]:
+    """Moments that every picture over time shows: when, what, colour."""
+    found = [
+        (one.from_s, MOMENTS[one.kind], colours.IMPACT) for one in findings if one.kind in MOMENTS
+    ]
+    reported = [
+        (fault.t_s, fault.text, colours.REPORTED) for fault in flight.context.faults if fault.code
+    ]
+    return sorted(found[:MOST_MARKS] + reported[:MOST_MARKS])
+
+
+def vehicle_rows(flight: Flight) -> list[Row]:
+    """Modes, arming, take-off, and what the autopilot reported."""
     context = flight.context
-    rows = _found(findings[:MOST_SPANS])
-    rows += [
+    airborne = _airborne(flight)
+    rows = [
         _row(label, spans)
         for label, spans in (
             ("flight mode", context.modes),
             ("armed", context.armed),
-            ("autopilot's estimator", context.primary),
-            ("IMU that h2nav used", flight.lanes),
+            ("in the air, says the autopilot", airborne),
         )
     ]
+    return [*rows, *_reported(flight)]
+
+
+def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
+    """What happened to the vehicle, as one picture."""
+    context = flight.context
+    rows = _found(findings[:MOST_SPANS])
+    rows += vehicle_rows(flight)
+    rows.append(_row("autopilot's estimator", context.primary))
+    picture = Rows(
+        "What was when",
+        "Findings, the worst in the first row; what the autopilot did and reported.",
+        tuple(row for row in rows if row.spans),
+    )
+    return Section("timeline", "Time line", (picture,) if picture.rows else ())
+
+
+def own_rows(flight: Flight) -> Rows:
+    """What h2nav itself did: its state, what held it, what it was tested against."""
     states = flight.states[:MOST_SPANS]
-    rows.append(Row("h2nav", states, tuple(_state(span.name) for span in states)))
+    rows = [
+        _row("IMU that h2nav used", flight.lanes),
+        Row("h2nav", states, tuple(_state(span.name) for span in states)),
+    ]
     for name in dict.fromkeys(span.name for span in flight.held):
         spans = tuple(span for span in flight.held if span.name == name)[:MOST_SPANS]
         rows.append(Row(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
@@ -47,14 +82,52 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
         )
         for group, spans in aids(flight).items()
     ]
-    picture = Rows(
-        "What was when",
+    return Rows(
+        "What held our attitude",
         "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
         "'Held by' says what else than gyro and gravity it rested on; 'tested' what could be "
         "compared with what.",
         tuple(row for row in rows if row.spans),
     )
-    return Section("timeline", "Time line", (picture,) if picture.rows else ())
+
+
+def _airborne(flight: Flight) -> tuple[Span, ...]:
+    series = flight.context.airborne
+    if series is None or len(series.t_s) == 0:
+        return ()
+    ends = (*series.t_s[1:], flight.context.duration_s)
+    spans = [
+        Span(float(begin), float(end), "airborne")
+        for begin, end, value in zip(series.t_s, ends, series.values, strict=True)
+        if value > 0.0
+    ]
+    joined: list[Span] = []
+    for span in spans:
+        if joined and span.from_s <= joined[-1].to_s:
+            joined[-1] = joined[-1]._replace(to_s=span.to_s)
+        else:
+            joined.append(span)
+    return tuple(joined)
+
+
+def _reported(flight: Flight) -> list[Row]:
+    """Faults until they are over, as the autopilot reports them, one row per subsystem."""
+    spans: dict[str, list[Span]] = {}
+    for fault in flight.context.faults:
+        row = spans.setdefault(fault.subsystem, [])
+        if row and row[-1].to_s == flight.context.duration_s:
+            row[-1] = row[-1]._replace(to_s=fault.t_s)
+        if fault.code:
+            row.append(Span(fault.t_s, flight.context.duration_s, fault.text))
+    return [
+        Row(
+            f"autopilot reports: {subsystem.replace('_', ' ')}",
+            tuple(row[:MOST_SPANS]),
+            (colours.BAD,) * len(row[:MOST_SPANS]),
+        )
+        for subsystem, row in spans.items()
+        if row
+    ]
 
 
 def _found(findings: tuple[Finding, ...]) -> list[Row]:
@@ -66,6 +139,8 @@ def _found(findings: tuple[Finding, ...]) -> list[Row]:
             free[0].append(one)
         elif len(rows) < MOST_FINDING_ROWS:
             rows.append([one])
+    for row in rows:
+        row.sort(key=lambda one: one.from_s)
     return [
         Row(
             "findings" if number == 0 else "",

@@ -9,16 +9,20 @@ from h2nav.flightlogs.context import Array, GpsTrack
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.review.flight import Flight
 from h2nav.review.html import escape
+from h2nav.review.pictures import colours
 from h2nav.review.pictures.picture import Section
+from h2nav.review.pictures.timeline import marks, mode_backdrop
 
 EARTH_RADIUS_M = 6371008.8
 PARTS, MOST_POINTS = 90, 1800
-SIZE, MARGIN = 700.0, 50.0
+SIZE, MARGIN, LEAST_HEIGHT = 700.0, 60.0, 260.0
 # Fixes farther out than this, in spans of the middle of the flight, are beyond the drawing.
 FAR_SPANS = 4.0
 LEAST_SPAN_M = 20.0
 LEAST_WIND_M_S = 0.3
 MOST_FINDINGS = 20
+# The receiver still says where it was, or says it again, within this time.
+MOST_FIX_AGE_S = 5.0
 # Cividis from early to late, which all kinds of colour vision tell apart by its brightness too.
 _EARLY_TO_LATE = np.array(
     [[0, 34, 78], [65, 77, 107], [124, 123, 120], [188, 175, 111], [235, 205, 60]], float
@@ -42,20 +46,75 @@ def track(flight: Flight, findings: tuple[Finding, ...]) -> Section:
         return Section("track", title, ())
     path = _local(receivers[0])
     view = _View(path)
-    parts = [*_marked(path, view, findings), *_coloured(path, view), *_ends(path, view)]
+    modes = _modes(flight)
+    parts = [*_marked(path, view, findings), *_coloured(path, view, modes)]
+    parts += [*_moments(flight, findings, path, view), *_ends(path, view)]
     parts += [_scale(view), _north(), *_wind(flight)]
     drawing = (
-        f'<svg class="track" viewBox="0 0 {SIZE:.0f} {SIZE:.0f}" role="img" '
+        f'<svg class="track" viewBox="0 0 {SIZE:.0f} {view.height:.0f}" role="img" '
         f'aria-label="Ground track">{"".join(parts)}</svg>'
     )
     about = (
-        "From above, dark at the beginning and yellow at the end; the part of the flight that the "
-        "other pictures show is bright. Thick orange below it: findings. "
+        "From above; the part of the flight that the other pictures show is bright. Thick orange "
+        "below it: findings. A cross is where it came down, a dot what the autopilot reported. "
     )
     if view.beyond:
-        about += f"{view.beyond} fixes are far away from the others and beyond the drawing."
+        fixes = "One fix is" if view.beyond == 1 else f"{view.beyond} fixes are"
+        about += f"{fixes} far away from the others and beyond the drawing."
     return Section(
-        "track", title, (), f'<p class="about">{escape(about)}</p><figure>{drawing}</figure>'
+        "track",
+        title,
+        (),
+        f'<p class="about">{escape(about)}</p>{_choice(modes)}<figure>{drawing}</figure>',
+    )
+
+
+class _Mode(NamedTuple):
+    """A flight mode while it lasted."""
+
+    from_s: float
+    to_s: float
+    name: str
+    colour: str
+
+
+def _modes(flight: Flight) -> list[_Mode]:
+    """Strong colours, in the order of the pale ones behind the pictures."""
+    spans = mode_backdrop(flight)
+    names = list(dict.fromkeys(name for _, _, name, _ in spans))
+    return [
+        _Mode(begin, end, name, colours.of(colours.MOTORS, names.index(name)))
+        for begin, end, name, _ in spans
+    ]
+
+
+def _choice(modes: list[_Mode]) -> str:
+    """By what the track is coloured, and what the colours are."""
+    if not modes:
+        return _time_key()
+    choices = "".join(
+        f'<label><input type="radio" name="colours" data-colours value="{value}"'
+        f"{' checked' if value == 'time' else ''}> {text}</label> "
+        for value, text in (("time", "by time"), ("mode", "by flight mode"))
+    )
+    keys = dict.fromkeys((mode.name, mode.colour) for mode in modes)
+    named = " ".join(
+        f'<span class="key" style="border-color:{colour}">{escape(name)}</span>'
+        for name, colour in keys
+    )
+    return (
+        f'<p class="about">Coloured {choices}</p>{_time_key()}'
+        f'<p class="about" data-key="mode" hidden>{named}</p>'
+    )
+
+
+def _time_key() -> str:
+    stops = ",".join(
+        f"rgb({red:.0f},{green:.0f},{blue:.0f})" for red, green, blue in _EARLY_TO_LATE
+    )
+    return (
+        f'<p class="about" data-key="time">begin <span class="scale" '
+        f'style="background:linear-gradient(to right,{stops})"></span> end</p>'
     )
 
 
@@ -87,6 +146,7 @@ class _View:
 
     Attributes:
         per_m: length in the drawing.
+        height: of the drawing, whose width is `SIZE`.
         beyond: how many fixes are not in it.
     """
 
@@ -103,16 +163,21 @@ class _View:
         low, high = near.min(axis=1), near.max(axis=1)
         self._middle = 0.5 * (low + high)
         self.per_m = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), LEAST_SPAN_M)
+        north_m = float((high - low)[1])
+        self.height = max(north_m * self.per_m + 2.0 * MARGIN, LEAST_HEIGHT)
 
     def points(self, path: _Path, first: int, last: int) -> str:
         """Of an SVG line, both ends included."""
         x = 0.5 * SIZE + (path.east_m[first : last + 1] - self._middle[0]) * self.per_m
-        y = 0.5 * SIZE - (path.north_m[first : last + 1] - self._middle[1]) * self.per_m
+        y = 0.5 * self.height - (path.north_m[first : last + 1] - self._middle[1]) * self.per_m
         return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
-def _coloured(path: _Path, view: _View) -> list[str]:
-    bounds = np.unique(np.linspace(0, len(path.t_s) - 1, PARTS + 1).astype(int))
+def _coloured(path: _Path, view: _View, modes: list[_Mode]) -> list[str]:
+    """Pieces of one colour each: by time, and by the mode at their beginnings."""
+    changes = np.searchsorted(path.t_s, [mode.from_s for mode in modes])
+    even = np.linspace(0, len(path.t_s) - 1, PARTS + 1).astype(int)
+    bounds = np.unique(np.clip(np.append(even, changes), 0, len(path.t_s) - 1))
     whole = path.t_s[-1] - path.t_s[0] or 1.0
     parts = []
     for first, last in pairwise(bounds):
@@ -121,14 +186,38 @@ def _coloured(path: _Path, view: _View) -> list[str]:
             np.interp(share, np.arange(len(_EARLY_TO_LATE)), _EARLY_TO_LATE[:, k]) for k in range(3)
         )
         from_s, to_s, up = path.t_s[first], path.t_s[last], path.up_m[first]
+        mode = next((one for one in reversed(modes) if one.from_s <= from_s), None)
         told = f"{from_s:.0f} to {to_s:.0f} s"
         if np.isfinite(up):
             told += f", {up:+.0f} m above the first fix"
+        if mode is not None:
+            told += f", {mode.name}"
+        by_mode = f' data-mode="{mode.colour}"' if mode is not None else ""
         parts.append(
-            f'<polyline data-track data-from="{from_s:.2f}" data-to="{to_s:.2f}" fill="none" '
-            f'stroke="rgb({red:.0f},{green:.0f},{blue:.0f})" stroke-width="3" '
+            f'<polyline data-track data-from="{from_s:.2f}" data-to="{to_s:.2f}"{by_mode} '
+            f'fill="none" stroke="rgb({red:.0f},{green:.0f},{blue:.0f})" stroke-width="3" '
             f'points="{view.points(path, first, last)}"><title>{escape(told)}</title></polyline>'
         )
+    return parts
+
+
+def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _View) -> list[str]:
+    """A cross where it came down or was lost, a dot where the autopilot reported something."""
+    parts = []
+    for t_s, text, colour in marks(flight, findings):
+        if not path.t_s[0] - MOST_FIX_AGE_S <= t_s <= path.t_s[-1] + MOST_FIX_AGE_S:
+            continue
+        place = min(int(np.searchsorted(path.t_s, t_s)), len(path.t_s) - 1)
+        x, y = (float(part) for part in view.points(path, place, place).split(","))
+        told = escape(f"{text} at {t_s:.0f} s")
+        if colour == colours.IMPACT:
+            shape = f'<path d="M{x - 9:.1f} {y - 9:.1f}l18 18m0 -18l-18 18" stroke="{colour}" '
+            shape += f'stroke-width="4" fill="none"><title>{told}</title></path>'
+            shape += f'<text x="{x + 13:.1f}" y="{y + 5:.1f}">{told}</text>'
+        else:
+            shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}" stroke="#fff">'
+            shape += f"<title>{told}</title></circle>"
+        parts.append(shape)
     return parts
 
 
@@ -167,9 +256,10 @@ def _scale(view: _View) -> str:
     length = step * max(factor for factor in (1, 2, 5) if factor * step <= most)
     right = MARGIN / 2 + length * view.per_m
     told = f"{length:.0f} m" if length < 1000.0 else f"{length / 1000.0:.0f} km"
+    low = view.height - 26.0
     return (
-        f'<path d="M{MARGIN / 2} {SIZE - 26}v8H{right:.1f}v-8" fill="none" stroke="#1a1a1a"/>'
-        f'<text x="{MARGIN / 2}" y="{SIZE - 32}">{told}</text>'
+        f'<path d="M{MARGIN / 2} {low:.1f}v8H{right:.1f}v-8" fill="none" stroke="#1a1a1a"/>'
+        f'<text x="{MARGIN / 2}" y="{low - 6.0:.1f}">{told}</text>'
     )
 
 

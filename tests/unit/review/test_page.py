@@ -6,7 +6,15 @@ import re
 
 import numpy as np
 import pytest
-from made_flight import FINDINGS, GPS_LOST, MAGNET_S, made_analysis, made_flight, page_of
+from made_flight import (
+    FINDINGS,
+    GPS_LOST,
+    MAGNET_S,
+    made_analysis,
+    made_crash,
+    made_flight,
+    page_of,
+)
 
 from h2nav.flightlogs.context import Context, Said, Span
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -48,10 +56,16 @@ def made():
     return flight, made_analysis(flight)
 
 
+def shown_by(html):
+    """What the script of the page draws."""
+    block = re.search(r'<script type="application/json" id="review">(.*?)</script>', html)
+    return json.loads(block[1])
+
+
 def text_of(html):
     """What is read, without scripts and styles."""
     html = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.DOTALL)
-    return " ".join(re.sub(r"<[^>]*>", " ", html).split())
+    return " ".join(re.sub(r"<[^>]*>", " ", html).split()).replace("&#x27;", "'")
 
 
 def test_findings_come_first_and_the_worst_of_them_first(made):
@@ -64,10 +78,15 @@ def test_findings_come_first_and_the_worst_of_them_first(made):
             "240 to 360 s: compass disturbed",
             "autopilot heading off 14 deg",
             "no fix for 50 s",
+            "1 note",
             "gyro vibrates at 84 Hz",
+            "What was looked at, and what could not be",
             "Checked:",
-            "How sure we are",
-            "Attitude",
+            "The flight",
+            "What was when",
+            "Bank: positive is right wing down",
+            "Angle between the autopilot's vertical",
+            "Others against h2nav",
         )
     ]
     assert places == sorted(places)
@@ -79,7 +98,7 @@ def test_a_finding_has_span_size_evidence_and_what_to_check(made):
     start = text.index("240 to 360 s: compass disturbed")
     item = text[start : text.index("244 to 362 s")]
     assert "14 deg" in item
-    assert finding.evidence in item.replace("&#x27;", "'")
+    assert finding.evidence in item
     assert advice.check in item
 
 
@@ -91,12 +110,88 @@ def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
     assert "Missing in the recording: no temperatures" in text
 
 
-def test_without_an_estimate_the_page_says_why_before_anything_else():
+def test_without_an_estimate_the_page_says_why_below_the_verdict():
     text = text_of(page_of(empty_flight(), Analysis()))
     why = text.index("the recording holds no IMU messages")
-    assert why < text.index("Nothing was found wrong")
+    assert why < text.index("What was looked at")
+    assert "Nothing was found wrong in what could be looked at." in text
     assert "Missing in the recording: IMU messages; GPS" in text
     assert "Our own attitude" not in text
+
+
+def test_a_crash_is_one_picture_before_all_others():
+    html = page_of(*made_crash())
+    text = text_of(html)
+    places = [
+        text.index(part)
+        for part in (
+            "pitch -60 deg where -5 was asked",
+            "1 finding that follows from it",
+            "Control lost at 100.0 s, impact at 104.0 s",
+            "Time line",
+            "Above where it started",
+            "Motors and throttle",
+            "It sags under load",
+            "From above; the part of the flight",
+        )
+    ]
+    assert places == sorted(places)
+    told = shown_by(html)
+    lanes = [one for one in told["pictures"] if one.get("window")]
+    assert [one.get("title") for one in lanes] == [
+        "Roll", "Pitch", "Heading", "Motors", "Height", "Battery", None,
+    ]  # fmt: skip
+    assert {tuple(one["window"]) for one in lanes} == {(89.0, 109.0)}
+    names = [trace["label"] for trace in lanes[3]["traces"]]
+    assert names == ["motor 1", "motor 2", "motor 3", "motor 4", "throttle"]
+    assert lanes[0]["traces"][0]["label"] == "demand"
+    rows = {label: [span[2] for span in spans] for label, spans, _ in lanes[-1]["rows"]}
+    assert rows == {"flight mode": ["LOITER", "LAND"], "autopilot reports: battery": ["low"]}
+    assert [(t_s, text) for t_s, text, _ in told["marks"]] == [
+        (100.0, "control lost"), (102.0, "low"), (104.0, "impact"),
+    ]  # fmt: skip
+    track = html[html.index('<svg class="track"') :]
+    assert "impact at 104 s" in track
+    assert "low at 102 s" in track
+
+
+def test_what_follows_stands_once_beneath_its_cause():
+    flight, analysis = made_crash()
+
+    def listed(findings):
+        html = page_of(flight._replace(findings=findings), analysis)
+        return text_of(html[html.index('id="findings"') : html.index('id="timeline"')])
+
+    text = listed(flight.findings)
+    assert text.count("came down hard") == 1
+    assert text.index("pitch -60 deg") < text.index("came down hard")
+    lost, crash = flight.findings
+    circle = listed((lost._replace(cause=crash.id), crash))
+    assert circle.count("came down hard") == circle.count("pitch -60 deg") == 1
+    assert listed((crash._replace(cause="nothing.1"),)).count("came down hard") == 1
+
+
+def test_a_second_crash_is_seen_on_demand():
+    flight, analysis = made_crash()
+    again = [one._replace(from_s=one.from_s - 70.0, to_s=one.to_s - 70.0, id="") for one in
+             flight.findings]  # fmt: skip
+    html = page_of(flight._replace(findings=(*flight.findings, *again)), analysis)
+    event = html[html.index('<section id="event"') : html.index('<section id="timeline"')]
+    assert event.count('class="whole stack"') == 2
+    assert event.index("impact at 34.0 s") < event.index("what happened later")
+    assert event.index("what happened later") < event.index("impact at 104.0 s")
+
+
+def test_the_deviation_at_the_end_is_of_the_armed_time_like_the_others(made):
+    flight, analysis = made
+    sigma = np.linspace(0.01, 0.02, len(flight.estimates.t_s))
+    armed = (Span(0.0, 300.0, "armed"),)
+    flight = flight._replace(
+        context=flight.context._replace(armed=armed),
+        estimates=flight.estimates._replace(sigma_tilt_rad=sigma),
+    )
+    tilt = document(flight, analysis)["certainty"]["h2nav"]["tilt"]
+    assert tilt["last_deg"] == tilt["largest_deg"] == pytest.approx(math.degrees(0.015), rel=1e-3)
 
 
 def test_what_a_recording_shows_without_an_estimate_is_shown(made):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from browsers import headless_browser, wait_until
-from made_flight import FINDINGS, MAGNET_S, made_analysis, made_flight, page_of
+from made_flight import FINDINGS, MAGNET_S, made_analysis, made_crash, made_flight, page_of
 from needs import need_package
 
 from h2nav.flightlogs.context import Said, Span
@@ -208,6 +208,36 @@ def test_a_click_in_the_legend_hides_a_line(browser, made, tmp_path):
     wait_until(browser, "return window.review.timed.some((plot) => plot.series[1].show === false)")
 
 
+def test_the_picture_of_a_crash_keeps_its_seconds(browser, tmp_path):
+    opened(browser, tmp_path, page_of(*made_crash()))
+    assert browser.get_log("browser") == []
+    lanes = browser.find_elements("css selector", "#event .stack .plot.drawn canvas")
+    assert len(lanes) == 7
+    chart = browser.find_element("css selector", "#event")
+    assert chart.location["y"] < 600, "below the verdict, on the first screen"
+    timed = browser.execute_script(AXES)
+    browser.find_element("css selector", "[data-move=closer]").click()
+    axes_follow(browser)
+    assert len(browser.execute_script(AXES)) == len(timed)
+    # A legend names its lines, and has values only where something is pointed at.
+    legend = browser.find_element("css selector", "#event .u-legend")
+    assert "–" not in legend.text
+    assert "demand" in legend.text
+
+
+def test_the_track_is_coloured_by_time_or_by_flight_mode(browser, tmp_path):
+    opened(browser, tmp_path, page_of(*made_crash()))
+    part = "getComputedStyle(document.querySelector('polyline[data-mode]')).stroke"
+    by_time = browser.execute_script(f"return {part}")
+    choice = browser.find_element("css selector", "[data-colours][value=mode]")
+    browser.execute_script("arguments[0].click()", choice)
+    assert browser.execute_script(f"return {part}") != by_time
+    assert browser.find_element("css selector", "[data-key=mode]").is_displayed()
+    choice = browser.find_element("css selector", "[data-colours][value=time]")
+    browser.execute_script("arguments[0].click()", choice)
+    assert browser.execute_script(f"return {part}") == by_time
+
+
 def test_hostile_texts_run_nothing(browser, made, tmp_path):
     hostile = "<img src=x onerror=\"document.title='run'\"><script>document.title='run'</script>"
     flight, analysis = made
@@ -230,14 +260,20 @@ def test_hostile_texts_run_nothing(browser, made, tmp_path):
     assert label.get_attribute("textContent") == hostile
 
 
-def test_on_a_phone_nothing_is_wider_than_the_screen(browser, made, tmp_path):
+@pytest.mark.parametrize("crashed", [False, True])
+def test_on_a_phone_nothing_is_wider_than_the_screen(browser, made, tmp_path, crashed):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True},
     )
     try:
-        opened(browser, tmp_path, page_of(*made))
+        opened(browser, tmp_path, page_of(*(made_crash() if crashed else made)))
         assert browser.execute_script("return document.documentElement.scrollWidth") == 390
+        wider = (
+            "return [...document.querySelectorAll('#sure .wide')]"
+            ".filter((box) => box.scrollWidth > box.clientWidth).length"
+        )
+        assert browser.execute_script(wider) == 0, "a column of a table is cut"
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
