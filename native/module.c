@@ -6,7 +6,8 @@
  *   workspace  writable buffer: where it works out a step; empty for a kernel that needs none
  *   gains      buffer: its gains
  *   samples    buffer: samples, one behind the other
- *   results    writable buffer, one row of 8 numbers per sample: attitude, bias, bits
+ *   results    writable buffer, one row of 10 numbers per sample: attitude, bias, bits, and, of
+ *              kernels that work them out, deviations of tilt and heading
  * It returns the bits of the last sample.
  * kernel_digest tells which version of the Python kernels the C was translated from, number_codes
  * of each kernel whether its numbers are doubles (d) or 32-bit integers (i).
@@ -19,7 +20,7 @@
 static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
 enum {
-    RESULT_COLUMNS = 8,
+    RESULT_COLUMNS = 10,
     BUFFERS = 5,
     BATCH_ROWS = 64,
     KERNELS = sizeof kernels / sizeof *kernels
@@ -40,7 +41,7 @@ static Py_ssize_t rows_of(const struct kernel *kernel, const Py_buffer *buffers)
     }
     const size_t rows = (size_t)buffers[3].len / kernel->sample_size;
     if ((size_t)buffers[4].len != rows * RESULT_COLUMNS * kernel->number_size) {
-        PyErr_SetString(PyExc_ValueError, "results need one row of 8 numbers per sample");
+        PyErr_SetString(PyExc_ValueError, "results need one row of 10 numbers per sample");
         return -1;
     }
     return (Py_ssize_t)rows;

@@ -134,8 +134,20 @@ def check(package: Path, arguments: argparse.Namespace) -> None:
         )
 
 
+def make_runnable(architecture: str) -> None:
+    """Lets this computer run programs of another architecture, until its next start."""
+    if architecture == own_architecture():
+        return
+    if not Path("/proc/sys/fs/binfmt_misc/register").exists():
+        subprocess.run(
+            ["mount", "-t", "binfmt_misc", "none", "/proc/sys/fs/binfmt_misc"], check=True
+        )
+    subprocess.run(["update-binfmts", "--enable", "qemu-aarch64"], check=True)
+
+
 def debian(suite: str, architecture: str, *hooks: str) -> None:
     """A clean Debian, unpacked, used by the hooks, and thrown away."""
+    make_runnable(architecture)
     trusted = ssl.get_default_verify_paths().cafile or "/etc/ssl/certs/ca-certificates.crt"
     whom_to_trust = f"--setup-hook=mkdir -p $1/etc && cp {trusted} $1/etc/machine.crt"
     pip = "printf '[global]\\ncert = /etc/machine.crt\\n' > $1/etc/pip.conf"

@@ -3,7 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.attitude.batch_driver import Batch, BatchResult, Samples, run_batch, run_python
+from h2nav.attitude.batch_driver import (
+    Batch,
+    BatchResult,
+    Samples,
+    empty_result,
+    run_batch,
+    run_python,
+)
 from h2nav.attitude.constant_gain.batch import ConstantGainBatch
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.filter import AttitudeFilter
@@ -26,6 +33,8 @@ def filter_array(
     mag: npt.ArrayLike | None,
     dt: npt.ArrayLike,
     attitude_filter: AttitudeFilter,
+    *,
+    explains: bool = False,
 ) -> BatchResult:
     """Runs a filter over a recording; the filter itself goes on from there.
 
@@ -35,27 +44,31 @@ def filter_array(
         mag: (N, 3) field, microtesla, body FRD; rows with NaN bring no field; None for none.
         dt: time since the sample before, s: one number or (N,); rounded to microseconds in sum.
         attitude_filter: any filter; those with a compiled kernel run in it.
+        explains: deviations and trust are wanted too, which costs a quarter more.
 
     Raises:
         ValueError: the arrays do not fit together, or time does not go forward.
     """
-    samples = _samples_of(gyr, acc, mag, dt)
-    n = len(samples.t_us)
-    result = BatchResult(np.full((n, 4), np.nan), np.full((n, 3), np.nan))
-    kernel, batch = _batch_of(attitude_filter)
+    samples = samples_of(gyr, acc, mag, dt)
+    result = empty_result(len(samples.t_us), explains=explains)
+    kernel, batch = _batch_of(attitude_filter, explains=explains)
     step = None if kernel is None else compiled_step(kernel)
     if step is None or batch is None:
-        run_python(attitude_filter, samples, result, 0, n)
+        run_python(attitude_filter, samples, result, 0, len(samples.t_us))
     else:
         run_batch(step, batch, attitude_filter, samples, result)
     return result
 
 
-def _batch_of(attitude_filter: AttitudeFilter) -> tuple[KernelFiles | None, Batch | None]:
+def _batch_of(
+    attitude_filter: AttitudeFilter, *, explains: bool
+) -> tuple[KernelFiles | None, Batch | None]:
     """The kernel of a filter and how batches go through it; None and None for one without."""
     match attitude_filter:
         case VelocityAidedFilter():
-            return VELOCITY_AIDED, VelocityAidedBatch(attitude_filter)
+            return VELOCITY_AIDED, VelocityAidedBatch(attitude_filter, explains=explains)
+        case _ if explains:
+            return None, None  # the integer kernels work out no deviations
         case IntegerVelocityAidedFilter():
             return VELOCITY_AIDED_INTEGER, IntegerVelocityAidedBatch(attitude_filter)
         case ConstantGainFilter():
@@ -63,10 +76,10 @@ def _batch_of(attitude_filter: AttitudeFilter) -> tuple[KernelFiles | None, Batc
     return None, None
 
 
-def _samples_of(
+def samples_of(
     gyr: npt.ArrayLike, acc: npt.ArrayLike, mag: npt.ArrayLike | None, dt: npt.ArrayLike
 ) -> Samples:
-    """The arrays of `filter_array`, checked."""
+    """The arrays of `filter_array`, checked; see there."""
     rates = np.ascontiguousarray(gyr, dtype=np.float64)
     n = len(rates)
     forces = np.ascontiguousarray(acc, dtype=np.float64)

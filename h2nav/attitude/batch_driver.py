@@ -18,6 +18,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 Table = npt.NDArray[np.void]
+NONE_ASKED = np.empty(0)
+NO_BITS = np.empty(0, dtype=np.int64)
 CHUNK = 1 << 12  # samples whose table stays in the processor's cache
 
 
@@ -27,10 +29,30 @@ class BatchResult(NamedTuple):
     Attributes:
         q_nb: (N, 4) attitude, body to NED, scalar first.
         bias_b: (N, 3) gyro bias, rad/s.
+        sigma_tilt_rad: (N,) predicted deviation of the tilt; empty where nobody asked.
+        sigma_heading_rad: (N,) of the heading; empty where nobody asked.
+        trust: (N,) `Trust` as numbers; empty where nobody asked.
     """
 
     q_nb: Floats
     bias_b: Floats
+    sigma_tilt_rad: Floats = NONE_ASKED
+    sigma_heading_rad: Floats = NONE_ASKED
+    trust: Integers = NO_BITS
+
+    @property
+    def is_explained(self) -> bool:
+        """Deviations and trust were asked for."""
+        return len(self.trust) > 0
+
+
+def empty_result(count: int, *, explains: bool) -> BatchResult:
+    """For so many samples, of which nothing is known yet."""
+    plain = BatchResult(np.full((count, 4), np.nan), np.full((count, 3), np.nan))
+    if not explains:
+        return plain
+    unknown = np.full(count, np.nan)
+    return BatchResult(*plain[:2], unknown, unknown.copy(), np.zeros(count, dtype=np.int64))
 
 
 class Samples(NamedTuple):
@@ -102,7 +124,10 @@ def run_batch(
         part = samples.part(first, stop)
         table = batch.table(part)
         out = _run_kernel(step, batch, table)
-        result.q_nb[first:stop], result.bias_b[first:stop] = batch.finish(part, table, out)
+        found = batch.finish(part, table, out)
+        for whole, rows_of_part in zip(result, found, strict=True):
+            if len(rows_of_part):
+                whole[first:stop] = rows_of_part
         first = stop
 
 
@@ -134,6 +159,10 @@ def run_python(
         if estimate is not None:
             result.q_nb[i] = estimate.q_nb
             result.bias_b[i] = estimate.bias_b
+            if result.is_explained:
+                result.sigma_tilt_rad[i] = estimate.sigma_tilt_rad
+                result.sigma_heading_rad[i] = estimate.sigma_heading_rad
+                result.trust[i] = int(estimate.trust)
 
 
 def empty_table(sample_type: type, size: int) -> Table:

@@ -18,7 +18,7 @@ from h2nav.errors import BadInput
 
 SWITCH = "H2NAV_NATIVE"
 # numbers that the compiled loop writes per sample: attitude, bias, the step's bits
-RESULT_COLUMNS = 8
+RESULT_COLUMNS = 10
 
 
 def native_kernels() -> ModuleType | None:

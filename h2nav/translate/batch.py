@@ -9,8 +9,11 @@ from h2nav.translate.c_expressions import DOUBLE, INT32
 from h2nav.translate.source import Kernel, Record, Source
 from h2nav.translate.structs import struct_text
 
-# Of the state, where it has them: what a row of results holds, and from which column on.
-_RESULTS = (("q_nb", 0), ("gyro_bias", 4))
+# What a row of results holds, and from which column on: of the state, and of the workspace, where
+# they have it.
+_OF_STATE = (("q_nb", 0), ("gyro_bias", 4))
+_OF_WORKSPACE = (("sigma_tilt", 8), ("sigma_heading", 9))
+COLUMNS = 10
 
 
 def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
@@ -21,12 +24,17 @@ def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
     scratch = workspace[0] if workspace else ""
     structs = "\n".join(struct_text(found.about, found.rows, found.name) for found in records)
     number = DOUBLE if records[0].rows[0].range is None else INT32
-    held = [row.name for row in records[0].rows]
     results = "".join(
         f"        memcpy(result + {column}, s->{name}, sizeof s->{name});\n"
-        for name, column in _RESULTS
-        if name in held
+        for name, column in _OF_STATE
+        if name in [row.name for row in records[0].rows]
     )
+    if scratch:
+        results += "".join(
+            f"        result[{column}] = w->{name};\n"
+            for name, column in _OF_WORKSPACE
+            if name in [row.name for row in records[1].rows]
+        )
     return f"""\
 /* Generated from {", ".join(kernel.paths)}; do not edit. */
 #include <math.h>
@@ -43,11 +51,12 @@ static int32_t run(void *state, void *workspace, const void *gains, const void *
     const {sample} *sample = samples;
     {number} *result = results;
     int32_t bits = 0;
-    (void)workspace;
+    {f"const {scratch} *w = workspace;" if scratch else "(void)workspace;"}
+    {"(void)w;" if scratch else ""}
     for (size_t row = 0; row < rows; row++) {{
         bits = {kernel.entry}(s, {"workspace, " if scratch else ""}gains, sample + row);
 {results}        result[7] = ({number})bits;
-        result += 8;
+        result += {COLUMNS};
     }}
     return bits;
 }}

@@ -11,9 +11,12 @@ from h2nav.attitude.velocity_aided.filter import (
     MOST_FIELD_UT,
     MOST_FORCE_M_S2,
     MOST_RATE_RAD_S,
+    TRUST,
     VelocityAidedFilter,
 )
 from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
+
+_TRUST = np.array([int(trust) for trust in TRUST])
 
 
 class VelocityAidedBatch:
@@ -21,10 +24,12 @@ class VelocityAidedBatch:
 
     Args:
         attitude_filter: the filter that the samples are for.
+        explains: deviations and trust of every sample are wanted.
     """
 
-    def __init__(self, attitude_filter: VelocityAidedFilter) -> None:
+    def __init__(self, attitude_filter: VelocityAidedFilter, *, explains: bool = False) -> None:
         self._filter = attitude_filter
+        self._explains = explains
 
     def special(self, samples: Samples) -> Mask:
         """Samples that the filter does not pass to its kernel as they are."""
@@ -48,7 +53,8 @@ class VelocityAidedBatch:
         table["accel"] = part.acc
         table["mag"][part.has_field] = part.mag[part.has_field]
         table["has_mag"] = part.has_field
-        table["asked"][-1] = 1.0  # what is remembered shall not depend on the batch
+        # What is remembered shall not depend on the batch.
+        table["asked"][slice(None) if self._explains else -1] = 1.0
         table["rest_prior"] = self._filter.kernel_sample.rest_prior
         table["forward_speed"] = self._filter.kernel_sample.forward_speed
         return table
@@ -63,7 +69,11 @@ class VelocityAidedBatch:
         last.has_mag = float(part.has_field[-1])
         last.clipped = last.aided = last.has_fix = 0.0
         self._filter.follow(int(part.t_us[-1]))
-        return BatchResult(out[:, :4], out[:, 4:7])
+        plain = BatchResult(out[:, :4], out[:, 4:7])
+        if not self._explains:
+            return plain
+        trust = _TRUST[out[:, 7].astype(np.int64)]
+        return BatchResult(*plain[:2], out[:, 8], out[:, 9], trust)
 
 
 def special_samples(samples: Samples) -> Mask:

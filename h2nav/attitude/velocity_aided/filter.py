@@ -80,7 +80,7 @@ _FLAGS = (
     (memory.YAW_REFERENCED, Trust.YAW_REFERENCED),
 )
 # By the kernel's bits: making an IntFlag costs more than the rest of an estimate.
-_TRUST = tuple(
+TRUST = tuple(
     Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
 )
 # What an estimate takes from the kernel, in its order.
@@ -464,7 +464,7 @@ class VelocityAidedFilter:
                 (bias_x, bias_y, bias_z),
                 (to_n, to_e, to_d),
                 sigma_tilt_rad,
-                _TRUST[bits],
+                TRUST[bits],
                 sigma_heading_rad,
             ),
         )

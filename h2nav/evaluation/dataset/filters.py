@@ -191,9 +191,8 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
         field = None if trial.m_s is None else trial.m_s[rows]
         # The first step of a stretch leads from time zero: it goes on with the trial's times.
         steps_s = np.diff(trial.t_us[rows], prepend=0) * 1e-6
-        q_nb[rows], bias[rows] = batch.filter_array(
-            trial.w_s[rows], trial.f_s[rows], field, steps_s, chosen
-        )
+        found = batch.filter_array(trial.w_s[rows], trial.f_s[rows], field, steps_s, chosen)
+        q_nb[rows], bias[rows] = found.q_nb, found.bias_b
     us_per_sample = (time.process_time() - started) * 1e6 / count
     known = np.isfinite(q_nb[:, 0])
     if not known.any():

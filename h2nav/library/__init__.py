@@ -1,0 +1,1 @@
+"""What `import h2nav` offers: filter and smoother on arrays, recordings, reviews."""

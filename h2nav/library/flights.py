@@ -1,0 +1,48 @@
+"""Recordings and reviews for notebooks and programs."""
+
+from pathlib import Path
+from typing import Any
+
+from h2nav.apps import reviewing
+from h2nav.apps.playback import Wishes
+from h2nav.flightlogs.context import Context
+from h2nav.flightlogs.imported import ImportedLog
+from h2nav.flightlogs.opening import open_flight
+from h2nav.flightlogs.telemetry import read_context
+from h2nav.review.document import document
+from h2nav.review.page import page
+
+
+def read_flight(path: Path | str) -> Context:
+    """What a recording holds, as arrays: IMUs, receivers, estimators, motors, modes, parameters.
+
+    Args:
+        path: dataflash (`.bin`, `.log`), ULog, telemetry log, our MCAP, or raw MAVLink.
+
+    Returns:
+        Series in SI units and radians, body forward-right-down, by the recording's clock; see
+        `h2nav.flightlogs.context.Context`.
+
+    Raises:
+        BadInput: it is no recording, or cannot be read.
+    """
+    source = open_flight(path)
+    return source.context() if isinstance(source, ImportedLog) else read_context(source)
+
+
+def review(path: Path | str, *, html: Path | str | None = None) -> dict[str, Any]:
+    """What went wrong in a flight: what `h2nav review` writes as JSON.
+
+    Args:
+        path: as for `read_flight`.
+        html: where the page goes; None = nowhere.
+
+    Raises:
+        BadInput: it is no recording, or cannot be read.
+        OSError: the page cannot be written.
+    """
+    reviewed = reviewing.review(open_flight(path), Wishes())
+    found = document(*reviewed)
+    if html is not None:
+        Path(html).write_text(page(*reviewed, found), encoding="utf-8")
+    return found
