@@ -348,18 +348,20 @@ def _said(clock: _Clock) -> tuple[Said, ...]:
     table = clock[mavlink.MAVLINK_MSG_ID_STATUSTEXT]
     if table is None:
         return ()
-    found: list[Said] = []
+    found: list[tuple[float, Severity, bytes]] = []
     last_id = 0
     for t_s, row in zip(clock.t_s(table).tolist(), table.fields, strict=True):
-        text = bytes(row["text"]).split(b"\0", 1)[0].decode("utf-8", errors="replace")
+        text = bytes(row["text"]).split(b"\0", 1)[0]
         number, piece = int(row["id"]), int(row["chunk_seq"])
         if number and number == last_id and piece and found:
-            found[-1] = found[-1]._replace(text=found[-1].text + text)
+            began_s, level, before = found[-1]
+            found[-1] = began_s, level, before + text
         else:
-            level = min(max(int(row["severity"]), Severity.CRITICAL), Severity.INFO)
-            found.append(Said(t_s, Severity(level), text))
+            level = Severity(min(max(int(row["severity"]), Severity.CRITICAL), Severity.INFO))
+            found.append((t_s, level, text))
         last_id = number
-    return tuple(found)
+    # Chunks of 50 bytes may have cut a character in two.
+    return tuple(Said(t_s, level, text.decode(errors="replace")) for t_s, level, text in found)
 
 
 def _firmware(said: Iterable[Said]) -> str:

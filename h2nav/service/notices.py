@@ -1,7 +1,7 @@
 """What is reported to people, and how often: a notice per cause and minute, a few STATUSTEXTs.
 
-A STATUSTEXT has 50 characters; at most one a second leaves, and the oldest are dropped when too
-many wait.
+At most one text a second leaves as STATUSTEXT, in chunks where it is long, and the oldest are
+dropped when too many wait.
 """
 
 from collections import OrderedDict, deque
@@ -17,6 +17,7 @@ REPEAT_NS = 60 * SECOND_NS
 MOST_CAUSES = 64
 WAITING = 8
 PAUSE_NS = SECOND_NS
+LAST_TEXT_ID = 0xFFFF
 PREFIX = "h2nav: "
 # However many causes there are, people read no more than this.
 NOTICES_PER_S = 0.3
@@ -43,6 +44,7 @@ class Notices:
         self._limit = RateLimit(NOTICES_PER_S, NOTICES_AT_ONCE)
         self._waiting: deque[tuple[Severity, str]] = deque(maxlen=WAITING)
         self._sent_ns: int | None = None
+        self._text_id = 0
 
     def may_tell(self, t_ns: int, cause: str) -> bool:
         """Whether this cause has been silent for long enough."""
@@ -69,10 +71,11 @@ class Notices:
             self._waiting.append((severity, text))
         return [Notice(severity, text)]
 
-    def status_text(self, t_ns: int) -> OutMessage | None:
-        """The next STATUSTEXT, if one may be sent now."""
+    def status_texts(self, t_ns: int) -> list[OutMessage]:
+        """The chunks of the next STATUSTEXT, if one may be sent now."""
         if not self._waiting or (self._sent_ns is not None and t_ns - self._sent_ns < PAUSE_NS):
-            return None
+            return []
         self._sent_ns = t_ns
         severity, text = self._waiting.popleft()
-        return outbound.status_text(int(severity), PREFIX + text)
+        self._text_id = self._text_id % LAST_TEXT_ID + 1
+        return outbound.status_text(int(severity), PREFIX + text, self._text_id)

@@ -386,9 +386,8 @@ class Service:
             if t_ns >= job.due_ns:
                 job.due_ns = t_ns + job.pause_ns()
                 effects += job.run(t_ns)
-        text = self._notices.status_text(t_ns) if self._link_error is None else None
-        if text is not None:
-            effects.append(self._send(text))
+        if self._link_error is None:
+            effects += [self._send(text) for text in self._notices.status_texts(t_ns)]
         return effects
 
     def next_timer_ns(self, t_ns: int) -> int:

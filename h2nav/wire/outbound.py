@@ -22,6 +22,9 @@ UNKNOWN_ANGLE_VARIANCE = math.pi**2 / 3.0
 LEAST_COSINE = 1e-3
 LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 STATUS_TEXT_SIZE = 50
+# A longer text is cut: people read it beside a map.
+STATUS_TEXT_CHUNKS = 4
+ELLIPSIS = "\u2026"
 MAV_FRAMES = {
     PoseFrame.LOCAL_FRD: mavlink.MAV_FRAME_LOCAL_FRD,
     PoseFrame.LOCAL_NED: mavlink.MAV_FRAME_LOCAL_NED,
@@ -130,9 +133,47 @@ def time_sync(tc1_ns: int, ts1_ns: int, target: Address) -> OutMessage:
     return _TargetedTimesync(_clamped(tc1_ns, INT64_END), _clamped(ts1_ns, INT64_END), target)
 
 
-def status_text(severity: int, text: str) -> OutMessage:
-    """STATUSTEXT, cut to what one message holds."""
-    return mavlink.MAVLink_statustext_message(severity, text.encode()[:STATUS_TEXT_SIZE])
+def status_text(severity: int, text: str, text_id: int) -> list[OutMessage]:
+    """STATUSTEXT, in as many chunks as the text needs; no character is cut in two.
+
+    A chunk that is not full is the last one for who puts them together, so that one with less room
+    than its next character needs is filled up with spaces.
+
+    Args:
+        severity: MAV_SEVERITY.
+        text: what does not fit into `STATUS_TEXT_CHUNKS` is cut, and ends with an ellipsis.
+        text_id: 1 to 65535, another one for each text.
+    """
+    chunks = _chunks(text)
+    if len(chunks) > STATUS_TEXT_CHUNKS:
+        room = STATUS_TEXT_CHUNKS * STATUS_TEXT_SIZE - 1 - len(ELLIPSIS.encode())
+        while len(chunks := _chunks(text + ELLIPSIS)) > STATUS_TEXT_CHUNKS:
+            text, room = _encoded(text)[:room].decode(errors="ignore"), room - 1
+    if len(chunks) == 1:
+        return [mavlink.MAVLink_statustext_message(severity, chunks[0])]
+    return [
+        mavlink.MAVLink_statustext_message(severity, chunk, id=text_id, chunk_seq=number)
+        for number, chunk in enumerate(chunks)
+    ]
+
+
+def _encoded(text: str) -> bytes:
+    """UTF-8 without NUL; what is no character, as in a name of a file, becomes a question mark."""
+    return text.replace("\0", " ").encode(errors="replace")
+
+
+def _chunks(text: str) -> list[bytes]:
+    """Full ones, and a last one that is not where there are several."""
+    chunks = [b""]
+    for character in _encoded(text).decode():
+        octets = character.encode()
+        if len(chunks[-1]) + len(octets) > STATUS_TEXT_SIZE:
+            chunks[-1] = chunks[-1].ljust(STATUS_TEXT_SIZE)
+            chunks.append(b"")
+        chunks[-1] += octets
+    if len(chunks) > 1 and len(chunks[-1]) == STATUS_TEXT_SIZE:
+        chunks.append(b"")
+    return chunks
 
 
 def command_ack(command: int, result: int, asker: Address) -> OutMessage:

@@ -99,11 +99,11 @@ def test_modes_and_arming_follow_the_heartbeats(tmp_path):
 
 
 def test_texts_in_pieces_become_whole(tmp_path):
-    text = "x" * 50
+    text = "x" * 49 + "\u00e4"  # a character that the end of a chunk cuts in two
     pieces = [
         mavlink.MAVLink_statustext_message(4, b"alone"),
-        mavlink.MAVLink_statustext_message(2, text.encode(), id=7, chunk_seq=0),
-        mavlink.MAVLink_statustext_message(2, b"rest", id=7, chunk_seq=1),
+        mavlink.MAVLink_statustext_message(2, text.encode()[:50], id=7, chunk_seq=0),
+        mavlink.MAVLink_statustext_message(2, text.encode()[50:] + b"rest", id=7, chunk_seq=1),
     ]
     messages = [(0.0, beat(GUIDED, armed=False)), *((1.0, piece) for piece in pieces)]
     found = context(recorded(tmp_path / "texts.tlog", *messages))

@@ -1,6 +1,6 @@
 from h2nav.integrity.findings import Severity
 from h2nav.service.notices import MOST_CAUSES, NOTICES_AT_ONCE, Notices
-from h2nav.wire.outbound import STATUS_TEXT_SIZE
+from h2nav.wire.outbound import STATUS_TEXT_CHUNKS, STATUS_TEXT_SIZE
 
 SECOND_NS = 1_000_000_000
 
@@ -8,8 +8,8 @@ SECOND_NS = 1_000_000_000
 def texts_sent(notices, start_s, end_s):
     """What the ground station reads, asked ten times a second."""
     times = range(round(10 * start_s), round(10 * end_s))
-    sent = [notices.status_text(i * SECOND_NS // 10) for i in times]
-    return [message.text for message in sent if message]
+    sent = [notices.status_texts(i * SECOND_NS // 10) for i in times]
+    return ["".join(chunk.text for chunk in chunks) for chunks in sent if chunks]
 
 
 def test_a_cause_speaks_once_a_minute_whatever_its_figures():
@@ -47,4 +47,4 @@ def test_length_and_queue_of_status_texts_are_bounded():
         notices.tell(0, Severity.INFO, f"{i} " + "x" * 100)
     sent = texts_sent(notices, 0.0, 100.0)
     assert 0 < len(sent) <= 8
-    assert all(len(text) <= STATUS_TEXT_SIZE for text in sent)
+    assert all(len(text) <= STATUS_TEXT_CHUNKS * STATUS_TEXT_SIZE for text in sent)

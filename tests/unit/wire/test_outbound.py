@@ -113,11 +113,48 @@ def test_any_rate_fits_a_message_interval(rate_hz):
     assert read.interval_us == -1 or 0 <= read.interval_us <= (1 << 31) - 1
 
 
-@given(st.floats(allow_nan=False), st.text(max_size=80))
+@given(st.floats(allow_nan=False))
 @settings(derandomize=True, deadline=None)
-def test_any_number_and_text_fit(number, text):
+def test_any_number_fits(number):
     assert on_the_wire(outbound.param_value("H2_ATT_HZ", number, 0, 1))
-    assert on_the_wire(outbound.status_text(4, text))
+
+
+def put_together(text):
+    """The chunks of a text, read as QGroundControl and others do: one that is not full is last."""
+    chunks = [on_the_wire(message) for message in outbound.status_text(4, text, 9)]
+    octets = [chunk.text.encode() for chunk in chunks]
+    assert all(len(part) == outbound.STATUS_TEXT_SIZE for part in octets[:-1])
+    assert len(chunks) == 1 or len(octets[-1]) < outbound.STATUS_TEXT_SIZE
+    ids = [(chunk.id, chunk.chunk_seq) for chunk in chunks]
+    assert ids == ([(0, 0)] if len(chunks) == 1 else [(9, i) for i in range(len(chunks))])
+    return "".join(chunk.text for chunk in chunks)
+
+
+@pytest.mark.parametrize("length", [0, 1, 49, 50, 51, 99, 100, 101, 199])
+def test_a_text_arrives_whole(length):
+    text = ("h2nav: IMU 2 instead of 1: vibration, 12 clips; " * 5)[:length]
+    assert put_together(text) == text
+
+
+def test_a_character_is_never_cut_in_two():
+    for before in range(47, 52):
+        text = "x" * before + "\u00e4\u20ac\U0001f681" + "y" * 60
+        read = put_together(text)
+        assert "\ufffd" not in read
+        assert read.replace(" ", "") == text
+
+
+def test_what_is_too_long_ends_with_an_ellipsis():
+    for letter in ("x", "\u00e4", "\u20ac"):
+        read = put_together(letter * 1000)
+        assert read.endswith(letter + outbound.ELLIPSIS)
+        assert 180 < len(read.encode()) <= 199
+
+
+@given(st.text(st.characters(), max_size=300))
+@settings(derandomize=True, deadline=None)
+def test_any_text_fits_that_of_a_file_name_without_utf8_as_well(text):
+    assert "\0" not in put_together(text + "\udcff.tlog")
 
 
 def test_a_covariance_beyond_single_precision_stands_at_its_end():
