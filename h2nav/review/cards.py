@@ -1,33 +1,36 @@
 """The findings of a review as HTML: a cause as a card, what follows from it folded beneath."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-from h2nav.integrity.findings import Finding, Severity
-from h2nav.integrity.kinds import MEANINGS
+from h2nav.integrity.findings import Kind, Severity
 from h2nav.review.advice import place
-from h2nav.review.causes import first_causes
 from h2nav.review.html import escape
 
+# As `h2nav.review.document` tells it.
+Told = dict[str, Any]
 # Causes that are seen at once; the first one with all that is said of it.
 MOST_SHOWN, MOST_LISTED = 6, 200
 
 
-def cards(findings: Sequence[Finding]) -> str:
+def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
     """Causes in the order that is given, notes folded below them.
 
     Args:
-        findings: the worst first; what has a `cause` among them stands beneath it.
+        findings: the worst first; what has a first cause among them stands beneath it.
+        opens_first: the first one with all that is said of it.
     """
     followers = _followers(findings)
-    followed = {one.id for some in followers.values() for one in some}
-    causes = [one for one in findings if one.id not in followed]
-    wrong = [one for one in causes if one.severity <= Severity.WARNING]
-    notes = [one for one in causes if one.severity > Severity.WARNING]
+    followed = {one["id"] for some in followers.values() for one in some}
+    causes = [one for one in findings if one["id"] not in followed]
+    wrong = [one for one in causes if is_wrong(one)]
+    notes = [one for one in causes if not is_wrong(one)]
     about = (
         '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
         "after the beginning of the recording.</p>"
     )
-    parts = [about if findings else "", _list(wrong[:MOST_SHOWN], followers, opens_first=True)]
+    shown = _list(wrong[:MOST_SHOWN], followers, opens_first=opens_first)
+    parts = [about if findings else "", shown]
     further = wrong[MOST_SHOWN:]
     for some, what in ((further, "further warning"), (notes, "note")):
         if some:
@@ -35,62 +38,70 @@ def cards(findings: Sequence[Finding]) -> str:
     return "".join(parts)
 
 
+def is_wrong(finding: Told) -> bool:
+    """Whether it is more than a note."""
+    return _severity(finding) <= Severity.WARNING
+
+
 def counted(number: int, what: str) -> str:
     """``1 note`` or ``2 notes``."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _followers(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
+def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
     """Id of a first cause -> what follows from it, in order of time."""
-    first = first_causes(findings)
-    ids = {one.id for one in findings}
-    followers: dict[str, list[Finding]] = {}
-    for one in sorted(findings, key=lambda one: one.from_s):
-        cause = first[one.id]
-        if cause in ids and cause != one.id and first[cause] is None:
+    first = {one["id"]: one["consequence_of"] for one in findings}
+    followers: dict[str, list[Told]] = {}
+    for one in sorted(findings, key=lambda one: float(one["from_s"])):
+        cause = first[one["id"]]
+        if cause in first and cause != one["id"] and first[cause] is None:
             followers.setdefault(cause, []).append(one)
     return followers
 
 
 def _list(
-    findings: Iterable[Finding], followers: dict[str, list[Finding]], *, opens_first: bool = False
+    findings: Iterable[Told], followers: dict[str, list[Told]], *, opens_first: bool = False
 ) -> str:
     items = [
-        _card(one, followers.get(one.id, ()), is_open=opens_first and number == 0)
+        _card(one, followers.get(one["id"], ()), is_open=opens_first and number == 0)
         for number, one in enumerate(findings)
     ]
     return f'<ol class="findings">{"".join(items)}</ol>' if items else ""
 
 
-def _card(finding: Finding, followers: Sequence[Finding], *, is_open: bool) -> str:
-    severity, source = finding.severity, finding.source
-    text = finding.text if source.lower() in finding.text.lower() else f"{source}: {finding.text}"
+def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
+    severity, source, text = _severity(finding), finding["source"], finding["text"]
+    if source.lower() not in text.lower():
+        text = f"{source}: {text}"
     # A size without a unit counts what the text counts too.
-    size = f"{_figure(finding.size)} {finding.unit}" if finding.unit else ""
+    has_size = finding["unit"] and finding["size"] is not None
+    size = f"{_figure(finding['size'])} {finding['unit']}" if has_size else ""
     follows = ""
     if followers:
-        many = f"{counted(len(followers), 'finding')} that {_follow(len(followers))} from it"
-        follows = _folded(many, _list(followers, {}))
+        verb = "follows" if len(followers) == 1 else "follow"
+        title = f"{counted(len(followers), 'finding')} that {verb} from it"
+        follows = _folded(title, _list(followers, {}))
     return (
         f'<li class="finding {severity.look}"><button type="button" '
-        f'data-from="{finding.from_s:.3f}" data-to="{finding.to_s:.3f}" '
-        f'data-place="{place(finding.kind)}">'
+        f'data-from="{finding["from_s"]:.3f}" data-to="{finding["to_s"]:.3f}" '
+        f'data-place="{place(Kind(finding["kind"]))}">'
         f'<span class="what"><span class="tag">{severity.tag}</span>'
         f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
         f"</button>{_why(finding, is_open=is_open)}{follows}</li>"
     )
 
 
-def _follow(number: int) -> str:
-    return "follows" if number == 1 else "follow"
+def _severity(finding: Told) -> Severity:
+    return Severity.of(finding["severity"]) or Severity.INFO
 
 
-def _why(finding: Finding, *, is_open: bool) -> str:
+def _why(finding: Told, *, is_open: bool) -> str:
     """What it means, what shows it, what to check."""
-    of_kind = MEANINGS[finding.kind]
-    lines = (("means", of_kind.means), ("shown by", finding.evidence), ("check", of_kind.check))
+    lines = (("means", "means"), ("shown by", "evidence"), ("check", "check"))
     shown = "".join(
-        f'<span class="line"><i>{name}:</i> {escape(line)}</span>' for name, line in lines if line
+        f'<span class="line"><i>{name}:</i> {escape(finding[key])}</span>'
+        for name, key in lines
+        if finding[key]
     )
     return _folded("why, and what to check", shown, is_open=is_open) if shown else ""
 
@@ -101,9 +112,10 @@ def _folded(title: str, html: str, *, is_open: bool = False) -> str:
     )
 
 
-def _span(finding: Finding) -> str:
-    digits = 1 if finding.to_s - finding.from_s < 10.0 else 0
-    begin, end = f"{finding.from_s:.{digits}f}", f"{finding.to_s:.{digits}f}"
+def _span(finding: Told) -> str:
+    from_s, to_s = finding["from_s"], finding["to_s"]
+    digits = 1 if to_s - from_s < 10.0 else 0
+    begin, end = f"{from_s:.{digits}f}", f"{to_s:.{digits}f}"
     return f"{begin} s" if begin == end else f"{begin} to {end} s"
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding
 from h2nav.review.analysis import Analysis
-from h2nav.review.cards import cards
+from h2nav.review.cards import cards, is_wrong
 from h2nav.review.certainty import GROUPS
 from h2nav.review.flight import Flight
 from h2nav.review.gathering import all_findings
@@ -53,7 +53,7 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     body = "\n".join(
         (
             _title(told),
-            _findings(told, findings),
+            _findings(told),
             *map(drawn.section, happened),
             _contents(sections),
             *map(drawn.section, sections),
@@ -174,13 +174,18 @@ def _no_estimate(told: dict[str, Any]) -> str:
     )
 
 
-def _findings(told: dict[str, Any], findings: tuple[Finding, ...]) -> str:
-    is_wrong = any(one.severity <= Severity.WARNING for one in findings)
+def _findings(told: dict[str, Any]) -> str:
+    found = [one for one in told["findings"] if not _is_own(one)]
     return (
         f'<section id="findings"><p class="verdict">{escape(told["verdict"])}</p>'
-        f"{_no_estimate(told)}{cards(findings)}"
-        f"{_looked_at(told, is_open=not is_wrong)}</section>"
+        f"{_no_estimate(told)}{cards(found)}"
+        f"{_looked_at(told, is_open=not any(map(is_wrong, found)))}</section>"
     )
+
+
+def _is_own(finding: dict[str, Any]) -> bool:
+    """Whether it is about our own attitude, and no fault of the vehicle."""
+    return bool(finding.get("about") == "h2nav")
 
 
 def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
@@ -231,7 +236,8 @@ def _certainty(told: dict[str, Any]) -> str:
         if deviations is not None
         for part in ("tilt", "heading")
     ]
-    parts = ['<section id="sure"><h2>How sure we are</h2>']
+    own = cards([one for one in told["findings"] if _is_own(one)], opens_first=False)
+    parts = [f'<section id="sure"><h2>How sure we are</h2>{own}']
     if rows:
         parts.append(
             '<p class="about">One standard deviation of our attitude: two errors of three are '
@@ -243,7 +249,7 @@ def _certainty(told: dict[str, Any]) -> str:
         heads = ("whose", "of", "usual", "largest", "at the end")
         tables.insert(0, "<div><h3>Our own attitude</h3>" + table(heads, rows) + "</div>")
     parts.append(f'<div class="beside">{"".join(tables)}</div>')
-    return "".join(parts) + "</section>" if any(tables) else ""
+    return "".join(parts) + "</section>" if own or any(tables) else ""
 
 
 def _compared(told: dict[str, Any]) -> str:

@@ -22,7 +22,7 @@ from h2nav.integrity.kinds import MEANINGS
 from h2nav.review.analysis import Analysis
 from h2nav.review.document import document
 from h2nav.review.flight import EarthFields, Flight, Ratios
-from h2nav.review.page import duration
+from h2nav.review.page import duration, page
 
 NOTHING = np.zeros(0)
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\u202e"
@@ -169,6 +169,17 @@ def test_what_follows_stands_once_beneath_its_cause():
     circle = listed((lost._replace(cause=crash.id), crash))
     assert circle.count("came down hard") == circle.count("pitch -60 deg") == 1
     assert listed((crash._replace(cause="nothing.1"),)).count("came down hard") == 1
+
+
+def test_what_our_own_attitude_says_of_itself_stands_under_how_sure_we_are(made):
+    told = document(*made)
+    told["findings"][0]["about"] = "h2nav"
+    html = page(*made, told)
+    found = html[html.index('id="findings"') : html.index('id="timeline"')]
+    sure = html[html.index('id="sure"') :]
+    assert "heading +14 deg, dip -9 deg" not in found
+    assert "autopilot heading off 14 deg" in found
+    assert "heading +14 deg, dip -9 deg" in sure
 
 
 def test_a_second_crash_is_seen_on_demand():
