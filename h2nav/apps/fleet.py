@@ -113,6 +113,7 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         lasted_s[name] = lasted_s.get(name, 0.0) + spent_s
     duration_s = found["duration_s"]
     apart = [one for one in found["differences"] if not one["is_truth"]]
+    crashes = [one["from_s"] for one in found["findings"] if one["kind"] == "crash"]
     rates_hz = [one["rate_hz"] for one in found["imus"] if one.get("rate_hz") is not None]
     return {
         **{name: found[name] for name in _COPIED},
@@ -122,6 +123,8 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         "active_share": lasted_s.get("active", 0.0) / duration_s if duration_s else None,
         "degraded_share": lasted_s.get("degraded", 0.0) / duration_s if duration_s else None,
         "no_estimate": found["why_no_estimate"],
+        "verdict": found["verdict"],
+        "crash_s": min(crashes, default=None),
         **{
             f"largest_{part}_deg": max(
                 (one[part]["largest_deg"] for one in apart if one[part]["largest_deg"] is not None),

@@ -1,6 +1,7 @@
 """The page that lists a fleet's flights, the worst first, and leads to their reviews."""
 
 import math
+import posixpath
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from datetime import datetime
@@ -41,11 +42,13 @@ def write_index(rows: Sequence[Row], store: Store) -> None:
 def page(rows: Sequence[Row]) -> str:
     """The page as HTML; it asks nobody for anything."""
     listed = sorted(rows, key=_rank)[:MOST_LISTED]
+    above = _above([_address(row) for row in rows])
     heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in _HEADS)
-    body = "\n".join(_row(row) for row in listed)
+    body = "\n".join(_row(row, above) for row in listed)
     left_out = len(rows) - len(listed)
     more = f"<p>The {len(listed)} worst flights are listed; {FLIGHTS} has all.</p>"
-    whole = f"""<h1>{len(rows)} flights</h1>
+    title = "1 flight" if len(rows) == 1 else f"{len(rows)} flights"
+    whole = f"""<h1>{title}</h1>
 <p class="facts">{_summary(rows)}</p>
 {more if left_out else ""}
 <p class="about">A click on a head sorts. The whole tables: <a href="{FLIGHTS}">{FLIGHTS}</a>,
@@ -81,39 +84,62 @@ def _verdict(values: dict[str, Any]) -> str:
 
 
 _HEADS = (
-    "worst", "flight", "date", "minutes", "vehicle", "firmware", "kind", "findings", "what",
-    "tilt apart deg", "heading apart deg", "active %", "folder",
+    "worst", "flight", "crash", "verdict", "date", "minutes", "vehicle", "firmware", "kind",
+    "findings", "tilt apart deg", "heading apart deg", "active %", "folder",
 )  # fmt: skip
 
 
-def _row(row: Row) -> str:
+def _address(row: Row) -> str:
+    return str(row.values["source"]).partition("::")[0]
+
+
+def _above(addresses: Sequence[str]) -> int:
+    """How much of the addresses is the same folder of all flights."""
+    folders = [address.rpartition("/")[0] + "/" for address in addresses]
+    return posixpath.commonprefix(folders).rfind("/") + 1
+
+
+def _row(row: Row, above: int) -> str:
     values = row.values
     worst = Severity.of(values["worst_severity"])
     look = "failed" if values["error"] else "good" if worst is None else worst.look
-    folder, _, name = str(values["source"]).partition("::")[0].rpartition("/")
-    title = escape(name)
+    folder, _, name = _address(row).rpartition("/")
+    # Names of flights repeat from folder to folder, such as 00000001.BIN.
+    below = folder[above:].lstrip("/")
+    title = (f'<span class="below">{escape(below)}/</span>' if below else "") + escape(name)
     if values["review"]:
         title = f'<a href="{escape(quote(values["review"]))}">{title}</a>'
-    told = list(row.findings[:_MOST_TOLD])
-    if len(row.findings) > _MOST_TOLD:
-        told.append(f"and {len(row.findings) - _MOST_TOLD} more")
-    what = escape(values["error"]) or "<br>".join(escape(text) for text in told)
     cells = (
         _Cell(escape(_verdict(values)), float(_rank(row)[0])),
         _Cell(title, look="path"),
+        _crash(values["crash_s"]),
+        _Cell(_told(row), look="told"),
         _date(values["start"]),
         _number(values["duration_s"], 1 / 60.0, 1),
         _Cell(escape(values["vehicle"] or "")),
         _Cell(escape(values["firmware"] or "")),
         _Cell(escape(values["kind"] or "")),
         _number(values["finding_count"], 1.0, 0),
-        _Cell(what or escape(values["no_estimate"] or ""), look="told"),
         _number(values["largest_tilt_deg"], 1.0, 1),
         _number(values["largest_heading_deg"], 1.0, 1),
         _number(values["active_share"], 100.0, 0),
         _Cell(escape(folder), look="path"),
     )
     return f'<tr class="{look}">' + "".join(map(_cell, cells)) + "</tr>"
+
+
+def _told(row: Row) -> str:
+    """The verdict with the findings below it; why there is no review."""
+    values, findings = row.values, row.findings
+    if values["error"]:
+        return escape(values["error"])
+    told = [escape(text) for text in findings[:_MOST_TOLD]]
+    if len(findings) > _MOST_TOLD:
+        told.append(f"and {len(findings) - _MOST_TOLD} more")
+    first = escape(values["verdict"] or values["no_estimate"] or "")
+    if not told:
+        return first
+    return f"{first}<details><summary>findings</summary>{'<br>'.join(told)}</details>"
 
 
 def _cell(cell: _Cell) -> str:
@@ -126,6 +152,10 @@ def _number(value: float | None, scale: float, digits: int) -> _Cell:
     if value is None or not math.isfinite(value):
         return _Cell("", -1e300, "number")  # smaller than any
     return _Cell(f"{value * scale:.{digits}f}", float(value), "number")
+
+
+def _crash(at_s: float | None) -> _Cell:
+    return _Cell("", -1.0) if at_s is None else _Cell(f"at {at_s:.0f} s", at_s, "crash")
 
 
 def _date(start: datetime | None) -> _Cell:

@@ -35,6 +35,8 @@ FLIGHT_COLUMNS: dict[str, tuple[Any, str, str]] = {
     "active_share": (_NUMBER, "", "of the duration in the state active"),
     "degraded_share": (_NUMBER, "", "the same of degraded"),
     "no_estimate": (_TEXT, "", "why there is no estimate; empty where there is one"),
+    "verdict": (_TEXT, "", "the review's first sentence"),
+    "crash_s": (_NUMBER, "s", "when it crashed first, since the start of the recording"),
     "largest_tilt_deg": (_NUMBER, "deg", "between the autopilot's vertical and ours"),
     "largest_heading_deg": (_NUMBER, "deg", "between the autopilot's heading and ours"),
 }

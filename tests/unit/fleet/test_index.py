@@ -17,6 +17,18 @@ def order(text: str) -> list[str]:
     return re.findall(r"<td class=\"path\">(?:<a [^>]*>)?([^<]+)", text)[::2]
 
 
+def test_verdict_crash_and_the_folder_that_tells_names_apart() -> None:
+    text = page(
+        [row("/f/2024/1.BIN", "critical", 1, verdict="Crashed at 149 s.", crash_s=149.2),
+         row("/f/2025/1.BIN", verdict="Nothing was found wrong.")]
+    )  # fmt: skip
+    assert '<span class="below">2024/</span>1.BIN' in text
+    assert '<span class="below">2025/</span>1.BIN' in text
+    assert "Crashed at 149 s.<details>" in text
+    assert text.count("at 149 s</td>") == 1
+    assert "<h1>1 flight</h1>" in page([row("/f/a")])
+
+
 def test_the_worst_come_first_and_the_broken_last() -> None:
     text = page(
         [row("/f/good"), row("/f/info", "info", 1), row("/f/fail", error="no recording"),
