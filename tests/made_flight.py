@@ -213,7 +213,7 @@ def made_flight(duration_s=600.0, rate_hz=100.0, imus=2, seed=3, **changes):
             Span(360.0, duration_s, "active"),
         ),
         lanes=(Span(0.0, duration_s, "IMU 1"),),
-        notices=((250.0, "CRITICAL", "degraded: attitude contradicts field"),),
+        notices=((250.0, "critical", "degraded: attitude contradicts field"),),
         findings=FINDINGS,
         rejected={"RAW_IMU: stale": 2},
     )

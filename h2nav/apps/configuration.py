@@ -164,6 +164,18 @@ class LiveSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class EventSettings:
+    """What other programs of this computer are told while the daemon runs.
+
+    Attributes:
+        socket: path of a Unix socket that sends the events of ``h2nav run --json`` to whoever
+            connects, such as /run/h2nav/events; empty = none.
+    """
+
+    socket: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Configuration:
     """The whole file, one field per section."""
 
@@ -179,6 +191,7 @@ class Configuration:
     log: LogSettings = field(default_factory=LogSettings)
     signing: SigningSettings = field(default_factory=SigningSettings)
     live: LiveSettings = field(default_factory=LiveSettings)
+    events: EventSettings = field(default_factory=EventSettings)
 
     @property
     def service(self) -> ServiceSettings:
@@ -246,9 +259,10 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
         key_file=expanded("signing.key_file", signing.key_file),
         state_file=expanded("signing.state_file", signing.state_file),
     )
+    events = EventSettings(expanded("events.socket", configuration.events.socket))
     if complaints:
         raise BadInput(*complaints)
-    return dataclasses.replace(configuration, log=log, filter=gains, signing=signing)
+    return dataclasses.replace(configuration, log=log, filter=gains, signing=signing, events=events)
 
 
 def contradictions(configuration: Configuration) -> list[str]:

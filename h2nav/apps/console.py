@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -11,7 +11,7 @@ from h2nav.apps.panel import Sight, autopilot_attitude, euler_deg, panel_lines
 from h2nav.apps.terminal_footer import TerminalFooter
 from h2nav.apps.voice import Voice
 from h2nav.attitude.samples import AttitudeEstimate, Quat
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Phase, Severity, as_mapping
 from h2nav.io.deframer import Frame
 from h2nav.io.host_clock import UnixClock
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord, estimate_record
@@ -37,7 +37,9 @@ class Console:
 
     def __init__(self, events_as_json: bool = False, stream: TextIO | None = None) -> None:
         stream = sys.stderr if stream is None else stream
-        self._events = Voice(sys.stdout) if events_as_json else None
+        self._sinks: list[Callable[[str], object]] = []
+        if events_as_json:
+            self.show_events(Voice(sys.stdout).say)
         self._lines = Voice(stream)
         self._footer = TerminalFooter(stream, self._lines) if _can_be_drawn_on(stream) else None
         self._is_journal = _is_journal(stream)
@@ -46,6 +48,10 @@ class Console:
         self._latest_ns = 0
         self._shown_ns = 0
         self._event_ns = 0
+
+    def show_events(self, say: Callable[[str], object]) -> None:
+        """Events go there as well, one JSON document a line."""
+        self._sinks.append(say)
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Frames are not shown."""
@@ -60,6 +66,17 @@ class Console:
         prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.word}: "
         self._say(f"{prefix}{text}")
 
+    def finding(self, t_ns: int, phase: Phase, finding: Finding) -> None:
+        """Writes an event; for people, a notice says what has begun."""
+        self._event("finding", t_ns, {"phase": phase.value, **as_mapping(finding)})
+
+    def catch_up(self, t_ns: int, findings: Iterable[Finding]) -> list[str]:
+        """The events that somebody who comes late has missed: a line for what still goes on."""
+        return [
+            self._line("finding", t_ns, {"phase": Phase.UPDATE.value, **as_mapping(finding)})
+            for finding in findings
+        ]
+
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
         """Redraws the panel a few times a second; as JSON, writes an event each second.
 
@@ -67,7 +84,7 @@ class Console:
             t_ns: host time.
             look: what there is to be seen at that time; asked only where it is shown.
         """
-        is_event = self._events is not None and t_ns - self._event_ns >= EVENT_NS
+        is_event = bool(self._sinks) and t_ns - self._event_ns >= EVENT_NS
         is_drawn = self._footer is not None and t_ns - self._shown_ns >= REFRESH_NS
         if not is_event and not is_drawn:
             return
@@ -103,8 +120,13 @@ class Console:
         return estimate_record(self._latest)
 
     def _event(self, name: str, t_ns: int, values: dict[str, Any]) -> None:
-        if self._events is None:
+        if not self._sinks:
             return
+        line = self._line(name, t_ns, values)
+        for say in self._sinks:
+            say(line)
+
+    def _line(self, name: str, t_ns: int, values: dict[str, Any]) -> str:
         unix_s = round(self._clock.unix_ns(t_ns) * 1e-9, 3)
         event = {
             "event": name,
@@ -112,7 +134,7 @@ class Console:
             **values,
             "attitude": _attitude(self._fresh(t_ns)),
         }
-        self._events.say(json_text(event) + "\n")
+        return json_text(event) + "\n"
 
 
 def _attitude(record: EstimateRecord | None) -> dict[str, Any] | None:
@@ -142,6 +164,7 @@ def _compared(status: StatusRecord) -> dict[str, Any]:
         "field_ratio": status.field_ratio,
         "turn_ratio": status.turn_ratio,
         "alarms": status.alarms.splitlines(),
+        "open_findings": status.open_findings.split(),
     }
 
 

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Phase, Severity
 from h2nav.io import codec
 from h2nav.io.deframer import Deframer, Frame, PlacedFrame, frame_at
 from h2nav.io.key_blanker import KeyBlanker
@@ -78,6 +78,7 @@ class Outlets(NamedTuple):
         watcher: who looks on.
         observer: who looks at more; None = nobody.
         live: what the live view shows; None without one.
+        finding: is given each report of a finding; None = nobody asks.
     """
 
     unix_ns: Callable[[int], int]
@@ -86,6 +87,7 @@ class Outlets(NamedTuple):
     watcher: Watcher
     observer: Observer | None = None
     live: "LiveFeed | None" = None
+    finding: Callable[[int, Phase, Finding], object] | None = None
 
 
 def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
@@ -152,6 +154,7 @@ class Pipeline:
             self._watcher,
             self._observer,
             self._live,
+            self._finding,
         ) = outlets
         self._writers: tuple[Recorder | LiveFeed, ...] = tuple(
             writer for writer in (self._recorder, self._live) if writer is not None
@@ -349,6 +352,8 @@ class Pipeline:
                 self._log(t_ns, effect.topic, effect.record, effect.t_us)
             elif isinstance(effect, Found):
                 self._log(t_ns, FINDING_TOPIC, finding_record(*effect))
+                if self._finding is not None:
+                    self._finding(t_ns, *effect)
             else:
                 self._say(t_ns, effect)
 

@@ -34,10 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _CLOSING
-    parser.add_argument("flights", type=Path, nargs="+", metavar="FLIGHT", help="recordings")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the pages"
-    )
+    parser.add_argument("flights", type=Path, nargs="*", metavar="FLIGHT", help="recordings")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the pages")
     parser.add_argument("--open", action="store_true", help="open the pages in the browser")
     parser.add_argument(
         "--no-smooth",
@@ -52,11 +50,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=Severity.ERROR.word,
         help="exit with 3 where a finding is at least so grave (error)",
     )
+    parser.add_argument(
+        "--schema", action="store_true", help="print the JSON Schema of the documents instead"
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    if args.schema:
+        from h2nav.review.document_schema import review_schema
+
+        print_json(review_schema(), indent=2)
+        return 0
+    if not args.flights or args.output is None:
+        raise BadInput("review: name recordings, and a folder for their pages with -o DIR")
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -8,6 +8,7 @@ from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import StopSignals
+from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
@@ -23,7 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--connect", metavar="URL", help=f"link to the autopilot: {FORMS}")
     parser.add_argument("--log-dir", metavar="DIR", help="folder of the MCAP logs")
     add_live_argument(parser)
-    parser.add_argument("--json", action="store_true", help="status events on standard output")
+    parser.add_argument("--json", action="store_true", help="events on standard output")
+    parser.add_argument(
+        "--schema", action="store_true", help="print the JSON Schema of the events instead"
+    )
 
 
 def add_live_argument(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +43,11 @@ def add_live_argument(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs until SIGTERM or SIGINT, then flushes the log; 0."""
+    if args.schema:
+        from h2nav.apps.event_schema import event_schema
+
+        print_json(event_schema(), indent=2)
+        return 0
     chosen = _configuration(args)
     console = Console(events_as_json=args.json)
     with StopSignals().installed() as stop, Session(chosen, console) as session:

@@ -1,6 +1,7 @@
 """One run of the daemon: wires everything that a configuration asks for, and cleans up."""
 
 import time
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -24,8 +25,10 @@ from h2nav.service.service import Service, Surroundings
 
 if TYPE_CHECKING:
     from h2nav.apps.live_view import LiveView
+    from h2nav.io.event_socket import EventSocket
 
 CLOSE_WITHIN_S = 1.5
+LET_IN_NS = 100_000_000
 
 
 class Session:
@@ -54,6 +57,8 @@ class Session:
         self._signing = LinkSigning(signing) if signing.key_file else None
         self._live = _live_view(configuration)
         self._console = console
+        self._events = _event_socket(configuration, console)
+        self._let_in_ns = 0
         self._clock = UnixClock()
         unix_s = time.time()
         self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
@@ -72,6 +77,7 @@ class Session:
             self.recorder,
             watcher or console,
             live=None if self._live is None else self._live.feed,
+            finding=console.finding,
         )
         self._pipeline = Pipeline(
             self.service, configuration.output.component_id, outlets, self._signing
@@ -95,6 +101,15 @@ class Session:
             self._console.status(now_ns, self._sight)
             if self._live is not None:
                 self._pipeline.tend(now_ns, "live view", self._live.tend)
+            if self._events is not None:
+                self._pipeline.tend(now_ns, "event socket", self._let_in)
+
+    def _let_in(self, t_ns: int, _: int, service: Service) -> list[Notice]:
+        """Looks whether a program has come to the socket for events."""
+        if self._events is not None and t_ns >= self._let_in_ns:
+            self._let_in_ns = t_ns + LET_IN_NS
+            self._events.tend(lambda: self._console.catch_up(t_ns, service.open_findings))
+        return []
 
     def _sight(self, t_ns: int) -> Sight:
         log = None
@@ -125,6 +140,8 @@ class Session:
             self._pipeline.tell_of_recorder(time.monotonic_ns())
         log = None if self.recorder is None else self.recorder.path
         self._console.closing(time.monotonic_ns(), self.service.health, log)
+        if self._events is not None:
+            self._events.close()
 
 
 def _live_view(configuration: Configuration) -> "LiveView | None":
@@ -134,6 +151,17 @@ def _live_view(configuration: Configuration) -> "LiveView | None":
     from h2nav.apps.live_view import LiveView
 
     return LiveView(configuration)
+
+
+def _event_socket(configuration: Configuration, console: Console) -> "EventSocket | None":
+    """Where other programs get the events; None, and nothing is loaded, where nobody wants it."""
+    if not configuration.events.socket:
+        return None
+    from h2nav.io.event_socket import EventSocket
+
+    events = EventSocket(Path(configuration.events.socket))
+    console.show_events(events.say)
+    return events
 
 
 def _greeting(configuration: Configuration) -> str:

@@ -10,6 +10,7 @@ from h2nav import __version__
 from h2nav.attitude.samples import Trust
 from h2nav.live.state import LiveState, Seen
 from h2nav.maths import quaternion
+from h2nav.service.records import finding_mapping
 
 # Not every sample corrects everything; what did so recently holds the attitude.
 HELD_WITHIN_S = 2.0
@@ -60,7 +61,7 @@ def told(state: LiveState) -> dict[str, Any]:
     """Findings and lines of the program, both newest first."""
     findings = [
         {
-            **told.finding._asdict(),
+            **finding_mapping(told.finding),
             "age_s": state.age_s(told.began_ns),
         }
         for told in reversed(state.findings)

@@ -71,7 +71,7 @@ class Flight(NamedTuple):
         earth: the field model.
         states: the service's states, in order; the name is ``state`` or ``state: reason``.
         lanes: which IMU was sent, in order.
-        notices: what the service said: seconds, severity's name, text.
+        notices: what the service said: seconds, severity's word, text.
         findings: of the checks in flight.
         rejected: what was refused: reason -> count.
         held: what held our attitude when: spans of each name, in order.

@@ -1,7 +1,7 @@
 """What the service writes to the log: flat scalars with units in their names."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.integrity.findings import Finding, Phase
@@ -356,3 +356,10 @@ def finding_record(phase: Phase, finding: Finding) -> FindingRecord:
         finding.evidence,
         finding.cause,
     )
+
+
+def finding_mapping(record: FindingRecord) -> dict[str, Any]:
+    """The same as `findings.as_mapping` of it, with its phase."""
+    values = record._asdict()
+    number = values.pop("sensor_number")
+    return {**values, "sensor": {"kind": record.sensor, "number": number, "others": []}}

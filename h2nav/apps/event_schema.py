@@ -1,0 +1,68 @@
+"""The JSON Schema of the events of `h2nav run`: `docs/schema/event.json`."""
+
+from typing import Any
+
+from h2nav.integrity.finding_schema import DRAFT, report_schema, severity_schema
+from h2nav.service.health import State
+
+_ATTITUDE = {
+    "anyOf": [
+        {"type": "null"},
+        {
+            "type": "object",
+            "properties": {
+                "roll_deg": {"type": "number"},
+                "pitch_deg": {"type": "number"},
+                "yaw_deg": {"type": "number"},
+                "q_nb": {
+                    "type": "array",
+                    "items": {"type": "number"},
+                    "minItems": 4,
+                    "maxItems": 4,
+                    "description": "body to NED, Hamilton, scalar first",
+                },
+            },
+            "required": ["roll_deg", "pitch_deg", "yaw_deg", "q_nb"],
+        },
+    ],
+    "description": "ours; null where there is no fresh one",
+}
+
+
+def event_schema() -> dict[str, Any]:
+    """One line."""
+    health: dict[str, dict[str, Any]] = {
+        "state": {"enum": [state.value for state in State]},
+        "reason": {"type": "string"},
+    }
+    events = {
+        "finding": report_schema(),
+        "notice": _object(severity=severity_schema(), text={"type": "string"}),
+        "status": _object(
+            **health,
+            alarms={"type": "array", "items": {"type": "string"}},
+            open_findings={"type": "array", "items": {"type": "string"}},
+            autopilot_attitude=_ATTITUDE,
+        ),
+        "stopped": _object(**health, log={"type": ["string", "null"]}),
+    }
+    return {
+        "$schema": DRAFT,
+        "title": "Event of h2nav",
+        "type": "object",
+        "properties": {
+            "event": {"enum": list(events)},
+            "unix_s": {"type": "number", "description": "host time"},
+            "attitude": _ATTITUDE,
+        },
+        "required": ["event", "unix_s", "attitude"],
+        "oneOf": [
+            {"properties": {"event": {"const": name}}, "allOf": [{"$ref": f"#/$defs/{name}"}]}
+            for name in events
+        ],
+        "$defs": events,
+    }
+
+
+def _object(**properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": list(properties)}
