@@ -76,6 +76,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
         ("replay",): Command(
             "replay", "run a recording through the same service", "replay flight.tlog --json"
         ),
+        ("calibrate",): Command(
+            "calibrate",
+            "parameters out of flights: compasses and their motors, as a file to load",
+            "calibrate flight.bin -o fix.param",
+        ),
         ("review",): Command(
             "review",
             "what went wrong in a flight: findings and pictures, one page per flight",

@@ -1,6 +1,6 @@
 """One recording, played through the service and looked at as a whole, for `h2nav review`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +9,8 @@ import orjson
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.playback import Playback, Wishes
+from h2nav.calibration.evidence import Evidence
+from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.flightlogs.autopilot_log import has_enough_samples
@@ -61,6 +63,32 @@ def review(
     if smooths and heard is not None:
         flight = flight._replace(smoothed=_smoothed(*heard))
     return Reviewed(flight, analyse(flight))
+
+
+def evidence_of(
+    source: Source,
+    wished: Wishes,
+    parameters: Mapping[str, float],
+    *,
+    progress: Progress = lambda done, total: None,
+) -> Evidence:
+    """What a calibration rests on: the flight, and its attitude without any compass.
+
+    Args:
+        source: the recording.
+        wished: see `review`.
+        parameters: of the autopilot, instead of those of the same name in the recording.
+        progress: see `review`.
+
+    Raises:
+        BadInput: no attitude can be made of the recording, or the configuration cannot be used.
+    """
+    name = source.path
+    flight, heard = _played(source, wished, progress)
+    free = None if heard is None else _smoothed(*heard, with_field=False)
+    if free is None:
+        raise BadInput(f"{name}: {flight.why_no_estimate or 'no attitude'}; nothing to calibrate")
+    return Evidence(flight, free, {**flight.context.parameters, **parameters})
 
 
 class _Heard(NamedTuple):
@@ -182,8 +210,10 @@ def _why_none(context: Context, reason: str) -> str:
     return f"the recording holds {lacks[0]}" if lacks else reason
 
 
-def _smoothed(listener: Listener, filters: FilterFactory, start_ns: int) -> Estimates | None:
+def _smoothed(
+    listener: Listener, filters: FilterFactory, start_ns: int, *, with_field: bool = True
+) -> Estimates | None:
     rows = EstimateRows()
-    for t_ns, estimate in smoothed(listener, filters.filter_for):
+    for t_ns, estimate in smoothed(listener, filters.filter_for, with_field=with_field):
         rows.add((t_ns - start_ns) * 1e-9, estimate)
     return rows.estimates()

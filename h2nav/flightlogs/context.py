@@ -70,6 +70,26 @@ class ImuTrack(NamedTuple):
     m_b_ut: Array
 
 
+class CompassTrack(NamedTuple):
+    """All values of one compass that an autopilot's own log has, in the axes of its board.
+
+    Attributes:
+        compass: its number, from 0, in the autopilot's order of preference.
+        device_id: as the parameters name it; 0 where the log does not say.
+        t_s: (N,) when they came.
+        m_b_ut: (N, 3) microtesla, with the autopilot's calibration.
+        offset_ut: (N, 3) that is in it; NaN where the log does not say.
+        motor_ut: (N, 3) that was added for the motors; NaN where the log does not say.
+    """
+
+    compass: int
+    device_id: int
+    t_s: Array
+    m_b_ut: Array
+    offset_ut: Array
+    motor_ut: Array
+
+
 class Burst(NamedTuple):
     """Samples at the sensor's own rate, which were recorded for a spectrum.
 
@@ -295,6 +315,7 @@ class Context(NamedTuple):
         start_unix_s: date of `t_s` = 0; None where nothing tells it.
         duration_s: of the recording.
         imus: one per IMU.
+        compasses: one per compass; empty where the messages of the IMUs are all there is.
         bursts: for spectra.
         attitudes: the autopilot's estimators; the first one is the one that it flew by.
         truth: the attitude of a simulator; None elsewhere.
@@ -334,6 +355,7 @@ class Context(NamedTuple):
     start_unix_s: float | None = None
     duration_s: float = 0.0
     imus: tuple[ImuTrack, ...] = ()
+    compasses: tuple[CompassTrack, ...] = ()
     bursts: tuple[Burst, ...] = ()
     attitudes: tuple[AttitudeTrack, ...] = ()
     truth: AttitudeTrack | None = None

@@ -30,6 +30,7 @@ from h2nav.flightlogs.context import (
     Array,
     AttitudeTrack,
     Burst,
+    CompassTrack,
     Context,
     GpsTrack,
     ImuTrack,
@@ -193,14 +194,18 @@ class Trim:
         axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         # Row i is where axis i comes to lie: vectors are rows as well.
         self._turn = np.array([quaternion.rotate(self._q, axis) for axis in axes])
-        units = np.eye(4)
-        self._back = np.array(
-            [quaternion.multiply(tuple(unit), quaternion.conjugate(self._q)) for unit in units]
-        )
+        units = [tuple(unit) for unit in np.eye(4)]
+        back = quaternion.conjugate(self._q)
+        self._back = np.array([quaternion.multiply(unit, back) for unit in units])
+        self._forth = np.array([quaternion.multiply(unit, self._q) for unit in units])
 
     def vectors(self, v: Array) -> Array:
         """(N, 3) of the board to those of the body."""
         return v @ self._turn if self.is_known else v
+
+    def of_board(self, q: Array) -> Array:
+        """(N, 4) attitudes of the body to those of the board."""
+        return q @ self._forth if self.is_known else q
 
     def attitudes(self, q: Array) -> Array:
         """(N, 4) of the board to those of the body."""
@@ -230,6 +235,7 @@ def recorded(tables: LogTables) -> Recorded:
         start_unix_s=_start_unix_s(log),
         duration_s=log.duration_s,
         imus=imus,
+        compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
         truth=_truth(log),
@@ -315,24 +321,50 @@ def _healthy(log: Log, rows: Rows, name: str) -> Mask:
     return good
 
 
-def _compasses(log: Log, trim: Trim) -> dict[int, Fields]:
-    """By number: the fields as the autopilot uses them, in milligauss in the log.
+def _new_fields(log: Log) -> Iterator[Rows]:
+    """The fields that a compass measured, each once, as the autopilot uses them, in milligauss.
 
     Offsets, scale and motor compensation are in them already (`Compass::get_field`); OfsX and the
     like say what was added.
     """
-    found = {}
     for rows in log.instances("MAG", "MagX", "MagY", "MagZ"):
         good = np.ones(len(rows.t_us), np.bool_)
         if "Health" in rows.table:
             good &= rows.table.integers("Health") != 0
         if "S" in rows.table:  # when it was measured: the same again is no new field
             good &= np.diff(rows.table.integers("S"), prepend=-1) != 0
-        new = rows.where(good)
+        yield rows.where(good)
+
+
+def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+    """What a calibration asks for: the fields in the axes of the board, and what is in them."""
+    for rows in _new_fields(log):
+        values = rows.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
+        good = imu_series.can_be_fields(values)
+        offset = _optional(rows, ("OfsX", "OfsY", "OfsZ")) * UT_PER_MGAUSS
+        names = ("MOX", "MOY", "MOZ") if "MOX" in rows.table else ("MOfsX", "MOfsY", "MOfsZ")
+        motor = _optional(rows, names) * UT_PER_MGAUSS
+        if good.any():
+            yield CompassTrack(
+                rows.number, 0, rows.t_s[good], values[good], offset[good], motor[good]
+            )
+
+
+def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
+    """(N, k) of columns that there may be; NaN where there are none."""
+    if all(name in rows.table for name in names):
+        return rows.table.numbers(*names)
+    return np.full((len(rows.t_us), len(names)), np.nan)
+
+
+def _compasses(log: Log, trim: Trim) -> dict[int, Fields]:
+    """By number, in the axes of the body."""
+    found = {}
+    for new in _new_fields(log):
         values = new.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
         fields = imu_series.usable_fields(Fields(new.t_us, trim.vectors(values)))
         if len(fields.t_us):
-            found[rows.number] = fields
+            found[new.number] = fields
     return found
 
 

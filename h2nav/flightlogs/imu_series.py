@@ -120,9 +120,15 @@ def usable(samples: Samples) -> Mask:
 
 def usable_fields(fields: Fields) -> Fields:
     """The fields that can be some."""
-    with np.errstate(invalid="ignore"):
-        good = (np.abs(fields.m_b_ut) <= LARGEST_FIELD_UT).all(axis=1) & fields.m_b_ut.any(axis=1)
+    good = can_be_fields(fields.m_b_ut)
     return Fields(fields.t_us[good], fields.m_b_ut[good])
+
+
+def can_be_fields(m_b_ut: Array) -> Mask:
+    """(N,) which of (N, 3) are numbers that a compass can give."""
+    with np.errstate(invalid="ignore"):
+        good: Any = (np.abs(m_b_ut) <= LARGEST_FIELD_UT).all(axis=1) & m_b_ut.any(axis=1)
+    return np.asarray(good, np.bool_)
 
 
 def with_fields(t_us: Times, fields: Fields | None) -> Array:

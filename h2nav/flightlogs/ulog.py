@@ -29,6 +29,7 @@ from h2nav.flightlogs.context import (
     Array,
     AttitudeTrack,
     Burst,
+    CompassTrack,
     Context,
     GpsTrack,
     ImuTrack,
@@ -135,6 +136,7 @@ def recorded(file: ULogFile) -> Recorded:
         start_unix_s=_start_unix_s(log),
         duration_s=log.duration_s,
         imus=imus,
+        compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
         truth=_attitude("truth", log.find("vehicle_attitude_groundtruth", *QUATERNION)),
@@ -335,6 +337,25 @@ def _compasses(log: Log) -> dict[int, Fields]:
         is_new = np.diff(t_us, prepend=-1) > 0
         found[0] = _fields(t_us[is_new], values[is_new])
     return {number: fields for number, fields in found.items() if len(fields.t_us)}
+
+
+def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+    """What a calibration asks for; which compass it is stands beside its values."""
+    field = _axes("magnetometer_ga")
+    for rows in log.instances("vehicle_magnetometer", *field):
+        values = rows.table.numbers(*field) * UT_PER_GAUSS
+        t_us = rows.sample_us
+        good = imu_series.can_be_fields(values) & in_order(t_us)
+        device_id = 0
+        if "device_id" in rows.table and good.any():
+            ids = rows.table.integers("device_id")
+            found, counts = np.unique(ids[good], return_counts=True)
+            device_id = int(found[counts.argmax()])
+            good &= ids == device_id
+        if good.any():
+            unknown = np.full((int(good.sum()), 3), np.nan)
+            t_s = log.since_start(t_us[good])
+            yield CompassTrack(rows.number, device_id, t_s, values[good], unknown, unknown)
 
 
 def _fields(t_us: Times, gauss: Array) -> Fields:

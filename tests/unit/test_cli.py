@@ -49,7 +49,7 @@ def test_the_overview_names_every_command_in_one_line(capsys):
 def test_a_group_lists_its_commands(group, capsys):
     text = said(capsys, group, "--help")
     for command in COMMANDS:
-        assert (" ".join(command) in text) == (command[0] == group)
+        assert (f"\n  {' '.join(command)} " in text) == (command[0] == group)
 
 
 def test_names_keep_their_capitals(capsys):

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from h2nav.attitude import smoothing
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.attitude.smoothing import Given
-from h2nav.evaluation.dataset.recorded import Listener
+from h2nav.evaluation.dataset.recorded import Listener, Stretch
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.service.autopilot import Identity
@@ -58,21 +58,31 @@ def smoothed_record(estimate: AttitudeEstimate) -> SmoothedRecord:
 
 
 def smoothed(
-    listener: Listener, filter_for: Callable[[Identity], AttitudeFilter]
+    listener: Listener,
+    filter_for: Callable[[Identity], AttitudeFilter],
+    *,
+    with_field: bool = True,
 ) -> Iterator[tuple[int, AttitudeEstimate]]:
     """Host time of arrival (ns) and smoothed attitude of the samples that have one.
 
     Args:
         listener: what the service gave to its filter.
         filter_for: makes the filter of a vehicle.
+        with_field: False takes the compass out of it.
     """
     for identity, group in itertools.groupby(listener.stretches, lambda each: each.identity):
         if identity is None:
             continue
         stretches = list(group)
-        given = (Given(stretch.samples, stretch.told) for stretch in stretches)
+        given = (Given(_samples(stretch, with_field), stretch.told) for stretch in stretches)
         arrived_us = itertools.chain.from_iterable(each.arrived_us for each in stretches)
         found = smoothing.smoothed(given, functools.partial(filter_for, identity))
         for at_us, estimate in zip(arrived_us, found, strict=True):
             if estimate is not None:
                 yield 1000 * at_us, estimate
+
+
+def _samples(stretch: Stretch, with_field: bool) -> list[ImuSample]:
+    if with_field:
+        return stretch.samples
+    return [sample._replace(m_b_ut=None) for sample in stretch.samples]

@@ -1,0 +1,106 @@
+"""`h2nav calibrate`: parameters out of flights, as a file to load; nothing is sent to a vehicle."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from h2nav.apps import playback
+from h2nav.apps.json_output import print_json
+from h2nav.apps.log_progress import byte_bar
+from h2nav.errors import BadInput, TaskFailed
+
+_FORMATS = ("ardupilot", "qgroundcontrol", "px4")
+_CLOSING = """\
+The attitude that sensors are compared with is made without any compass, from past and future.
+FILE.param is ArduPilot's NAME,VALUE, FILE.params QGroundControl's five columns, any other of PX4
+`param set` lines. Only what is significantly better is in the file; of the rest it is said why.
+Where the recording holds no parameters, name a file that a ground station saved (--parameters).
+Nothing is ever sent to a vehicle: look at the values, load them, and fly carefully after."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _CLOSING
+    parser.add_argument(
+        "flights", type=Path, nargs="+", metavar="FLIGHT", help="recordings of one vehicle"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="parameter file to write")
+    parser.add_argument(
+        "--format", choices=_FORMATS, help="of the file (default: by its ending and the autopilot)"
+    )
+    parser.add_argument(
+        "--parameters",
+        type=Path,
+        metavar="FILE",
+        help="parameters that the vehicle flew with, as a ground station saves them",
+    )
+    playback.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    from h2nav.apps.reviewing import evidence_of
+    from h2nav.calibration.files import Format, format_of, written
+    from h2nav.calibration.vehicle import calibrate, document_of
+    from h2nav.flightlogs.opening import open_flight
+
+    parameters = {} if args.parameters is None else _parameters(args.parameters)
+    evidence = []
+    for path in args.flights:
+        with byte_bar(path.name) as progress:
+            source = open_flight(path)
+            evidence.append(
+                evidence_of(source, playback.wishes(args), parameters, progress=progress)
+            )
+    calibration = calibrate(evidence)
+    if args.output is not None and calibration.changes:
+        chosen = args.format or format_of(args.output.name, calibration.autopilot)
+        try:
+            args.output.write_text(written(calibration, Format(chosen)), encoding="utf-8")
+        except OSError as error:
+            raise TaskFailed(f"{args.output}: {error.strerror}") from error
+    found = document_of(calibration)
+    if args.json:
+        print_json(found)
+    else:
+        _show(found, args.output)
+    return 0
+
+
+def _parameters(path: Path) -> dict[str, float]:
+    from h2nav.calibration.files import parameters_of
+
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; name a parameter file") from error
+    return parameters_of(text.splitlines(), str(path))
+
+
+def _show(found: dict[str, Any], output: Path | None) -> None:
+    count = 0
+    for sensor in found["sensors"]:
+        device = f" (device {sensor['device']})" if sensor["device"] else ""
+        print(f"{sensor['sensor']}{device}")
+        for change in sensor["changes"]:
+            sigma = "" if change["sigma"] is None else f" ± {change['sigma']:.4g}"
+            print(f"  {change['name']:18} {change['old']:>10.5g} -> {change['new']:.5g}{sigma}")
+            count += 1
+        for note in sensor["notes"]:
+            print(f"  {note}")
+        for reason in sensor["not_from_these_flights"]:
+            print(f"  nothing to set: {reason}")
+        _show_figures(sensor["figures"])
+    if output is not None:
+        print(f"{output}: {count} parameters" if count else f"{output} not written: no parameter")
+
+
+def _show_figures(figures: dict[str, Any]) -> None:
+    if "residual_before_mg" in figures:
+        form = (
+            "  residual {residual_before_mg:.0f} -> {residual_after_mg:.0f} mG rms, "
+            "heading {heading_before_deg:.1f} -> {heading_after_deg:.1f} deg rms"
+        )
+        print(form.format(**figures))

@@ -1,0 +1,456 @@
+"""What a compass is off by: offset, matrix, motors, rotation; and whether flights show it.
+
+A model with more parameters is taken only where they are significant, large enough to matter, and
+fit better what they were not fitted to: of blocks of 20 s every second one.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.calibration import rotations
+from h2nav.calibration.evidence import PX4, Evidence
+from h2nav.calibration.field_fit import (
+    COUNT,
+    MATRIX,
+    MOTOR,
+    NONE,
+    OFFSET,
+    Array,
+    Correction,
+    FieldFit,
+    FieldRows,
+    Mask,
+    correction,
+    fitted,
+    headed,
+    weighted_rms,
+)
+from h2nav.calibration.field_rows import (
+    ROW_S,
+    field_rows,
+    headings_flown,
+    lever_of,
+    together,
+    widest_gap_deg,
+)
+from h2nav.calibration.outcome import Change, Outcome
+from h2nav.calibration.settings import (
+    CompassSettings,
+    Lever,
+    Parameters,
+    ardupilot_compass,
+    ardupilot_values,
+    px4_compass,
+    px4_values,
+)
+from h2nav.maths.units import DEG
+
+MG_PER_UT = 10.0
+FEWEST_ROWS = 50
+# Half a circle of headings shows the middle of it.
+WIDEST_GAP_DEG = 180.0
+# A compass that measures follows the turns: so much of what the earth's field moves in the body.
+MOVES_UT, FOLLOWS = 5.0, 0.3
+# Significant: so many deviations, all parameters of a kind together; relevant: so much of the
+# earth's field, 10 mG or one degree of heading; better: so much less of what was not fitted to.
+SURE, RELEVANT, BETTER = 5.0, 0.02, 0.95
+# A calibration leaves 7 % and 3 deg (integrity.field_windows); rows with more do not fit, and where
+# too many do not, or most leave twice as much, there is none.
+LEFT, ROW_LEFT, UNFIT = 0.15, 0.10, 0.4
+# A compass that leaves so much may lie otherwise; another way has to be so much better, and so
+# much better than the next one that is not nearly the same.
+TURNED, MUCH_BETTER, CLEARLY, ALIKE_RAD = 0.2, 0.4, 1.5, 20.0 * DEG
+SEARCH_ROWS = 300
+BLOCK_S = 20.0
+# Change of throttle that shows the motors, between the 5th and the 95th percentile; of current.
+THROTTLE_SPREAD, CURRENT_SPREAD_A, KNOWN = 0.15, 2.0, 0.8
+TYPICAL = 0.7
+FAR_SIGMA_RAD = 20.0 * DEG
+
+
+class Model(NamedTuple):
+    """Which parameters are fitted.
+
+    Attributes:
+        has_matrix: scale and soft iron.
+        lever: of the motors.
+    """
+
+    has_matrix: bool = False
+    lever: Lever = Lever.NONE
+
+    @property
+    def free(self) -> Mask:
+        """(12,) the parameters."""
+        free = np.zeros(COUNT, dtype=bool)
+        free[OFFSET] = True
+        free[MATRIX] = self.has_matrix
+        free[MOTOR] = self.lever is not Lever.NONE
+        return free
+
+
+class Subject(NamedTuple):
+    """A compass whose calibration is asked for.
+
+    Attributes:
+        name: such as ``compass 1``.
+        rows: of all flights.
+        settings: in use; a raw one's where they are not known.
+        parameters: of the autopilot; empty where they are not known.
+        values: makes parameters of settings.
+    """
+
+    name: str
+    rows: FieldRows
+    settings: CompassSettings
+    parameters: Parameters
+    values: Callable[[CompassSettings, Parameters], dict[str, float]]
+
+
+def calibrate_compass(
+    flights: Sequence[Evidence], compass: int, levers: tuple[Lever, ...]
+) -> Outcome:
+    """One compass.
+
+    Args:
+        flights: of one vehicle.
+        compass: its number, from 0.
+        levers: which may be fitted.
+    """
+    name = f"compass {compass + 1}"
+    subject = _subject(flights, compass)
+    if subject is None:
+        return Outcome(name, left=("no field in flight beside a vertical and a field model",))
+    device = f"{subject.settings.device_id}" if subject.settings.device_id else ""
+    reason = _unusable(subject.rows)
+    if reason:
+        return Outcome(name, device, left=(reason,))
+    return _outcome(subject, levers)._replace(device=device)
+
+
+def _subject(flights: Sequence[Evidence], compass: int) -> Subject | None:
+    found, settings, own = [], None, flights[-1]
+    for number, evidence in enumerate(flights):
+        for track in evidence.compasses():
+            if track.compass == compass:
+                settings = _settings(evidence, compass, track.device_id)
+                rows = field_rows(evidence, track, settings, number)
+                found += [] if rows is None else [rows]
+    if not found:
+        return None
+    is_known = settings is not None
+    return Subject(
+        f"compass {compass + 1}",
+        together(found),
+        settings or CompassSettings(compass, 0, can_shape=False),
+        own.parameters if is_known else {},
+        px4_values if own.autopilot == PX4 else ardupilot_values,
+    )
+
+
+def _settings(evidence: Evidence, compass: int, device_id: int) -> CompassSettings | None:
+    if evidence.autopilot == PX4:
+        return px4_compass(evidence.parameters, compass, device_id)
+    return ardupilot_compass(evidence.parameters, compass)
+
+
+def _unusable(rows: FieldRows) -> str:
+    """Why nothing can be fitted; empty where it can."""
+    if len(rows.t_s) < FEWEST_ROWS:
+        return f"only {len(rows.t_s) * ROW_S:.0f} s of flight in which it can be judged"
+    moved, measured = _spread(rows.earth_ut), _spread(rows.raw_ut)
+    gap = widest_gap_deg(headings_flown(rows))
+    if moved > MOVES_UT and measured < FOLLOWS * moved:
+        return "its field does not follow the turns: it is dead, or far too weak"
+    if gap > WIDEST_GAP_DEG:
+        return (
+            f"no turns: {gap:.0f} deg of heading were not flown, at most {WIDEST_GAP_DEG:.0f} may"
+        )
+    return ""
+
+
+def _spread(values: Array) -> float:
+    return float(np.linalg.norm(np.std(values, axis=0)))
+
+
+# --- which model ------------------------------------------------------------------------------
+
+
+def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
+    rows, settings = subject.rows, subject.settings
+    norm = float(np.median(np.linalg.norm(rows.earth_ut, axis=1)))
+    before = _with_heading(rows, settings.correction, settings.lever)
+    original, rotation = rows, _rotation(subject, norm)
+    notes: list[str] = []
+    if rotation is not None:
+        rows, settings, note = _turned(subject, rotation)
+        subject = subject._replace(rows=rows, settings=settings)
+        notes.append(note)
+    model = _chosen(subject, levers, norm)
+    fit = _fitted(subject, model)
+    left = _left(fit, norm)
+    told = Outcome(subject.name, notes=tuple(notes), figures=_figures(rows, original, before, fit))
+    return told._replace(left=(left,), notes=()) if left else _told(subject, model, fit, told)
+
+
+def _fitted(subject: Subject, model: Model) -> FieldFit:
+    """The model, around what is in use."""
+    return _fit_of(subject.rows, subject.settings, model)
+
+
+def _fit_of(rows: FieldRows, settings: CompassSettings, model: Model) -> FieldFit:
+    lever = model.lever if model.lever is not Lever.NONE else settings.lever
+    return fitted(rows, settings.correction, model.free, lever_of(rows, lever))
+
+
+def _with_heading(rows: FieldRows, own: Correction, lever: Lever) -> FieldFit:
+    """A correction as it is, beside the heading that it goes with best."""
+    return fitted(rows, own, np.zeros(COUNT, dtype=bool), lever_of(rows, lever))
+
+
+def _typical_ut(fit: FieldFit) -> float:
+    """A residual that most rows stay below."""
+    return float(np.quantile(np.linalg.norm(fit.residual_ut, axis=1), TYPICAL))
+
+
+def _chosen(subject: Subject, levers: tuple[Lever, ...], norm: float) -> Model:
+    """The simplest model that the rows ask for."""
+    best = Model()
+    if float(np.median(subject.rows.sigma_rad)) > FAR_SIGMA_RAD:
+        return best  # what such an attitude has wrong would become the compass's
+    left = _unseen_ut(subject, best)
+    candidates: list[Callable[[Model], Model]] = []
+    if subject.settings.can_shape:
+        candidates.append(lambda model: model._replace(has_matrix=True))
+    for lever in levers:
+        if subject.parameters and _shows(subject.rows, lever):
+            candidates.append(lambda model, lever=lever: model._replace(lever=lever))  # type: ignore[misc]
+    for _ in range(2):
+        tried = {change(best) for change in candidates} - {best}
+        ranked = sorted((_unseen_ut(subject, model), model) for model in tried)
+        better = next(
+            (
+                (unseen, model)
+                for unseen, model in ranked
+                if unseen < BETTER * left and _matters(subject, best, model, norm)
+            ),
+            None,
+        )
+        if better is None:
+            break
+        left, best = better
+    return best
+
+
+def _shows(rows: FieldRows, lever: Lever) -> bool:
+    """Whether the motors' throttle or current changed enough to show what it does."""
+    values = rows.throttle if lever is Lever.THROTTLE else rows.current_a
+    known = values[np.isfinite(values)]
+    if len(known) < KNOWN * len(values):
+        return False
+    low, high = np.quantile(known, (0.05, 0.95))
+    return bool(high - low > (THROTTLE_SPREAD if lever is Lever.THROTTLE else CURRENT_SPREAD_A))
+
+
+def _unseen_ut(subject: Subject, model: Model) -> float:
+    """What is left of rows that the model was not fitted to."""
+    rows, settings = subject.rows, subject.settings
+    block = np.floor(rows.t_s / BLOCK_S).astype(np.intp) % 2
+    lever = model.lever if model.lever is not Lever.NONE else settings.lever
+    found = []
+    for half in (0, 1):
+        seen, unseen = rows.part(block == half), rows.part(block != half)
+        if min(len(seen.t_s), len(unseen.t_s)) < FEWEST_ROWS // 2:
+            return math.inf
+        fit = _fit_of(seen, settings, model)
+        found.append(_typical_ut(_with_heading(unseen, fit.correction, lever)))
+    return max(found)
+
+
+def _matters(subject: Subject, simpler: Model, model: Model, norm: float) -> bool:
+    """Whether what a model has more is significant and relevant."""
+    fit = _fitted(subject, model)
+    change = fit.correction.values - subject.settings.correction.values
+    if model.has_matrix and not simpler.has_matrix:
+        size = float(np.abs(change[MATRIX]).max())
+        return size > RELEVANT and _is_sure(change, fit.covariance, MATRIX)
+    lever = lever_of(subject.rows, model.lever)
+    size = float(np.linalg.norm(change[MOTOR])) * float(np.ptp(np.quantile(lever, (0.05, 0.95))))
+    return size > RELEVANT * norm and _is_sure(change, fit.covariance, MOTOR)
+
+
+def _is_sure(change: Array, covariance: Array, part: slice) -> bool:
+    value = change[part]
+    return float(value @ np.linalg.solve(covariance[part, part], value)) > SURE**2
+
+
+# --- rotation ---------------------------------------------------------------------------------
+
+
+def _rotation(subject: Subject, norm: float) -> int | None:
+    """Number of the rotation that explains what the one in use does not."""
+    rows, settings = subject.rows, subject.settings
+    plain = Model()
+    if _typical_ut(_fit_of(rows, settings, plain)) < TURNED * norm:
+        return None
+    if float(np.median(rows.sigma_rad)) > FAR_SIGMA_RAD:
+        return None  # a turn about the vertical would be the heading's
+    rows = rows.part(np.arange(0, len(rows.t_s), max(1, len(rows.t_s) // SEARCH_ROWS)))
+    back = rotations.matrix(settings.rotation or 0).T if settings.can_turn else np.eye(3)
+    raw = CompassSettings(settings.slot, 0)
+    left = {}
+    for number in range(len(rotations.ANGLES_DEG)):
+        turned = rows._replace(raw_ut=rows.raw_ut @ (rotations.matrix(number) @ back).T)
+        left[number] = _typical_ut(_fit_of(turned, raw, plain))
+    best = min(left, key=lambda number: left[number])
+    others = [left[n] for n in left if _apart_rad(n, best) > ALIKE_RAD]
+    now = min(left[n] for n in left if _apart_rad(n, _in_use(settings)) < ALIKE_RAD)
+    is_clear = left[best] < MUCH_BETTER * now and min(others) > CLEARLY * left[best]
+    return best if is_clear and _apart_rad(best, _in_use(settings)) > ALIKE_RAD else None
+
+
+def _in_use(settings: CompassSettings) -> int:
+    return settings.rotation or 0 if settings.can_turn else 0
+
+
+def _apart_rad(one: int, other: int) -> float:
+    turn = rotations.matrix(one).T @ rotations.matrix(other)
+    return math.acos(min(max((float(np.trace(turn)) - 1.0) / 2.0, -1.0), 1.0))
+
+
+def _turned(subject: Subject, rotation: int) -> tuple[FieldRows, CompassSettings, str]:
+    """Rows and settings as if it had been told how it lies, and words for it."""
+    settings, rows = subject.settings, subject.rows
+    old = _in_use(settings)
+    turn = rotations.matrix(rotation) @ rotations.matrix(old).T
+    rows = rows._replace(raw_ut=rows.raw_ut @ turn.T)
+    note = f"it lies turned: {rotations.name_of(rotation)}, and not {rotations.name_of(old)}"
+    if not subject.parameters:
+        note = f"it lies turned against what its rotation says: {rotations.name_of(rotation)}"
+    elif not settings.can_turn:
+        note += "; an internal compass has no rotation of its own, unless it is called external"
+    new = settings._replace(correction=NONE, rotation=rotation if settings.can_turn else old)
+    return rows, new, note
+
+
+# --- words ------------------------------------------------------------------------------------
+
+
+def _left(fit: FieldFit, norm: float) -> str:
+    """Why the best fit is none; empty where it is one."""
+    after = _typical_ut(fit)
+    unfit = float((np.linalg.norm(fit.residual_ut, axis=1) > ROW_LEFT * norm).mean())
+    if after > LEFT * norm:
+        return (
+            f"no calibration explains it: {after * MG_PER_UT:.0f} of {norm * MG_PER_UT:.0f} mG "
+            "are left"
+        )
+    if unfit > UNFIT:
+        return f"{unfit:.0%} of the flight fit no one calibration: a magnet that came or went"
+    return ""
+
+
+def _figures(
+    rows: FieldRows, original: FieldRows, before: FieldFit, fit: FieldFit
+) -> dict[str, float]:
+    weight = fit.weight
+    used = weight > 0.5
+    low, high = _quantiles(rows.throttle)
+    return {
+        "residual_before_mg": weighted_rms(before.residual_ut, weight) * MG_PER_UT,
+        "residual_after_mg": fit.rms_ut() * MG_PER_UT,
+        "heading_before_deg": _heading_rms(original, before, used) / DEG,
+        "heading_after_deg": _heading_rms(rows, fit, used) / DEG,
+        "field_mg": float(np.median(np.linalg.norm(rows.earth_ut, axis=1))) * MG_PER_UT,
+        "used_s": float(used.sum()) * ROW_S,
+        "used_share": float(used.mean()),
+        "heading_gap_deg": widest_gap_deg(headings_flown(rows)),
+        "attitude_heading_sigma_deg": float(np.median(rows.sigma_rad)) / DEG,
+        "throttle_low": low,
+        "throttle_high": high,
+    }
+
+
+def _quantiles(values: Array) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return math.nan, math.nan
+    low, high = np.quantile(known, (0.05, 0.95))
+    return float(low), float(high)
+
+
+def _heading_rms(rows: FieldRows, fit: FieldFit, used: Mask) -> float:
+    """Of the heading that the compass shows, against the attitude's own, rad."""
+    expected = headed(rows, fit.heading_error_rad)
+    field = expected + fit.residual_ut
+    across = (np.cross(expected, field) * rows.down).sum(axis=1)
+    level = (field * expected).sum(axis=1)
+    level -= (field * rows.down).sum(axis=1) * (expected * rows.down).sum(axis=1)
+    error = np.arctan2(across, level)[used]
+    return math.sqrt(float(np.mean(error**2))) if len(error) else math.nan
+
+
+def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outcome:
+    """What is significantly better, as parameters.
+
+    Args:
+        subject: as it was fitted.
+        model: that was fitted.
+        fit: what came out.
+        told: what is known already: figures, and a rotation.
+    """
+    old = subject.settings
+    change = fit.correction.values - old.correction.values
+    size = float(np.linalg.norm(change[OFFSET]))
+    covariance = _with_shape(subject, model, fit)
+    is_better = size > RELEVANT * told.figures["field_mg"] / MG_PER_UT
+    is_better &= _is_sure(change, covariance, OFFSET)
+    if model == Model() and not told.notes and not is_better:
+        return told._replace(left=(f"no better offset: {size * MG_PER_UT:.0f} mG are too few",))
+    if not subject.parameters:
+        x, y, z = change[OFFSET] * MG_PER_UT
+        a, b, c = np.sqrt(np.diag(covariance))[OFFSET] * MG_PER_UT
+        note = (
+            f"add ({x:+.0f} ± {a:.0f}, {y:+.0f} ± {b:.0f}, {z:+.0f} ± {c:.0f}) mG to its offset; "
+            "the recording does not say which parameters are in use (--parameters)"
+        )
+        added = {"add_x_mg": float(x), "add_y_mg": float(y), "add_z_mg": float(z)}
+        return told._replace(notes=(*told.notes, note), figures={**told.figures, **added})
+    new = old._replace(correction=fit.correction, lever=model.lever or old.lever)
+    return told._replace(changes=_changes(subject, new, covariance))
+
+
+def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:
+    """The covariance with what a matrix that was not fitted adds to the offset's deviation."""
+    if model.has_matrix:
+        return fit.covariance
+    wider = _fitted(subject, model._replace(has_matrix=True)).covariance.copy()
+    wider[MATRIX, :] = wider[:, MATRIX] = 0.0
+    return wider
+
+
+def _changes(subject: Subject, new: CompassSettings, covariance: Array) -> tuple[Change, ...]:
+    """Parameters that differ from those in use, with their deviations."""
+    own = subject.parameters
+    unchanged = subject.values(subject.settings, own)
+    values = subject.values(new, own)
+    slopes = {name: np.zeros(COUNT) for name in values}
+    for place in range(COUNT):
+        moved = new.correction.values
+        moved[place] += 1e-4
+        near = subject.values(new._replace(correction=correction(moved)), own)
+        for name, value in near.items():
+            slopes[name][place] = (value - values[name]) / 1e-4
+    changes = []
+    for name, value in values.items():
+        J = slopes[name]
+        sigma = math.sqrt(max(float(J @ covariance @ J), 0.0))
+        old = own[name]
+        if abs(value - unchanged[name]) > 1e-6 * max(1.0, abs(value)) or (
+            abs(value - old) > 1e-6 and not J.any()
+        ):
+            changes.append(Change(name, old, value, sigma if J.any() else math.nan))
+    return tuple(changes)

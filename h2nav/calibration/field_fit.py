@@ -1,0 +1,323 @@
+"""What a compass measures wrong, fitted to the earth's field as an independent attitude shows it.
+
+The corrected field S (r + o) + k L of a raw field r shall be the earth's in the axes of the board:
+an offset o, a symmetric matrix S (scale and soft iron), and a field k of the motors by a lever L
+(throttle or current). The attitude comes from gyro, gravity and the receiver's velocity alone; its
+heading may be off by an angle that changes slowly, which is fitted as well: an Ornstein-Uhlenbeck
+process as wide as the attitude's own deviation, no quicker than a gyro drifts.
+
+Least squares with prior deviations that are those of sensors and vehicles, and weights that take
+out what fits nothing (Geman-McClure). Everything is in microtesla; covariances count how long the
+residuals hold.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
+
+OFFSET, MATRIX, MOTOR = slice(0, 3), slice(3, 9), slice(9, 12)
+COUNT = 12
+# Rows and columns of the six of a symmetric matrix: diagonal, then xy, xz, yz.
+_ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+# Deviations of what is not known: a vehicle's own parts and a magnet in them, the sensitivity of
+# compasses (AK09916 and IST8310 5 %), soft iron, motors at full throttle (30 % of the earth's field
+# are usual, 60 % too much).
+OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
+# Heading: knots, how long its error holds, and how fast a gyro whose bias was learnt drifts.
+KNOT_S, HOLDS_S, DRIFT_RAD_S = 10.0, 60.0, math.radians(0.15)
+LARGEST_SIGMA_RAD, LEAST_SIGMA_RAD = math.pi / 2.0, math.radians(0.3)
+# The noise of the best compass, and of the vertical: 0.1 uT; 0.2 deg of 45 uT.
+LEAST_NOISE_UT = 0.2
+STARTS, ROUNDS, LAST_ROUNDS = (8.0, 4.0, 2.0), 2, 8
+OUTLIER = 3.0
+# Residuals hold for less than this long; no flight has so many blocks of it.
+BLOCK_S, BLOCKS = 30.0, 1_000_000
+# One direction of the field in the body says no more than this long does.
+FULL_ROWS, DIRECTIONS = 50, 4.0
+SETTLED = 1e-4
+
+
+class FieldRows(NamedTuple):
+    """Means of the raw field over short times, with what is expected.
+
+    Attributes:
+        flight: (N,) number of the flight.
+        t_s: (N,) increasing within each.
+        raw_ut: (N, 3) as the sensor measured it, in the axes of the board.
+        earth_ut: (N, 3) of the model by the attitude, in the same axes.
+        down: (N, 3) direction of gravity, in the same axes.
+        heading_rad: (N,) of the vehicle.
+        sigma_rad: (N,) deviation of the attitude's heading.
+        throttle: (N,) 0 to 1; NaN where it is not known.
+        current_a: (N,) NaN where it is not known.
+    """
+
+    flight: NDArray[np.int64]
+    t_s: Array
+    raw_ut: Array
+    earth_ut: Array
+    down: Array
+    heading_rad: Array
+    sigma_rad: Array
+    throttle: Array
+    current_a: Array
+
+    def part(self, wanted: Mask | NDArray[np.intp]) -> "FieldRows":
+        """Some of them."""
+        columns: Any = [column[wanted] for column in self]
+        return FieldRows(*columns)
+
+
+class Correction(NamedTuple):
+    """What makes the earth's field of a raw one.
+
+    Attributes:
+        offset_ut: (3,) o.
+        matrix: (3, 3) S, symmetric.
+        motor_ut: (3,) k, by lever.
+    """
+
+    offset_ut: Array
+    matrix: Array
+    motor_ut: Array
+
+    def corrected(self, raw_ut: Array, lever: Array) -> Array:
+        """(N, 3) of (N, 3) raw fields and an (N,) lever."""
+        field: Array = (raw_ut + self.offset_ut) @ self.matrix + lever[:, None] * self.motor_ut
+        return field
+
+    def undone(self, field_ut: Array, lever: Array) -> Array:
+        """(N, 3) raw fields of corrected ones."""
+        plain = field_ut - lever[:, None] * self.motor_ut
+        raw: Array = np.linalg.solve(self.matrix, plain.T).T - self.offset_ut
+        return raw
+
+    @property
+    def values(self) -> Array:
+        """(12,) offset, matrix (xx, yy, zz, xy, xz, yz), motor."""
+        return np.concatenate((self.offset_ut, self.matrix[_ROW, _COLUMN], self.motor_ut))
+
+
+def correction(values: Array) -> Correction:
+    """The inverse of `Correction.values`."""
+    S = np.empty((3, 3))
+    S[_ROW, _COLUMN] = S[_COLUMN, _ROW] = values[MATRIX]
+    return Correction(values[OFFSET], S, values[MOTOR])
+
+
+NONE = Correction(np.zeros(3), np.eye(3), np.zeros(3))
+
+
+class FieldFit(NamedTuple):
+    """What `fitted` found.
+
+    Attributes:
+        correction: of the raw field.
+        covariance: (12, 12) of its values; 0 where one was not fitted.
+        heading_error_rad: (N,) of the attitude, positive clockwise.
+        weight: (N,) 0 to 1; below a half, a row does not fit.
+        residual_ut: (N, 3) corrected less expected.
+        cost: of all residuals and priors.
+    """
+
+    correction: Correction
+    covariance: Array
+    heading_error_rad: Array
+    weight: Array
+    residual_ut: Array
+    cost: float
+
+    def rms_ut(self) -> float:
+        """Of the residuals that fit, every direction alike."""
+        return weighted_rms(self.residual_ut, self.weight)
+
+
+def weighted_rms(residual_ut: Array, weight: Array) -> float:
+    """Root of the mean square length."""
+    return math.sqrt(float(weight @ (residual_ut**2).sum(axis=1)) / max(float(weight.sum()), 1e-9))
+
+
+def fitted(rows: FieldRows, prior: Correction, free: Mask, lever: Array) -> FieldFit:
+    """Offset, matrix and motors, as far as they are free; the others stay as in the prior.
+
+    Args:
+        rows: at least one.
+        prior: the values to begin with, and the middle of what is expected.
+        free: (12,) which of its values are fitted.
+        lever: (N,) of the motors; 0 where they are left out.
+    """
+    heading = _Heading.of(rows)
+    scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
+    sigma = np.concatenate(
+        (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
+    )
+    places = np.flatnonzero(free)
+    information = np.zeros((len(places) + heading.knots,) * 2)
+    information[: len(places), : len(places)] = np.diag(sigma[places] ** -2)
+    information[len(places) :, len(places) :] = heading.information
+    x, knots = prior.values.copy(), np.zeros(heading.knots)
+    balance = _balanced(rows.earth_ut)
+    noise_ut = math.inf
+    for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
+        r, J = _linear(rows, x, heading, knots, lever, places)
+        length = np.linalg.norm(r, axis=1)
+        noise_ut = max(_scale(length, balance), LEAST_NOISE_UT)
+        robust = (1.0 + (length / (OUTLIER * start * noise_ut)) ** 2) ** -2
+        w = (balance * robust / noise_ut**2)[:, None, None]
+        A, g = _normal(J, w, r)
+        A += information
+        before = np.concatenate((x[places] - prior.values[places], knots))
+        step = -np.linalg.solve(A, g + information @ before)
+        x[places] += step[: len(places)]
+        knots += step[len(places) :]
+        if start == 1.0 and np.abs(step).max(initial=0.0) < SETTLED:
+            break
+    r, _ = _linear(rows, x, heading, knots, lever, places)
+    inflated = _longer(rows, r, balance * robust, len(places))
+    covariance = np.zeros((COUNT, COUNT))
+    own = np.linalg.inv((A - information) / inflated + information)
+    covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
+    before = np.concatenate((x[places] - prior.values[places], knots))
+    cost = float((balance * robust) @ (r**2).sum(axis=1)) / noise_ut**2
+    cost += float(before @ information @ before)
+    angle = heading.hats @ knots
+    return FieldFit(correction(x), covariance, angle, robust, r, cost)
+
+
+def headed(rows: FieldRows, angle_rad: Array) -> Array:
+    """(N, 3) the earth's field where the attitude's heading is off by these angles."""
+    e, d = rows.earth_ut, rows.down
+    along = (e * d).sum(axis=1)[:, None] * d
+    sine, cosine = np.sin(angle_rad)[:, None], np.cos(angle_rad)[:, None]
+    turned: Array = along + (e - along) * cosine - np.cross(d, e) * sine
+    return turned
+
+
+class _Heading(NamedTuple):
+    """How the attitude's heading may be off over time.
+
+    Attributes:
+        hats: (N, K) share of each knot in each row.
+        information: (K, K) of the knots.
+    """
+
+    hats: Array
+    information: Array
+
+    @property
+    def knots(self) -> int:
+        """How many."""
+        return len(self.information)
+
+    @classmethod
+    def of(cls, rows: FieldRows) -> "_Heading":
+        """Knots of each flight by itself."""
+        hats, blocks = [], []
+        for flight in np.unique(rows.flight):
+            own = rows.flight == flight
+            t_s, sigma = rows.t_s[own], rows.sigma_rad[own]
+            count = max(2, math.ceil((t_s[-1] - t_s[0]) / KNOT_S) + 1)
+            at_s = np.linspace(t_s[0], max(t_s[-1], t_s[0] + 1e-3), count)
+            place = np.clip(np.searchsorted(at_s, t_s, side="right") - 1, 0, count - 2)
+            share = (t_s - at_s[place]) / (at_s[1] - at_s[0])
+            hat = np.zeros((len(rows.t_s), count))
+            number = np.flatnonzero(own)
+            hat[number, place], hat[number, place + 1] = 1.0 - share, share
+            near = np.clip(np.searchsorted(t_s, at_s), 0, len(t_s) - 1)
+            hats.append(hat)
+            blocks.append(_heading_information(sigma[near], float(at_s[1] - at_s[0])))
+        size = sum(map(len, blocks))
+        information = np.zeros((size, size))
+        first = 0
+        for block in blocks:
+            information[first : first + len(block), first : first + len(block)] = block
+            first += len(block)
+        return cls(np.hstack(hats), information)
+
+
+def _heading_information(sigma_rad: Array, step_s: float) -> Array:
+    """Of knots so far apart: as wide as the deviation says, and no quicker than a gyro drifts."""
+    sigma = np.where(np.isfinite(sigma_rad), sigma_rad, LARGEST_SIGMA_RAD)
+    sigma = sigma.clip(LEAST_SIGMA_RAD, LARGEST_SIGMA_RAD)
+    hold = math.exp(-step_s / HOLDS_S)
+    count = len(sigma)
+    # x / sigma is a stationary process: its first value, and each step.
+    rows = np.eye(count)
+    rows[np.arange(1, count), np.arange(count - 1)] = -hold
+    rows[1:] /= math.sqrt(1.0 - hold**2)
+    rows /= sigma[None, :]
+    drift = np.diff(np.eye(count), axis=0) / (DRIFT_RAD_S * step_s)
+    information: Array = rows.T @ rows + drift.T @ drift
+    return information
+
+
+def _linear(
+    rows: FieldRows,
+    x: Array,
+    heading: _Heading,
+    knots: Array,
+    lever: Array,
+    places: NDArray[np.intp],
+) -> tuple[Array, Array]:
+    """(N, 3) residuals and their (N, 3, P + K) derivatives."""
+    now = correction(x)
+    angle = heading.hats @ knots
+    expected = headed(rows, angle)
+    v = rows.raw_ut + now.offset_ut
+    r = now.corrected(rows.raw_ut, lever) - expected
+    J = np.zeros((len(v), 3, COUNT))
+    J[:, :, OFFSET] = now.matrix
+    for place, (i, j) in enumerate(zip(_ROW, _COLUMN, strict=True), start=MATRIX.start):
+        J[:, i, place] += v[:, j]
+        if i != j:
+            J[:, j, place] += v[:, i]
+    J[:, :, MOTOR] = lever[:, None, None] * np.eye(3)
+    across = np.cross(rows.down, expected)
+    return r, np.concatenate(
+        (J[:, :, places], across[:, :, None] * heading.hats[:, None, :]), axis=2
+    )
+
+
+def _normal(J: Array, w: Array, r: Array) -> tuple[Array, Array]:
+    """(P, P) information and (P,) slope of weighted rows."""
+    flat = J.reshape(-1, J.shape[2])
+    weighted = (J * w).reshape(flat.shape)
+    return weighted.T @ flat, weighted.T @ r.ravel()
+
+
+def _scale(length: Array, balance: Array) -> float:
+    """Deviation of one axis by the weighted median of the residuals' lengths."""
+    order = np.argsort(length)
+    total = np.cumsum(balance[order])
+    middle = length[order[min(np.searchsorted(total, 0.5 * total[-1]), len(order) - 1)]]
+    return float(middle) / 1.538  # the median length of three unit normals
+
+
+def _balanced(earth_ut: Array) -> Array:
+    """(N,) weights: a direction that was held for long counts as one that was held for a while."""
+    unit = earth_ut / np.maximum(np.linalg.norm(earth_ut, axis=1, keepdims=True), 1e-9)
+    _, place, counts = np.unique(
+        np.floor(DIRECTIONS * unit), axis=0, return_inverse=True, return_counts=True
+    )
+    weight: Array = np.minimum(1.0, FULL_ROWS / counts)[place.ravel()]
+    return weight
+
+
+def _longer(rows: FieldRows, r: Array, weight: Array, count: int) -> float:
+    """By how much residuals that hold for a while make the variance larger.
+
+    Sums over blocks of the flight against what independent rows would sum up to, and against what
+    so many parameters took out of the sums.
+    """
+    block = np.floor(rows.t_s / BLOCK_S).astype(np.int64) + BLOCKS * rows.flight
+    _, place = np.unique(block, return_inverse=True)
+    sums = np.zeros((int(place.max()) + 1, 3))
+    np.add.at(sums, place.ravel(), r * weight[:, None])
+    alone = float(weight**2 @ (r**2).sum(axis=1))
+    taken = sums.size / max(sums.size - count, 0.25 * sums.size)
+    return max(1.0, taken * float((sums**2).sum()) / max(alone, 1e-12))

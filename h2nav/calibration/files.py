@@ -1,0 +1,95 @@
+"""Parameter files: those that ground stations load, and those that they save.
+
+ArduPilot: a line ``NAME,VALUE`` each. QGroundControl: five columns with tabs: system, component,
+name, value, MAV_PARAM_TYPE. PX4's shell: ``param set NAME VALUE``.
+"""
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+from h2nav.calibration.evidence import PX4
+from h2nav.calibration.outcome import Calibration, Change
+from h2nav.errors import BadInput
+
+INT8, INT32, REAL32 = 2, 6, 9
+# Everything else is a real number.
+ARDUPILOT_INTEGERS = ("COMPASS_MOTCT", "COMPASS_ORIENT")
+PX4_INTEGERS = ("_ROT", "_TYP")
+SYSTEM, COMPONENT = 1, 1
+MOST_LINES = 20_000
+
+
+class Format(StrEnum):
+    """Of a parameter file."""
+
+    ARDUPILOT = "ardupilot"
+    QGROUNDCONTROL = "qgroundcontrol"
+    PX4_SHELL = "px4"
+
+
+def format_of(name: str, autopilot: str) -> Format:
+    """What a file's ending asks for, or else what the autopilot's own tools load."""
+    if name.endswith(".params"):
+        return Format.QGROUNDCONTROL
+    if name.endswith((".param", ".parm")):
+        return Format.ARDUPILOT
+    return Format.PX4_SHELL if autopilot == PX4 else Format.ARDUPILOT
+
+
+def written(calibration: Calibration, form: Format) -> str:
+    """The text of a file with what is better."""
+    flights = ", ".join(" ".join(flight.split()) for flight in calibration.flights)
+    head = [
+        f"# h2nav calibrate: {calibration.autopilot}, from {flights}",
+        "# Look at each value before you load it, and fly carefully after.",
+    ]
+    if form is Format.QGROUNDCONTROL:
+        head.append("# Vehicle-Id Component-Id Name Value Type")
+    lines = [_line(change, calibration.autopilot, form) for change in calibration.changes]
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def _line(change: Change, autopilot: str, form: Format) -> str:
+    value = f"{change.new:.7g}"
+    if form is Format.ARDUPILOT:
+        return f"{change.name},{value}"
+    if form is Format.PX4_SHELL:
+        return f"param set {change.name} {value}"
+    kind = _kind(change.name, autopilot)
+    return f"{SYSTEM}\t{COMPONENT}\t{change.name}\t{value}\t{kind}"
+
+
+def _kind(name: str, autopilot: str) -> int:
+    if autopilot == PX4:
+        return INT32 if name.endswith(PX4_INTEGERS) else REAL32
+    return INT8 if name.startswith(ARDUPILOT_INTEGERS) else REAL32
+
+
+def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
+    """Parameters of a file in any of these forms.
+
+    Args:
+        lines: of the text.
+        name: of the file, for messages.
+
+    Raises:
+        BadInput: a line is none of a parameter.
+    """
+    found: dict[str, float] = {}
+    for number, line in enumerate(lines, start=1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        if words[:2] == ["param", "set"]:
+            words = words[2:]
+        pair = words[2:4] if len(words) == 5 else words[:2]
+        try:
+            found[pair[0]] = float(pair[1])
+        except (IndexError, ValueError):
+            raise BadInput(
+                f"{name}:{number}: {line.strip()[:60]!r} is no parameter; expected NAME,VALUE or "
+                "QGroundControl's five columns"
+            ) from None
+        if number > MOST_LINES:
+            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is no parameter file")
+    return found

@@ -1,0 +1,63 @@
+"""What a calibration says: parameters that are better, and what a flight could not show."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class Change(NamedTuple):
+    """A parameter.
+
+    Attributes:
+        name: of the autopilot.
+        old: value in use.
+        new: value that is better.
+        sigma: deviation of the new one; NaN where it is a choice.
+    """
+
+    name: str
+    old: float
+    new: float
+    sigma: float = math.nan
+
+
+class Outcome(NamedTuple):
+    """Of one sensor.
+
+    Attributes:
+        sensor: such as ``compass 1``.
+        device: its id, or empty.
+        changes: what is significantly better; empty where nothing is.
+        left: what is not from these flights, and why, one phrase each.
+        notes: what to know of the changes, one phrase each.
+        figures: by name with unit: residuals before and after, what they rest on.
+    """
+
+    sensor: str
+    device: str = ""
+    changes: tuple[Change, ...] = ()
+    left: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    figures: Mapping[str, float] = {}
+
+
+class Calibration(NamedTuple):
+    """Of one vehicle.
+
+    Attributes:
+        autopilot: its make.
+        firmware: as it says itself.
+        flights: names of the recordings.
+        outcomes: one per sensor.
+    """
+
+    autopilot: str
+    firmware: str
+    flights: tuple[str, ...]
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """All of them; of a name that several sensors share, one."""
+        found = {change.name: change for outcome in self.outcomes for change in outcome.changes}
+        return tuple(found.values())

@@ -1,0 +1,58 @@
+"""Calibrations of recorded flights against what their simulators were told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from h2nav.apps.playback import Wishes
+from h2nav.apps.reviewing import evidence_of
+from h2nav.calibration.vehicle import calibrate
+from h2nav.flightlogs.opening import open_flight
+from tests.needs import shared_data
+
+# What every ArduPilot simulator's parameters say unless they are told otherwise.
+DEFAULTS = {
+    "COMPASS_OFS_X": 5.0,
+    "COMPASS_OFS_Y": 13.0,
+    "COMPASS_OFS_Z": -18.0,
+    "COMPASS_EXTERNAL": 1.0,
+    "COMPASS_ORIENT": 0.0,
+}
+WITHIN_MG = 5.0
+
+
+def evidence(name: str, parameters: dict[str, float]):
+    path: Path = shared_data(f"flights/{name}.tlog")
+    return evidence_of(open_flight(path), Wishes(), parameters)
+
+
+# SIM_MAG1_OFS, and the rotation that was simulated.
+@pytest.mark.parametrize(
+    ("name", "offset", "orientation"),
+    [
+        ("hard_iron_from_boot", (50.0, -25.0, 25.0), None),
+        ("compass_1_turned", (5.0, 13.0, -18.0), 2.0),
+        ("compass_1_hard_iron", (200.0, -150.0, 180.0), None),
+    ],
+)
+def test_offsets_and_rotation_are_those_of_the_simulator(name, offset, orientation):
+    found = calibrate([evidence(name, DEFAULTS)])
+    new = {change.name: change.new for change in found.outcomes[0].changes}
+    got = [new[f"COMPASS_OFS_{axis}"] for axis in "XYZ"]
+    assert got == pytest.approx(offset, abs=WITHIN_MG)
+    assert new.get("COMPASS_ORIENT") == orientation
+    figures = found.outcomes[0].figures
+    assert figures["residual_after_mg"] < 0.1 * figures["residual_before_mg"]
+
+
+def test_a_raw_field_shows_what_px4_has_calibrated_away():
+    outcome = calibrate([evidence("px4_hard_iron", {})]).outcomes[0]
+    added = [outcome.figures[f"add_{axis}_mg"] for axis in "xyz"]
+    assert np.negative(added) == pytest.approx((100.0, -80.0, 50.0), abs=WITHIN_MG)
+
+
+def test_a_flight_without_turns_changes_nothing():
+    found = calibrate([evidence("takeoff_40s", DEFAULTS)])
+    assert not found.changes
+    assert all("no turns" in outcome.left[0] for outcome in found.outcomes)
