@@ -182,7 +182,7 @@ def test_a_wrong_configuration_is_not_restarted():
 
 def documented_commands() -> list[str]:
     text = (REPOSITORY / "docs" / "companion.md").read_text()
-    block = re.search(r"## Install\n.*?\n```\n(.*?)```", text, re.DOTALL)
+    block = re.search(r"### With Python alone\n.*?\n```\n(.*?)```", text, re.DOTALL)
     assert block is not None
     return block[1].splitlines()
 
