@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check --editable
 comma := ,
 # The installation follows its declaration and what its compiled part is made from.
-SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/translate/*.py) h2nav/attitude/record.py $(shell $(PYTHON) h2nav/attitude/kernel_files.py)
+SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/translate/*.py h2nav/attitude/record.py $(shell $(PYTHON) h2nav/attitude/kernel_files.py))
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
