@@ -220,6 +220,8 @@ def _gaps(
         return []
     places = np.flatnonzero(is_gap)
     text = f"{len(places)} gaps in the samples, the longest {longest:.2f} s"
+    if len(places) == 1:
+        text = f"a gap of {longest:.2f} s in the samples"
     return [
         Finding(
             Kind.IMU_GAPS,
@@ -294,7 +296,7 @@ def _late(imu: Sensor, track: ImuTrack, late_s: Array | None) -> list[Finding]:
     text = f"samples up to {worst:.2f} s late on the link"
     evidence = (
         f"{share:.1%} of the arrivals more than {LATE_S * 1e3:.0f} ms later than the quickest "
-        f"ones by their stamps, in {len(bursts)} bursts"
+        f"ones by their stamps, in {len(bursts)} burst{'s' * (len(bursts) > 1)}"
     )
     from_s, to_s = float(track.t_s[bursts[0][0]]), float(track.t_s[bursts[-1][1]])
     return [

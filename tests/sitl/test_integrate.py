@@ -1,0 +1,126 @@
+"""The examples of docs/integrate.md, as they stand there, with the daemon and a fake autopilot."""
+
+import json
+import os
+import re
+import select
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+
+import jsonschema
+import pytest
+from needs import REPOSITORY, need_package
+
+PATIENCE_S = 90.0
+PAGE = (REPOSITORY / "docs" / "integrate.md").read_text(encoding="utf-8")
+FAULT = ("--fault", "gyro-frozen@14")
+
+
+def free_port():
+    """A port that the kernel has just given away."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def example(name, folder):
+    """The example's file, of the text in the document."""
+    found = re.search(rf"`{name}`:\n\n```python\n(.*?)```", PAGE, re.DOTALL)
+    path = folder / name
+    path.write_text(found[1], encoding="utf-8")
+    return path
+
+
+@contextmanager
+def running(*command, **options):
+    """A process that ends with the block."""
+    process = subprocess.Popen([sys.executable, *map(str, command)], **options)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def until(process, *texts):
+    """What a process has said when all of the texts are in it."""
+    seen, end = b"", time.monotonic() + PATIENCE_S
+    while not all(text.encode() in seen for text in texts):
+        assert time.monotonic() < end, seen.decode(errors="replace")
+        if select.select([process.stdout], [], [], 0.2)[0]:
+            data = os.read(process.stdout.fileno(), 65536)
+            assert data, seen.decode(errors="replace")
+            seen += data
+    return seen.decode(errors="replace")
+
+
+@contextmanager
+def flight(folder, ground):
+    """The daemon and a vehicle whose gyro freezes; the ground station hears both."""
+    companion, events = free_port(), folder / "events"
+    configuration = folder / "h2nav.yaml"
+    configuration.write_text(
+        f"link: {{url: 'udpin:127.0.0.1:{companion}'}}\nevents: {{socket: '{events}'}}\n"
+    )
+    ports = (companion, ground)
+    links = [word for port in ports for word in ("--connect", f"udpout:127.0.0.1:{port}")]
+    with ExitStack() as stack:
+        run = ("-m", "h2nav", "run", "-c", configuration, "--json")
+        daemon = stack.enter_context(
+            running(*run, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        )
+        until(daemon, '"event": "notice"')
+        fly = ("-m", "h2nav", "fake-autopilot", *links, "--scenario", "flight", *FAULT)
+        stack.enter_context(running(*fly, stdout=subprocess.DEVNULL))
+        yield daemon, events
+
+
+def test_programs_read_what_was_found(tmp_path):
+    ground = free_port()
+    with ExitStack() as stack:
+        daemon, events = stack.enter_context(flight(tmp_path, ground))
+        reader = stack.enter_context(
+            running(example("events.py", tmp_path), events, stdout=subprocess.PIPE)
+        )
+        station = stack.enter_context(
+            running(
+                example("ground_station.py", tmp_path),
+                f"udpin:127.0.0.1:{ground}",
+                stdout=subprocess.PIPE,
+            )
+        )
+        said = until(reader, "begin error gyro_frozen.imu1.1 gyro is frozen\n")
+        assert "update" not in said
+        until(station, "attitude trusted", "h2nav: degraded: ", "attitude not trusted")
+        printed = until(daemon, '"phase": "begin"')
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as late:
+            late.settimeout(PATIENCE_S)
+            late.connect(os.fspath(events))
+            first = json.loads(late.makefile(encoding="utf-8").readline())
+    schema = json.loads((REPOSITORY / "docs" / "schema" / "event.json").read_text())
+    check = jsonschema.Draft202012Validator(schema)
+    lines = [json.loads(line) for line in printed.splitlines() if line.endswith("}")]
+    assert len(lines) > 5
+    for event in (*lines, first):
+        check.validate(event)
+    (begun,) = [event for event in lines if event["event"] == "finding"][:1]
+    assert (begun["phase"], begun["kind"], begun["is_open"]) == ("begin", "gyro_frozen", True)
+    assert (first["phase"], first["id"]) == ("update", begun["id"])
+
+
+def test_mavsdk_receives_a_finding(tmp_path):
+    need_package("mavsdk_grpc")
+    ground = free_port()
+    with flight(tmp_path, ground):
+        script = example("mavsdk_texts.py", tmp_path)
+        with running(script, f"udpin://127.0.0.1:{ground}", stdout=subprocess.PIPE) as client:
+            until(client, "h2nav: degraded: IMU 1: gyro is frozen")
+
+
+@pytest.mark.parametrize("name", re.findall(r"`(\S+)`:\n\n```python", PAGE))
+def test_every_example_is_run_here(name):
+    with open(__file__, encoding="utf-8") as own:
+        assert f'"{name}"' in own.read()
