@@ -220,42 +220,68 @@ def made_flight(duration_s=600.0, rate_hz=100.0, imus=2, seed=3, **changes):
     return flight._replace(**changes)
 
 
+def _falling(t_s):
+    """Roll, pitch and heading of a vehicle that tips over from 100 s on and lies from 104 s on."""
+    roll, pitch, heading = _motion(t_s)
+    lost_s = np.clip(t_s - 100.0, 0.0, 4.0)
+    is_down = t_s > 104.0
+    pitch = np.where(is_down, -70.0 * DEG, pitch - 60.0 * DEG * (1.0 - np.exp(-lost_s)))
+    return np.where(is_down, 15.0 * DEG, roll), pitch, heading + 0.3 * lost_s**2
+
+
 def made_crash():
-    """Control is lost at 100 s and the vehicle comes down at 104 s of 112 s; with its analysis."""
+    """Motor 1 fails at 99.5 s, control is lost, it comes down at 104 s of 112; and its analysis."""
     flight = made_flight(112.0, 50.0, imus=1)
     t_s = np.arange(0.0, 112.0, 0.1)
-    is_lost = _within(t_s, (100.0, 104.0))
-    level = np.zeros_like(t_s)
-    pwm_us = np.tile(1500.0 + 20.0 * np.sin(t_s)[:, None], (1, 4))
-    pwm_us[is_lost, 0] = 1900.0
+    roll, pitch, heading = _motion(t_s)
+    height_m = np.interp(t_s, (0.0, 8.0, 14.0, 101.0, 104.0), (0.0, 0.0, 20.0, 20.0, 0.0))
+    throttle = np.where((t_s > 8.0) & (t_s < 104.5), 0.5 + 0.03 * np.sin(t_s), 0.0)
+    share = np.tile(throttle[:, None], (1, 4)) + 0.04 * np.sin(np.outer(t_s, (1.1, 1.3, 1.7, 1.9)))
+    is_lost = _within(t_s, (99.5, 104.5))
+    share[is_lost] = (1.0, 0.6, 0.15, 0.8)
+    pwm_us = np.where(throttle[:, None] > 0.0, 1000.0 + 1000.0 * share, 1000.0)
     lost = Finding(
         Kind.LOSS_OF_CONTROL, Sensor(SensorKind.VEHICLE), Severity.ERROR, 100.0, 104.0, 55.0,
-        "deg", "pitch -60 deg where -5 was asked", "ATT, RCOU", id="loss_of_control.vehicle.1",
+        "deg", "pitch -60 deg where -5 was asked", "motor 1 at its limit from 99.5 s on",
+        id="loss_of_control.vehicle.1",
     )  # fmt: skip
     crash = Finding(
         Kind.CRASH, Sensor(SensorKind.VEHICLE), Severity.CRITICAL, 104.0, 105.0, 9.0, "g",
         "came down hard", "9 g", id="crash.vehicle.1", cause="loss_of_control.vehicle.1",
     )  # fmt: skip
     context = flight.context._replace(
+        attitudes=tuple(_fallen(track) for track in flight.context.attitudes[:1]),
+        truth=None,
         modes=(
-            Span(0.0, 60.0, "STABILIZE"),
-            Span(60.0, 103.0, "LOITER"),
-            Span(103.0, 112.0, "LAND"),
+            Span(0.0, 60.0, "STABILIZE"), Span(60.0, 103.0, "LOITER"), Span(103.0, 112.0, "LAND"),
         ),
         armed=(Span(5.0, 112.0, "armed"),),
-        demand=Series(t_s, np.column_stack((level, level - 5.0 * DEG, level + 1.0))),
+        demand=Series(t_s, np.column_stack((roll, pitch, heading))),
         motors=Motors((1, 2, 3, 4), t_s, pwm_us, 1000.0, 2000.0),
-        throttle=Series(t_s, 0.5 + level),
-        height_m=Series(t_s, 20.0 * (t_s < 104.0)),
-        height_demand_m=Series(t_s, 20.0 + level),
-        climb_m_s=Series(t_s, -5.0 * is_lost),
-        baro_height_m=Series(t_s, 20.5 * (t_s < 104.0)),
-        batteries=(Battery(0, t_s, 12.6 - 0.01 * t_s, 10.0 + level, 1.0 - 0.005 * t_s),),
+        throttle=Series(t_s, throttle),
+        height_m=Series(t_s, height_m),
+        height_demand_m=Series(t_s, np.where(height_m > 0.0, 20.0, 0.0)),
+        climb_m_s=Series(t_s, np.gradient(height_m, t_s)),
+        baro_height_m=Series(t_s, height_m + 60.0),
+        batteries=(
+            Battery(0, t_s, 12.6 - 0.01 * t_s - throttle, 20.0 * throttle, 1.0 - 0.005 * t_s),
+        ),
+        gps=(GpsTrack(0, *(values[: round(104.0 / 0.2)] for values in flight.context.gps[0][1:])),),
         faults=(Fault(102.0, "battery", 1, "low"),),
         airborne=Series(np.array([0.0, 8.0]), np.array([0.0, 1.0])),
+        said=(Said(103.0, Severity.WARNING, "Battery Failsafe - Land"),),
+    )  # fmt: skip
+    flight = flight._replace(
+        context=context,
+        estimates=_fallen(flight.estimates),
+        smoothed=_fallen(flight.smoothed),
+        findings=(lost, crash),
     )
-    flight = flight._replace(context=context, findings=(lost, crash))
     return flight, made_analysis(flight)._replace(findings=())
+
+
+def _fallen(track):
+    return track._replace(q_nb=quaternions(*_falling(track.t_s)))
 
 
 def made_analysis(flight, seed=4):

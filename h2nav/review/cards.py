@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from h2nav.integrity.findings import Kind, Severity
+from h2nav.integrity.findings import Kind, SensorKind, Severity
 from h2nav.review.advice import place
 from h2nav.review.html import escape
 
@@ -30,12 +30,12 @@ def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
         "after the beginning of the recording.</p>"
     )
     shown = _list(wrong[:MOST_SHOWN], followers, opens_first=opens_first)
-    parts = [about if findings else "", shown]
+    parts = [shown]
     further = wrong[MOST_SHOWN:]
     for some, what in ((further, "further warning"), (notes, "note")):
         if some:
             parts.append(_folded(counted(len(some), what), _list(some[:MOST_LISTED], followers)))
-    return "".join(parts)
+    return "".join((*parts, about if findings else ""))
 
 
 def is_wrong(finding: Told) -> bool:
@@ -71,7 +71,8 @@ def _list(
 
 def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
     severity, source, text = _severity(finding), finding["source"], finding["text"]
-    if source.lower() not in text.lower():
+    is_named = finding["sensor"]["kind"] == SensorKind.VEHICLE or source.lower() in text.lower()
+    if not is_named:
         text = f"{source}: {text}"
     # A size without a unit counts what the text counts too.
     has_size = finding["unit"] and finding["size"] is not None

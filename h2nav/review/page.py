@@ -134,7 +134,8 @@ class _Drawn:
         look += " stack" if isinstance(picture, Stack) else ""
         about = f'<p class="about">{escape(picture.about)}</p>' if picture.about else ""
         places = "".join(map(self._place, lanes))
-        return f'<figure class="{look}"><h3>{escape(picture.title)}</h3>{about}{places}</figure>'
+        title = f"<h3>{escape(picture.title)}</h3>" if picture.title else ""
+        return f'<figure class="{look}">{title}{about}{places}</figure>'
 
     def _place(self, picture: Picture) -> str:
         self.pictures.append(picture)

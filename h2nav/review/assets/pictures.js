@@ -351,7 +351,9 @@ function rows(picture, lane) {
   });
   const named = (spans) => (plot, _, __, at) => {
     const t = at === null || at === undefined ? null : plot.data[0][at];
-    return t === null ? "" : spans.filter(([from, to]) => from <= t && t <= to).map((span) => span[2]).join(", ");
+    // What lasts no time is met within some pixels.
+    const near = t === null ? 0 : 4 * (plot.scales.x.max - plot.scales.x.min) / plot.bbox.width;
+    return t === null ? "" : spans.filter(([from, to]) => from - near <= t && t <= to + near).map((span) => span[2]).join(", ");
   };
   // A row without a label goes on with the one above it.
   const labelled = [];

@@ -57,7 +57,7 @@ def attitude_lines(
     """
     traces: dict[str, list[Trace]] = {part: [] for part in _PARTS}
     voices = _voices(flight if window_s is None else flight._replace(smoothed=None))
-    cut = _rarest_heading(voices)
+    cut = _rarest_heading(voices, window_s)
     for part in _PARTS:  # below what was flown
         traces[part] += demand(flight.context, columns, part, cut)
     for voice in voices:
@@ -96,9 +96,12 @@ def _voices(flight: Flight) -> list[_Voice]:
     return voices
 
 
-def _rarest_heading(voices: list[_Voice]) -> float:
+def _rarest_heading(voices: list[_Voice], window_s: tuple[float, float] | None) -> float:
     """Where the picture's headings begin and end, rad: where the nose points least."""
-    headings = [euler(voice.q_nb).heading for voice in voices]
+    begin_s, end_s = (-np.inf, np.inf) if window_s is None else window_s
+    headings = [
+        euler(voice.q_nb[(voice.t_s >= begin_s) & (voice.t_s <= end_s)]).heading for voice in voices
+    ]
     known = [heading[np.isfinite(heading)] for heading in headings]
     counts = np.zeros(SECTORS)
     for heading in known:

@@ -20,8 +20,8 @@ def event(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     stacks = [_stack(flight, group) for group in _events(findings)[:MOST_EVENTS]]
     return Section(
         "event",
-        "What happened",
-        tuple(stacks[:1]),
+        stacks[0].title if stacks else "",
+        tuple(stack._replace(title="") for stack in stacks[:1]),
         further=tuple(stacks[1:]),
         further_title="what happened later",
     )

@@ -13,7 +13,13 @@ MOST_SPANS = 500
 MOST_FINDING_ROWS = 4
 MOST_MARKS = 12
 # Findings of a moment that every picture shall show.
-MOMENTS = {"crash": "impact", "toppled": "tipped over", "loss_of_control": "control lost"}
+MOMENTS = {
+    "crash": "impact",
+    "toppled": "tipped over",
+    "hard_landing": "hard landing",
+    "loss_of_control": "control lost",
+    "motor_failed": "motor failed",
+}
 
 
 def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
@@ -47,7 +53,7 @@ def vehicle_rows(flight: Flight) -> list[Row]:
             ("in the air, says the autopilot", airborne),
         )
     ]
-    return [*rows, *_reported(flight)]
+    return [*rows, *_reported(flight), *_moments(flight)]
 
 
 def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
@@ -108,6 +114,31 @@ def _airborne(flight: Flight) -> tuple[Span, ...]:
         else:
             joined.append(span)
     return tuple(joined)
+
+
+def _moments(flight: Flight) -> list[Row]:
+    """What happened at one time: warnings in words, events, parameters that were changed."""
+    context = flight.context
+    warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MOST_SPANS]
+    occurrences = context.occurrences[:MOST_SPANS]
+    changes = context.changes[:MOST_SPANS]
+    return [
+        Row(
+            "autopilot says",
+            tuple(Span(one.t_s, one.t_s, one.text) for one in warnings),
+            tuple(_severity(one.severity) for one in warnings),
+        ),
+        Row(
+            "events",
+            tuple(Span(one.t_s, one.t_s, one.text) for one in occurrences),
+            (colours.REPORTED,) * len(occurrences),
+        ),
+        Row(
+            "parameters changed",
+            tuple(Span(one.t_s, one.t_s, f"{one.name} {one.after:.6g}") for one in changes),
+            (colours.REPORTED,) * len(changes),
+        ),
+    ]
 
 
 def _reported(flight: Flight) -> list[Row]:

@@ -146,7 +146,11 @@ def test_a_crash_is_one_picture_before_all_others():
     assert names == ["motor 1", "motor 2", "motor 3", "motor 4", "throttle"]
     assert lanes[0]["traces"][0]["label"] == "demand"
     rows = {label: [span[2] for span in spans] for label, spans, _ in lanes[-1]["rows"]}
-    assert rows == {"flight mode": ["LOITER", "LAND"], "autopilot reports: battery": ["low"]}
+    assert rows == {
+        "flight mode": ["LOITER", "LAND"],
+        "autopilot reports: battery": ["low"],
+        "autopilot says": ["Battery Failsafe - Land"],
+    }
     assert [(t_s, text) for t_s, text, _ in told["marks"]] == [
         (100.0, "control lost"), (102.0, "low"), (104.0, "impact"),
     ]  # fmt: skip
