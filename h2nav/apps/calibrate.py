@@ -7,7 +7,8 @@ from typing import Any
 from h2nav.apps import playback
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import byte_bar
-from h2nav.errors import BadInput, TaskFailed
+from h2nav.apps.parameter_files import read_parameters
+from h2nav.errors import TaskFailed
 
 _FORMATS = ("ardupilot", "qgroundcontrol", "px4")
 _CLOSING = """\
@@ -46,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from h2nav.calibration.vehicle import calibrate, document_of
     from h2nav.flightlogs.opening import open_flight
 
-    parameters = {} if args.parameters is None else _parameters(args.parameters)
+    parameters = {} if args.parameters is None else read_parameters(args.parameters)
     evidence = []
     for path in args.flights:
         with byte_bar(path.name) as progress:
@@ -67,16 +68,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         _show(found, args.output)
     return 0
-
-
-def _parameters(path: Path) -> dict[str, float]:
-    from h2nav.calibration.files import parameters_of
-
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}; name a parameter file") from error
-    return parameters_of(text.splitlines(), str(path))
 
 
 def _show(found: dict[str, Any], output: Path | None) -> None:

@@ -12,6 +12,7 @@ from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
 from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
+from h2nav.apps.parameter_files import read_parameters
 from h2nav.errors import BadInput
 from h2nav.io.link_urls import FORMS
 from h2nav.io.links import Link
@@ -20,6 +21,7 @@ from h2nav.io.server_links import open_server_link
 from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
 from h2nav.io.signing_keys import read_signing_key
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
+from h2nav.sim.calibrations import SOUND, Miscalibration
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.imu_model import MPU_9250
 from h2nav.sim.orders import HELP, KEYS, Orders, key_table, name_tables
@@ -31,6 +33,8 @@ from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stre
 SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
 MOST_BIAS_DEG_S = 100.0
+MOST_FIELD_MG = 5000.0
+AXES = ("X", "Y", "Z")
 BITS_PER_BYTE_ON_A_LINE = 10
 
 
@@ -80,6 +84,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=MPU_9250.gyro_bias_deg_s,
         metavar=("X", "Y", "Z"),
         help="bias of the gyro in body axes, added to the small one drawn from the seed",
+    )
+    wrong = parser.add_argument_group("a first IMU that was calibrated or mounted wrongly")
+    for name, unit in (
+        ("--compass-offset", "a field of the vehicle's own, mG"),
+        ("--motor-field", "the motors' field at full throttle, mG"),
+    ):
+        wrong.add_argument(
+            name, nargs=3, type=float, default=SOUND.compass_offset_mg, metavar=AXES, help=unit
+        )
+    for name in ("--compass-scale", "--accelerometer-scale"):
+        wrong.add_argument(
+            name,
+            nargs=3,
+            type=float,
+            default=SOUND.compass_scale,
+            metavar=AXES,
+            help="what it shows of each axis",
+        )
+    wrong.add_argument(
+        "--compass-turned",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="the compass is mounted turned about the vertical",
+    )
+    wrong.add_argument(
+        "--parameters",
+        type=Path,
+        metavar="FILE",
+        help="parameters to start with, as `h2nav calibrate` writes them",
     )
     parser.add_argument(
         "--signing-key",
@@ -232,7 +266,29 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         extra_streams=vision,
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
+        wrong=_wrong(args),
+        parameters={} if args.parameters is None else read_parameters(args.parameters),
     )
+
+
+def _wrong(args: argparse.Namespace) -> Miscalibration:
+    """What was asked to be wrong; numbers that a sensor can have."""
+    wrong = Miscalibration(
+        tuple(args.compass_offset),
+        args.compass_turned,
+        tuple(args.compass_scale),
+        tuple(args.motor_field),
+        tuple(args.accelerometer_scale),
+    )
+    fields = (*wrong.compass_offset_mg, *wrong.motor_field_mg)
+    scales = (*wrong.compass_scale, *wrong.accelerometer_scale)
+    if not all(abs(value) <= MOST_FIELD_MG for value in fields):
+        raise BadInput(f"a field: expected numbers within +-{MOST_FIELD_MG:g} mG")
+    if not all(0.5 <= value <= 2.0 for value in scales):
+        raise BadInput("a scale: expected numbers from 0.5 to 2")
+    if not abs(wrong.compass_turned_deg) <= 360.0:
+        raise BadInput("--compass-turned: expected a number within +-360")
+    return wrong
 
 
 def _signing(key_file: Path) -> AutopilotSigning:

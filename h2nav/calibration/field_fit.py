@@ -4,7 +4,8 @@ The corrected field S (r + o) + k L of a raw field r shall be the earth's in the
 an offset o, a symmetric matrix S (scale and soft iron), and a field k of the motors by a lever L
 (throttle or current). The attitude comes from gyro, gravity and the receiver's velocity alone; its
 heading may be off by an angle that changes slowly, which is fitted as well: an Ornstein-Uhlenbeck
-process as wide as the attitude's own deviation, no quicker than a gyro drifts.
+process as wide as the attitude's own deviation, no quicker than a gyro drifts. The field may be
+late, and so may the messages that bring it.
 
 Least squares with prior deviations that are those of sensors and vehicles, and weights that take
 out what fits nothing (Geman-McClure). Everything is in microtesla; covariances count how long the
@@ -28,6 +29,8 @@ _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 # compasses (AK09916 and IST8310 5 %), soft iron, motors at full throttle (30 % of the earth's field
 # are usual, 60 % too much).
 OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
+# How late a field is, of compasses that are read 10 to 100 times a second and smoothed.
+LATE_S = 0.03
 # Heading: knots, how long its error holds, and how fast a gyro whose bias was learnt drifts.
 KNOT_S, HOLDS_S, DRIFT_RAD_S = 10.0, 60.0, math.radians(0.15)
 LARGEST_SIGMA_RAD, LEAST_SIGMA_RAD = math.pi / 2.0, math.radians(0.3)
@@ -50,6 +53,7 @@ class FieldRows(NamedTuple):
         t_s: (N,) increasing within each.
         raw_ut: (N, 3) as the sensor measured it, in the axes of the board.
         earth_ut: (N, 3) of the model by the attitude, in the same axes.
+        slope_ut: (N, 3) how fast that changes, in microtesla per second.
         down: (N, 3) direction of gravity, in the same axes.
         heading_rad: (N,) of the vehicle.
         sigma_rad: (N,) deviation of the attitude's heading.
@@ -61,6 +65,7 @@ class FieldRows(NamedTuple):
     t_s: Array
     raw_ut: Array
     earth_ut: Array
+    slope_ut: Array
     down: Array
     heading_rad: Array
     sigma_rad: Array
@@ -157,10 +162,12 @@ def fitted(rows: FieldRows, prior: Correction, free: Mask, lever: Array) -> Fiel
         (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
     )
     places = np.flatnonzero(free)
-    information = np.zeros((len(places) + heading.knots,) * 2)
+    information = np.zeros((len(places) + heading.knots + 1,) * 2)
     information[: len(places), : len(places)] = np.diag(sigma[places] ** -2)
-    information[len(places) :, len(places) :] = heading.information
-    x, knots = prior.values.copy(), np.zeros(heading.knots)
+    information[len(places) : -1, len(places) : -1] = heading.information
+    information[-1, -1] = LATE_S**-2
+    # The heading at its knots, and how late the field is.
+    x, knots = prior.values.copy(), np.zeros(heading.knots + 1)
     balance = _balanced(rows.earth_ut)
     noise_ut = math.inf
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
@@ -185,7 +192,7 @@ def fitted(rows: FieldRows, prior: Correction, free: Mask, lever: Array) -> Fiel
     before = np.concatenate((x[places] - prior.values[places], knots))
     cost = float((balance * robust) @ (r**2).sum(axis=1)) / noise_ut**2
     cost += float(before @ information @ before)
-    angle = heading.hats @ knots
+    angle = heading.hats @ knots[:-1]
     return FieldFit(correction(x), covariance, angle, robust, r, cost)
 
 
@@ -266,8 +273,8 @@ def _linear(
 ) -> tuple[Array, Array]:
     """(N, 3) residuals and their (N, 3, P + K) derivatives."""
     now = correction(x)
-    angle = heading.hats @ knots
-    expected = headed(rows, angle)
+    angle = heading.hats @ knots[:-1]
+    expected = headed(rows, angle) - knots[-1] * rows.slope_ut
     v = rows.raw_ut + now.offset_ut
     r = now.corrected(rows.raw_ut, lever) - expected
     J = np.zeros((len(v), 3, COUNT))
@@ -278,9 +285,8 @@ def _linear(
             J[:, j, place] += v[:, i]
     J[:, :, MOTOR] = lever[:, None, None] * np.eye(3)
     across = np.cross(rows.down, expected)
-    return r, np.concatenate(
-        (J[:, :, places], across[:, :, None] * heading.hats[:, None, :]), axis=2
-    )
+    turned = across[:, :, None] * heading.hats[:, None, :]
+    return r, np.concatenate((J[:, :, places], turned, rows.slope_ut[:, :, None]), axis=2)
 
 
 def _normal(J: Array, w: Array, r: Array) -> tuple[Array, Array]:

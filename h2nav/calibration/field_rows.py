@@ -18,6 +18,7 @@ ROW_S = 0.2
 MOST_ROWS = 1500
 # In a quick turn a field that is 20 ms late is 1 deg off.
 FASTEST_RAD_S = 60.0 * DEG
+SLOPE_S = 0.05
 SURE_TILT_RAD = 4.0 * DEG
 FEWEST = 2
 SECTORS = 16
@@ -52,12 +53,17 @@ def field_rows(
         return None
     at_s, q = at_s[places], q[places]
     back = conjugate(q)
+    earth_n = earth_at(evidence.flight.earth, at_s)
+    before, after = (
+        rotate(conjugate(attitude.at(at_s + step)), earth_n) for step in (-SLOPE_S, SLOPE_S)
+    )
     nose = rotate(q, np.tile([1.0, 0.0, 0.0], (len(q), 1)))
     return FieldRows(
         np.full(len(at_s), flight),
         at_s,
         raw[places],
-        rotate(back, earth_at(evidence.flight.earth, at_s)),
+        rotate(back, earth_n),
+        np.nan_to_num((after - before) / (2.0 * SLOPE_S)),
         rotate(back, np.tile([0.0, 0.0, 1.0], (len(q), 1))),
         np.arctan2(nose[:, 1], nose[:, 0]),
         attitude.near(attitude.sigma_heading_rad, at_s),

@@ -4,19 +4,16 @@ ArduPilot: a line ``NAME,VALUE`` each. QGroundControl: five columns with tabs: s
 name, value, MAV_PARAM_TYPE. PX4's shell: ``param set NAME VALUE``.
 """
 
-from collections.abc import Iterable
 from enum import StrEnum
 
 from h2nav.calibration.evidence import PX4
 from h2nav.calibration.outcome import Calibration, Change
-from h2nav.errors import BadInput
 
 INT8, INT32, REAL32 = 2, 6, 9
 # Everything else is a real number.
 ARDUPILOT_INTEGERS = ("COMPASS_MOTCT", "COMPASS_ORIENT")
 PX4_INTEGERS = ("_ROT", "_TYP")
 SYSTEM, COMPONENT = 1, 1
-MOST_LINES = 20_000
 
 
 class Format(StrEnum):
@@ -63,33 +60,3 @@ def _kind(name: str, autopilot: str) -> int:
     if autopilot == PX4:
         return INT32 if name.endswith(PX4_INTEGERS) else REAL32
     return INT8 if name.startswith(ARDUPILOT_INTEGERS) else REAL32
-
-
-def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
-    """Parameters of a file in any of these forms.
-
-    Args:
-        lines: of the text.
-        name: of the file, for messages.
-
-    Raises:
-        BadInput: a line is none of a parameter.
-    """
-    found: dict[str, float] = {}
-    for number, line in enumerate(lines, start=1):
-        words = line.split("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        if words[:2] == ["param", "set"]:
-            words = words[2:]
-        pair = words[2:4] if len(words) == 5 else words[:2]
-        try:
-            found[pair[0]] = float(pair[1])
-        except (IndexError, ValueError):
-            raise BadInput(
-                f"{name}:{number}: {line.strip()[:60]!r} is no parameter; expected NAME,VALUE or "
-                "QGroundControl's five columns"
-            ) from None
-        if number > MOST_LINES:
-            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is no parameter file")
-    return found

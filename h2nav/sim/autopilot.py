@@ -7,12 +7,13 @@ out. With the same options and the same input at the same times, the output is t
 import math
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.sim.calibrations import SOUND, Miscalibration
 from h2nav.sim.commands import CommandServer
 from h2nav.sim.faults import Fault, FaultSchedule
 from h2nav.sim.imu_model import MPU_9250, ImuParameters
@@ -48,6 +49,8 @@ class AutopilotOptions:
         extra_streams: messages of other components that it forwards.
         boot_text: show the text that a serial port shows at power-on.
         line_bytes_per_s: capacity of a serial line; None = no limit.
+        wrong: calibration of the first IMU and its compass.
+        parameters: set before it is switched on.
     """
 
     scenario: Scenario
@@ -59,6 +62,8 @@ class AutopilotOptions:
     extra_streams: tuple[Stream, ...] = ()
     boot_text: bool = False
     line_bytes_per_s: float | None = None
+    wrong: Miscalibration = SOUND
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 class Outgoing(NamedTuple):
@@ -87,6 +92,9 @@ class FakeAutopilot:
     def __init__(self, options: AutopilotOptions) -> None:
         self.options = options
         self.schedule = FaultSchedule(options.faults)
+        self._parameters = ParameterServer(
+            options.personality.parameters | dict(options.parameters)
+        )
         self.vehicle = Vehicle(
             options.scenario,
             (options.sensor,) * options.imus,
@@ -95,8 +103,8 @@ class FakeAutopilot:
             options.personality.stamp_jitter_us,
             options.personality.ages,
         )
+        self.vehicle.miscalibrate(options.wrong, self._parameters.values)
         self.streams = StreamSchedule(_streams_of(options), options.line_bytes_per_s)
-        self._parameters = ParameterServer(options.personality.parameters)
         self._commands = CommandServer(options.personality, self.streams, self.vehicle)
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,

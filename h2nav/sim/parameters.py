@@ -1,6 +1,7 @@
 """The autopilot's parameters: a handful of the real names, answered as the protocol wants it."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -16,6 +17,11 @@ class ParameterServer:
     def __init__(self, values: dict[str, float]) -> None:
         self._values = dict(values)
         self._names = tuple(values)
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """As they stand now."""
+        return self._values
 
     def every_value(self) -> list[Any]:
         """All PARAM_VALUE messages."""

@@ -17,6 +17,20 @@ from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2
 from h2nav.sim.vehicle import Ages
 
 MS_NS = 1_000_000
+# Of the first IMU and its compass, as a vehicle has them that was never calibrated.
+UNCALIBRATED = {
+    **{f"INS_ACCOFFS_{axis}": 0.0 for axis in "XYZ"},
+    **{f"INS_ACCSCAL_{axis}": 1.0 for axis in "XYZ"},
+    **{f"COMPASS_OFS_{axis}": 0.0 for axis in "XYZ"},
+    **{f"COMPASS_DIA_{axis}": 1.0 for axis in "XYZ"},
+    **{f"COMPASS_ODI_{axis}": 0.0 for axis in "XYZ"},
+    **{f"COMPASS_MOT_{axis}": 0.0 for axis in "XYZ"},
+    "COMPASS_SCALE": 1.0,
+    "COMPASS_MOTCT": 0.0,
+    "COMPASS_ORIENT": 0.0,
+    "COMPASS_EXTERNAL": 1.0,
+    "COMPASS_DEV_ID": 97539.0,
+}
 COPTER_LOOP_HZ = 400
 PLANE_LOOP_HZ = 50
 
@@ -113,6 +127,7 @@ ARDUPILOT = Personality(
         "AHRS_EKF_TYPE": 3.0,
         "SR0_RAW_SENS": 0.0,
         "SR0_EXTRA1": 0.0,
+        **UNCALIBRATED,
     },
     boot_text=(
         b"\n\nInit ArduCopter V4.7.0-dev (90700977)\n\nFree RAM: 524288\n",

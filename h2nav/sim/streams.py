@@ -130,7 +130,7 @@ def vfr_hud(vehicle: Vehicle) -> Any:
         ground_speed,
         ground_speed,
         int(vehicle.estimate.yaw / DEG % 360.0),
-        35 if vehicle.is_airborne else 0,
+        round(100.0 * vehicle.throttle),
         vehicle.geographic()[2],
         -down,
     )

@@ -2,15 +2,23 @@
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
+from h2nav.sim.calibrations import (
+    HOVER_THROTTLE,
+    SOUND,
+    ZERO,
+    Miscalibration,
+    heading_error_rad,
+    throttle_of,
+)
 from h2nav.sim.faults import FaultSchedule
 from h2nav.sim.imu_model import GyroSampling, ImuModel, ImuParameters
-from h2nav.sim.rigid_motion import Motion
+from h2nav.sim.rigid_motion import Motion, specific_force
 from h2nav.sim.scenarios import Scenario
 from h2nav.sim.sensor_faults import GpsReading, SensorFaults, faulty_gps
 
@@ -91,6 +99,8 @@ class Vehicle:
         self.random = random.Random(f"vehicle {seed}")
         self._schedule = schedule
         self._ages = ages
+        self._wrong: Miscalibration = SOUND
+        self._parameters: Mapping[str, float] = {}
         self._imus = [self._new_imu(sensor, seed, index) for index, sensor in enumerate(sensors)]
         self._faults = [SensorFaults(schedule.of_imu(index + 1)) for index in range(len(sensors))]
         self._own_error = _SlowError(random.Random(f"estimate {seed}"), OWN_ERROR)
@@ -107,6 +117,15 @@ class Vehicle:
         self.flown_s = 0.0  # of the scenario
         self.boot_us = 0
         self._stamp_us: int | None = None
+
+    def miscalibrate(self, wrong: Miscalibration, parameters: Mapping[str, float]) -> None:
+        """The first IMU and its compass are wrong, and corrected by these parameters as they stand.
+
+        Args:
+            wrong: what they are.
+            parameters: of the autopilot; they may change.
+        """
+        self._wrong, self._parameters = wrong, parameters
 
     def switch_on(self, t_ns: int) -> None:
         """The autopilot starts, or starts again, at host time `t_ns`; its clock begins at zero."""
@@ -199,6 +218,7 @@ class Vehicle:
     def estimate(self) -> Estimate:
         """The autopilot's own estimate: the truth with a small, slow error, and with its faults."""
         roll, pitch, yaw = self._own_error.at(self.t_s)
+        yaw += self._compass_error_rad()
         roll += (self._schedule.number("autopilot-tilt", self.t_s) or 0.0) * DEG
         yaw += (self._schedule.number("autopilot-heading", self.t_s) or 0.0) * DEG
         return self._estimate((roll, pitch, yaw))
@@ -212,6 +232,23 @@ class Vehicle:
         roll, pitch, yaw = quaternion.to_euler(self.motion.q_nb)
         turned = math.remainder(yaw + error[2], math.tau)
         return Estimate(roll + error[0], pitch + error[1], turned, self.motion.w_b)
+
+    def _compass_error_rad(self) -> float:
+        """Of a heading that follows the first compass, where that is wrong."""
+        field = self.imu(0).m_b_ut if self._wrong != SOUND else None
+        if field is None:
+            return 0.0
+        q_nb = self._past(self._ages.field_s).q_nb
+        return heading_error_rad(q_nb, field, self.home.field.declination_rad)
+
+    @property
+    def throttle(self) -> float:
+        """0 to 1; where motors disturb nothing it is that of a hover."""
+        if not self.is_airborne:
+            return 0.0
+        if self._wrong.motor_field_mg == ZERO:
+            return HOVER_THROTTLE
+        return throttle_of(specific_force(self.motion))
 
     @property
     def imus(self) -> int:
@@ -229,7 +266,10 @@ class Vehicle:
                 faults.disturbance(self.t_s),
                 self._past(self._ages.field_s).q_nb,
             )
-            sample = self._samples[index] = faults.apply(self.t_s, sample)
+            sample = faults.apply(self.t_s, sample)
+            if index == 0 and self._wrong != SOUND:
+                sample = self._wrong.shown(sample, self.throttle, self._parameters)
+            self._samples[index] = sample
         return sample
 
     @property

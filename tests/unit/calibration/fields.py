@@ -41,6 +41,7 @@ def flown_rows(
         t_s,
         raw,
         np.array([_body(*angles) @ EARTH_N_UT for angles in believed]),
+        np.gradient(true_b, t_s, axis=0),
         np.array([_body(*angles)[:, 2] for angles in believed]),
         yaw + off,
         np.full(len(t_s), HEADING_SIGMA_RAD),

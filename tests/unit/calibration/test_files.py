@@ -2,7 +2,8 @@
 
 import pytest
 
-from h2nav.calibration.files import Format, format_of, parameters_of, written
+from h2nav.apps.parameter_files import parameters_of
+from h2nav.calibration.files import Format, format_of, written
 from h2nav.calibration.outcome import Calibration, Change, Outcome
 from h2nav.errors import BadInput
 

@@ -1,0 +1,51 @@
+"""Parameter files that ground stations save: ArduPilot's, QGroundControl's, PX4's shell lines."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from h2nav.errors import BadInput
+
+MOST_LINES = 20_000
+
+
+def read_parameters(path: Path) -> dict[str, float]:
+    """Parameters by name.
+
+    Raises:
+        BadInput: it cannot be read, or is no parameter file.
+    """
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; name a parameter file") from error
+    return parameters_of(text.splitlines(), str(path))
+
+
+def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
+    """Parameters of a file in any of these forms.
+
+    Args:
+        lines: of the text.
+        name: of the file, for messages.
+
+    Raises:
+        BadInput: a line is none of a parameter.
+    """
+    found: dict[str, float] = {}
+    for number, line in enumerate(lines, start=1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        if words[:2] == ["param", "set"]:
+            words = words[2:]
+        pair = words[2:4] if len(words) == 5 else words[:2]
+        try:
+            found[pair[0]] = float(pair[1])
+        except (IndexError, ValueError):
+            raise BadInput(
+                f"{name}:{number}: {line.strip()[:60]!r} is no parameter; expected NAME,VALUE or "
+                "QGroundControl's five columns"
+            ) from None
+        if number > MOST_LINES:
+            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is no parameter file")
+    return found

@@ -1,0 +1,113 @@
+"""The first IMU and its compass, mounted or calibrated wrongly, and the parameters that undo it.
+
+What the autopilot shows is its sensors' raw values, corrected by the parameters that are set at the
+time, as ArduPilot corrects them. While its compass is wrong, so is the heading that it flies by:
+the model of an estimator that follows its compass alone.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from h2nav.attitude.samples import ImuSample, Quat, Vec3
+from h2nav.maths import quaternion
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+UT_PER_MG = 0.1
+ZERO, ONE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+# Thrust of a multirotor that hovers; more thrust takes as much more throttle.
+HOVER_THROTTLE = 0.35
+# COMPASS_ORIENT counts in steps of 45 deg about the vertical, then goes on otherwise.
+YAW_STEP_DEG, YAW_STEPS = 45.0, 8
+SCALES = 0.7, 1.3
+
+
+class Miscalibration(NamedTuple):
+    """What is wrong with the first IMU and its compass.
+
+    Attributes:
+        compass_offset_mg: field of the vehicle's own parts, body axes.
+        compass_turned_deg: the compass is mounted turned by this about the vertical.
+        compass_scale: what it shows of each axis.
+        motor_field_mg: field of the motors at full throttle, body axes.
+        accelerometer_scale: what it shows of each axis.
+    """
+
+    compass_offset_mg: Vec3 = ZERO
+    compass_turned_deg: float = 0.0
+    compass_scale: Vec3 = ONE
+    motor_field_mg: Vec3 = ZERO
+    accelerometer_scale: Vec3 = ONE
+
+    def shown(self, sample: ImuSample, throttle: float, own: Mapping[str, float]) -> ImuSample:
+        """A sample of sound sensors as these ones and their parameters show it."""
+        raw_b = _each(sample.f_b, self.accelerometer_scale, lambda f, scale: f * scale)
+        shift = _axes(own, "INS_ACCOFFS_", 0.0)
+        scale = _axes(own, "INS_ACCSCAL_", 1.0)
+        f_b = _each(_less(raw_b, shift), scale, lambda f, k: f * k)
+        field = sample.m_b_ut
+        if field is not None:
+            field = self._field(field, throttle, own)
+        return sample._replace(f_b=f_b, m_b_ut=field)
+
+    def _field(self, m_b_ut: Vec3, throttle: float, own: Mapping[str, float]) -> Vec3:
+        """The corrected field, microtesla, of the true one."""
+        added = _each(
+            self.compass_offset_mg,
+            self.motor_field_mg,
+            lambda fixed, motor: UT_PER_MG * (fixed + throttle * motor),
+        )
+        there = (m_b_ut[0] + added[0], m_b_ut[1] + added[1], m_b_ut[2] + added[2])
+        sensor = _yawed(
+            _each(there, self.compass_scale, lambda m, scale: m * scale), -self.compass_turned_deg
+        )
+        step = own.get("COMPASS_ORIENT", 0.0)
+        raw = _yawed(sensor, step * YAW_STEP_DEG) if 0.0 <= step < YAW_STEPS else sensor
+        offset = _axes(own, "COMPASS_OFS_", 0.0)
+        x, y, z = _each(raw, offset, lambda m, o: m + UT_PER_MG * o)
+        low, high = SCALES
+        scale = own.get("COMPASS_SCALE", 0.0)
+        if low <= scale <= high:
+            x, y, z = scale * x, scale * y, scale * z
+        a, b, c = _axes(own, "COMPASS_DIA_", 1.0)
+        xy, xz, yz = _axes(own, "COMPASS_ODI_", 0.0)
+        if (a, b, c) != ZERO:
+            x, y, z = a * x + xy * y + xz * z, xy * x + b * y + yz * z, xz * x + yz * y + c * z
+        lever = throttle if own.get("COMPASS_MOTCT", 0.0) == 1.0 else 0.0
+        motor = _axes(own, "COMPASS_MOT_", 0.0)
+        return _each((x, y, z), motor, lambda m, k: m + UT_PER_MG * lever * k)
+
+
+SOUND = Miscalibration()
+
+
+def throttle_of(f_b: Vec3) -> float:
+    """Of a multirotor in the air that is pushed by this force, 0 to 1."""
+    return min(HOVER_THROTTLE * math.hypot(*f_b) / GRAVITY_M_S2, 1.0)
+
+
+def heading_error_rad(q_nb: Quat, m_b_ut: Vec3, declination_rad: float) -> float:
+    """Of a heading by compass: what it would show less the true one."""
+    north, east, _ = quaternion.rotate(q_nb, m_b_ut)
+    return math.remainder(declination_rad - math.atan2(east, north), math.tau)
+
+
+def _axes(own: Mapping[str, float], name: str, otherwise: float) -> Vec3:
+    return (
+        own.get(f"{name}X", otherwise),
+        own.get(f"{name}Y", otherwise),
+        own.get(f"{name}Z", otherwise),
+    )
+
+
+def _each(a: Vec3, b: Vec3, of: Callable[[float, float], float]) -> Vec3:
+    return (of(a[0], b[0]), of(a[1], b[1]), of(a[2], b[2]))
+
+
+def _less(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _yawed(v: Vec3, angle_deg: float) -> Vec3:
+    sine, cosine = math.sin(angle_deg * DEG), math.cos(angle_deg * DEG)
+    return (cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1], v[2])

@@ -1,0 +1,114 @@
+"""Wrong in, parameters out, loaded and flown again: the autopilot's heading is right then."""
+
+import math
+import struct
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.apps.parameter_files import parameters_of
+from h2nav.apps.playback import Wishes
+from h2nav.apps.reviewing import evidence_of
+from h2nav.calibration.files import Format, written
+from h2nav.calibration.vehicle import calibrate
+from h2nav.flightlogs.opening import open_flight
+from h2nav.io.codec import Encoder
+from h2nav.maths.units import DEG
+from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
+from h2nav.sim.calibrations import Miscalibration
+from h2nav.sim.scenarios import scenario
+
+UNIX_NS = 1_790_000_000_000_000_000
+RATES_HZ = {
+    mavlink.MAVLINK_MSG_ID_RAW_IMU: 100.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 20.0,
+    mavlink.MAVLINK_MSG_ID_SIMSTATE: 20.0,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 5.0,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 5.0,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+}
+SECONDS = 75.0
+
+
+class Flown(NamedTuple):
+    """A flight of the fake autopilot: its recording, and the rms error of its heading."""
+
+    path: Path
+    heading_error_deg: float
+
+
+def flown(path: Path, options: AutopilotOptions) -> Flown:
+    autopilot = FakeAutopilot(options)
+    autopilot.advance(UNIX_NS)
+    for message_id, rate_hz in RATES_HZ.items():
+        autopilot.streams.set_interval(UNIX_NS, message_id, round(1e9 / rate_hz))
+    asks = mavlink.MAVLink_param_request_list_message(1, 1)
+    autopilot.on_message(UNIX_NS, 255, 190, asks.get_msgId(), asks)
+    encoder, yaw, errors = Encoder(1, 1), math.nan, []
+    with path.open("wb") as out:
+        for t_ns in range(UNIX_NS, UNIX_NS + round(SECONDS * 1e9), 10_000_000):
+            for sent_ns, _, _, message in autopilot.advance(t_ns):
+                out.write(struct.pack(">Q", sent_ns // 1000) + encoder.encode(message))
+                if isinstance(message, mavlink.MAVLink_attitude_message):
+                    yaw = message.yaw
+                elif isinstance(message, mavlink.MAVLink_simstate_message):
+                    errors.append(math.remainder(yaw - message.yaw, math.tau))
+    known = np.array(errors)[np.isfinite(errors)]
+    return Flown(path, math.sqrt(float(np.mean(known**2))) / DEG)
+
+
+def calibrated(path: Path):
+    return calibrate([evidence_of(open_flight(path), Wishes(), {})])
+
+
+def wrongs() -> list[Miscalibration]:
+    """Five vehicles."""
+    rng = np.random.default_rng(26)
+    return [
+        Miscalibration(
+            tuple((rng.choice((-1.0, 1.0), 3) * rng.uniform(90.0, 250.0, 3)).tolist()),
+            float(rng.choice((0.0, 0.0, 90.0, 180.0, 270.0))),
+        )
+        for _ in range(5)
+    ]
+
+
+@pytest.mark.parametrize("wrong", wrongs())
+def test_loaded_and_flown_again_the_heading_is_ten_times_better(wrong, tmp_path):
+    options = AutopilotOptions(scenario("flight"), seed=3, wrong=wrong)
+    before = flown(tmp_path / "before.tlog", options)
+    found = calibrated(before.path)
+    values = parameters_of(written(found, Format.ARDUPILOT).splitlines(), "fix")
+    after = flown(tmp_path / "after.tlog", replace(options, parameters=values))
+    assert before.heading_error_deg > 10.0 * after.heading_error_deg
+    assert values.get("COMPASS_ORIENT", 0.0) == wrong.compass_turned_deg / 45.0
+    expected = {f"COMPASS_OFS_{a}": -v for a, v in zip("XYZ", _mounted(wrong), strict=True)}
+    for change in found.outcomes[0].changes:
+        if change.name in expected:
+            assert abs(change.new - expected[change.name]) < 3.0 * change.sigma
+    # What is right stays as it is.
+    assert not calibrated(after.path).changes
+
+
+def _mounted(wrong: Miscalibration) -> tuple[float, ...]:
+    """The field of the vehicle's own, in the axes of the board once its rotation is known."""
+    return wrong.compass_offset_mg
+
+
+def test_motors_that_disturb_the_compass_are_compensated(tmp_path):
+    wrong = Miscalibration((100.0, -60.0, 40.0), motor_field_mg=(-260.0, 180.0, 120.0))
+    options = AutopilotOptions(scenario("aggressive"), seed=4, wrong=wrong)
+    before = flown(tmp_path / "before.tlog", options)
+    changes = {c.name: c for c in calibrated(before.path).outcomes[0].changes}
+    assert changes["COMPASS_MOTCT"].new == 1.0
+    for axis, field in zip("XYZ", wrong.motor_field_mg, strict=True):
+        change = changes[f"COMPASS_MOT_{axis}"]
+        assert abs(change.new + field) < max(3.0 * change.sigma, 30.0)
+    values = {name: change.new for name, change in changes.items()}
+    after = flown(tmp_path / "after.tlog", replace(options, parameters=values))
+    assert before.heading_error_deg > 5.0 * after.heading_error_deg
