@@ -11,6 +11,10 @@ from .theta import apply_theta, measure_theta
 
 SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
+# MAVLink's rates are whole milliradians per second, rounded towards zero: without noise they hide up
+# to one of them, with a deviation of one over the root of 3. Noise of half of one shows it.
+HIDDEN = 3.3e-7  # (rad/s)^2
+DITHER = 2.5e-7  # (rad/s)^2
 
 
 def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
@@ -51,6 +55,22 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     for i in range(3):
         measure_bias(s, w, i, noise)
     return REST
+
+
+def doubt_steps(s: State, dt: float) -> None:
+    """Keeps the bias as uncertain as the steps of the rate, where no noise carries it over them.
+
+    What they hide at rest shows in flight: the bias of the rates as they come jumps by it. Source:
+    docs/filter.md Eq. (59).
+    """
+    if s.gyro_jitter > DITHER * dt:
+        return
+    if s.p_xx < HIDDEN:
+        s.p_xx = HIDDEN
+    if s.p_yy < HIDDEN:
+        s.p_yy = HIDDEN
+    if s.p_zz < HIDDEN:
+        s.p_zz = HIDDEN
 
 
 def moves(s: State, axis: int, variance: float) -> float:

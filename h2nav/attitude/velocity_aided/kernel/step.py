@@ -7,7 +7,7 @@ from ..memory import FORCE_LOST, SATURATED, Gains, Sample, State, Workspace
 from .estimate import estimate
 from .heading import use_field
 from .prediction import predict_attitude, predict_velocity
-from .rest import use_rest
+from .rest import doubt_steps, use_rest
 from .theta import limit, predict_theta
 from .tilt import check_level, doubt_rate, end_clipping
 from .velocity import use_bounded_velocity, use_fix
@@ -40,6 +40,7 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
             bits = bits | use_bounded_velocity(s, w, g, sample)
         if sample.has_mag > 0.0:
             bits = bits | use_field(s, w, g, sample)
+        doubt_steps(s, dt)
         bits = bits | use_rest(s, w, g, sample) | check_level(s, w, g, sample)
     bits = bits | limit(s, g)
     if sample.asked > 0.0:
