@@ -8,8 +8,6 @@ from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import EarthField, VehicleState
-from h2nav.attitude.two_stage.filter import TwoStageFilter
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
@@ -27,7 +25,6 @@ FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
     "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE),
     "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(_VEHICLE, MULTIROTOR),
     "constant_gain": lambda: ConstantGainFilter(constant_gain_model(_SENSOR, SENSOR)),
-    "two_stage": lambda: TwoStageFilter(two_stage_gains(_SENSOR, SENSOR)),
 }
 
 

@@ -15,19 +15,12 @@ from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
 from h2nav.attitude.samples import ImuSample
-from h2nav.attitude.two_stage.filter import TwoStageFilter
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.io import gain_files
 
 RATE_HZ = 100
-
-
-def _two_stage() -> AttitudeFilter:
-    name = "mpu9250_100hz"
-    return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
 def _velocity_aided(compiled: CompiledStep | None = None) -> AttitudeFilter:
@@ -49,7 +42,6 @@ def _constant_gain(compiled: CompiledStep | None = None) -> AttitudeFilter:
 
 # Add a filter here: name -> maker of a fresh one with shipped gains for 100 Hz.
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
-    "two_stage": _two_stage,
     "velocity_aided": _velocity_aided,
     "velocity_aided, integers": _velocity_aided_integer,
     "constant_gain": _constant_gain,

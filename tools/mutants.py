@@ -76,7 +76,6 @@ ROOMS = {
             "tests/scenarios/test_velocity_aided_trials.py",
             "tests/scenarios/test_lost_attitude.py",
             "tests/agreement/test_fixed_float.py",
-            "tests/agreement/test_two_stage_against_mekf.py",
         ),
     ),
 }

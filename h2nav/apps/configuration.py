@@ -56,12 +56,10 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
-# Name of a filter -> the arithmetics that it has, the usual one first. Until now two_stage in fixed
-# arithmetic has meant constant_gain; configurations and logs say so.
+# Name of a filter -> the arithmetics that it has, the usual one first.
 ARITHMETICS = {
     "default": ("float", "fixed"),
     "velocity_aided": ("float", "fixed"),
-    "two_stage": ("float", "fixed"),
     "constant_gain": ("fixed",),
 }
 
@@ -72,15 +70,13 @@ class FilterSettings:
 
     Attributes:
         name: `velocity_aided`; `default` is the one that h2nav recommends, today the same;
-            `two_stage` the two-stage filter, in floats; `constant_gain` in integers, as on the
-            smallest microcontrollers.
+            `constant_gain` in integers, as on the smallest microcontrollers.
         arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run.
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
         gains: a gain file, `~` = the home of the daemon's user; `auto` = the shipped one for class
             (or sensor) and rate.
-        sensor: whose shipped gains `two_stage` and `constant_gain` take.
-        gyro_sampling: `mean` where the sensor integrates between samples (all usual ones),
-            `instant` where it does not.
+        sensor: whose shipped gains `constant_gain` takes.
+        gyro_sampling: `mean`, as the sensor integrates between samples; no filter takes others.
     """
 
     name: Annotated[str, OneOf(tuple(ARITHMETICS))] = "default"
@@ -90,7 +86,7 @@ class FilterSettings:
     ] = "auto"
     gains: str = "auto"
     sensor: Annotated[str, OneOf(("mpu9250", "icm42688", "bmi088"))] = "mpu9250"
-    gyro_sampling: Annotated[str, OneOf(("mean", "instant"))] = "mean"
+    gyro_sampling: Annotated[str, OneOf(("mean",))] = "mean"
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,17 +298,11 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """One filter exists in integers only; only one in floats takes instantaneous gyro samples."""
+    """One filter exists in integers only."""
     possible = ARITHMETICS[settings.name]
     if settings.arithmetic not in possible:
         return [f"filter.arithmetic: {settings.name} runs in {possible[0]} arithmetic; set that"]
-    averages = settings.name == "two_stage" and settings.arithmetic == "float"
-    if settings.gyro_sampling == "mean" or averages:
-        return []
-    return [
-        "filter.gyro_sampling: instant is known to filter.name two_stage in floats only; set "
-        "mean, or filter.name: two_stage with filter.arithmetic: float"
-    ]
+    return []
 
 
 def _motion_complaints(configuration: Configuration) -> list[str]:
@@ -435,18 +425,8 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
 def warnings(configuration: Configuration) -> list[str]:
     """What works and may yet be unwise, each with its key."""
     return [
-        *_former_names(configuration.filter),
         *_link_warnings(configuration),
         *_live_warnings(configuration.live),
-    ]
-
-
-def _former_names(settings: FilterSettings) -> list[str]:
-    if (settings.name, settings.arithmetic) != ("two_stage", "fixed"):
-        return []
-    return [
-        "filter.name: two_stage in fixed arithmetic is the filter that is now called "
-        "constant_gain, which is what runs; write filter.name: constant_gain"
     ]
 
 

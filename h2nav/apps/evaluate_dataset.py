@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="filter to run, or 'all'; may be given more than once (default: default). Known: "
         "default = velocity_aided, default_fixed = velocity_aided_integer (the same in 32-bit "
-        "integers), two_stage; where installed paper, vqf, imufusion, ahrs.madgwick, ahrs.ekf",
+        "integers); where installed paper, vqf, imufusion, ahrs.madgwick, ahrs.ekf",
     )
     parser.add_argument(
         "--smooth",

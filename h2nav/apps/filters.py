@@ -1,7 +1,6 @@
 """Makes the filter that a configuration and a vehicle ask for; knows where its gains come from."""
 
 from collections.abc import Callable, Mapping
-from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -39,15 +38,8 @@ def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str
 
 
 def algorithm(settings: FilterSettings) -> str:
-    """The one name of the filter that the settings ask for.
-
-    Until version 0.3 the constant-gain filter was asked for as two_stage in fixed arithmetic.
-    """
-    if settings.name == "default":
-        return "velocity_aided"
-    if settings.name == "two_stage" and settings.arithmetic == "fixed":
-        return "constant_gain"
-    return settings.name
+    """The one name of the filter that the settings ask for."""
+    return "velocity_aided" if settings.name == "default" else settings.name
 
 
 class FilterFactory:
@@ -122,10 +114,10 @@ class FilterFactory:
         return self._filter_from(self._files[self._names[name]])
 
     def _filter_from(self, file: GainFile) -> AttitudeFilter:
-        return _MAKERS[algorithm(self._settings), self._settings.arithmetic](file, self._settings)
+        return _MAKERS[algorithm(self._settings), self._settings.arithmetic](file)
 
 
-def _velocity_aided(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+def _velocity_aided(file: GainFile) -> AttitudeFilter:
     from h2nav.attitude.kernel_files import VELOCITY_AIDED
     from h2nav.attitude.native import compiled_step
     from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -135,7 +127,7 @@ def _velocity_aided(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     return VelocityAidedFilter(gains, compiled_step(VELOCITY_AIDED))
 
 
-def _integer_velocity_aided(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+def _integer_velocity_aided(file: GainFile) -> AttitudeFilter:
     from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
     from h2nav.attitude.native import compiled_step
     from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
@@ -145,16 +137,7 @@ def _integer_velocity_aided(file: GainFile, settings: FilterSettings) -> Attitud
     return IntegerVelocityAidedFilter(gains, file.name, compiled_step(VELOCITY_AIDED_INTEGER))
 
 
-def _two_stage(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
-    from h2nav.attitude.two_stage.filter import TwoStageFilter
-    from h2nav.attitude.two_stage.gains import two_stage_gains
-
-    sampling: Literal["mean", "instant"]
-    sampling = "instant" if settings.gyro_sampling == "instant" else "mean"
-    return TwoStageFilter(two_stage_gains(file, file.name), sampling)
-
-
-def _constant_gain(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
+def _constant_gain(file: GainFile) -> AttitudeFilter:
     from h2nav.attitude.constant_gain.filter import ConstantGainFilter
     from h2nav.attitude.constant_gain.gains import constant_gain_model
     from h2nav.attitude.kernel_files import CONSTANT_GAIN
@@ -164,9 +147,8 @@ def _constant_gain(file: GainFile, settings: FilterSettings) -> AttitudeFilter:
     return ConstantGainFilter(model, compiled_step(CONSTANT_GAIN))
 
 
-_MAKERS: dict[tuple[str, str], Callable[[GainFile, FilterSettings], AttitudeFilter]] = {
+_MAKERS: dict[tuple[str, str], Callable[[GainFile], AttitudeFilter]] = {
     ("velocity_aided", "float"): _velocity_aided,
     ("velocity_aided", "fixed"): _integer_velocity_aided,
-    ("two_stage", "float"): _two_stage,
     ("constant_gain", "fixed"): _constant_gain,
 }

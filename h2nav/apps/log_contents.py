@@ -3,7 +3,7 @@
 import math
 import platform
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
@@ -86,11 +86,13 @@ class RecordedInputs(NamedTuple):
         configuration: as it was in force.
         gain_files: the gain files as they were attached, by name.
         unix_s: the date that the run worked with.
+        remark: what is played instead of a filter that there is no more; empty for the run's own.
     """
 
     configuration: Configuration
     gain_files: dict[str, bytes]
     unix_s: float
+    remark: str = ""
 
 
 def inputs_of(recording: "Recording") -> RecordedInputs | None:
@@ -103,13 +105,33 @@ def inputs_of(recording: "Recording") -> RecordedInputs | None:
     if attachment is None:
         return None
     place = f"{recording.path}: {CONFIGURATION_NAME}"
-    mapping = plain_yaml.parse_bytes(attachment.data, place)
+    mapping, remark = _of_today(plain_yaml.parse_bytes(attachment.data, place))
     gains = {
         name.removeprefix(GAINS_FOLDER): found.data
         for name, found in recording.attachments.items()
         if name.startswith(GAINS_FOLDER)
     }
-    return RecordedInputs(configuration.build(mapping, place), gains, _recorded_date(recording))
+    built = configuration.build(mapping, place)
+    return RecordedInputs(built, gains, _recorded_date(recording), remark)
+
+
+def _of_today(mapping: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """A log's configuration for the filters that there are, and a remark where one is replaced.
+
+    Logs ask for the two-stage filter, which there is no more; until version 0.3 the constant-gain
+    filter was asked for as two_stage in fixed arithmetic.
+    """
+    asked = mapping.get("filter")
+    if not isinstance(asked, dict):
+        return mapping, ""
+    former = {**asked, "gyro_sampling": "mean"} if "gyro_sampling" in asked else asked
+    if asked.get("name") != "two_stage":
+        return {**mapping, "filter": former}, ""
+    if asked.get("arithmetic") == "fixed":
+        return {**mapping, "filter": {**former, "name": "constant_gain"}}, ""
+    kept = {key: former[key] for key in ("vehicle_class",) if key in former}
+    remark = "recorded with the filter two_stage, which is no more; played with the default one"
+    return {**mapping, "filter": {**kept, "name": "default"}}, remark
 
 
 def _recorded_date(recording: "Recording") -> float:

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import sys
 import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -99,13 +100,15 @@ def inputs_for(recording: Source, wished: Wishes) -> Inputs:
         BadInput: a configuration or a gain file cannot be used.
     """
     recorded = _recorded(recording, has_own=wished.config is not None)
+    if recorded is not None and recorded.remark and wished.config is None:
+        print(f"{recording.path}: {recorded.remark}", file=sys.stderr)
     if wished.config is not None:
         chosen = configuration.read(wished.config)
     else:
         chosen = recorded.configuration if recorded else Configuration()
     chosen = _changed(chosen, wished)
     whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
-    if recorded is not None and chosen == recorded.configuration:
+    if recorded is not None and not recorded.remark and chosen == recorded.configuration:
         filters = FilterFactory.recorded(
             chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_files
         )
@@ -126,7 +129,7 @@ def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
     if wished.filter_name is not None:
         changes["name"] = wished.filter_name
         # The name alone says which arithmetic is meant.
-        if wished.filter_name in ("two_stage", "constant_gain"):
+        if wished.filter_name == "constant_gain":
             changes["arithmetic"] = configuration.ARITHMETICS[wished.filter_name][0]
     if wished.vehicle_class is not None:
         changes["vehicle_class"] = wished.vehicle_class

@@ -79,14 +79,14 @@ def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]
     """The certified gain file of a model of either kind, and the solvers' times."""
     from h2nav.attitude.gains.envelope import FORMER_KINDS
     from h2nav.io.plain_yaml import read_mapping
-    from h2nav.synthesis import two_stage, velocity_aided
+    from h2nav.synthesis import sensors, velocity_aided
 
     mapping = read_mapping(path)
     kind = str(mapping.get("kind"))
     if FORMER_KINDS.get(kind, kind) == "velocity_aided":
         return velocity_aided.synthesize(mapping, rate_hz, str(path), LMI_SOLVERS)
     model = sensor_model(mapping, str(path))
-    return two_stage.synthesize(model, rate_hz, str(path), LMI_SOLVERS)
+    return sensors.synthesize(model, rate_hz, str(path), LMI_SOLVERS)
 
 
 def sensor_model(mapping: dict[str, Any], place: str) -> "SensorModel":

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from h2nav.attitude.gains.envelope import GainFile
-from h2nav.synthesis import constant_gain, two_stage, velocity_aided
+from h2nav.synthesis import constant_gain, sensors, velocity_aided
 from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
 
@@ -21,7 +21,7 @@ class Kind(NamedTuple):
 
 
 KINDS: dict[str, Kind] = {
-    "two_stage": Kind(two_stage.loops, constant_gain.fixed_point_section),
+    "two_stage": Kind(sensors.loops, constant_gain.fixed_point_section),
     "velocity_aided": Kind(velocity_aided.loops, velocity_aided.fixed_point_section),
 }
 

@@ -70,7 +70,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Everything the two-stage gains are made from.
+    """Everything the gains of a sensor are made from.
 
     `source` says where the figures come from; it is kept in every gain file.
     """

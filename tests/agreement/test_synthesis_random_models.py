@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from h2nav.attitude.constant_gain.sensor_gains import design_sensor_gains
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.synthesis.certificate import CertificateError, accept, prove, verify
 from h2nav.synthesis.closed_form import attitude_bias_gain
 from h2nav.synthesis.lmi import solve_lmi
@@ -21,7 +21,7 @@ from h2nav.synthesis.plant import (
     discretise,
 )
 from h2nav.synthesis.riccati import solve_riccati
-from h2nav.synthesis.two_stage import deployed_gain
+from h2nav.synthesis.sensors import deployed_gain
 
 MODELS = 2000
 DEG = math.pi / 180.0
@@ -69,7 +69,7 @@ def testdeployed_gain_is_optimal_for_every_model() -> None:
     for number in range(MODELS // 4):
         noise = random_densities(random)
         rate_hz = RATES_HZ[number % 4]
-        level = design_two_stage(noise, rate_hz, "random").levels[0]
+        level = design_sensor_gains(noise, rate_hz, "random").levels[0]
         plant = discretise(attitude_plant(noise.gyro, vector_sensors(noise)), 1.0 / rate_hz)
         assert prove(plant, deployed_gain(level, plant)).optimality_residual < 1e-9
 

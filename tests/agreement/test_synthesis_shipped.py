@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
 from h2nav.attitude.gains.envelope import GainFile
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.io import gain_files
 from h2nav.synthesis import kinds, two_stage
 from h2nav.synthesis.certificate import accept
@@ -36,7 +36,7 @@ def test_closed_form_and_riccati_agree_with_the_file(name: str) -> None:
     file = gain_files.load(name)
     model = model_from_values(file.model, name)
     again = two_stage.synthesize(model, file.rate_hz, name, lmi_solvers=()).file
-    ours, theirs = two_stage_gains(again, name), two_stage_gains(file, name)
+    ours, theirs = sensor_gains(again, name), sensor_gains(file, name)
     for fresh, stored in zip(ours.levels, theirs.levels, strict=True):
         assert fresh == pytest.approx(stored, rel=1e-9)
     # The plant with bias and level 0 are optimal; the other levels follow the filter's own rules.

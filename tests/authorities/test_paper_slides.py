@@ -51,23 +51,11 @@ def test_lag_of_a_sample_is_most_of_case_two() -> None:
     assert np.all(lag > 2.0 * prompt)
 
 
-def test_two_stage_is_as_good_as_the_tuned_ekf() -> None:
-    trials = make_trials(CASES[1], ASSUMPTIONS, range(1))
-    found = runners(CASES[1])
-    tuned, ours = (
-        errors_deg(trials, found[name](trials)[name])[0, 500:]
-        for name in ("ekf_tuned", "two_stage")
-    )
-    rms_tuned, rms_ours = (np.sqrt(np.mean(errors**2, axis=0)) for errors in (tuned, ours))
-    assert np.all(rms_ours < 1.2 * rms_tuned + 0.003)
-    assert math.hypot(*rms_ours) < 0.08
-
-
 def test_command_prints_one_json_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "paper", "--seeds", "1", "--run-in-s", "0", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     for case in ("case_1", "case_2"):
-        for name in ("eh2_paper", "ekf_unit", "ekf_tuned", "two_stage", "default"):
+        for name in ("eh2_paper", "ekf_unit", "ekf_tuned", "default"):
             figures = document[case][name]
             assert len(figures["rms_deg"]) == len(figures["rms_second_half_deg"]) == 3
             assert [len(pair) for pair in figures["min_max_deg"]] == [2, 2, 2]

@@ -31,8 +31,6 @@ ASK_US = f"set param_ftp False; vehicle 1:{OUR_COMPONENT}; param fetch"
 DAEMON_CONFIGURATION = """\
 link:
   url: udpin:127.0.0.1:{port}
-filter:
-  name: two_stage
 """
 
 

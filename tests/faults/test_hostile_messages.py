@@ -57,7 +57,7 @@ def test_an_interval_that_no_field_holds_is_survived(tmp_path, sections, change)
 def test_a_field_without_integer_gains_does_not_end_the_daemon(tmp_path, place_deg, rate_hz):
     """Near the magnetic poles the constant-gain form has no gains in its range."""
     sections = (
-        "filter: {name: two_stage, arithmetic: fixed}\n"
+        "filter: {name: constant_gain, arithmetic: fixed}\n"
         f"autopilot: {{imu_rate_hz: {rate_hz}}}\noutput: {{attitude_rate_hz: {rate_hz}}}"
     )
     with fault_flight(tmp_path, sections, position_deg=place_deg) as flight:

@@ -9,7 +9,7 @@ from h2nav.apps.configuration import FilterSettings
 from h2nav.attitude.samples import Trust
 from h2nav.service.settings import AidingSettings
 
-FILTERS = ("default", "two_stage")
+FILTERS = ("default", "constant_gain")
 # As strong as the earth's field: nobody may take it for that.
 STRONG_MAGNET_UT = 60.0
 

@@ -20,8 +20,9 @@ OPEN_TO_CHANGES = OutputSettings(allow_remote_changes=True)
 FILTERS = {
     "default-float": FilterSettings("default", "float"),
     "default-fixed": FilterSettings("default", "fixed"),
-    "two_stage-float": FilterSettings("two_stage", "float"),
-    "two_stage-fixed": FilterSettings("two_stage", "fixed"),
+    # as the corpus names them, from when there was a filter of that name
+    "two_stage-float": FilterSettings(),
+    "two_stage-fixed": FilterSettings("constant_gain", "fixed"),
 }
 CONFIGURATIONS: dict[str, Configuration] = {
     f"{name}-{estimator}": dataclasses.replace(

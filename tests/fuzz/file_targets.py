@@ -184,7 +184,7 @@ def _gains_with_a_fitting_seal(data: bytes, _: Path) -> None:
     with contextlib.suppress(BadInput):
         file = _sealed(parse_gain_file(parse_bytes(data, "file"), "file"))
         check_seal(file, "file")
-        for name in ("default", "two_stage"):
+        for name in ("default", "constant_gain"):
             for arithmetic in ("float", "fixed"):
                 settings = FilterSettings(name=name, arithmetic=arithmetic)
                 with contextlib.suppress(BadInput):

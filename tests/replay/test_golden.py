@@ -18,7 +18,6 @@ TOLERANCE_DEG = 0.002
 COLUMNS = ("t_us", "roll_deg", "pitch_deg", "yaw_deg", "trust")
 FILTERS = {
     "default": FilterSettings(),
-    "two_stage": FilterSettings(name="two_stage"),
     "default_fixed": FilterSettings(arithmetic="fixed"),
 }
 
@@ -49,7 +48,7 @@ def test_takeoff_gives_the_golden_attitudes(name, update_golden):
 
 @pytest.mark.parametrize(
     ("name", "tilt_deg", "yaw_deg"),
-    [("default", 0.3, 0.8), ("two_stage", 0.2, 0.8), ("default_fixed", 0.3, 0.8)],
+    [("default", 0.3, 0.8), ("default_fixed", 0.3, 0.8)],
 )
 def test_takeoff_is_near_the_truth(name, tilt_deg, yaw_deg):
     errors = Replayed(RECORDING, Configuration(filter=FILTERS[name])).errors()

@@ -14,7 +14,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav.apps.configuration import FilterSettings
 from h2nav.sim.personalities import PX4
 
-FILTERS = ("default", "two_stage")
+FILTERS = ("default", "constant_gain")
 
 
 def configured(**sections):
@@ -78,7 +78,7 @@ def test_reboot(name, reboot_s):
 @pytest.mark.parametrize(("clock", "message"), [("ms", "SCALED_IMU"), ("us", "RAW_IMU")])
 def test_clock_wrap(clock, message):
     """4: a 32-bit clock passing its end is no reboot, and the steps stay as they were."""
-    configuration = filtered("two_stage", message)
+    configuration = filtered("constant_gain", message)
     flight = SimulatedFlight(
         "rest", faults=(f"clock-wrap={clock}@5",), configuration=configuration
     ).run(10.0)

@@ -169,7 +169,7 @@ def test_a_trial_is_evaluated_without_the_filters_of_the_extras(base, tmp_path):
     np.savez(tmp_path / "rest.npz", fs=100.0, gyr=np.zeros((rows, 3)), **level)
     words = ("evaluate", "dataset", tmp_path, "--filter", "all", "--json")
     filters = json.loads(result_of(base, *words))["filters"]
-    assert set(filters) == {"default", "default_fixed", "two_stage"}
+    assert set(filters) == {"default", "default_fixed"}
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def far_south() -> Row:
 
 def _fixed_at(name: str, place_deg: tuple[float, float], rate_hz: float) -> Row:
     sections = (
-        "filter: {name: two_stage, arithmetic: fixed}\n"
+        "filter: {name: constant_gain, arithmetic: fixed}\n"
         f"autopilot: {{imu_rate_hz: {rate_hz}}}\noutput: {{attitude_rate_hz: {rate_hz}}}"
     )
     with scene(sections, position_deg=place_deg) as at:
@@ -88,7 +88,7 @@ def _fixed_at(name: str, place_deg: tuple[float, float], rate_hz: float) -> Row:
         at.vehicle.fly(2.0)
         at.vehicle.rates_hz["GPS_RAW_INT"] = gps_hz
         at.vehicle.fly(6.0)
-        row = at.row(name, f"two_stage fixed at {rate_hz:.0f} Hz, first fix at {place_deg}")
+        row = at.row(name, f"constant_gain at {rate_hz:.0f} Hz, first fix at {place_deg}")
         row.figures.append(f"longest silence of ATTITUDE {longest_silence_s(at):.2f} s")
         return row
 

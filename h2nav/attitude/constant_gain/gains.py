@@ -18,11 +18,11 @@ from h2nav.attitude.constant_gain.memory import (
     MOST_SHIFT,
     Gains,
 )
+from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
 from h2nav.attitude.gains.densities import SensorDensities, information
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import assign, values
 from h2nav.attitude.samples import EarthField
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.errors import BadInput
 from h2nav.maths.units import GRAVITY_M_S2
@@ -109,7 +109,7 @@ def constant_gain_model(file: GainFile, place: str) -> ConstantGainModel:
         BadInput: the file's gains are not usable.
     """
     if file.filter_name == "two_stage":
-        gains = two_stage_gains(file, place)
+        gains = sensor_gains(file, place)
         return ConstantGainModel(gains.name, gains.rate_hz, gains.densities, FORCE_WEIGHT)
     g = velocity_aided_gains(file, place).kernel
     gyro = math.sqrt(g.gyro_noise)

@@ -25,8 +25,6 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.smoothing import FilterMaker, Given, smooth
-from h2nav.attitude.two_stage.filter import TwoStageFilter
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
@@ -40,7 +38,6 @@ from h2nav.maths.units import DEG
 GPS_SIGMA_M_S = 0.1
 # Forward-right-down of forward-left-up, as a factor on rows of vectors.
 _FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))
-TWO_STAGE_SENSOR = "mpu9250"
 
 
 class Conditions(NamedTuple):
@@ -140,21 +137,6 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
     if conditions.cruise_speed_m_s is None:
         return gains
     return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
-
-
-def run_two_stage(trial: Trial, conditions: Conditions) -> Track:
-    """The two-stage filter with the shipped gains of a common sensor."""
-    return _run(trial, conditions, _two_stage(trial))
-
-
-def smooth_two_stage(trial: Trial, conditions: Conditions) -> Track:
-    """The two-stage filter forward and backward."""
-    return _smooth(trial, conditions, lambda: _two_stage(trial))
-
-
-def _two_stage(trial: Trial) -> TwoStageFilter:
-    name = f"{TWO_STAGE_SENSOR}_{gain_files.shipped_rate(trial.rate_hz)}hz"
-    return TwoStageFilter(two_stage_gains(gain_files.load(name), name))
 
 
 def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:

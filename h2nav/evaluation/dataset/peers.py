@@ -28,7 +28,6 @@ SMOOTHED = {
     "default_fixed": "default_fixed_smoothed",
     "velocity_aided": "velocity_aided_smoothed",
     "velocity_aided_integer": "velocity_aided_integer_smoothed",
-    "two_stage": "two_stage_smoothed",
     "vqf": "vqf_offline",
 }
 Runner = Callable[[Trial, Conditions], Track]
@@ -52,11 +51,9 @@ def installed() -> dict[str, Runner]:
     runners: dict[str, Runner] = {
         "velocity_aided": ours.run_velocity_aided,
         "velocity_aided_integer": ours.run_velocity_aided_integer,
-        "two_stage": ours.run_two_stage,
         "paper": ours.run_paper,
         "velocity_aided_smoothed": ours.smooth_velocity_aided,
         "velocity_aided_integer_smoothed": ours.smooth_velocity_aided_integer,
-        "two_stage_smoothed": ours.smooth_two_stage,
         **{name: _guarded(name, runner) for name, runner in peers.items()},
     }
     named = {name: runners[filter_name] for name, filter_name in RECOMMENDED.items()}

@@ -25,7 +25,6 @@ AXES = ("x", "y", "z")
 SHOWN = (
     ("ekf_unit", "EKF, unit weights"),
     ("eh2_paper", "extended H2"),
-    ("two_stage", "two-stage"),
 )
 # The stable region is drawn over (across, up) with the third angle 0.
 SECTIONS = (

@@ -15,8 +15,6 @@ import numpy as np
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState
-from h2nav.attitude.two_stage.filter import TwoStageFilter
-from h2nav.attitude.two_stage.gains import design_two_stage
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation import imufusion
@@ -177,7 +175,7 @@ def runners(case: Case) -> dict[str, Runner]:
     found: dict[str, Runner] = {}
     if case.averaged:
         found |= {"eh2_paper": _paper, "ekf_unit": _ekf_unit}
-    found |= {"ekf_tuned": _ekf_tuned, "two_stage": _two_stage, "default": _default}
+    found |= {"ekf_tuned": _ekf_tuned, "default": _default}
     peers: dict[str, Runner] = {"vqf": _vqf, "imufusion": _imufusion}
     return found | {name: run for name, run in peers.items() if importlib.util.find_spec(name)}
 
@@ -249,11 +247,6 @@ def densities(assumptions: Assumptions) -> SensorDensities:
         gravity_m_s2=GRAVITY_M_S2,
         field=assumptions.field,
     )
-
-
-def _two_stage(trials: Trials) -> dict[str, Matrix]:
-    gains = design_two_stage(densities(trials.assumptions), RATE_HZ, "paper")
-    return {"two_stage": _one_by_one(trials, lambda: TwoStageFilter(gains, "mean"))}
 
 
 def _default(trials: Trials) -> dict[str, Matrix]:

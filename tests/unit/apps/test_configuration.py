@@ -114,7 +114,7 @@ def test_a_misspelt_section_is_an_error(tmp_path):
         ("{name: default, arithmetic: double}", "filter.arithmetic"),
         ("{gyro_sampling: instant}", "filter.gyro_sampling"),
         ("{arithmetic: fixed, gyro_sampling: instant}", "filter.gyro_sampling"),
-        ("{name: two_stage, arithmetic: fixed, gyro_sampling: instant}", "filter.gyro_sampling"),
+        ("{name: two_stage}", "filter.name"),
     ],
 )
 def test_filters_that_do_not_exist_are_refused(tmp_path, section, key):

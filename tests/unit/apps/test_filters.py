@@ -2,7 +2,7 @@
 
 import pytest
 
-from h2nav.apps.configuration import ARITHMETICS, FilterSettings, build, warnings
+from h2nav.apps.configuration import ARITHMETICS, FilterSettings, build
 from h2nav.apps.filters import FilterFactory, algorithm
 from h2nav.attitude.gains.envelope import parse_gain_file
 from h2nav.errors import BadInput
@@ -15,8 +15,6 @@ CASES = [
     ("default", "fixed", "velocity_aided_integer"),
     ("velocity_aided", "float", "velocity_aided"),
     ("velocity_aided", "fixed", "velocity_aided_integer"),
-    ("two_stage", "float", "two_stage"),
-    ("two_stage", "fixed", "constant_gain"),  # as it was asked for before it had a name
     ("constant_gain", "fixed", "constant_gain"),
 ]
 
@@ -38,12 +36,6 @@ def test_every_name_is_tried() -> None:
 def test_an_arithmetic_that_a_filter_lacks_is_refused() -> None:
     with pytest.raises(BadInput, match=r"filter\.arithmetic: constant_gain runs in fixed"):
         build({"filter": {"name": "constant_gain"}}, "test")
-
-
-def test_the_former_name_of_the_constant_gain_filter_is_told() -> None:
-    former = build({"filter": {"name": "two_stage", "arithmetic": "fixed"}}, "test")
-    (line,) = warnings(former)
-    assert "write filter.name: constant_gain" in line
 
 
 def test_a_gain_file_of_a_former_kind_serves_the_filter() -> None:

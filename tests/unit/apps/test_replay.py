@@ -10,6 +10,9 @@ import pytest
 from needs import DEG, REPOSITORY
 
 from fuzz.file_seeds import plain_mcap
+from h2nav.apps.configuration import FilterSettings
+from h2nav.apps.log_contents import inputs_of
+from h2nav.apps.playback import Wishes, inputs_for
 from h2nav.cli import main
 from h2nav.io.recordings import open_recording
 from h2nav.maths import quaternion
@@ -83,6 +86,28 @@ def test_a_log_with_unusable_inputs_is_bad_input(tmp_path, capsys, configuration
     assert main(["replay", str(path), "--no-log"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert says in line
+
+
+FORMER = b"filter: {name: two_stage, arithmetic: %s, sensor: bmi088, gyro_sampling: %s}"
+
+
+def test_a_log_of_the_former_two_stage_filter_is_played_with_the_default_one(tmp_path, capsys):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(plain_mcap(FORMER % (b"float", b"instant")))
+    inputs = inputs_for(open_recording(path), Wishes(None, None, None))
+    assert inputs.configuration.filter == FilterSettings()
+    assert not inputs.is_original
+    assert capsys.readouterr().err.startswith(f"{path}: recorded with the filter two_stage")
+
+
+def test_a_log_of_the_constant_gain_filter_under_its_former_name_keeps_it(tmp_path):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(plain_mcap(FORMER % (b"fixed", b"mean")))
+    recorded = inputs_of(open_recording(path))
+    assert recorded.remark == ""
+    assert recorded.configuration.filter == FilterSettings(
+        "constant_gain", "fixed", sensor="bmi088"
+    )
 
 
 def test_with_a_configuration_of_ones_own_the_recorded_one_does_not_matter(tmp_path, capsys):

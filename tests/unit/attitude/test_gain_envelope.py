@@ -6,16 +6,21 @@ import pytest
 from needs import DEG
 from synthetic_imu import DENSITIES, FIELD
 
-from h2nav.attitude.gains.envelope import FORMAT, parse_gain_file
-from h2nav.attitude.two_stage.gains import (
-    design_two_stage,
-    gains_at,
-    two_stage_gains,
-    two_stage_section,
+from h2nav.attitude.constant_gain.sensor_gains import (
+    SensorGains,
+    design_sensor_gains,
+    sensor_gains,
+    sensor_section,
 )
+from h2nav.attitude.gains.envelope import FORMAT, parse_gain_file
+from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
 
-GAINS = design_two_stage(DENSITIES, 200.0, "unit_200hz")
+GAINS = design_sensor_gains(DENSITIES, 200.0, "unit_200hz")
+
+
+def at(field: EarthField) -> SensorGains:
+    return design_sensor_gains(DENSITIES._replace(field=field), 200.0, "elsewhere")
 
 
 def document() -> dict[str, Any]:
@@ -25,7 +30,7 @@ def document() -> dict[str, Any]:
         "name": "unit_200hz",
         "rate_hz": 200,
         "model": {},
-        "gains": two_stage_section(GAINS),
+        "gains": sensor_section(GAINS),
         "methods": {},
         "certificate": {},
         "fixed_point": {},
@@ -34,7 +39,7 @@ def document() -> dict[str, Any]:
 
 
 def test_a_gain_file_gives_back_what_was_put_in() -> None:
-    gains = two_stage_gains(parse_gain_file(document(), "a.yaml"), "a.yaml")
+    gains = sensor_gains(parse_gain_file(document(), "a.yaml"), "a.yaml")
     assert gains.levels == GAINS.levels
     assert gains.densities.field.dip_rad == pytest.approx(FIELD.dip_rad, rel=1e-15)
     assert gains.densities._replace(field=FIELD) == DENSITIES
@@ -77,7 +82,7 @@ def test_bad_gains_are_refused_by_key(key: str, value: object, says: str) -> Non
     bad = document()
     bad["gains"] = bad["gains"] | {key: value}
     with pytest.raises(BadInput, match=says):
-        two_stage_gains(parse_gain_file(bad, "a.yaml"), "a.yaml")
+        sensor_gains(parse_gain_file(bad, "a.yaml"), "a.yaml")
 
 
 @pytest.mark.parametrize("missing", list(document()))
@@ -91,18 +96,18 @@ def test_every_key_of_the_envelope_is_needed(missing: str) -> None:
 def test_gains_of_another_kind_are_refused() -> None:
     file = parse_gain_file(document() | {"kind": "shaped"}, "a.yaml")
     with pytest.raises(BadInput, match="expected two_stage"):
-        two_stage_gains(file, "a.yaml")
+        sensor_gains(file, "a.yaml")
 
 
 def test_the_southern_hemisphere_mirrors_the_coupling() -> None:
-    south = gains_at(GAINS, FIELD._replace(dip_rad=-FIELD.dip_rad))
+    south = at(FIELD._replace(dip_rad=-FIELD.dip_rad))
     for here, there in zip(GAINS.levels, south.levels, strict=True):
         assert there.k_nd == pytest.approx(-here.k_nd, rel=1e-9)
         assert there.k_dd == pytest.approx(here.k_dd, rel=1e-9)
 
 
 def test_each_level_roughly_doubles_the_time_constant_of_the_tilt_about_north() -> None:
-    flat = gains_at(GAINS, FIELD._replace(dip_rad=0.0 * DEG))
+    flat = at(FIELD._replace(dip_rad=0.0 * DEG))
     share = [level.force_weight * level.k_nn for level in flat.levels]
     ratios = [a / b for a, b in itertools.pairwise(share)]
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.02)

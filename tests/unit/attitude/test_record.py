@@ -24,11 +24,10 @@ from h2nav.attitude.record import (
     values,
     writer,
 )
-from h2nav.attitude.two_stage import memory as two_stage
 from h2nav.attitude.velocity_aided import memory as velocity_aided
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided_integer
 
-MODULES = (constant_gain, two_stage, velocity_aided, velocity_aided_integer)
+MODULES = (constant_gain, velocity_aided, velocity_aided_integer)
 RECORDS = [
     pytest.param(record, id=f"{module.__name__.removeprefix('h2nav.attitude.')}.{record.__name__}")
     for module in MODULES

@@ -1,6 +1,7 @@
 """What velocity fixes teach the default filter of its sensors, and what it predicts of itself."""
 
 import math
+import random
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from velocity_flights import (
     with_samples,
 )
 
-from h2nav.attitude.samples import ImuSample, Trust, Vec3
+from h2nav.attitude.samples import ImuSample, Trust, Vec3, VehicleState
 from h2nav.maths import quaternion
 
 FORCE_BIAS = (0.3, -0.3)
@@ -185,3 +186,19 @@ def test_the_predicted_deviation_of_the_tilt_is_of_the_size_of_the_error() -> No
         pairs = zip(tilt_errors(drive, found, 3000), sigmas, strict=True)
         ratios += [(error / sigma) ** 2 for error, sigma in pairs]
     assert 0.1 < sum(ratios) / len(ratios) < 3.0
+
+
+@pytest.mark.parametrize(("noise_rad_s", "hides"), [(0.0, True), (2e-3, False)])
+def test_a_rate_that_stands_still_hides_up_to_one_of_its_steps(noise_rad_s, hides):
+    """At rest in whole milliradians per second: without noise the bias stays in doubt."""
+    chosen, rng = new_filter(), random.Random(1)
+    chosen.use_vehicle(VehicleState(on_ground=True))
+    for i in range(3000):
+        rate = tuple(1e-3 * int(1e3 * rng.gauss(0.0, noise_rad_s)) for _ in range(3))
+        chosen.update(ImuSample(10_000 * i, rate, (0.0, 0.0, -9.80665), (20.0, 0.0, 43.0)))
+    deviations = [math.sqrt(v) for v in chosen.sensor_errors.gyro_variance]
+    if hides:
+        assert min(deviations) >= 0.56e-3
+        assert max(deviations) < 0.8e-3
+    else:
+        assert max(deviations) < 0.4e-3

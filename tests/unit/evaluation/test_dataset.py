@@ -16,7 +16,6 @@ from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import (
     Conditions,
     Track,
-    run_two_stage,
     run_velocity_aided,
     run_velocity_aided_integer,
     to_true_north,
@@ -90,14 +89,14 @@ def test_every_filter_of_ours_can_be_smoothed(folder: Path) -> None:
 
 
 def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["evaluate", "dataset", str(folder), "--filter", "default", "--filter", "two_stage"]
+    words = ["evaluate", "dataset", str(folder), "--filter", "default", "--filter", "default_fixed"]
     assert cli.main([*words, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert set(result["filters"]) == {"default", "two_stage"}
+    assert set(result["filters"]) == {"default", "default_fixed"}
     assert result["filters"]["default"]["mean"] == result["mean"]
     assert cli.main(words) == 0
     table = capsys.readouterr().out
-    assert "two_stage" in table
+    assert "default_fixed" in table
     assert "trial_2" in table
 
 
@@ -179,8 +178,8 @@ def test_a_clipped_sample_reaches_the_filter(trial: Trial) -> None:
     clipped[500:700] = True
     w_s = trial.w_s.copy()
     w_s[500:700] = 0.0
-    plain = run_two_stage(trial._replace(w_s=w_s), Conditions("handheld"))
-    marked = run_two_stage(trial._replace(w_s=w_s, clipped=clipped), Conditions("handheld"))
+    plain = run_velocity_aided(trial._replace(w_s=w_s), Conditions("handheld"))
+    marked = run_velocity_aided(trial._replace(w_s=w_s, clipped=clipped), Conditions("handheld"))
     assert not np.array_equal(plain.q_es, marked.q_es)
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
 from h2nav.attitude.gains.envelope import FORMAT, GainFile
 from h2nav.attitude.gains.seal import seal
-from h2nav.attitude.two_stage.gains import two_stage_gains
 from h2nav.errors import BadInput
 from h2nav.io import gain_files
 
@@ -47,7 +47,7 @@ def test_shipped_two_stage_files_are_complete() -> None:
     for name in expected:
         file = gain_files.load(name)
         assert "rev." in str(file.model["source"]) or "DS001" in str(file.model["source"])
-        two_stage_gains(file, name)
+        sensor_gains(file, name)
 
 
 def test_unknown_name_lists_the_known_ones() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from h2nav.apps.export_c import kernel_sources
 from h2nav.attitude import record
-from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED, KernelFiles
+from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source, read_kernel
 from h2nav.translate.structs import constant_text, struct_text
@@ -322,13 +322,6 @@ def test_a_wider_input_of_the_constant_gain_kernel_is_noticed() -> None:
     code = translate(wider, ["update"]).code
     assert "int64_t" in code  # no longer the 32-bit form
     assert "int64_t" not in translate(SMALLEST, ["update"]).code
-
-
-def test_the_kernel_that_nothing_compiles_stays_in_the_subset() -> None:
-    """The two-stage filter is not exported; its kernel is to be one that could be."""
-    paths = ("memory.py", *(f"kernel/{n}.py" for n in ("motion", "trust", "correction", "step")))
-    files = KernelFiles("two_stage", tuple(f"two_stage/{path}" for path in paths), "step")
-    assert "static int32_t step(" in translate(kernel_sources(files), [files.entry]).code
 
 
 def test_the_float_kernel_compiles_without_a_warning(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from .theta import apply_theta, measure_theta
 
 SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
-# MAVLink's rates are whole milliradians per second, rounded towards zero: without noise they hide up
-# to one of them, with a deviation of one over the root of 3. Noise of half of one shows it.
+# MAVLink's rates are whole milliradians per second, rounded towards zero: without noise they hide
+# up to one of them, with a deviation of one over the root of 3. Noise of half of one shows it.
 HIDDEN = 3.3e-7  # (rad/s)^2
 DITHER = 2.5e-7  # (rad/s)^2
 

@@ -1,8 +1,7 @@
-"""From a sensor model to a certified gain file of kind two_stage.
+"""From a sensor model to a certified gain file of a sensor, whose kind is named two_stage.
 
 Deployed are the bias-free attitude gains, one per accelerometer weight. The plant with gyro bias is
-synthesised as well, by every method: its H2 norm is the accuracy that the two-stage filter reaches
-at rest, and its gain is what a constant-gain filter would use.
+synthesised as well, by every method: its gain is what the constant-gain filter uses.
 """
 
 import math
@@ -13,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav import __version__
+from h2nav.attitude.constant_gain.sensor_gains import (
+    GainLevel,
+    design_sensor_gains,
+    sensor_gains,
+    sensor_section,
+)
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.gains.envelope import GainFile
-from h2nav.attitude.two_stage.gains import (
-    GainLevel,
-    design_two_stage,
-    two_stage_gains,
-    two_stage_section,
-)
 from h2nav.errors import BadInput
 from h2nav.synthesis.certificate import CertificateError, LoopCertificate, accept
 from h2nav.synthesis.closed_form import attitude_bias_gain, attitude_gain
@@ -88,7 +87,7 @@ def synthesize(
     """
     noise = densities(model, place)
     name = f"{model.name}_{rate_hz:g}hz"
-    gains = design_two_stage(noise, rate_hz, name)
+    gains = design_sensor_gains(noise, rate_hz, name)
     methods = {}
     wall_time_s: dict[str, float] = {}
     for problem in _problems(noise):
@@ -104,7 +103,7 @@ def synthesize(
         name=name,
         rate_hz=rate_hz,
         model=given_values(model),
-        gains=two_stage_section(gains),
+        gains=sensor_section(gains),
         methods=methods,
         certificate={},
         fixed_point={},
@@ -121,13 +120,13 @@ def loops(file: GainFile, place: str) -> list[Loop]:
         BadInput: a section of the file is not what this kind needs.
     """
     noise = densities(model_from_values(file.model, place), place)
-    gains = two_stage_gains(file, place)
+    gains = sensor_gains(file, place)
     sensors = vector_sensors(noise)
     dt_s = 1.0 / file.rate_hz
     full = discretise(attitude_bias_plant(noise.gyro, noise.bias_walk, sensors), dt_s)
     reference = attitude_bias_gain(noise.gyro, noise.bias_walk, sensors, dt_s)
     result = [Loop(WITH_BIAS, full, reference.L, DEPLOYED_LIMIT)]
-    designed = design_two_stage(noise, file.rate_hz, file.name).levels
+    designed = design_sensor_gains(noise, file.rate_hz, file.name).levels
     if len(designed) != len(gains.levels):
         raise BadInput(
             f"{place}: gains.force_weight: expected {len(designed)} levels; make the file again "

@@ -1,6 +1,7 @@
-"""Gains of the two-stage filter: its section of a gain file, and their closed form.
+"""The gain file of a sensor: its noise densities, and attitude gains in closed form.
 
-The closed form serves places whose field differs from the one that a file was made for.
+Its kind is named two_stage, after a former filter that took its levels. The constant-gain filter
+takes the densities.
 """
 
 import itertools
@@ -57,8 +58,8 @@ class GainLevel(NamedTuple):
     k_nd: float
 
 
-class TwoStageGains(NamedTuple):
-    """Everything precomputed that `TwoStageFilter` takes.
+class SensorGains(NamedTuple):
+    """What a sensor's gain file holds.
 
     Attributes:
         name: of the gain file.
@@ -73,7 +74,7 @@ class TwoStageGains(NamedTuple):
     levels: tuple[GainLevel, ...]
 
 
-def design_two_stage(densities: SensorDensities, rate_hz: float, name: str) -> TwoStageGains:
+def design_sensor_gains(densities: SensorDensities, rate_hz: float, name: str) -> SensorGains:
     """The gains in closed form, one level per entry of `FORCE_WEIGHTS`.
 
     Args:
@@ -84,13 +85,7 @@ def design_two_stage(densities: SensorDensities, rate_hz: float, name: str) -> T
     Source: docs/derivation.md Eq. (3.5) - (3.7).
     """
     levels = tuple(_level(densities, rate_hz, weight) for weight in FORCE_WEIGHTS)
-    return TwoStageGains(name, rate_hz, densities, levels)
-
-
-def gains_at(gains: TwoStageGains, field: EarthField) -> TwoStageGains:
-    """The same sensors' gains at another place, in closed form."""
-    densities = gains.densities._replace(field=field)
-    return design_two_stage(densities, gains.rate_hz, gains.name)
+    return SensorGains(name, rate_hz, densities, levels)
 
 
 def _level(densities: SensorDensities, rate_hz: float, weight: float) -> GainLevel:
@@ -126,8 +121,8 @@ def _axis_gain(gyro: float, rate_hz: float, mu: float) -> float:
     return prior / (1.0 + prior * mu)
 
 
-def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
-    """The record that the two-stage filter takes, from a gain file of its kind.
+def sensor_gains(file: GainFile, place: str) -> SensorGains:
+    """The contents of a sensor's gain file.
 
     Raises:
         BadInput: one line per error, each naming the file and the key.
@@ -152,11 +147,11 @@ def two_stage_gains(file: GainFile, place: str) -> TwoStageGains:
     )
     columns = [finite_numbers(section[key]) for key in _LEVEL_KEYS]
     levels = tuple(GainLevel(*row) for row in zip(*columns, strict=True))
-    return TwoStageGains(file.name, file.rate_hz, densities, levels)
+    return SensorGains(file.name, file.rate_hz, densities, levels)
 
 
-def two_stage_section(gains: TwoStageGains) -> dict[str, object]:
-    """The `gains` section of a file; `two_stage_gains` reads it back to the last bit but the dip.
+def sensor_section(gains: SensorGains) -> dict[str, object]:
+    """The `gains` section of a file; `sensor_gains` reads it back to the last bit but the dip.
 
     The dip goes through degrees, which costs one rounding.
     """

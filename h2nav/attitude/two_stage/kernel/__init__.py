@@ -1,1 +1,0 @@
-"""One step of the two-stage filter, in the translatable subset."""
