@@ -58,6 +58,7 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "the daemon: estimate attitude from an autopilot's IMU stream",
             "run --connect udpin:0.0.0.0:14550 --log-dir logs",
         ),
+        ("status",): Command("status", "how the running daemon is, in words", "status"),
         ("check-config",): Command(
             "check_config", "validate a configuration file", "check-config /etc/h2nav/config.yaml"
         ),

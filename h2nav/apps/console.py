@@ -48,6 +48,7 @@ class Console:
         self._latest_ns = 0
         self._shown_ns = 0
         self._event_ns = 0
+        self._about: dict[str, Any] = {}
 
     def show_events(self, say: Callable[[str], object]) -> None:
         """Events go there as well, one JSON document a line."""
@@ -70,11 +71,27 @@ class Console:
         """Writes an event; for people, a notice says what has begun."""
         self._event("finding", t_ns, {"phase": phase.value, **as_mapping(finding)})
 
-    def catch_up(self, t_ns: int, findings: Iterable[Finding]) -> list[str]:
-        """The events that somebody who comes late has missed: a line for what still goes on."""
+    def started(self, t_ns: int, about: dict[str, Any]) -> None:
+        """The first event of a run: what runs, and on which link."""
+        self._about = about
+        self._event("started", t_ns, about)
+
+    def catch_up(self, t_ns: int, sight: Sight, findings: Iterable[Finding]) -> list[str]:
+        """What a program that comes late has missed: what runs, how it is, which findings are open.
+
+        Args:
+            t_ns: host time.
+            sight: what there is to be seen; its status carries the panel's lines as well.
+            findings: that are open.
+        """
+        status = {**_status(sight), "panel": panel_lines(sight, self._fresh(t_ns))}
         return [
-            self._line("finding", t_ns, {"phase": Phase.UPDATE.value, **as_mapping(finding)})
-            for finding in findings
+            self._line("started", t_ns, self._about),
+            self._line("status", t_ns, status),
+            *(
+                self._line("finding", t_ns, {"phase": Phase.UPDATE.value, **as_mapping(finding)})
+                for finding in findings
+            ),
         ]
 
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
@@ -91,7 +108,7 @@ class Console:
         sight = look(t_ns)
         if is_event:
             self._event_ns = t_ns
-            self._event("status", t_ns, {**sight.health._asdict(), **_compared(sight.status)})
+            self._event("status", t_ns, _status(sight))
         if is_drawn and self._footer is not None:
             self._shown_ns = t_ns
             self._footer.draw(panel_lines(sight, self._fresh(t_ns)))
@@ -148,6 +165,10 @@ def _attitude(record: EstimateRecord | None) -> dict[str, Any] | None:
         "sigma_tilt_deg": record.sigma_tilt_deg,
         "sigma_heading_deg": record.sigma_heading_deg,
     }
+
+
+def _status(sight: Sight) -> dict[str, Any]:
+    return {**sight.health._asdict(), **_compared(sight.status)}
 
 
 def _compared(status: StatusRecord) -> dict[str, Any]:

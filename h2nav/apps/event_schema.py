@@ -35,15 +35,20 @@ def event_schema() -> dict[str, Any]:
         "state": {"enum": [state.value for state in State]},
         "reason": {"type": "string"},
     }
+    words: dict[str, Any] = {"type": "array", "items": {"type": "string"}}
+    status = _object(**health, alarms=words, open_findings=words, autopilot_attitude=_ATTITUDE)
+    status["properties"]["panel"] = {
+        **words,
+        "description": "what a terminal shows; in the first status that a client is sent",
+    }
+    text = {"type": "string"}
     events = {
+        "started": _object(
+            version=text, kernels={"enum": ["native", "python"]}, link=text, log=text
+        ),
         "finding": report_schema(),
         "notice": _object(severity=severity_schema(), text={"type": "string"}),
-        "status": _object(
-            **health,
-            alarms={"type": "array", "items": {"type": "string"}},
-            open_findings={"type": "array", "items": {"type": "string"}},
-            autopilot_attitude=_ATTITUDE,
-        ),
+        "status": status,
         "stopped": _object(**health, log={"type": ["string", "null"]}),
     }
     return {

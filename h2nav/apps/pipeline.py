@@ -31,6 +31,9 @@ if TYPE_CHECKING:  # loaded where there is a live view
     from h2nav.io.live_feed import LiveFeed
 
 LINK_NAME = "autopilot"
+# So many bytes in so long without a frame are no boot text.
+JUNK_BYTES = 1024
+JUNK_NS = 3_000_000_000
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
@@ -121,6 +124,32 @@ def read(service: Service, envelope: Envelope, payload: bytes) -> list[Effect]:
     return service.on_message(envelope, message)
 
 
+class Junk:
+    """Whether bytes come that hold no frame, for longer than a boot text takes.
+
+    Attributes:
+        is_raised: they do.
+    """
+
+    def __init__(self) -> None:
+        self._bytes = 0
+        self._since_ns = 0
+        self.is_raised = False
+
+    def changes(self, t_ns: int, size: int, *, has_frames: bool) -> bool:
+        """Takes a chunk; whether `is_raised` has changed with it."""
+        if has_frames:
+            self._bytes = 0
+            was_raised, self.is_raised = self.is_raised, False
+            return was_raised
+        if self._bytes == 0:
+            self._since_ns = t_ns
+        self._bytes += size
+        is_new = self._bytes > JUNK_BYTES and t_ns - self._since_ns > JUNK_NS and not self.is_raised
+        self.is_raised |= is_new
+        return is_new
+
+
 class Pipeline:
     """Deframes, decodes, calls the service, and carries out its effects.
 
@@ -162,6 +191,7 @@ class Pipeline:
         self._message_ids = service.message_ids
         self._watched_ids = self._watcher.message_ids
         self._link_state: tuple[bool, str] | None = None
+        self._junk = Junk()
         self._timer_ns = 0
         self._now_ns = 0
 
@@ -179,11 +209,14 @@ class Pipeline:
             now_ns: host time now, where they have waited since.
         """
         now_ns = t_ns if now_ns is None else now_ns
+        frames = self.deframer.feed(data)
+        if self._junk.changes(t_ns, len(data), has_frames=bool(frames)):
+            self._guarded(t_ns, "bytes", lambda: self.service.on_bytes(t_ns, self._junk.is_raised))
         if self._signing is None:
             self._record_stream(t_ns, data)
-            self._process(t_ns, self.deframer.feed(data), now_ns)
+            self._process(t_ns, frames, now_ns)
             return
-        found = self._signing.sort(t_ns, self.deframer.feed(data))
+        found = self._signing.sort(t_ns, frames)
         # Only admitted frames: a replay has no key to check them with.
         self._record_received(t_ns, found.received)
         if found.refused and self._recorder is not None:

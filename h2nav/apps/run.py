@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import os
 from pathlib import Path
 
 from h2nav.apps import configuration
@@ -68,6 +69,10 @@ def _configuration(args: argparse.Namespace) -> Configuration:
     if args.live is not None:
         live = dataclasses.replace(chosen.live, address=args.live)
         chosen = dataclasses.replace(chosen, live=live)
+    runtime_folder = os.environ.get("RUNTIME_DIRECTORY")  # of systemd
+    if runtime_folder and not chosen.events.socket:
+        events = configuration.EventSettings(f"{runtime_folder}/events")
+        chosen = dataclasses.replace(chosen, events=events)
     complaints = configuration.contradictions(chosen)
     if complaints:
         raise BadInput(*complaints)

@@ -14,6 +14,7 @@ from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.panel import LogSight, Sight
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
+from h2nav.attitude.native import backend
 from h2nav.integrity.severity import Severity
 from h2nav.io.earth_field import earth_field_at
 from h2nav.io.host_clock import UnixClock
@@ -69,6 +70,12 @@ class Session:
             filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
         )
         self._greeting = _greeting(configuration)
+        self._about = {
+            "version": __version__,
+            "kernels": backend(),
+            "link": configuration.link.url,
+            "log": configuration.log.folder,
+        }
         self.service = Service(configuration.service, surroundings)
         self.link = open_link(configuration.link.url, self._vouches_for)
         outlets = Outlets(
@@ -97,6 +104,7 @@ class Session:
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
         self._pipeline.note(time.monotonic_ns(), Notice(Severity.NOTICE, self._greeting))
+        self._console.started(time.monotonic_ns(), self._about)
         for now_ns in daemon.turns(stop, until_ns):
             self._console.status(now_ns, self._sight)
             if self._live is not None:
@@ -108,7 +116,9 @@ class Session:
         """Looks whether a program has come to the socket for events."""
         if self._events is not None and t_ns >= self._let_in_ns:
             self._let_in_ns = t_ns + LET_IN_NS
-            self._events.tend(lambda: self._console.catch_up(t_ns, service.open_findings))
+            self._events.tend(
+                lambda: self._console.catch_up(t_ns, self._sight(t_ns), service.open_findings)
+            )
         return []
 
     def _sight(self, t_ns: int) -> Sight:
@@ -170,4 +180,6 @@ def _greeting(configuration: Configuration) -> str:
     name = chosen.name if chosen.name == "default" else algorithm(chosen)
     arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"
     log = f"log in {configuration.log.folder}" if configuration.log.folder else "no log"
-    return f"h2nav {__version__} on {configuration.link.url}, filter {name}{arithmetic}, {log}"
+    slow = "" if backend() == "native" else " (no compiler at installation: ten times slower)"
+    runs = f"filter {name}{arithmetic}, {backend()} kernels{slow}"
+    return f"h2nav {__version__} on {configuration.link.url}, {runs}, {log}"

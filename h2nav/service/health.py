@@ -51,6 +51,7 @@ class Signs(NamedTuple):
         link_error: why no bytes can come; None while they can.
         stall_ns: how long we were held up ourselves just now; what was not heard meanwhile says
             nothing about others. 0 when we were not.
+        bytes_are_junk: bytes come, and no MAVLink frame is among them.
         autopilot_known: a heartbeat made the binding, and heartbeats still come.
         last_sample_ns: host time of the last sample that was used; None before the first.
         last_gap_ns: time between the last two samples that were used; None before the second.
@@ -64,6 +65,7 @@ class Signs(NamedTuple):
 
     link_error: str | None
     stall_ns: int
+    bytes_are_junk: bool
     autopilot_known: bool
     last_sample_ns: int | None
     last_gap_ns: int | None
@@ -104,6 +106,8 @@ def judge(signs: Signs, t_ns: int) -> Verdict:
         return Verdict(State.NO_LINK, reason, reason)
     if signs.stall_ns:
         return Verdict(State.DEGRADED, "late", _late(max(signs.stall_ns, signs.late_ns)))
+    if not signs.autopilot_known and signs.bytes_are_junk:
+        return Verdict(State.NO_AUTOPILOT, "junk", "bytes, no MAVLink: wrong baud rate?")
     if not signs.autopilot_known:
         return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:

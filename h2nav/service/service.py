@@ -157,6 +157,7 @@ class Service:
         self._parameter = ParameterRequest()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
+        self._bytes_are_junk = False
         self._link_trouble = ""
         self._told_dependent = False
         self._pulse = Pulse()
@@ -377,6 +378,11 @@ class Service:
     def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
         """The program was held up: what was not heard meanwhile says nothing about others."""
         self._pulse.stalled(t_ns, length_ns)
+        return self._judge(t_ns)
+
+    def on_bytes(self, t_ns: int, are_junk: bool) -> list[Effect]:
+        """Bytes come and hold no MAVLink, or hold it again."""
+        self._bytes_are_junk = are_junk
         return self._judge(t_ns)
 
     def on_timer(self, t_ns: int) -> list[Effect]:
@@ -670,6 +676,7 @@ class Service:
         return Signs(
             link_error=self._link_error,
             stall_ns=self._pulse.stall_ns(t_ns),
+            bytes_are_junk=self._bytes_are_junk,
             autopilot_known=self._pulse.is_heard(t_ns),
             last_sample_ns=self._pulse.sample_ns,
             last_gap_ns=self._pulse.sample_gap_ns,

@@ -8,9 +8,11 @@ import pytest
 from live_records import finding as finding_record
 from made_flight import made_analysis, made_flight
 from needs import REPOSITORY
+from simulated_flight import SimulatedFlight
 
 from h2nav.apps.console import Console
 from h2nav.apps.event_schema import event_schema
+from h2nav.apps.panel import Sight
 from h2nav.cli import main
 from h2nav.integrity.finding_schema import finding_schema, report_schema
 from h2nav.integrity.findings import (
@@ -112,10 +114,18 @@ def test_events_are_as_the_schema_says(capsys):
     for phase in Phase:
         console.finding(SECOND, phase, a_finding(Kind.GPS_LOST))
     console.notice(SECOND, Severity.NOTICE, "hello")
-    late = console.catch_up(SECOND, [a_finding(Kind.GPS_LOST)])
+    flight = SimulatedFlight("hover").run(2.0)
+    service = flight.pipeline.service
+    sight = Sight(service.health, service.status(flight.t_ns), None)
+    console.started(SECOND, {"version": "1", "kernels": "native", "link": "udpin:", "log": ""})
+    late = console.catch_up(SECOND, sight, [a_finding(Kind.GPS_LOST)])
     lines = [*capsys.readouterr().out.splitlines(), *late]
     events = [json.loads(line) for line in lines]
-    assert [event.get("phase") for event in events] == ["begin", "update", "end", None, "update"]
+    kinds = [event.get("phase", event["event"]) for event in events]
+    assert kinds == [
+        *("begin", "update", "end", "notice", "started"),
+        *("started", "status", "update"),
+    ]
     check = validator(event_schema())
     for event in events:
         check.validate(event)

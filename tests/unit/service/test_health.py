@@ -5,6 +5,7 @@ from h2nav.service.health import Objection, Signs, State, judge
 NOW_NS = 100_000_000_000
 MS_NS = 1_000_000
 WELL = Signs(
+    bytes_are_junk=False,
     link_error=None,
     stall_ns=0,
     autopilot_known=True,
@@ -32,6 +33,8 @@ def test_all_is_well():
     [
         ({"link_error": ""}, State.NO_LINK),
         ({"autopilot_known": False}, State.NO_AUTOPILOT),
+        ({"autopilot_known": False, "bytes_are_junk": True}, State.NO_AUTOPILOT),
+        ({"bytes_are_junk": True}, State.ACTIVE),
         ({"last_sample_ns": None}, State.NO_IMU),
         ({"last_sample_ns": NOW_NS - 501 * MS_NS}, State.NO_IMU),
         ({"last_gap_ns": None}, State.ACTIVE),
