@@ -6,11 +6,12 @@ from typing import Any
 from h2nav.integrity.findings import Kind, SensorKind, Severity
 from h2nav.review.advice import place
 from h2nav.review.html import escape
+from h2nav.review.pictures.timeline import MOMENTS
 
 # As `h2nav.review.document` tells it.
 Told = dict[str, Any]
 # Causes that are seen at once; the first one with all that is said of it.
-MOST_SHOWN, MOST_LISTED = 6, 200
+MOST_SHOWN, MOST_LISTED, MOST_MOMENTS = 6, 200, 3
 
 
 def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
@@ -22,7 +23,12 @@ def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
     """
     followers = _followers(findings)
     followed = {one["id"] for some in followers.values() for one in some}
-    causes = [one for one in findings if one["id"] not in followed]
+    # A cause comes as early as the worst that it led to.
+    place_of = {one["id"]: number for number, one in reversed(list(enumerate(findings)))}
+    causes = sorted(
+        (one for one in findings if one["id"] not in followed),
+        key=lambda one: min(place_of[each["id"]] for each in (one, *followers.get(one["id"], ()))),
+    )
     wrong = [one for one in causes if is_wrong(one)]
     notes = [one for one in causes if not is_wrong(one)]
     about = (
@@ -75,13 +81,9 @@ def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
     if not is_named:
         text = f"{source}: {text}"
     # A size without a unit counts what the text counts too.
-    has_size = finding["unit"] and finding["size"] is not None
-    size = f"{_figure(finding['size'])} {finding['unit']}" if has_size else ""
-    follows = ""
-    if followers:
-        verb = "follows" if len(followers) == 1 else "follow"
-        title = f"{counted(len(followers), 'finding')} that {verb} from it"
-        follows = _folded(title, _list(followers, {}))
+    unit = finding["unit"].replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
+    size = f"{_figure(finding['size'])} {unit}" if unit and finding["size"] else ""
+    follows = _folded(_led_to(followers), _list(followers, {})) if followers else ""
     return (
         f'<li class="finding {severity.look}"><button type="button" '
         f'data-from="{finding["from_s"]:.3f}" data-to="{finding["to_s"]:.3f}" '
@@ -90,6 +92,16 @@ def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
         f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
         f"</button>{_why(finding, is_open=is_open)}{follows}</li>"
     )
+
+
+def _led_to(followers: Sequence[Told]) -> str:
+    """The moments among them by name, the others by their number."""
+    moments = [one for one in followers if one["kind"] in MOMENTS][:MOST_MOMENTS]
+    named = [f"{MOMENTS[one['kind']]} at {one['from_s']:.1f} s" for one in moments]
+    rest = len(followers) - len(moments)
+    if rest:
+        named.append(counted(rest, f"{'other ' if named else ''}finding"))
+    return f"it led to: {', '.join(named)}"
 
 
 def _severity(finding: Told) -> Severity:

@@ -25,6 +25,7 @@ from h2nav.review.pictures import (
 from h2nav.review.pictures.columns import shown_s
 from h2nav.review.pictures.picture import Curves, Picture, Section, Shown, Stack, for_script
 
+LONG_VERDICT = 160  # characters: set smaller, or it fills a phone
 LEAST_PERCENT = 0.05  # less is shown as nothing
 _KINDS = {
     "tlog": "telemetry log",
@@ -177,8 +178,9 @@ def _no_estimate(told: dict[str, Any]) -> str:
 
 def _findings(told: dict[str, Any]) -> str:
     found = [one for one in told["findings"] if not _is_own(one)]
+    look = "verdict long" if len(told["verdict"]) > LONG_VERDICT else "verdict"
     return (
-        f'<section id="findings"><p class="verdict">{escape(told["verdict"])}</p>'
+        f'<section id="findings"><p class="{look}">{escape(told["verdict"])}</p>'
         f"{_no_estimate(told)}{cards(found)}"
         f"{_looked_at(told, is_open=not any(map(is_wrong, found)))}</section>"
     )
@@ -198,6 +200,8 @@ def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
     lines = "".join(
         f"<p><b>{title}:</b> {escape('; '.join(what))}.</p>"
         for title, what in (
+            ("Looked at", told.get("looked_at", ())),
+            ("Not looked at", told.get("not_looked_at", ())),
             ("Checked", checked),
             ("Could not be checked", _untested(told)),
             ("Missing in the recording", told["missing"]),

@@ -23,7 +23,7 @@ def event(flight: Flight, findings: tuple[Finding, ...]) -> Section:
         stacks[0].title if stacks else "",
         tuple(stack._replace(title="") for stack in stacks[:1]),
         further=tuple(stacks[1:]),
-        further_title="what happened later",
+        further_title=f"later: {'; '.join(stack.title.lower() for stack in stacks[1:])}",
     )
 
 
@@ -68,8 +68,7 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
 def _changes(row: Row, window_s: tuple[float, float]) -> bool:
     """Whether something begins or ends in the window; what goes on all the time says nothing."""
     begin_s, end_s = window_s
-    moments_s = (t_s for span in row.spans for t_s in (span.from_s, span.to_s - 1e-3))
-    return any(begin_s < t_s <= end_s for t_s in moments_s)
+    return any(begin_s < one.from_s <= end_s or begin_s < one.to_s < end_s for one in row.spans)
 
 
 def _part(row: Row, window_s: tuple[float, float]) -> Row:
