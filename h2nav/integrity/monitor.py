@@ -136,6 +136,11 @@ class Monitor:
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         return any(alarm.degrades for alarm in found)
 
+    @property
+    def vibration_m_s2(self) -> float:
+        """Of the accelerometer, rms over the last full second."""
+        return self._watch.memory.vibration_m_s2
+
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes the sample that was checked last and what the filter has made of it, not led."""
         t_us, _, force, _, clipped = sample

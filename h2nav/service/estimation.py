@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -16,12 +18,14 @@ from h2nav.attitude.samples import (
 )
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.reported_vibration import ReportedVibration
+from h2nav.integrity.sensor_checks import VIBRATION_M_S2
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
-from h2nav.service.lane_selection import Cause, LaneSelection, Switch
+from h2nav.service.lane_selection import CLEARLY, Cause, Condition, LaneSelection, Switch
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.records import LaneRecord
 from h2nav.service.sample_clock import Verdict
@@ -29,7 +33,7 @@ from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.twins import Twins
 from h2nav.wire.imu import ImuMessage, ImuReading
-from h2nav.wire.vehicle import ParameterValue
+from h2nav.wire.vehicle import ParameterValue, Vibration
 
 LOOK_NS = 50_000_000
 # A new epoch reaches every lane within this time.
@@ -76,6 +80,8 @@ class Estimation:
         self._field: EarthField | None = None
         self._vehicle: VehicleState | None = None
         self._selection = LaneSelection()
+        self._shaking = ReportedVibration()
+        self._is_ardupilot = False
         self._twins: list[tuple[Lane, Lane, Twins]] = []
         self._looked_ns = 0
         self._heard_ns = 0
@@ -98,6 +104,8 @@ class Estimation:
         )
         self._sent = self._lanes[0]
         self._selection = LaneSelection()
+        self._shaking = ReportedVibration()
+        self._is_ardupilot = identity.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         self._twins = [
             (one, other, Twins()) for one, other in itertools.combinations(self._lanes, 2)
         ]
@@ -152,7 +160,10 @@ class Estimation:
 
     def alarms(self) -> list[Alarm]:
         """What is wrong with the attitude that is sent, and with the sensors of every IMU."""
-        return [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
+        found = [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
+        known = {alarm.kind for alarm in found}
+        reported = self._shaking.alarms(self._heard_ns)
+        return found + [alarm for alarm in reported if alarm.kind not in known]
 
     @property
     def ratios(self) -> InnovationRatios:
@@ -241,6 +252,11 @@ class Estimation:
         for lane in self._lanes:
             lane.use_velocity(fix)
 
+    def use_vibration(self, t_ns: int, vibration: Vibration) -> None:
+        """Takes what the autopilot says of vibration and clipped samples."""
+        level_m_s2 = max(vibration.levels) if self._is_ardupilot else 0.0
+        self._shaking.take(t_ns, level_m_s2, vibration.clips)
+
     def hears(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
         changed = [lane.timing.hears(parameter) for lane in self._lanes]
@@ -286,9 +302,16 @@ class Estimation:
         switch = self._selection.look(
             t_ns,
             sent.imu,
-            {lane.imu: lane.condition(t_ns, sent) for lane in self._lanes},
+            {lane.imu: self._condition(t_ns, lane) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
+
+    def _condition(self, t_ns: int, lane: Lane) -> Condition:
+        found, shaking = lane.condition(t_ns, self._lane), self._shaking
+        clips = shaking.clips(lane.imu, t_ns) > 0
+        # The level is of an IMU that is not known: the noise of the lanes tells which.
+        is_shaken = clips or shaking.is_high(t_ns) or found.noise_m_s2 > VIBRATION_M_S2
+        return found._replace(is_shaken=is_shaken)
 
     def _first_lane(self, t_ns: int) -> Lane:
         """The first one that brings samples; the very first is waited for a little."""
@@ -317,9 +340,27 @@ class Estimation:
     def _switched(self, switch: Switch) -> str:
         before = self._lane
         (self._sent,) = (lane for lane in self._lanes if lane.imu == switch.lane)
-        return (
-            f"{self._lane.sensor.name} instead of {before.imu + 1}: {_reason(before, switch.cause)}"
-        )
+        reason = self._reason(before, self._lane, switch.cause)
+        return f"{self._lane.sensor.name} instead of {before.imu + 1}: {reason}"
+
+    def _reason(self, before: Lane, lane: Lane, cause: Cause) -> str:
+        """Why another lane is sent, for people."""
+        if cause is Cause.BAD:
+            return next((alarm.text for alarm in before.faults()), "sensor bad")
+        if cause is Cause.WORSE and self._is_by_compass(before, lane):
+            cause = Cause.COMPASS
+        return _REASONS[cause]
+
+    def _is_by_compass(self, worse: Lane, lane: Lane) -> bool:
+        """Of two lanes whose gyros agree: the compass of the worse one is what is wrong.
+
+        There is nothing else where their forces agree too, or where the same turn agrees with the
+        field of the one and contradicts that of the other.
+        """
+        (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
+        turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
+        turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
+        return twins.rates_agree and (twins.forces_agree or turns_apart)
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
         row = lane.imu_message
@@ -336,12 +377,12 @@ class Estimation:
         )
 
 
-def _reason(lane: Lane, cause: Cause) -> str:
-    if cause is Cause.SILENT:
-        return "no samples"
-    if cause is Cause.BAD:
-        return next((alarm.text for alarm in lane.faults()), "sensor bad")
-    return "its compass is off" if cause is Cause.COMPASS else "its gyro or force is off"
+_REASONS = {
+    Cause.SILENT: "no samples",
+    Cause.WORSE: "its gyro or force is off",
+    Cause.NOISE: "it vibrates",
+    Cause.COMPASS: "its compass is off",
+}
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:

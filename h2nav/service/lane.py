@@ -218,7 +218,11 @@ class Lane:
         has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
         may_follow = self.has_estimate and not self.is_spoilt and has_rate
         return Condition(
-            may_follow, self.is_silent(t_ns), self.ratio, self._monitor.ratios.of_field
+            may_follow,
+            self.is_silent(t_ns),
+            self.ratio,
+            self._monitor.ratios.of_field,
+            self._monitor.vibration_m_s2,
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:

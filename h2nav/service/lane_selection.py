@@ -1,4 +1,4 @@
-"""Which lane is sent: the first one, until it is silent, bad, or clearly worse than another.
+"""Which lane is sent: the first one, until it is silent, bad, shaken or clearly worse than another.
 
 There is no way back without a cause: every change is a step in what is sent, and a lane that took
 over has shown itself to be as good.
@@ -16,6 +16,8 @@ LASTING_NS = 500_000_000
 SILENT_LASTING_NS = 100_000_000
 # A field may be disturbed in passing, and its filter lives on its gyro meanwhile.
 FIELD_LASTING_NS = 2_000_000_000
+# The noise of a lane is that of a whole second.
+NOISE_LASTING_NS = 1_000_000_000
 GOOD_FIELD = 0.5
 
 
@@ -25,6 +27,7 @@ class Cause(Enum):
     SILENT = "silent"
     BAD = "bad"
     WORSE = "worse"
+    NOISE = "noise"
     COMPASS = "compass"
 
 
@@ -36,12 +39,16 @@ class Condition(NamedTuple):
         is_silent: no sample has come for a while.
         ratio: of the tests of gyro and accelerometer; 1 = they fail, infinite = known to be bad.
         field_ratio: the same of the compass; NaN where nothing is known.
+        noise_m_s2: vibration in its samples.
+        is_shaken: its sensors vibrate beyond what they can measure.
     """
 
     may_follow: bool
     is_silent: bool
     ratio: float
     field_ratio: float = math.nan
+    noise_m_s2: float = 0.0
+    is_shaken: bool = False
 
 
 class Switch(NamedTuple):
@@ -89,6 +96,8 @@ class LaneSelection:
         if cause is Cause.COMPASS:
             others = {lane: found for lane, found in others.items() if _sees_north(found)}
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
+        if cause is Cause.NOISE:
+            others = {lane: found for lane, found in others.items() if _is_calmer(found, present)}
         return Switch(min(others, key=lambda lane: (others[lane].ratio, lane)), cause)
 
 
@@ -96,6 +105,7 @@ _PATIENCE_NS = {
     Cause.SILENT: SILENT_LASTING_NS,
     Cause.BAD: 0,
     Cause.WORSE: LASTING_NS,
+    Cause.NOISE: NOISE_LASTING_NS,
     Cause.COMPASS: FIELD_LASTING_NS,
 }
 
@@ -110,6 +120,8 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
     best = min(found.ratio for found in others.values())
     if present.ratio > 1.0 and best < CLEARLY * present.ratio:
         return Cause.WORSE
+    if present.is_shaken and any(_is_calmer(found, present) for found in others.values()):
+        return Cause.NOISE
     if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
         return Cause.COMPASS
     return None
@@ -117,3 +129,7 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
 
 def _sees_north(lane: Condition) -> bool:
     return lane.field_ratio < GOOD_FIELD
+
+
+def _is_calmer(lane: Condition, present: Condition) -> bool:
+    return lane.noise_m_s2 < CLEARLY * present.noise_m_s2

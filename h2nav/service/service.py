@@ -48,7 +48,7 @@ from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
-from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
+from h2nav.wire.position import EstimatedVelocity, GpsFix, Origin, Place
 from h2nav.wire.questions import Command, ParameterList, ParameterRead, ParameterWrite
 from h2nav.wire.readers import MOTION_READERS, READERS, Envelope, Message
 from h2nav.wire.vehicle import (
@@ -60,6 +60,7 @@ from h2nav.wire.vehicle import (
     StatusText,
     SystemTime,
     TimeSyncMessage,
+    Vibration,
 )
 
 TIMER_NS = SECOND_NS // 10
@@ -519,8 +520,8 @@ class Service:
                 self._on_text(message)
             case ParameterValue():
                 return self._on_parameter(t_ns, message)
-            case NoFix():
-                pass
+            case Vibration():
+                self._estimation.use_vibration(t_ns, message)
         return []
 
     def _on_text(self, said: StatusText) -> None:
@@ -651,6 +652,7 @@ class Service:
             for lane in lanes
         ]
         optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
+        optional.append(Wish(mavlink.MAVLINK_MSG_ID_VIBRATION, 2.0, is_optional=True))
         return (*wishes, *self.motion.wishes, *optional)
 
     def _imu_rate_hz(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Finds an IMU message that repeats what another one says: the same sensor under two names."""
+"""Compares two IMUs: whether they are one under two names, and whether they measure the same."""
 
 from h2nav.attitude.samples import ImuSample
 
@@ -9,6 +9,11 @@ FORCE_COUNT_M_S2 = 1.1e-2
 # At rest, two sensors show the same digits for minutes; beyond this the values have changed.
 CHANGE_COUNTS = 5.0
 REPEATED = 100
+# Means of about so many samples are compared: noise and vibration are not what makes a lane worse.
+MEAN_OF = 100
+# Autopilots calibrate gyros at boot and accelerometers before: what is left is far less.
+RATE_APART_RAD_S = 0.025
+FORCE_APART_M_S2 = 0.4
 
 
 class Twins:
@@ -21,12 +26,26 @@ class Twins:
     def __init__(self) -> None:
         self._counted: ImuSample | None = None
         self._repeated = 0
+        self._apart = [0.0] * 6
         self.are_one = False
+
+    @property
+    def rates_agree(self) -> bool:
+        """The gyros measure the same."""
+        return max(map(abs, self._apart[:3])) < RATE_APART_RAD_S
+
+    @property
+    def forces_agree(self) -> bool:
+        """The accelerometers do."""
+        return max(map(abs, self._apart[3:])) < FORCE_APART_M_S2
 
     def compare(self, one: ImuSample, other: ImuSample) -> None:
         """Takes the newest sample of each."""
         if abs(one.t_us - other.t_us) > SAME_TIME_US:
             return
+        pairs = zip((*one.w_b, *one.f_b), (*other.w_b, *other.f_b), strict=True)
+        for i, (a, b) in enumerate(pairs):
+            self._apart[i] += (a - b - self._apart[i]) / MEAN_OF
         if _differ(one, other, 1.0):
             self._repeated = 0
             self.are_one = False

@@ -20,6 +20,7 @@ from h2nav.wire.vehicle import (
     StatusText,
     SystemTime,
     TimeSyncMessage,
+    Vibration,
 )
 
 Message = (
@@ -38,6 +39,7 @@ Message = (
     | Airspeed
     | TimeSyncMessage
     | CommandAck
+    | Vibration
     | PoseReading
     | WheelDistances
     | Question
@@ -78,6 +80,7 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: vehicle.system_time,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: vehicle.airspeed,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: vehicle.time_sync,
+    mavlink.MAVLINK_MSG_ID_VIBRATION: vehicle.vibration,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: vehicle.command_ack,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude.attitude,
     mavlink.MAVLINK_MSG_ID_AHRS2: attitude.ahrs2,

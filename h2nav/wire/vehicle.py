@@ -126,6 +126,19 @@ class StatusText(NamedTuple):
     text: str
 
 
+class Vibration(NamedTuple):
+    """VIBRATION.
+
+    Attributes:
+        levels: of the three axes, m/s^2 from ArduPilot; PX4 puts other metrics there. NaN and
+            infinity are 0.
+        clips: clipped samples of each accelerometer since boot.
+    """
+
+    levels: tuple[float, float, float]
+    clips: tuple[int, int, int]
+
+
 def heartbeat(m: Any) -> Heartbeat:
     """HEARTBEAT; every value of its fields means something."""
     return Heartbeat(m.autopilot, m.type, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
@@ -183,3 +196,12 @@ def param_value(m: Any) -> ParameterValue:
 def command_ack(m: Any) -> CommandAck:
     """COMMAND_ACK."""
     return CommandAck(m.command, m.result, (m.target_system, m.target_component))
+
+
+def vibration(m: Any) -> Vibration:
+    """VIBRATION; what is no number says nothing."""
+    x, y, z = (
+        level if math.isfinite(level) else 0.0
+        for level in (m.vibration_x, m.vibration_y, m.vibration_z)
+    )
+    return Vibration((x, y, z), (m.clipping_0, m.clipping_1, m.clipping_2))

@@ -63,7 +63,7 @@ def test_a_default_plane_works_at_forty_hertz():
     assert flight.health.imu_message == "HIGHRES_IMU"
     assert flight.health.imu_rate_hz == pytest.approx(40.0, rel=0.05)
     assert stream_notices(flight) == ["HIGHRES_IMU 40 of 100 Hz (SCHED_LOOP_RATE)"]
-    assert len(requests(flight)) == 3 + 4
+    assert len(requests(flight)) == 3 + 5
     assert requests(flight, 2.0) == []
 
 
@@ -78,9 +78,10 @@ def test_a_plane_gives_what_its_loop_can_whatever_is_asked(asked_hz):
 
 
 def test_what_px4_sends_is_not_slowed_down():
-    """8: only the missing SCALED_IMU is asked for; every default rate stays as it was."""
+    """8: only the missing SCALED_IMU and VIBRATION are asked for; every default rate stays."""
     flight = SimulatedFlight("flight", personality=PX4, configuration=Configuration()).run(30.0)
-    assert [row[1] for row in requests(flight)] == [mavlink.MAVLINK_MSG_ID_SCALED_IMU]
+    missing = [mavlink.MAVLINK_MSG_ID_SCALED_IMU, mavlink.MAVLINK_MSG_ID_VIBRATION]
+    assert [row[1] for row in requests(flight)] == missing
     defaults_hz = {
         "ATTITUDE": 100, "GLOBAL_POSITION_INT": 50, "VFR_HUD": 10, "EXTENDED_SYS_STATE": 5,
         "SYS_STATUS": 5, "GPS_RAW_INT": 10, "HIGHRES_IMU": 50, "SYSTEM_TIME": 1,

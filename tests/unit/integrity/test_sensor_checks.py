@@ -112,3 +112,17 @@ def test_a_lasting_clipping_degrades():
     assert alarm.degrades
     assert alarm.size == pytest.approx(100.0 / 3.0, abs=1.0)
     assert math.isfinite(alarm.size)
+
+
+@pytest.mark.parametrize("hz", [40, 100, 400])
+def test_vibration_is_that_of_the_force_whatever_the_rate(hz):
+    """White noise of 25 m/s^2, and a swing of 2 m/s^2 at half a hertz that is motion."""
+    rng = np.random.default_rng(7)
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
+    levels = []
+    for i in range(20 * hz):
+        swing = 2.0 * math.sin(math.pi * i / hz)
+        force = np.add(rng.normal(0.0, (0.0, 0.0, 25.0)), (swing, 0.0, -9.81))
+        monitor.check(ImuSample(round(i * 1e6 / hz), (0.001 * i, 0.0, 0.0), tuple(force.tolist())))
+        levels.append(monitor.vibration_m_s2)
+    assert np.mean(levels[2 * hz :]) == pytest.approx(25.0, rel=0.05)

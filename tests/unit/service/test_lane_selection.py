@@ -81,3 +81,20 @@ def test_a_compass_that_is_off_is_left_for_one_that_sees_north():
 def test_a_disturbance_that_all_compasses_see_is_no_cause(field_ratio):
     disturbed = GOOD._replace(field_ratio=1.5)
     assert first_switch(disturbed, GOOD._replace(field_ratio=field_ratio)) is None
+
+
+def test_a_lane_that_is_shaken_is_left_for_a_calmer_one():
+    shaken = GOOD._replace(noise_m_s2=4.0, is_shaken=True)
+    others = (GOOD._replace(noise_m_s2=3.0, ratio=0.0), GOOD._replace(noise_m_s2=0.5))
+    at_s, switch = first_switch(shaken, *others)
+    assert switch == Switch(2, Cause.NOISE)
+    assert at_s == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("present", "other_noise"), [((4.0, True), 2.5), ((4.0, False), 0.1), ((0.0, True), 0.0)]
+)
+def test_noise_alone_or_that_of_all_is_no_cause(present, other_noise):
+    noise, is_shaken = present
+    shaken = GOOD._replace(noise_m_s2=noise, is_shaken=is_shaken)
+    assert first_switch(shaken, GOOD._replace(noise_m_s2=other_noise)) is None
