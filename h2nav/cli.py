@@ -1,6 +1,7 @@
 """The command line: imports only the command that is asked for; errors become exit statuses."""
 
 import argparse
+import difflib
 import importlib
 import io
 import platform
@@ -18,6 +19,8 @@ SUCCESS, FAILED, BAD_INPUT = 0, 1, 2
 INTERRUPTED, READER_GONE = 130, 141
 
 LISTING_WIDTH = 20
+# Of a command and what was typed; below it, they have nothing to do with each other.
+ALIKE = 0.6
 CLOSING = """\
 `h2nav COMMAND --help` shows a command's options and an example.
 Exit status: 0 success, 1 the thing asked for failed, 2 bad input."""
@@ -204,9 +207,38 @@ def _discard(stream: TextIO) -> None:
 
 
 def _run(words: list[str]) -> int:
+    _refuse_unknown(words)
     args = _parser(words).parse_args(words)
     module = importlib.import_module(f"h2nav.apps.{COMMANDS[args.command].module}")
     return int(module.run(args))
+
+
+def _refuse_unknown(words: Sequence[str]) -> None:
+    """Names the command that was probably meant.
+
+    Raises:
+        BadInput: the words are no command.
+    """
+    group = words[:1] if words and words[0] in GROUPS else []
+    typed = words[len(group) : len(group) + 1]
+    known = {line[len(group)] for line in COMMANDS if list(line[: len(group)]) == group}
+    if not typed or typed[0].startswith("-") or typed[0] in known:
+        return
+    said = " ".join((*group, *typed))
+    names = {" ".join(line): " ".join(line) for line in COMMANDS}
+    names |= {line[-1]: " ".join(line) for line in COMMANDS if len(line) > 1}
+    likeness = {
+        name: max(
+            difflib.SequenceMatcher(None, name, written).ratio()
+            for written in (said, " ".join(words[: len(group) + 2]))
+        )
+        for name in names
+    }
+    nearest = max(likeness, key=lambda name: likeness[name])
+    meant = f"did you mean `h2nav {names[nearest]}`?"
+    if likeness[nearest] < ALIKE:
+        meant = "`h2nav --help` lists them all"
+    raise BadInput(f"{said}: no such command; {meant}")
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:

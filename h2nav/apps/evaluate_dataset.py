@@ -88,10 +88,11 @@ def run(args: argparse.Namespace) -> int:
     scores = list(results(score_task, tasks))
     remarks = {score.remark for score in scores if score.rms_deg is None}
     if all(score.rms_deg is None for score in scores):
+        error = BadInput if all(score.is_bad_input for score in scores) else TaskFailed
         if len(remarks) == 1:
-            raise TaskFailed(remarks.pop())
+            raise error(remarks.pop())
         _say_left_out(scores)
-        raise TaskFailed(f"{args.place}: no trial could be scored")
+        raise error(f"{args.place}: no trial could be scored")
     _say_left_out(scores)
     names = list(dict.fromkeys(task.filter_name for task in tasks))
     summaries = {name: summary(scores, name) for name in names}

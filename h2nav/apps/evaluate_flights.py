@@ -11,7 +11,7 @@ from typing import Any
 from h2nav.apps import extras, playback
 from h2nav.apps.json_output import print_json
 from h2nav.apps.recorded_flights import ESTIMATORS, play
-from h2nav.errors import TaskFailed
+from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import Phase, parse_phase
 from h2nav.evaluation.flights.scores import (
     SETTLED_S,
@@ -89,12 +89,12 @@ def run(args: argparse.Namespace) -> int:
     ordered = [scores[task.name] for task in tasks]
     left_out = {score.name: score.remark for score in ordered if not score.document}
     if len(left_out) == len(ordered) == 1:
-        raise TaskFailed(ordered[0].remark)
+        raise BadInput(ordered[0].remark)
     for remark in left_out.values():
         print(f"left out: {remark}", file=sys.stderr)
     flights = {score.name: score.document for score in ordered if score.document}
     if not flights:
-        raise TaskFailed(f"{args.place}: no flight could be scored")
+        raise BadInput(f"{args.place}: no flight could be scored")
     means = mean(list(flights.values()))
     if args.json:
         print_json({"flights": flights, "mean": means, "left_out": left_out}, indent=1)

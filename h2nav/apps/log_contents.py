@@ -63,7 +63,7 @@ def attach_inputs(
         filters: knows the gain files.
         unix_s: the date that the run works with.
     """
-    text = yaml.safe_dump(chosen.as_mapping(), sort_keys=False)
+    text = yaml.safe_dump(_readable(chosen.as_mapping()), sort_keys=False)
     recorder.attach(CONFIGURATION_NAME, YAML_TYPE, text.encode())
     for name, content in filters.gain_texts().items():
         recorder.attach(f"{GAINS_FOLDER}{name}", YAML_TYPE, content.encode())
@@ -77,6 +77,15 @@ def attach_inputs(
             "unix_s": repr(unix_s),
         },
     )
+
+
+def _readable(value: Any) -> Any:
+    """The same with texts that can be read back; the bytes of a path need be no text."""
+    if isinstance(value, str):
+        return value.encode(errors="replace").decode()
+    if isinstance(value, dict):
+        return {key: _readable(one) for key, one in value.items()}
+    return value
 
 
 class RecordedInputs(NamedTuple):

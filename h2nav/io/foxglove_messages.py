@@ -65,8 +65,8 @@ def _filled(message: Any, rotation: Any, unix_ns: int, q_nb: Quat) -> bytes:
 
 
 def log_message(unix_ns: int, severity: Severity, text: str) -> bytes:
-    """One ``foxglove.Log`` line of the program."""
-    message: Any = Log(message=text, name="h2nav")
+    """One ``foxglove.Log`` line of the program; a path in it may hold bytes that are no text."""
+    message: Any = Log(message=text.encode(errors="replace").decode(), name="h2nav")
     message.level = int(LEVELS[severity])
     message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
     serialized: bytes = message.SerializeToString()

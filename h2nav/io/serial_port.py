@@ -33,6 +33,10 @@ class SerialTransport:
             )
             self._descriptor = self._port.fileno()
             _prepare(self._descriptor)
+        except serial.SerialException as error:
+            if _is_no_port(self._url.path):
+                raise OSError(f"{self._url.path}: is no serial port") from error
+            raise
         except (termios.error, ValueError, OverflowError) as error:
             raise OSError(f"{self._url.path}: {error}") from error
         # Adapters that collect bytes for 16 ms stop doing so; others do not know the request.
@@ -75,6 +79,18 @@ class SerialTransport:
             self._port.close()
         self._port = None
         self._descriptor = -1
+
+
+def _is_no_port(path: str) -> bool:
+    """Whether it can be opened, and is no terminal; nothing is known of one that is busy."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError:
+        return False
+    try:
+        return not os.isatty(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _prepare(descriptor: int) -> None:

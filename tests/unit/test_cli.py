@@ -9,7 +9,7 @@ import pytest
 from daemon_process import H2NAV, WAIT_S, daemon
 
 from h2nav import __version__
-from h2nav.cli import COMMANDS, GROUPS, main
+from h2nav.cli import BAD_INPUT, COMMANDS, GROUPS, main
 
 
 def said(capsys, *words):
@@ -52,6 +52,30 @@ def test_a_group_lists_its_commands(group, capsys):
         assert (f"\n  {' '.join(command)} " in text) == (command[0] == group)
 
 
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("reveiw flight.bin", "h2nav review"),
+        ("log exprt x", "h2nav log export"),
+        ("evalute dataset x", "h2nav evaluate dataset"),
+        ("info x", "h2nav log info"),
+        ("fake_autopilot", "h2nav fake-autopilot"),
+    ],
+)
+def test_a_mistyped_command_gets_its_nearest(words, meant, capsys):
+    assert main(words.split()) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert f"did you mean `{meant}`?" in said
+    assert said.count("\n") == 1
+
+
+def test_what_is_like_no_command_leads_to_the_help(capsys):
+    assert main(["zzzzzz"]) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        "h2nav: zzzzzz: no such command; `h2nav --help` lists them all\n"
+    )
+
+
 def test_names_keep_their_capitals(capsys):
     assert "A SITL-style autopilot for tests." in said(capsys, "fake-autopilot", "--help")
     assert "C99." in said(capsys, "export", "c", "--help")
@@ -62,7 +86,7 @@ def test_version_names_the_backend(capsys, monkeypatch):
     assert f"h2nav {__version__} (python kernels" in said(capsys, "--version")
 
 
-@pytest.mark.parametrize("words", [[], ["fly"], ["log"], ["evaluate", "nothing"]])
+@pytest.mark.parametrize("words", [[], ["log"], ["run", "--unheard-of"]])
 def test_wrong_words_end_with_2(words, capsys):
     with pytest.raises(SystemExit) as caught:
         main(words)

@@ -45,6 +45,7 @@ class Score(NamedTuple):
         us_per_sample: processor time of the filter's calls alone.
         backend: what they ran on.
         remark: why there is no result.
+        is_bad_input: that is because of the file.
         notes: of the trial.
     """
 
@@ -54,6 +55,7 @@ class Score(NamedTuple):
     us_per_sample: float = 0.0
     backend: str = ""
     remark: str = ""
+    is_bad_input: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -63,10 +65,11 @@ def score_task(task: Task) -> Score:
     try:
         trial = task.read(task.path)
         if trial.q_es is None or not trial.mask.any():
-            return nothing._replace(remark=f"{task.path}: no truth: {_TRUTH}")
+            return nothing._replace(remark=f"{task.path}: no truth: {_TRUTH}", is_bad_input=True)
         track = installed()[task.filter_name](trial, task.conditions)
     except (BadInput, TaskFailed) as error:
-        return nothing._replace(remark=str(error))
+        is_bad_input = isinstance(error, BadInput)
+        return nothing._replace(remark=str(error), is_bad_input=is_bad_input)
     found = errors(track.q_es, trial.q_es, trial.mask, trial.heading_fixed)
     if task.plots is not None:
         from h2nav.evaluation.dataset.pictures import draw

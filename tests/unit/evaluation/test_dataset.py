@@ -196,14 +196,14 @@ def test_plain_words_for_what_is_no_data_set(
 ) -> None:
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK\x03\x04 and then nothing")
-    assert cli.main(["evaluate", "dataset", str(tmp_path)]) == 1
+    assert cli.main(["evaluate", "dataset", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         f"h2nav: {broken}: not a readable archive; expected numpy's .npz of plain arrays of numbers"
     ]
     notes = tmp_path / "notes.txt"
     notes.write_text("no recording")
-    assert cli.main(["evaluate", "dataset", str(notes)]) == 1
+    assert cli.main(["evaluate", "dataset", str(notes)]) == 2
     assert "expected an .npz file or a recording" in capsys.readouterr().err
 
 
