@@ -237,6 +237,28 @@ class Esc(NamedTuple):
     temperature_degc: Array
 
 
+class CompassRows(NamedTuple):
+    """What one compass logged, whether it can be a field or not.
+
+    Attributes:
+        compass: number, from 0.
+        from_s: first row.
+        to_s: last row.
+        rows: how many there are.
+        changes: how often a row differs from the one before.
+        is_zero: all of them are nothing.
+        is_used: the autopilot is set to use it.
+    """
+
+    compass: int
+    from_s: float
+    to_s: float
+    rows: int
+    changes: int
+    is_zero: bool
+    is_used: bool
+
+
 class Fault(NamedTuple):
     """Something that the autopilot reports by number: ArduPilot's ERR, PX4's failsafe flags.
 
@@ -339,6 +361,7 @@ class Context(NamedTuple):
         board_v: supply of the autopilot.
         vibrations: one per IMU.
         escs: one per motor whose controller reports.
+        compass_rows: of each compass, how much its rows change.
         faults: in order.
         occurrences: in order.
         airborne: (N,) 1 while it has left the ground, as the autopilot decides.
@@ -379,6 +402,7 @@ class Context(NamedTuple):
     board_v: Series | None = None
     vibrations: tuple[VibrationTrack, ...] = ()
     escs: tuple[Esc, ...] = ()
+    compass_rows: tuple[CompassRows, ...] = ()
     faults: tuple[Fault, ...] = ()
     occurrences: tuple[Occurrence, ...] = ()
     airborne: Series | None = None

@@ -261,6 +261,7 @@ def recorded(tables: LogTables) -> Recorded:
         board_v=controls.board(log),
         vibrations=controls.vibrations(log),
         escs=controls.escs(log),
+        compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
         occurrences=controls.occurrences(log),
         airborne=_airborne(log),

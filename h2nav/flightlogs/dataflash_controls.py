@@ -8,9 +8,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from h2nav.flightlogs.compass_rows import compass_rows
 from h2nav.flightlogs.context import (
     Battery,
     ChangedSetting,
+    CompassRows,
     Esc,
     Fault,
     Motors,
@@ -203,6 +205,15 @@ def _esc(number: int, rows: Rows) -> Esc:
         for name in ("RPM", "Curr", "Temp")
     ]
     return Esc(number, rows.t_s, *columns)
+
+
+def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
+    """MAG of each compass."""
+    axes = ("MagX", "MagY", "MagZ")
+    return tuple(
+        compass_rows(rows.number, rows.t_s, rows.table.numbers(*axes), parameters)
+        for rows in log.instances("MAG", *axes)
+    )
 
 
 def faults(log: Log) -> tuple[Fault, ...]:

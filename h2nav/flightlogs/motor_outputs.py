@@ -1,7 +1,8 @@
 """Which of an autopilot's outputs drive motors, and over which range.
 
 Sources: ArduPilot's SRV_Channel.h (functions 33 to 40 and 82 to 85) and AP_MotorsMulticopter.cpp
-(`output_to_pwm`, MOT_SPIN_MAX; until 2016 MOT_TCRV_MXPCT); PX4's output functions (101 to 112).
+(`output_to_pwm`, MOT_SPIN_MAX; 2015 MOT_THST_MAX; before, MOT_TCRV_MAXPCT); PX4's output functions
+(101 to 112).
 """
 
 from collections.abc import Mapping
@@ -71,9 +72,10 @@ def ardupilot_range(parameters: Mapping[str, float]) -> tuple[float, float]:
     """Width of a motor that stands still and the widest that is ever sent, microseconds."""
     least = parameters.get("MOT_PWM_MIN") or parameters.get("RC3_MIN") or 1000.0
     most = parameters.get("MOT_PWM_MAX") or parameters.get("RC3_MAX") or 2000.0
-    share = parameters.get("MOT_SPIN_MAX", 0.0)
+    share = parameters.get("MOT_SPIN_MAX") or parameters.get("MOT_THST_MAX", 0.0)
     if not share and parameters.get("MOT_TCRV_ENABLE"):
-        share = 0.01 * parameters.get("MOT_TCRV_MXPCT", 100.0)
+        percent = parameters.get("MOT_TCRV_MXPCT") or parameters.get("MOT_TCRV_MAXPCT", 100.0)
+        share = 0.01 * percent
     share = share if 0.5 <= share <= 1.0 else 1.0
     return least, least + share * (most - least)
 

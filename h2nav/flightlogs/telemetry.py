@@ -12,9 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.flightlogs import telemetry_controls as controls
 from h2nav.flightlogs.autopilot_log import vehicle_name, what_sensors_lack
+from h2nav.flightlogs.compass_rows import compass_rows
 from h2nav.flightlogs.context import (
     Array,
     AttitudeTrack,
+    CompassRows,
     Context,
     GpsTrack,
     ImuTrack,
@@ -129,6 +131,7 @@ def context_of(
         board_v=controls.board(clock.find),
         vibrations=controls.vibrations(clock.find),
         escs=controls.escs(clock.find),
+        compass_rows=_compass_rows(imus, parameters),
         faults=controls.faults(clock.find),
         airborne=controls.airborne(clock.find),
         notes=notes,
@@ -249,6 +252,19 @@ def _highres_track(clock: _Clock, table: FrameTable, imu: int) -> ImuTrack:
         _columns(table, "xacc", "yacc", "zacc"),
         m_b_ut,
     )
+
+
+def _compass_rows(
+    imus: tuple[ImuTrack, ...], parameters: dict[str, float]
+) -> tuple[CompassRows, ...]:
+    """Of the messages of the IMUs, in which a compass that is not there shows nothing."""
+    found = []
+    for track in imus:
+        has_field = np.isfinite(track.m_b_ut[:, 0])
+        if has_field.any():
+            fields = track.m_b_ut[has_field]
+            found.append(compass_rows(track.imu, track.t_s[has_field], fields, parameters))
+    return tuple(found)
 
 
 def _columns(table: FrameTable, *names: str) -> Array:

@@ -162,6 +162,7 @@ def recorded(file: ULogFile) -> Recorded:
         board_v=controls.board(log),
         vibrations=controls.vibrations(log),
         escs=controls.escs(log),
+        compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
         airborne=_airborne(log),
         changes=changes((1e-6 * (t_us - log.clock.start_us), n, v) for t_us, n, v in settings),

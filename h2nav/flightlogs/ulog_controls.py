@@ -7,9 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from h2nav.flightlogs.compass_rows import compass_rows
 from h2nav.flightlogs.context import (
     Array,
     Battery,
+    CompassRows,
     Esc,
     Fault,
     Motors,
@@ -155,6 +157,15 @@ def escs(log: Log) -> tuple[Esc, ...]:
             columns = (_column(rows, f"{prefix}{n}") for n in ("rpm", "current", "temperature"))
             found.append(Esc(number + 1, rows.t_s, *columns))
     return tuple(found)
+
+
+def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
+    """vehicle_magnetometer of each instance."""
+    axes = tuple(f"magnetometer_ga[{axis}]" for axis in range(3))
+    return tuple(
+        compass_rows(rows.number, rows.t_s, rows.table.numbers(*axes), parameters)
+        for rows in log.instances("vehicle_magnetometer", *axes)
+    )
 
 
 def faults(log: Log) -> tuple[Fault, ...]:
