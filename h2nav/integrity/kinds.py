@@ -71,6 +71,7 @@ class Kind(StrEnum):
     GYRO_FIELD = "gyro_field"
     GYRO_FROZEN = "gyro_frozen"
     GYRO_SCALE = "gyro_scale"
+    HARD_LANDING = "hard_landing"
     IMU_FROZEN = "imu_frozen"
     IMU_GAPS = "imu_gaps"
     IMU_SLOW = "imu_slow"
@@ -86,11 +87,11 @@ class Kind(StrEnum):
     SAID_COMPASS = "said_compass"
     SAID_CRASH = "said_crash"
     SAID_EKF_FAILED = "said_ekf_failed"
+    SAID_FAILSAFE = "said_failsafe"
     SAID_GPS_GLITCH = "said_gps_glitch"
     SAID_SENSOR = "said_sensor"
     SAID_VIBRATION = "said_vibration"
     SAID_YAW_RESET = "said_yaw_reset"
-    TOPPLED = "toppled"
     VELOCITY_LOST = "velocity_lost"
     VIBRATION = "vibration"
     VIBRATION_LEVEL = "vibration_level"
@@ -345,6 +346,13 @@ MEANINGS: dict[Kind, Meaning] = {
     Kind.GYRO_SCALE: Meaning(
         _IMU, _WARNING, "%", "The gyro shows more of each turn than there is, or less.", _SENSOR
     ),
+    Kind.HARD_LANDING: Meaning(
+        _VEHICLE,
+        _WARNING,
+        "m/s^2",
+        "The vehicle hit the ground hard, upright.",
+        "How fast it came down and why: throttle, battery, motors at their limit; then the frame.",
+    ),
     Kind.IMU_FROZEN: Meaning(_IMU, _ERROR, "s", _FROZEN, _SENSOR),
     Kind.IMU_GAPS: Meaning(_IMU, _WARNING, "s", "Samples are missing.", _LINK),
     Kind.IMU_SLOW: Meaning(_IMU, _NOTICE, "Hz", "Fewer samples than a good estimate needs.", _LINK),
@@ -399,15 +407,13 @@ MEANINGS: dict[Kind, Meaning] = {
             Kind.SAID_COMPASS,
             Kind.SAID_CRASH,
             Kind.SAID_EKF_FAILED,
+            Kind.SAID_FAILSAFE,
             Kind.SAID_GPS_GLITCH,
             Kind.SAID_SENSOR,
             Kind.SAID_VIBRATION,
             Kind.SAID_YAW_RESET,
         )
     },
-    Kind.TOPPLED: Meaning(
-        _VEHICLE, _ERROR, "deg", "The vehicle did not end as it stood.", "The vehicle."
-    ),
     Kind.VELOCITY_LOST: Meaning(
         (SensorKind.GPS, SensorKind.AUTOPILOT),
         _WARNING,

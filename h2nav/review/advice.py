@@ -69,7 +69,7 @@ SECTIONS = {
     "attitude": (
         Kind.CRASH,
         Kind.LOSS_OF_CONTROL,
-        Kind.TOPPLED,
+        Kind.HARD_LANDING,
     ),
     "spectra": (Kind.VIBRATION_LINE,),
 }
