@@ -4,19 +4,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import GpsTrack, ImuTrack, Span
+from h2nav.flightlogs.context import Context, GpsTrack, ImuTrack, Span
 from h2nav.flightlogs.spans import without
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
 from h2nav.review.compass import look_at_compass
-from h2nav.review.ending import look_at_ending
-from h2nav.review.estimators import look_at_estimators
+from h2nav.review.control import look_at_control
+from h2nav.review.dead_compass import dead_compasses, look_at_dead
+from h2nav.review.estimators import look_at_estimators, look_at_texts, misjudged
 from h2nav.review.flight import Flight
 from h2nav.review.force_steps import REACH_S, look_at_force_steps
 from h2nav.review.gyro_scale import look_at_gyro_scale
+from h2nav.review.impacts import Impact, binned, impacts, look_at_crash_checks, look_at_impacts
 from h2nav.review.inertial import Mask, best_attitude, slowed
+from h2nav.review.motors import look_at_motors
 from h2nav.review.receiver import look_at_receiver, moves_of
 from h2nav.review.sensor_bias import look_at_biases, measuring
+from h2nav.review.shaking import look_at_shaking
 from h2nav.review.spectra import look_at_spectra, look_at_vibration
+from h2nav.review.standstill import NEVER, Rest, look_at_rest, rest_of
+from h2nav.review.supply import look_at_supply
 from h2nav.review.timing import look_at_pauses, look_at_timing, pauses
 from h2nav.review.tracks import (
     Bias,
@@ -32,6 +38,13 @@ from h2nav.review.tracks import (
 TELEMETRY = ("tlog", "mcap")
 # Raw bytes came at times that nobody wrote down; only the stamps inside them are real.
 WITHOUT_TIMES = "bytes"
+# A vehicle that turns over on its way to the ground is not what attitudes are judged by.
+BEFORE_IMPACT_S = 2.0
+AT_REST = {
+    Kind.GYRO_BIAS: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
+    Kind.ACCELEROMETER_SCALE: (Kind.ACCELEROMETER_BIAS,),
+    Kind.ACCELEROMETER_BIAS: (Kind.ACCELEROMETER_BIAS,),
+}
 
 
 class Analysis(NamedTuple):
@@ -47,6 +60,10 @@ class Analysis(NamedTuple):
         biases: one per IMU.
         timings: one per IMU.
         receivers: one per receiver.
+        impacts: crashes and hard landings, in order.
+        rests: while it stood still, by the number of the IMU, from 0.
+        misjudged: ids of findings of the checks in flight that blame the autopilot where our own
+            attitude is wrong.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -57,6 +74,9 @@ class Analysis(NamedTuple):
     biases: tuple[Bias, ...] = ()
     timings: tuple[Timing, ...] = ()
     receivers: tuple[Receiver, ...] = ()
+    impacts: tuple[Impact, ...] = ()
+    rests: dict[int, Rest] = {}  # noqa: RUF012 - never changed
+    misjudged: frozenset[str] = frozenset()
 
 
 def analyse(flight: Flight) -> Analysis:
@@ -69,10 +89,24 @@ def analyse(flight: Flight) -> Analysis:
     tracks = tuple(t for t in map(_numbers, compasses) if len(t.t_s) > 1)
     if flight.kind == WITHOUT_TIMES:
         return _of_samples(flight, tuple(_stamped(track) for track in tracks), (), ())
+    dead = dead_compasses(context)
+    numbers = {one.compass for one in dead}
+    compasses = tuple(_without_field(t) if t.imu in numbers else t for t in compasses)
     analysis = _of_samples(flight, tracks, context.armed, paused)
     best = best_attitude(flight)
-    slow = tuple(slowed(track) for track in tracks)
-    biases, found = look_at_biases(slow, best, context.armed, flight.findings)
+    slow = tuple(slowed(_without_field(t) if t.imu in numbers else t) for t in tracks)
+    first = _soundest(flight, slow)
+    rests = {track.imu: rest_of(track, context) for track in slow}
+    blows, found = _of_vehicle(context, tracks, first)
+    found += look_at_dead(dead)
+    # After a crash neither sensors nor attitudes are those of a flight.
+    crashed = [Span(b.t_s - BEFORE_IMPACT_S, b.to_s, "crashed") for b in blows if b.is_crash]
+    context = context._replace(armed=without(context.armed, crashed))
+    biases, own = look_at_biases(slow, best, context.armed, flight.findings)
+    at_rest = [one for track in slow for one in look_at_rest(rests[track.imu], track.imu)]
+    # What standing still shows needs no attitude, and is the surer one.
+    known = {(kind, one.sensor) for one in at_rest for kind in AT_REST.get(one.kind, ())}
+    found += [*at_rest, *(one for one in own if (one.kind, one.sensor) not in known)]
     fields, fits = [], []
     receivers: list[Receiver] = []
     for track in compasses:
@@ -81,13 +115,15 @@ def analyse(flight: Flight) -> Analysis:
         fields += [] if field is None else [field]
         fits += [] if fit is None else [fit]
         found += own
-    first = _soundest(flight, slow)
     alive = tuple(t for t in (measuring(t, flight.findings) for t in slow) if len(t.t_s) > 1)
     for track in alive:
         found += look_at_gyro_scale(track, context.armed)
     is_polled = flight.kind in TELEMETRY
+    rest = NEVER if first is None else rests[first.imu]
     for fixes in map(_fixes, context.gps):
-        receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)
+        receiver, own = look_at_receiver(
+            fixes, context, first, best, is_polled=is_polled, rest=rest
+        )
         if best is not None and not receivers:
             moves = moves_of(fixes)
             steps = look_at_force_steps(alive, biases, moves, receiver.lag_s, best, context.armed)
@@ -100,15 +136,42 @@ def analyse(flight: Flight) -> Analysis:
             found += steps
         receivers.append(receiver)
         found += own
-    found += look_at_estimators(context, first, best, flight.findings)
-    found += look_at_ending(first, context.armed) if first is not None else []
+    found += look_at_estimators(context, first, best, flight.findings, rest)
+    wrong = misjudged(context, first, best, rest, flight.findings)
     return analysis._replace(
         findings=tuple(sorted([*analysis.findings, *found], key=lambda f: f.from_s)),
         fields=tuple(fields),
         compasses=tuple(fits),
         biases=biases,
         receivers=tuple(receivers),
+        impacts=tuple(blows),
+        rests=rests,
+        misjudged=frozenset(one.id for one in wrong),
     )
+
+
+def _of_vehicle(
+    context: Context, tracks: tuple[ImuTrack, ...], first: ImuTrack | None
+) -> tuple[list[Impact], list[Finding]]:
+    """What happened to the vehicle: by force and rate of the soundest IMU, outputs and demands."""
+    found = [*look_at_supply(context), *look_at_texts(context)]
+    track = next((one for one in tracks if first is not None and one.imu == first.imu), None)
+    if track is None:
+        return [], found
+    blows = impacts(track, context)
+    crashes = [blow for blow in blows if blow.is_crash]
+    bins = binned(track, context)
+    found += look_at_impacts(blows)
+    found += look_at_crash_checks(bins, context, blows)
+    found += look_at_motors(bins, context, crashes)
+    found += look_at_control(bins, context, crashes)
+    for one in tracks:
+        found += look_at_shaking(one, bins, context, blows)
+    return blows, found
+
+
+def _without_field(track: ImuTrack) -> ImuTrack:
+    return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:

@@ -24,6 +24,8 @@ from h2nav.review.tracks import CompassFit, Field
 MOST_POINTS = 2000
 MOST_ROWS = 4000
 SECTORS = 16
+# Headings that a fit needs: a third of a circle, each for so much of the time.
+FEWEST_SECTORS, LEAST_SHARE = 5, 0.005
 ROW_S = 0.2
 FEWEST_ROWS = 50
 # In a quick turn a field that is 20 ms late is 2 deg off.
@@ -446,7 +448,7 @@ def _constant(
     compass: int, rows: Rows, fit: Fit, context: Context, *, is_raw: bool
 ) -> list[Finding]:
     """Hard iron, soft iron and scale that were there all along."""
-    if fit.after_ut > BETTER * fit.before_ut:
+    if fit.after_ut > BETTER * fit.before_ut or not _has_turned(rows):
         return []
     norm = float(np.median(rows.norm_ut))
     level = max(norm * math.cos(float(np.median(rows.dip_rad))), 1.0)
@@ -482,6 +484,12 @@ def _constant(
         text = f"field is {scale:+.0%} against the earth's"
         tell(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
     return found
+
+
+def _has_turned(rows: Rows) -> bool:
+    """Whether enough headings were flown for what is fixed to the body to show."""
+    counts = np.bincount(_sector(rows.heading_rad), minlength=SECTORS)
+    return bool(np.count_nonzero(counts > LEAST_SHARE * counts.sum()) >= FEWEST_SECTORS)
 
 
 def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -> str:

@@ -13,9 +13,9 @@ from h2nav.maths.units import DEG
 from h2nav.review.analysis import Analysis
 from h2nav.review.causes import first_causes
 from h2nav.review.certainty import GROUPS, aids, covered_s
+from h2nav.review.chain import chain
 from h2nav.review.comparison import Difference, differences
 from h2nav.review.flight import Estimates, Flight
-from h2nav.review.gathering import all_findings
 from h2nav.review.parameters import in_order
 from h2nav.review.tracks import CompassFit, Receiver, Spectrum, Timing
 from h2nav.review.verdict import verdict
@@ -36,12 +36,13 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     context = flight.context
     start = context.start_unix_s
     apart = differences(flight)
-    findings = all_findings(flight, analysis)
-    first = first_causes(findings)
+    links = chain(flight, analysis)
+    first = first_causes(links.findings)
+    summed_up = verdict(flight, analysis, links)
     found = {
         "format": FORMAT,
         "schema": SCHEMA,
-        "verdict": verdict(findings, flight.why_no_estimate),
+        "verdict": summed_up.text,
         "name": flight.name,
         "file": flight.file,
         "kind": flight.kind,
@@ -50,7 +51,11 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "autopilot": flight.autopilot,
         "start_utc": None if start is None else _date(start),
         "duration_s": context.duration_s,
-        "findings": [_finding(one, first[one.id]) for one in findings],
+        "findings": [
+            _finding(one, first[one.id], is_own=one.id in links.own) for one in links.findings
+        ],
+        "looked_at": list(summed_up.looked_at),
+        "not_looked_at": list(summed_up.missing),
         "checked": _checked(flight, analysis, apart),
         "missing": list(context.missing),
         "why_no_estimate": flight.why_no_estimate or None,
@@ -86,11 +91,12 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     return plain
 
 
-def _finding(finding: Finding, first_cause: str | None) -> dict[str, object]:
+def _finding(finding: Finding, first_cause: str | None, *, is_own: bool) -> dict[str, object]:
     of_kind = MEANINGS[finding.kind]
     return {
         **as_mapping(finding),
         "consequence_of": first_cause,
+        "about": "h2nav" if is_own else "vehicle",
         "means": of_kind.means,
         "check": of_kind.check,
     }

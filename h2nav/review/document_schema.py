@@ -15,7 +15,7 @@ def review_schema() -> dict[str, Any]:
     properties = {
         "format": {"const": FORMAT},
         "schema": {"type": "integer", "minimum": SCHEMA, "description": "grows with new keys"},
-        "verdict": {**_TEXT, "description": "the flight in one sentence"},
+        "verdict": {**_TEXT, "description": "the flight in a few sentences"},
         "name": _TEXT,
         "file": _TEXT,
         "kind": {"enum": ["tlog", "bytes", "mcap", "dataflash", "ulog"]},
@@ -25,6 +25,8 @@ def review_schema() -> dict[str, Any]:
         "start_utc": _MAY_TEXT,
         "duration_s": _NUMBER,
         "findings": {"type": "array", "items": {"$ref": "#/$defs/finding"}},
+        "looked_at": _list_of(_TEXT),
+        "not_looked_at": _list_of(_TEXT),
         "checked": _list_of(_object(what=_TEXT, for_s=_MAY_NUMBER)),
         "missing": _list_of(_TEXT),
         "why_no_estimate": _MAY_TEXT,
@@ -69,10 +71,11 @@ def _reviewed_finding() -> dict[str, Any]:
     first = "id of the finding at the beginning of the chain of causes; null for that one itself"
     finding["properties"] |= {
         "consequence_of": {**_MAY_TEXT, "description": first},
+        "about": {"enum": ["vehicle", "h2nav"], "description": "whose fault it would be"},
         "means": {**_TEXT, "description": "what a finding of this kind says, without terms"},
         "check": {**_TEXT, "description": "what to look at next"},
     }
-    finding["required"] += ["consequence_of", "means", "check"]
+    finding["required"] += ["consequence_of", "about", "means", "check"]
     return finding
 
 

@@ -23,6 +23,7 @@ from h2nav.review.inertial import (
     turns,
     within,
 )
+from h2nav.review.standstill import NEVER, Rest, tilt_at_rest
 
 # A step that no estimator makes by its usual corrections, within a second at the most.
 RESET_RAD = 4.0 * DEG
@@ -84,13 +85,21 @@ PHRASES = (
         "sensor or attitude unhealthy",
     ),
     _phrase(
+        Kind.SAID_FAILSAFE,
+        r"failsafe (activated|mode)|(radio|throttle|GCS|ground station|fence) failsafe"
+        r"|manual control.* lost|data ?link lost|flight termination|parachute.*release",
+        "failsafe",
+    ),
+    _phrase(
         CRASH,
         r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
         "crash or loss of thrust",
     ),
 )
-# Whatever the flight stack says before it flies belongs to its preparations.
-PREARM = re.compile(r"pre-?arm|preflight", re.IGNORECASE)
+# What ArduPilot says before it flies belongs to its preparations. PX4 says "Preflight Fail" of what
+# would keep it on the ground, in flight as well: there it counts.
+PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
+PREFLIGHT, FLOWN_S = re.compile(r"preflight", re.IGNORECASE), 5.0
 
 
 def look_at_estimators(
@@ -98,28 +107,30 @@ def look_at_estimators(
     track: ImuTrack | None,
     best: Attitudes | None,
     told: tuple[Finding, ...],
+    rest: Rest = NEVER,
 ) -> list[Finding]:
-    """What the autopilot's attitudes and texts show.
+    """What the autopilot's attitudes show.
 
     Args:
-        context: its attitudes, lanes, texts and armed state.
+        context: its attitudes, lanes and armed state.
         track: samples whose gyro the attitudes are held against; None without any.
         best: our attitude; None without one.
         told: findings of the checks in flight, which need not be repeated.
+        rest: windows in which the vehicle stood still: gravity shows who is right.
     """
-    found = _said(context) + _switches(context)
+    found = _switches(context)
     if not context.attitudes:
         return found
     if track is not None:
         found += _resets(context, track)
     found += _cores(context)
     if best is not None:
-        found += _beyond(context, track, best, told)
+        found += _beyond(context, track, best, told, rest)
     return found
 
 
-def _said(context: Context) -> list[Finding]:
-    """Texts, those of one meaning within the armed time together."""
+def look_at_texts(context: Context) -> list[Finding]:
+    """What the autopilot said, texts of one meaning within the armed time together."""
     found = []
     for kind, pattern, text in PHRASES:
         texts = [
@@ -139,6 +150,8 @@ def _said(context: Context) -> list[Finding]:
 def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
     """Said in flight; what is said at the very end belongs to disarming, unless it `is_end`."""
     margin_s = 1.0 if is_end else -1.0
+    if PREFLIGHT.search(said.text):
+        return any(s.from_s + FLOWN_S <= said.t_s <= s.to_s - 1.0 for s in context.armed)
     return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
 
 
@@ -316,7 +329,11 @@ def _cores(context: Context) -> list[Finding]:
 
 
 def _beyond(
-    context: Context, imu: ImuTrack | None, best: Attitudes, told: tuple[Finding, ...]
+    context: Context,
+    imu: ImuTrack | None,
+    best: Attitudes,
+    told: tuple[Finding, ...],
+    rest: Rest,
 ) -> list[Finding]:
     """The attitude that it flew by outside three deviations of both."""
     track = context.attitudes[0]
@@ -353,13 +370,62 @@ def _beyond(
         for piece in pieces:
             if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
                 continue
-            verdict, is_ours = _verdict(context, imu, own, best, (piece.from_s, piece.to_s))
+            verdict, is_ours = _whose(context, imu, own, best, rest, piece)
             told_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
             if is_ours:
                 text = f"the autopilot's {part} is off by {piece.size:.0f} deg"
                 told_as = told_as._replace(severity=Severity.WARNING, text=text)
             found.append(told_as)
     return found
+
+
+def misjudged(
+    context: Context,
+    imu: ImuTrack | None,
+    best: Attitudes | None,
+    rest: Rest,
+    told: tuple[Finding, ...],
+) -> tuple[Finding, ...]:
+    """Findings of the checks in flight that blame the autopilot's attitude where ours is wrong.
+
+    Args:
+        context: its attitudes and receivers.
+        imu: samples that velocities are compared with.
+        best: our attitude.
+        rest: windows in which the vehicle stood still: gravity shows who is right.
+        told: findings of the checks in flight.
+    """
+    if best is None or not context.attitudes:
+        return ()
+    track = context.attitudes[0]
+    own = attitudes(track.t_s, track.q_nb)
+    blamed = (Kind.AUTOPILOT_TILT, Kind.AUTOPILOT_HEADING)
+    return tuple(
+        one
+        for one in told
+        if one.kind in blamed and _whose(context, imu, own, best, rest, one)[1] is False
+    )
+
+
+def _whose(
+    context: Context,
+    imu: ImuTrack | None,
+    own: Attitudes,
+    best: Attitudes,
+    rest: Rest,
+    finding: Finding,
+) -> tuple[str, bool | None]:
+    """Whether gravity at rest, or the receiver's velocity, is with ours; None where neither is."""
+    if finding.kind is Kind.AUTOPILOT_TILT:
+        inside = (rest.t_s >= finding.from_s) & (rest.t_s <= finding.to_s)
+        theirs, ours = (tilt_at_rest(rest.part(inside), one) for one in (own, best))
+        if abs(theirs - ours) > RESET_RAD:
+            words = (
+                f"gravity at rest is {ours / DEG:.0f} deg from ours and {theirs / DEG:.0f} deg "
+                "from the autopilot's"
+            )
+            return words, ours < theirs
+    return _verdict(context, imu, own, best, (finding.from_s, finding.to_s))
 
 
 def _lasting(t_s: Array, apart: Array, is_so: Mask, least_s: float, like: Finding) -> list[Finding]:
@@ -386,17 +452,17 @@ def _verdict(
     own: Attitudes,
     best: Attitudes,
     span: tuple[float, float],
-) -> tuple[str, bool]:
+) -> tuple[str, bool | None]:
     """Whose attitude the receiver's velocity fits better, and whether it is ours."""
     gps = context.gps[0] if context.gps else None
     if gps is None or imu is None:
-        return "no velocity shows who is right", False
+        return "no velocity shows who is right", None
     at_s = gps.t_s[(gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix]
     v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
     late = np.searchsorted(at_s, at_s + WINDOW_S)
     first = np.flatnonzero(late < len(at_s))
     if len(first) < 5:
-        return "no velocity shows who is right", False
+        return "no velocity shows who is right", None
     change = v_n[late[first]] - v_n[first]
     rest = []
     for track in (own, best):
@@ -405,7 +471,7 @@ def _verdict(
         rest.append(float(np.sqrt(np.nanmean((change - inertial) ** 2))))
     theirs, ours = rest
     if min(theirs, ours) > BETTER * max(theirs, ours) or not all(map(math.isfinite, rest)):
-        return "the receiver's velocity does not show who is right", False
+        return "the receiver's velocity does not show who is right", None
     right = "ours" if ours < theirs else "the autopilot's"
     words = (
         f"the receiver's velocity fits {right} better (rms {ours:.2f} m/s with ours, "

@@ -24,7 +24,7 @@ from h2nav.review.inertial import (
     unit,
     within,
 )
-from h2nav.review.receiver import Moves
+from h2nav.review.receiver_fit import Moves
 from h2nav.review.tracks import Bias
 
 # On each side of a jump, and how near to it nothing is looked at.

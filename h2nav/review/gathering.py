@@ -4,7 +4,6 @@ from collections.abc import Iterable
 
 from h2nav.integrity.findings import Finding, Kind, next_id
 from h2nav.review.analysis import Analysis
-from h2nav.review.causes import with_causes
 from h2nav.review.flight import Flight
 
 # What sensors of the same kind show within this time of each other, and about as large, is one.
@@ -25,7 +24,7 @@ def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
     ]
     both = identified(merged((*live, *dict.fromkeys(analysis.findings))))
     found = sorted(both, key=lambda one: (one.severity, one.from_s, one.kind))
-    return tuple(with_causes(found))
+    return tuple(found)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:

@@ -7,8 +7,8 @@ from h2nav.integrity.findings import Finding
 from h2nav.review.analysis import Analysis
 from h2nav.review.cards import cards, is_wrong
 from h2nav.review.certainty import GROUPS
+from h2nav.review.chain import chain
 from h2nav.review.flight import Flight
-from h2nav.review.gathering import all_findings
 from h2nav.review.html import asset, data_block, escape, frame, table
 from h2nav.review.parameters import Value, matters_for_attitude
 from h2nav.review.pictures import (
@@ -47,7 +47,7 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     Returns:
         A file that opens without a network: findings, how sure they are, pictures.
     """
-    findings = all_findings(flight, analysis)
+    findings = chain(flight, analysis).findings
     happened = [one for one in (event.event(flight, findings),) if _is_filled(one)]
     sections = [one for one in _sections(flight, analysis, findings) if _is_filled(one)]
     drawn = _Drawn()

@@ -5,7 +5,6 @@ that is a little wrong stay small. The constant of the inertial velocity falls o
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +20,8 @@ from h2nav.review.inertial import (
     thinned,
     within,
 )
+from h2nav.review.receiver_fit import Moves, fits
+from h2nav.review.standstill import NEVER, Rest, bias_at_rest, force_error
 from h2nav.review.tracks import Receiver
 
 MOST_POINTS = 2000
@@ -64,15 +65,6 @@ POOR_SIGMA_M_S = 1.0
 POOR_FOR_S = 10.0
 
 
-class Moves(NamedTuple):
-    """Fixes with a velocity: (N,) times, (N, 3) velocity (unknown down = 0), (3,) known axes."""
-
-    t_s: Array
-    v_n: Array
-    sigma_m_s: Array
-    axes: Mask
-
-
 def look_at_receiver(
     gps: GpsTrack,
     context: Context,
@@ -80,6 +72,7 @@ def look_at_receiver(
     best: Attitudes | None,
     *,
     is_polled: bool,
+    rest: Rest = NEVER,
 ) -> tuple[Receiver, list[Finding]]:
     """One receiver.
 
@@ -90,6 +83,7 @@ def look_at_receiver(
         best: the attitude; None without one.
         is_polled: its fixes come in a stream that has a rhythm of its own, so that they may be
             older by a period than at the receiver.
+        rest: windows in which the vehicle stood still.
     """
     sensor = Sensor(SensorKind.GPS, None if gps.receiver == 0 else gps.receiver + 1)
     found = [*_lost(sensor, gps, context), *_quality(sensor, gps, context)]
@@ -104,9 +98,11 @@ def look_at_receiver(
         lag_s = _lag(moves, velocity)
         found += _told_lag(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
-        tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
-        flying = within(moves.t_s, context.armed)
-        found += _contradictions(sensor, moves, velocity, tilt, flying, own)
+        slow = _slow(moves, best, force_error(rest))
+        against = _contradictions(sensor, moves, velocity, slow, context, own)
+        found += [
+            one for one in against if not fits(one, moves, track, best, bias_at_rest(rest), own)
+        ]
         difference = _change(gps.t_s, gps.v_n, velocity, LENGTHS_S[0], own)
     place = thinned(len(gps.t_s), MOST_POINTS)
     shown = Receiver(
@@ -119,6 +115,13 @@ def look_at_receiver(
         lag_s,
     )
     return shown, found
+
+
+def _slow(moves: Moves, best: Attitudes, force_m_s2: float) -> Array:
+    """(N,) deviation of the inertial acceleration by accelerometer and tilt, m/s^2."""
+    tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
+    slow: Array = np.hypot(max(FORCE_SIGMA_M_S2, force_m_s2), GRAVITY_M_S2 * tilt)
+    return slow
 
 
 def moves_of(gps: GpsTrack) -> Moves:
@@ -250,9 +253,15 @@ def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
 
 
 def _contradictions(
-    sensor: Sensor, moves: Moves, velocity: Velocity, tilt: Array, flying: Mask, lag_s: float
+    sensor: Sensor,
+    moves: Moves,
+    velocity: Velocity,
+    slow: Array,
+    context: Context,
+    lag_s: float,
 ) -> list[Finding]:
-    """Where a change of velocity is none that the IMU could have missed."""
+    """Where a change of velocity is none that the IMU could have missed by this attitude."""
+    flying = within(moves.t_s, context.armed)
     worst = np.zeros(len(moves.t_s))
     ratio = np.zeros(len(moves.t_s))
     begins = moves.t_s.copy()
@@ -261,10 +270,11 @@ def _contradictions(
     )
     for length_s in LENGTHS_S:
         change = _change(moves.t_s, moves.v_n, velocity, length_s, lag_s)[:, moves.axes]
-        size = np.where(flying, np.nan_to_num(np.linalg.norm(change, axis=1)), 0.0)
+        counts = flying & within(moves.t_s - length_s, context.armed)
+        size = np.where(counts, np.nan_to_num(np.linalg.norm(change, axis=1)), 0.0)
         at_s = moves.t_s - lag_s
-        slow = length_s * np.hypot(FORCE_SIGMA_M_S2, GRAVITY_M_S2 * tilt)
-        sigma = np.sqrt(receiver**2 + slow**2 + velocity.variance(at_s - length_s, at_s))
+        inertial = (length_s * slow) ** 2 + velocity.variance(at_s - length_s, at_s)
+        sigma = np.sqrt(receiver**2 + inertial)
         own = size / (GATE * sigma)
         better = own > ratio
         worst, ratio = np.where(better, size, worst), np.where(better, own, ratio)
@@ -347,6 +357,8 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     found = []
     # Reports may come in bursts: what is usual between two of them is no loss.
     usual_s = float(np.quantile(np.diff(gps.t_s), USUAL_SHARE)) if len(gps.t_s) > 1 else 0.0
+    if len(gps.t_s) and not gps.has_fix.any() and context.armed:
+        found.append(_never(sensor, gps, context))
     for span in context.armed:
         inside = (gps.t_s >= span.from_s) & (gps.t_s <= span.to_s)
         good = np.concatenate(([span.from_s], gps.t_s[inside & gps.has_fix], [span.to_s]))
@@ -368,6 +380,24 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
                 )
             )
     return found
+
+
+def _never(sensor: Sensor, gps: GpsTrack, context: Context) -> Finding:
+    """A receiver that is there, and never had a fix: indoors that is as it should be."""
+    from_s, to_s = context.armed[0].from_s, context.armed[-1].to_s
+    known = gps.satellites[np.isfinite(gps.satellites)]
+    most = f"; at most {known.max():.0f} satellites" if len(known) else ""
+    return Finding(
+        Kind.GPS_LOST,
+        sensor,
+        Severity.NOTICE,
+        from_s,
+        to_s,
+        to_s - from_s,
+        "s",
+        "no fix in the whole flight",
+        f"{len(gps.t_s)} reports, none with a 3D fix{most}",
+    )
 
 
 def _frozen(sensor: Sensor, gps: GpsTrack, flying: Mask) -> list[Finding]:

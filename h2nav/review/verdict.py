@@ -1,25 +1,290 @@
-"""The one sentence at the top of a review: what a pilot would say of the flight."""
+"""One sentence or three that a pilot would say of a flight, composed of the chain of findings."""
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
-from h2nav.integrity.findings import Finding, Severity
+import numpy as np
+
+from h2nav.flightlogs.context import Context
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.review.analysis import Analysis
+from h2nav.review.chain import Chain
+from h2nav.review.flight import Flight
+
+# What is said of a time within so long of it belongs to it.
+NEAR_S = 1.5
+MOST_SENSORS = 3
+FULL_THROTTLE = 0.97
+SENSORS = (
+    SensorKind.IMU,
+    SensorKind.GYRO,
+    SensorKind.COMPASS,
+    SensorKind.GPS,
+    SensorKind.BAROMETER,
+    SensorKind.BATTERY,
+)
+ESTIMATORS = (
+    Kind.ATTITUDE_RESET,
+    Kind.AUTOPILOT_HEADING,
+    Kind.AUTOPILOT_TILT,
+    Kind.CORES_DIFFER,
+    Kind.ESTIMATOR_SWITCH,
+    Kind.SAID_EKF_FAILED,
+)
+# Of how a thing was recorded, and not of the thing.
+RECORDING = (
+    Kind.CLOCK_DRIFT,
+    Kind.IMU_GAPS,
+    Kind.IMU_SLOW,
+    Kind.IMU_TOO_SLOW,
+    Kind.IMU_TWICE,
+    Kind.LATE_BURSTS,
+    Kind.LOG_PAUSED,
+    Kind.VELOCITY_LOST,
+)
+# In words that follow "was" or "had".
+PHRASES: dict[Kind, str] = {
+    Kind.ACCELEROMETER_APART: "the accelerometers disagreed",
+    Kind.ACCELEROMETER_BIAS: "the accelerometer was not calibrated",
+    Kind.ACCELEROMETER_BIAS_STEP: "an accelerometer's bias jumped",
+    Kind.ACCELEROMETER_FROZEN: "an accelerometer froze",
+    Kind.AUTOPILOT_CRASH_CHECK: "the autopilot's crash check was false: the vehicle stood still",
+    Kind.AUTOPILOT_HEADING: "the autopilot's heading was wrong",
+    Kind.AUTOPILOT_TILT: "the autopilot's roll or pitch was wrong",
+    Kind.AXIS_STUCK: "an axis of an IMU was stuck",
+    Kind.BARO: "the barometer failed",
+    Kind.BATTERY: "the battery was low",
+    Kind.CLIPPED_SAMPLES: "the accelerometer clipped",
+    Kind.CLIPPING: "the accelerometer clipped",
+    Kind.COMPASS_FIELD: "the compass was disturbed",
+    Kind.COMPASS_FROZEN: "the compass froze",
+    Kind.COMPASS_HARD_IRON: "the compass was not calibrated",
+    Kind.COMPASS_MOTORS: "the motors disturbed the compass",
+    Kind.COMPASS_SCALE: "the compass was not calibrated",
+    Kind.COMPASS_SOFT_IRON: "the compass was not calibrated",
+    Kind.COMPASS_STEP: "a magnetic disturbance came or went",
+    Kind.CORES_DIFFER: "the autopilot's estimators disagreed",
+    Kind.ESTIMATOR_SWITCH: "the autopilot changed its estimator",
+    Kind.GPS_FROZEN: "the GPS repeated itself",
+    Kind.GPS_JUMP: "the GPS position jumped",
+    Kind.GPS_LOST: "the GPS lost its fix",
+    Kind.GPS_VELOCITY: "the GPS velocity was wrong",
+    Kind.GYRO_APART: "the gyros disagreed",
+    Kind.GYRO_BIAS_STEP: "a gyro's bias jumped",
+    Kind.GYRO_FROZEN: "a gyro froze",
+    Kind.GYRO_SCALE: "a gyro's scale was off",
+    Kind.IMU_FROZEN: "an IMU froze",
+    Kind.SAID_AIDING: "the EKF had no position",
+    Kind.SAID_COMPASS: "the autopilot did not trust its compass",
+    Kind.SAID_CRASH: "the autopilot reported a crash",
+    Kind.SAID_EKF_FAILED: "the EKF failsafe came",
+    Kind.SAID_FAILSAFE: "a failsafe came",
+    Kind.SAID_GPS_GLITCH: "the GPS glitched",
+    Kind.SAID_SENSOR: "the autopilot reported a sensor or attitude fault",
+    Kind.SAID_VIBRATION: "the autopilot reported vibration",
+    Kind.SAID_YAW_RESET: "the EKF reset its heading",
+    Kind.VIBRATION_LEVEL: "the vibration was strong",
+}
 
 
-def verdict(findings: Sequence[Finding], why_no_estimate: str = "") -> str:
-    """What page, JSON, terminal and fleet list say first.
+class Verdict(NamedTuple):
+    """What is said above everything else.
+
+    Attributes:
+        text: one to four sentences.
+        looked_at: what was looked at, one phrase each.
+        missing: what could not be looked at.
+    """
+
+    text: str
+    looked_at: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
+    """The verdict on a flight.
 
     Args:
-        findings: all, in the order in which they are shown, with their causes.
-        why_no_estimate: why there is no attitude of our own; empty where there is one.
+        flight: what was recorded.
+        analysis: what the whole of it shows.
+        links: the findings, causes before consequences.
     """
-    wrong = [one for one in findings if one.severity <= Severity.WARNING]
-    causes = [one for one in wrong if one.cause is None]
-    if not causes:
-        place = " in what could be looked at" if why_no_estimate else ""
-        return f"Nothing was found wrong{place}."
-    first, others = causes[0], len(wrong) - 1
-    name = "" if first.source.lower() in first.text.lower() else f"{first.source}: "
-    said = f"At {first.from_s:.0f} s: {name}{first.text}"
-    if others:
-        said += f"; {others} more thing{'s were' if others > 1 else ' was'} found wrong"
-    return f"{said}."
+    looked, missing = _looked_at(flight, analysis)
+    of_vehicle = [one for one in links.findings if one.id not in links.own]
+    crashes = sorted(
+        (one for one in of_vehicle if one.kind is Kind.CRASH), key=lambda one: one.from_s
+    )
+    lost = [one for one in of_vehicle if one.kind is Kind.LOSS_OF_CONTROL and one.cause is None]
+    if crashes:
+        text = _crashed(flight.context, crashes, of_vehicle)
+    elif lost:
+        text = _lost(flight.context, lost[0], of_vehicle)
+    else:
+        text = _flown(of_vehicle, looked, missing)
+    return Verdict(text, looked, missing)
+
+
+# --- a crash ------------------------------------------------------------------------------------
+
+
+def _crashed(context: Context, crashes: list[Finding], found: list[Finding]) -> str:
+    first = crashes[0]
+    times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
+    when = f"{times} and {crashes[-1].from_s:.0f} s" if times else f"{first.from_s:.0f} s"
+    parts = [f"Crashed at {when}."]
+    if len(crashes) == 1:
+        parts.append(_before(context, first, found))
+    else:
+        parts += [
+            f"At {one.from_s:.0f} s: {_lower(_before(context, one, found))}"
+            for one in crashes
+            if _before(context, one, found)
+        ]
+    parts.append(_until(first, found))
+    return " ".join(part for part in parts if part)
+
+
+def _until_blow(context: Context) -> str:
+    return "Until the blow it followed its demand" if context.demand is not None else ""
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
+    """How it came to a crash: control that was lost, a motor, or a blow without either."""
+    causes = {one.id: one for one in found}
+    lost = causes.get(crash.cause or "")
+    if lost is None or lost.kind is Kind.MOTOR_SATURATED:
+        return _state(context, crash.from_s - 1.0, _until_blow(context), found)
+    if lost.kind is not Kind.LOSS_OF_CONTROL:
+        return _sentence(lost)
+    root = causes.get(lost.cause or "")
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}", found)
+    if root is None or root.kind is Kind.CRASH:
+        return said
+    return f"{_sentence(root)} {said}"
+
+
+def _at(one: Finding) -> str:
+    return f"{one.from_s:.0f} s"
+
+
+def _state(context: Context, t_s: float, text: str, found: list[Finding]) -> str:
+    """The text, with throttle and motors as they were."""
+    parts = [text] if text else []
+    throttle = context.throttle
+    if throttle is not None and len(throttle.t_s):
+        near = np.abs(throttle.t_s - t_s) < NEAR_S
+        if near.any() and float(np.nanmax(throttle.values[near])) >= FULL_THROTTLE:
+            parts.append("throttle at 100 %")
+    numbers = sorted(
+        one.sensor.number or 0
+        for one in found
+        if one.kind is Kind.MOTOR_SATURATED and one.from_s - NEAR_S <= t_s <= one.to_s + 5.0
+    )
+    if numbers:
+        parts.append(f"{_motors(numbers)} at {'its' if len(numbers) == 1 else 'their'} limit")
+    said = ", ".join(parts)
+    return f"{said[:1].upper()}{said[1:]}." if parts else ""
+
+
+def _motors(numbers: list[int]) -> str:
+    if len(numbers) == 1:
+        return f"motor {numbers[0]}"
+    return f"motors {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+
+
+def _until(crash: Finding, found: list[Finding]) -> str:
+    """Which sensors were wrong before, or that all were sound."""
+    before = [
+        one
+        for one in found
+        if one.severity <= Severity.WARNING
+        and one.from_s < crash.from_s - NEAR_S
+        and one.kind not in (*RECORDING, Kind.CRASH, Kind.LOSS_OF_CONTROL, Kind.MOTOR_FAILED)
+    ]
+    sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
+    estimators = [one for one in before if one.kind in ESTIMATORS]
+    motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
+    parts = [_phrase(one) for one in (*motors, *sensors)]
+    if estimators and not sensors:
+        parts += [_phrase(one) for one in estimators]
+    unique = list(dict.fromkeys(parts))[:MOST_SENSORS]
+    if not unique:
+        return "Sensors and estimators were sound until then."
+    return f"Before that, {_listed(unique)}."
+
+
+# --- no crash -----------------------------------------------------------------------------------
+
+
+def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}", found)
+    return f"{said} {_until(lost, found)}"
+
+
+def _flown(found: list[Finding], looked: tuple[str, ...], missing: tuple[str, ...]) -> str:
+    """The worst, each once; or that nothing was found."""
+    serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
+    serious = [one for one in serious if one.kind not in RECORDING] or serious
+    failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
+    if serious:
+        parts = list(dict.fromkeys(_phrase(one) for one in serious))
+        shown = _listed(parts[:MOST_SENSORS])
+        more = len(parts) - MOST_SENSORS
+        rest = f", and {more} more" if more > 0 else ""
+        begin = "" if failed else "No crash. "
+        return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}."
+    if not looked:
+        return "Nothing was found wrong in what could be looked at."
+    text = "Nothing was found wrong."
+    text += f" Looked at: {', '.join(looked)}."
+    if missing:
+        text += f" Not looked at: {', '.join(missing)}."
+    return text
+
+
+def _sentence(one: Finding) -> str:
+    phrase = _phrase(one)
+    return f"{phrase[:1].upper()}{phrase[1:]} at {one.from_s:.0f} s."
+
+
+def _phrase(one: Finding) -> str:
+    """Of a finding, for the middle of a sentence."""
+    numbers = ", ".join(map(str, one.sensor.numbers))
+    match one.kind:
+        case Kind.MOTOR_FAILED | Kind.MOTOR_IMBALANCE | Kind.MOTOR_SATURATED | Kind.VIBRATION:
+            return one.text
+        case Kind.GYRO_BIAS:
+            return f"gyro {numbers} turned at {one.size:.0f} deg/s while it stood still"
+        case Kind.ACCELEROMETER_SCALE:
+            return f"accelerometer {numbers} was off by {0.1 * one.size:.0f} % at rest"
+        case Kind.COMPASS_DEAD:
+            return f"compass {numbers} measured nothing"
+        case Kind.HARD_LANDING:
+            return f"it {one.text} at {one.from_s:.0f} s"
+    return PHRASES.get(one.kind, one.text)
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _looked_at(flight: Flight, analysis: Analysis) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What there was to look at, and what was not recorded."""
+    context = flight.context
+    both = {
+        "crash and landing": (bool(context.imus and context.armed), ""),
+        "attitude against its demand": (context.demand is not None, "no demands"),
+        "motors": (context.motors is not None, "no motor outputs"),
+        "IMUs": (bool(context.imus), "no IMU"),
+        "compasses": (bool(analysis.fields or context.compass_rows), "no compass"),
+        "GPS": (any(gps.has_fix.any() for gps in context.gps), "no GPS fix"),
+        "vibration": (bool(analysis.vibrations), ""),
+        "battery": (bool(context.batteries), "no battery"),
+        "the autopilot's estimators": (bool(context.attitudes), "no attitude of the autopilot"),
+    }
+    looked = tuple(name for name, (is_so, _) in both.items() if is_so)
+    missing = tuple(why for is_so, why in both.values() if not is_so and why)
+    return looked, missing

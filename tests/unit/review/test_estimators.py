@@ -151,5 +151,6 @@ def test_a_vehicle_that_ends_on_its_side_is_told():
     changed = flown.context.imus[0]._replace(f_b=f_b, w_b=w_b)
     flown = flown._replace(context=flown.context._replace(imus=(changed,), gps=()), estimates=None)
     found = {f.kind: f for f in analyse(flown).findings}
-    assert found["toppled"].size == pytest.approx(87.0, abs=3.0)
-    assert "impact of 9 g" in found["toppled"].evidence
+    assert found["crash"].from_s == pytest.approx(110.0, abs=0.2)
+    assert found["crash"].size == pytest.approx(90.0, abs=1.0)
+    assert "87 deg from how it had stood" in found["crash"].evidence

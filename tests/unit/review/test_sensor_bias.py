@@ -120,6 +120,6 @@ def test_an_accelerometer_that_does_not_show_gravity_at_rest_is_told():
     flown = flight("rest", armed=(), gps=())
     f_b = 1.12 * flown.context.imus[0].f_b
     (finding,) = analyse(with_imu(flown, f_b=f_b)).findings
-    assert finding.kind == "accelerometer_bias"
-    assert finding.size == pytest.approx(0.12 * 9.81, abs=0.1)
+    assert finding.kind == "accelerometer_scale"
+    assert finding.size == pytest.approx(120.0, abs=10.0)
     assert not analyse(flight("rest", armed=())).findings
