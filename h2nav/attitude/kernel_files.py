@@ -44,7 +44,7 @@ VELOCITY_AIDED = KernelFiles(
     "velocity_aided",
     _kernel(
         "velocity_aided",
-        *("prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "estimate"),
+        *("field_offset", "prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "estimate"),
         "step",
     ),
     "step",

@@ -38,13 +38,15 @@ from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.heading_witness import (
     HIGH_PASS_S,
     INFLATION,
+    Heading,
     HeadingWitness,
     velocity_walk,
 )
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.kernel.estimate import estimate
+from h2nav.attitude.velocity_aided.kernel.field_offset import open_offset
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
-from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density
+from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density, set_matrix
 from h2nav.attitude.velocity_aided.kernel.start import begin, expect_vertical_bias, find_in_air
 from h2nav.attitude.velocity_aided.kernel.step import step
 from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
@@ -68,6 +70,11 @@ HEAD_SIZE = 4
 KNOWN_BIAS_RAD_S = 0.3 * DEG
 # Deviation of a tilt that was not followed for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
+
+# A heading that differs from that of the velocities by more deviations, and by more at all, is
+# doubted: any iron may be in the field. Of the regression so many of its own deviations count.
+DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
+WIDE_OFFSET = 0.1  # of the field's norm
 
 _FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
@@ -300,6 +307,7 @@ class VelocityAidedFilter:
         s.heading_witnessed = 0.0 if seen is None else 1.0
         if seen is not None:
             s.heading_unknown = 0.0
+            self._confirm(seen)
         if seen is not None and seen.contradicts:
             turn_heading(s, self._workspace, self._g, seen.turn_rad)
             s.heading_variance = min(s.heading_variance, (INFLATION * seen.sigma_rad) ** 2)
@@ -307,6 +315,18 @@ class VelocityAidedFilter:
             # Latency and tilt were learnt from velocities that were turned the wrong way.
             s.fix_lag_s, s.fix_lag_variance = 0.0, self._g.fix_lag_variance
             self._watch_in_air(self._t_us or 0)
+
+    def _confirm(self, seen: Heading) -> None:
+        """What velocities say of the heading: they confirm it, or the field that gave it is doubted."""
+        s, g = self._state, self._g
+        off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
+        if off * off > DOUBT**2 * (s.heading_variance + sigma**2) and off > LEAST_DOUBT_RAD:
+            if g.offset_variance > 0.0 and s.mag_ref_given > 0.0:
+                set_matrix(s, self._workspace, *s.q_nb[:])
+                open_offset(s, self._workspace, WIDE_OFFSET**2)
+        elif not seen.contradicts:
+            shown = max(off, sigma)
+            s.heading_confirmed = min(s.heading_confirmed or math.pi, shown)
 
     def _watch_in_air(self, t_us: int) -> None:
         """Begins a window in the air; where the gyro's bias is not known, the loop is better."""

@@ -4,6 +4,7 @@ Equations: docs/filter.md.
 """
 
 from ..memory import Gains, State, Workspace
+from .field_offset import shrink_offset, times_offset
 from .theta import shrink, times_covariance
 
 
@@ -39,17 +40,35 @@ def measure_all(
     hx = s.p_accel[0] * ax + s.p_accel[1] * ay
     hy = s.p_accel[1] * ax + s.p_accel[2] * ay
     hl = s.fix_lag_variance * row_lag
+    times_offset(s, w)
     variance = 0.0
     left = innovation
+    for i in range(3):
+        left = left - w.row_offset[i] * w.doffset[i]
     for i in range(4):
-        h[i] = h[i] + s.p_accel_x[i] * ax + s.p_accel_y[i] * ay
+        h[i] = (
+            h[i]
+            + s.p_accel_x[i] * ax
+            + s.p_accel_y[i] * ay
+            + w.row_offset[0] * s.p_offset_x[i]
+            + w.row_offset[1] * s.p_offset_y[i]
+            + w.row_offset[2] * s.p_offset_z[i]
+        )
+        w.offset_gain[0] = w.offset_gain[0] + s.p_offset_x[i] * row[i]
+        w.offset_gain[1] = w.offset_gain[1] + s.p_offset_y[i] * row[i]
+        w.offset_gain[2] = w.offset_gain[2] + s.p_offset_z[i] * row[i]
         hx = hx + s.p_accel_x[i] * row[i]
         hy = hy + s.p_accel_y[i] * row[i]
         variance = variance + row[i] * h[i]
         left = left - row[i] * w.dtheta[i]
+    for i in range(3):
+        variance = variance + w.row_offset[i] * w.offset_gain[i]
     scale = 1.0 / (variance + ax * hx + ay * hy + row_lag * hl + noise)
     e = scale * (left - ax * w.daccel[0] - ay * w.daccel[1] - row_lag * w.dfix_lag)
     shrink(s, h[0], h[1], h[2], h[3], scale)
+    shrink_offset(s, w, h, scale)
+    for i in range(3):
+        w.doffset[i] = w.doffset[i] + w.offset_gain[i] * e
     kx = scale * hx
     ky = scale * hy
     for i in range(4):

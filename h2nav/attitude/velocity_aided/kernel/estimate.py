@@ -13,6 +13,9 @@ LOST_HEADING_RAD = 1.8137993642342178  # pi over the root of 3: of a heading tha
 # The densities of the loop and of theta are upper limits of what they stand for.
 TILT_SHARE = 0.85
 HEADING_SHARE = 0.5
+# Of the field, until velocities have confirmed the heading: a few percent of iron turn it, and show
+# in norm and dip no more than the calibration's own errors.
+UNCONFIRMED = 0.05
 FIELD_OFFSET = 0.01  # of the field: what no model of it knows
 
 
@@ -73,4 +76,10 @@ def heading_deviation(s: State) -> float:
     variance = s.heading_variance
     if variance < 0.0:  # by rounding
         variance = 0.0
+    if s.mag_ref_given > 0.0:
+        unconfirmed = UNCONFIRMED * UNCONFIRMED
+        shown = s.heading_confirmed * s.heading_confirmed * flat * flat
+        if shown > 0.0 and shown < unconfirmed:
+            unconfirmed = shown
+        hidden = hidden + unconfirmed
     return math.sqrt(HEADING_SHARE * HEADING_SHARE * variance + hidden / (flat * flat))

@@ -7,11 +7,16 @@ import math
 
 from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Sample, State, Workspace
 from .aiding import measure_all
+from .field_offset import correct_offset, offset_spread, open_offset
 from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that passes
+# Along the reference and down, where no heading has a part: of what no model of the earth's field
+# and no calibration knows, and twice the time for which it stays the same.
+MODEL_SHARE = 0.02
+MODEL_TIME = 40.0  # s
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
 
@@ -61,7 +66,10 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if lost < 0.0 and s.heading_witnessed == 0.0:
         turn_heading(s, w, g, innovation)
         return FIELD_USED
-    measure_heading(s, w, g, innovation, age)
+    in_flight = 0.0
+    if sample.rest_prior == 0.0:
+        in_flight = 1.0
+    measure_heading(s, w, g, innovation, age, in_flight)
     return FIELD_USED
 
 
@@ -82,9 +90,9 @@ def rotate_field(s: State, w: Workspace, g: Gains, sample: Sample) -> float:
     wx = sample.gyro[0] - s.gyro_bias[0]
     wy = sample.gyro[1] - s.gyro_bias[1]
     wz = sample.gyro[2] - s.gyro_bias[2]
-    mx = sample.mag[0]
-    my = sample.mag[1]
-    mz = sample.mag[2]
+    mx = sample.mag[0] - s.mag_ref_norm * s.field_offset[0]
+    my = sample.mag[1] - s.mag_ref_norm * s.field_offset[1]
+    mz = sample.mag[2] - s.mag_ref_norm * s.field_offset[2]
     # What the rotation since the sample was taken has done to it.
     lx = wy * mz - wz * my
     ly = wz * mx - wx * mz
@@ -145,6 +153,9 @@ def is_rejected(s: State, g: Gains, norm: float, dip: float, age: float) -> floa
     s.p_zh = 0.0
     s.p_accel_x[3] = 0.0
     s.p_accel_y[3] = 0.0
+    s.p_offset_x[3] = 0.0
+    s.p_offset_y[3] = 0.0
+    s.p_offset_z[3] = 0.0
     s.heading_variance = g.heading_variance
     return 0.0
 
@@ -216,7 +227,7 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
         return 0.0
     h = [0.0, 0.0, 0.0, 0.0]
     times_covariance(s, w.jacobian, h)
-    expected = noise
+    expected = noise + offset_spread(s, w)
     for i in range(4):
         expected = expected + w.jacobian[i] * h[i]
     if innovation * innovation <= g.mag_heading_gate * expected:
@@ -243,6 +254,11 @@ def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
     for i in range(4):
         w.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
     w.jacobian[3] = w.jacobian[3] + 1.0
+    # The offset of the field turns it by what of it is across the field's horizontal part.
+    flat = math.sqrt(w.mag_ned[0] * w.mag_ned[0] + w.mag_ned[1] * w.mag_ned[1])
+    share = s.mag_ref_norm / (flat * flat + 0.0001 * s.mag_ref_norm * s.mag_ref_norm)
+    for i in range(3):
+        w.row_offset[i] = share * (w.mag_ned[1] * w.r_nb[i] - w.mag_ned[0] * w.r_nb[3 + i])
     for i in range(2):
         w.jacobian_accel[i] = north * s.dtilt_accel_n[i] + east * s.dtilt_accel_e[i]
     tilt = math.sqrt(gyro_density(s, g) * s.velocity_noise)
@@ -253,10 +269,48 @@ def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
     return s.startup_inflation * (density + slope * slope * (2.0 * tilt + unknown))
 
 
-def measure_heading(s: State, w: Workspace, g: Gains, innovation: float, age: float) -> None:
-    """Theta from a heading that is seen through the tilt error.
+def measure_level_field(s: State, w: Workspace, age: float) -> None:
+    """The field's offset from the size of its level part and from the part down.
 
-    Source: docs/filter.md Eq. (25).
+    No heading has a part in them. Source: docs/filter.md Eq. (62).
+    """
+    row = [0.0, 0.0, 0.0, 0.0]
+    nothing = [0.0, 0.0]
+    north = w.mag_ned[0]
+    east = w.mag_ned[1]
+    flat = math.sqrt(north * north + east * east)
+    norm = s.mag_ref_norm
+    noise = MODEL_SHARE * MODEL_SHARE * MODEL_TIME / age
+    for i in range(3):
+        w.row_offset[i] = w.r_nb[6 + i]
+    down = w.mag_ned[2] / norm - math.sin(s.mag_ref_dip)
+    measure_all(s, w, row, nothing, 0.0, down, noise, 0.0)
+    scale = 1.0 / (flat + 0.001 * norm)
+    for i in range(3):
+        w.row_offset[i] = scale * (north * w.r_nb[i] + east * w.r_nb[3 + i])
+    level = flat / norm - math.cos(s.mag_ref_dip)
+    measure_all(s, w, row, nothing, 0.0, level, noise, 0.0)
+
+
+def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
+    """Two components of a disturbance show in norm and dip; the third is of their size.
+
+    Source: docs/filter.md Eq. (23), (61).
+    """
+    cosine = math.cos(s.mag_ref_dip)
+    shown = s.mag_disturbance * (cosine * cosine + 0.01)
+    known = s.p_offset[0] + s.p_offset[3] + s.p_offset[5]
+    if g.offset_variance > 0.0 and shown > 4.0 * g.offset_variance and shown > known:
+        open_offset(s, w, 4.0 * shown)
+        s.mag_disturbance = 0.0
+
+
+def measure_heading(
+    s: State, w: Workspace, g: Gains, innovation: float, age: float, in_flight: float
+) -> None:
+    """Theta, and the field's offset, from a heading that is seen through the tilt error.
+
+    Source: docs/filter.md Eq. (25), (61).
     """
     noise = set_jacobian(s, w, g) / age
     for i in range(4):
@@ -265,7 +319,13 @@ def measure_heading(s: State, w: Workspace, g: Gains, innovation: float, age: fl
         w.daccel[0] = 0.0
         w.daccel[1] = 0.0
         w.dfix_lag = 0.0
+        for i in range(3):
+            w.doffset[i] = 0.0
         measure_all(s, w, w.jacobian, w.jacobian_accel, 0.0, innovation, noise, 0.0)
+        if s.mag_ref_given > 0.0 and in_flight > 0.0:
+            measure_level_field(s, w, age)
+            doubt_offset(s, w, g)
+        correct_offset(s, w)
     else:
         measure_theta(s, w, w.jacobian, innovation, noise)
     apply_theta(s, w, 0.0, 0.0)
@@ -295,4 +355,7 @@ def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
     s.p_zh = 0.0
     s.p_accel_x[3] = 0.0
     s.p_accel_y[3] = 0.0
+    s.p_offset_x[3] = 0.0
+    s.p_offset_y[3] = 0.0
+    s.p_offset_z[3] = 0.0
     s.heading_variance = g.heading_variance

@@ -6,6 +6,7 @@ Equations: docs/filter.md.
 import math
 
 from ..memory import MOST_REJECTED, Gains, Sample, State, Workspace
+from .field_offset import begin_offset, predict_offset
 
 
 def predict_attitude(s: State, w: Workspace, sample: Sample) -> None:
@@ -116,6 +117,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
         s.gained_n = s.gained_n + north
         s.gained_e = s.gained_e + east
         predict_accel(s, w, g, dt)
+        predict_offset(s, w, g, dt)
     s.velocity_n = s.velocity_n + north
     s.velocity_e = s.velocity_e + east
     wx = sample.gyro[0] - s.gyro_bias[0]
@@ -200,6 +202,7 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
     for i in range(4):
         s.p_accel_x[i] = 0.0
         s.p_accel_y[i] = 0.0
+    begin_offset(s, w, g)
     level_sensitivities(s, w)
     s.fix_period_s = 1.0
     s.k_tilt = 0.0

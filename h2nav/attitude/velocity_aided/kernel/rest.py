@@ -7,6 +7,7 @@ import math
 
 from ..memory import REST, Gains, Sample, State, Workspace
 from .aiding import measure_all
+from .field_offset import correct_offset, forget_offset
 from .theta import apply_theta, measure_theta
 
 SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
@@ -91,7 +92,9 @@ def measure_bias(s: State, w: Workspace, axis: int, noise: float) -> None:
     innovation = s.gyro_lp[axis] - s.gyro_bias[axis]
     if s.aided > 0.0:
         # What theta shares with the accelerometer's bias has to follow.
+        forget_offset(w)
         measure_all(s, w, row, nothing, 0.0, innovation, noise, 0.0)
+        correct_offset(s, w)
     else:
         measure_theta(s, w, row, innovation, noise)
     apply_theta(s, w, 0.0, 0.0)

@@ -48,7 +48,9 @@ def begin(
     s.clipped_angle = s.clipped_s = 0.0
     s.gained_n = s.gained_e = 0.0
     s.mag_age_s = s.mag_new_s = s.heading_rejected_s = s.heading_witnessed = 0.0
-    s.aided = 0.0
+    s.aided = s.heading_confirmed = 0.0
+    for covariances in (s.p_offset_x, s.p_offset_y, s.p_offset_z):
+        covariances[:] = (0.0, 0.0, 0.0, 0.0)
 
 
 def expect_vertical_bias(s: State, g: Gains) -> None:
@@ -78,6 +80,7 @@ def find_in_air(
     if heading_sigma * heading_sigma < g.heading_variance:
         s.p_xh = s.p_yh = s.p_zh = 0.0
         s.p_accel_x[3] = s.p_accel_y[3] = 0.0
+        s.p_offset_x[3] = s.p_offset_y[3] = s.p_offset_z[3] = 0.0
         s.heading_variance = heading_sigma * heading_sigma
         s.heading_unknown = 0.0
         s.mag_accepted_age_s = 0.0

@@ -188,5 +188,8 @@ def limit(s: State, g: Gains) -> int:
         s.p_zh = c * s.p_zh
         s.p_accel_x[3] = c * s.p_accel_x[3]
         s.p_accel_y[3] = c * s.p_accel_y[3]
+        s.p_offset_x[3] = c * s.p_offset_x[3]
+        s.p_offset_y[3] = c * s.p_offset_y[3]
+        s.p_offset_z[3] = c * s.p_offset_z[3]
         s.heading_variance = g.heading_variance
     return bits

@@ -18,6 +18,7 @@ from ..memory import (
     Workspace,
 )
 from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, measure_all, use_gains
+from .field_offset import correct_offset, forget_offset
 from .prediction import forget_velocity, gyro_density
 from .theta import apply_theta, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
@@ -162,6 +163,7 @@ def correct_by_fix(
     w.daccel[0] = 0.0
     w.daccel[1] = 0.0
     w.dfix_lag = 0.0
+    forget_offset(w)
     learns = 0.0
     # Before the gyro's biases and the tilt have settled, their errors would look like another's;
     # and the noise of the force, gained over the loop's time, is noise of the fixes here.
@@ -175,6 +177,7 @@ def correct_by_fix(
     measure_all(s, w, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
     correct_accel(s, w, g)
+    correct_offset(s, w)
     use_constant_gain(
         s, w, north, east, s.k_tilt, s.k_velocity, accel_tilt_n(s, w), accel_tilt_e(s, w)
     )

@@ -1,0 +1,145 @@
+"""The field's offset in body axes (hard iron), which measured velocities show with the heading.
+
+It is in shares of the reference's norm. Equations: docs/filter.md.
+"""
+
+import math
+
+from ..memory import Gains, State, Workspace
+
+LARGEST = 0.3  # no field with a larger one passes its gates
+
+
+def begin_offset(s: State, w: Workspace, g: Gains) -> None:
+    """Measured velocities come, or come no more: a heading that the field has given shares its error.
+
+    Source: docs/filter.md Eq. (61).
+    """
+    for i in range(4):
+        s.p_offset_x[i] = 0.0
+        s.p_offset_y[i] = 0.0
+        s.p_offset_z[i] = 0.0
+    if s.aided == 0.0 or s.mag_ref_given == 0.0 or g.offset_variance == 0.0:
+        return
+    if s.p_offset[0] == 0.0:
+        open_offset(s, w, g.offset_variance)
+    else:
+        share_error(s, w)
+
+
+def open_offset(s: State, w: Workspace, variance: float) -> None:
+    """An offset of this variance may be in the field, and so in the heading.
+
+    Source: docs/filter.md Eq. (61).
+    """
+    for i in range(6):
+        s.p_offset[i] = 0.0
+    s.p_offset[0] = variance
+    s.p_offset[3] = variance
+    s.p_offset[5] = variance
+    for i in range(4):
+        s.p_offset_x[i] = 0.0
+        s.p_offset_y[i] = 0.0
+        s.p_offset_z[i] = 0.0
+    share_error(s, w)
+
+
+def share_error(s: State, w: Workspace) -> None:
+    """The error of a heading that the field alone has given."""
+    flat = math.cos(s.mag_ref_dip) + 0.01
+    north = math.cos(s.declination) / flat
+    east = math.sin(s.declination) / flat
+    for i in range(3):
+        w.row_offset[i] = east * w.r_nb[i] - north * w.r_nb[3 + i]
+    times_offset(s, w)
+    s.p_offset_x[3] = s.p_offset_x[3] - w.offset_gain[0]
+    s.p_offset_y[3] = s.p_offset_y[3] - w.offset_gain[1]
+    s.p_offset_z[3] = s.p_offset_z[3] - w.offset_gain[2]
+    for i in range(3):
+        s.heading_variance = s.heading_variance + w.row_offset[i] * w.offset_gain[i]
+
+
+def times_offset(s: State, w: Workspace) -> None:
+    """Writes P row of the offset alone into offset_gain."""
+    a = w.row_offset[0]
+    b = w.row_offset[1]
+    c = w.row_offset[2]
+    w.offset_gain[0] = s.p_offset[0] * a + s.p_offset[1] * b + s.p_offset[2] * c
+    w.offset_gain[1] = s.p_offset[1] * a + s.p_offset[3] * b + s.p_offset[4] * c
+    w.offset_gain[2] = s.p_offset[2] * a + s.p_offset[4] * b + s.p_offset[5] * c
+
+
+def predict_offset(s: State, w: Workspace, g: Gains, dt: float) -> None:
+    """Covariance of offset and heading over one step.
+
+    Source: docs/filter.md Eq. (60).
+    """
+    x = dt * w.r_nb[6]
+    y = dt * w.r_nb[7]
+    z = dt * w.r_nb[8]
+    s.p_offset_x[3] = s.p_offset_x[3] - (
+        x * s.p_offset_x[0] + y * s.p_offset_x[1] + z * s.p_offset_x[2]
+    )
+    s.p_offset_y[3] = s.p_offset_y[3] - (
+        x * s.p_offset_y[0] + y * s.p_offset_y[1] + z * s.p_offset_y[2]
+    )
+    s.p_offset_z[3] = s.p_offset_z[3] - (
+        x * s.p_offset_z[0] + y * s.p_offset_z[1] + z * s.p_offset_z[2]
+    )
+    if s.p_offset[0] < g.offset_variance:
+        s.p_offset[0] = s.p_offset[0] + g.offset_walk * dt
+    if s.p_offset[3] < g.offset_variance:
+        s.p_offset[3] = s.p_offset[3] + g.offset_walk * dt
+    if s.p_offset[5] < g.offset_variance:
+        s.p_offset[5] = s.p_offset[5] + g.offset_walk * dt
+
+
+def offset_spread(s: State, w: Workspace) -> float:
+    """What the offset adds to the variance of the heading that the field shows."""
+    times_offset(s, w)
+    variance = 0.0
+    for i in range(3):
+        variance = variance + w.row_offset[i] * w.offset_gain[i]
+    for i in range(4):
+        shared = (
+            w.row_offset[0] * s.p_offset_x[i]
+            + w.row_offset[1] * s.p_offset_y[i]
+            + w.row_offset[2] * s.p_offset_z[i]
+        )
+        variance = variance + 2.0 * w.jacobian[i] * shared
+    return variance
+
+
+def shrink_offset(s: State, w: Workspace, h: list[float], scale: float) -> None:
+    """P -= scale k k^T where the offset has a part; k is h and offset_gain."""
+    x = scale * w.offset_gain[0]
+    y = scale * w.offset_gain[1]
+    z = scale * w.offset_gain[2]
+    for i in range(4):
+        s.p_offset_x[i] = s.p_offset_x[i] - x * h[i]
+        s.p_offset_y[i] = s.p_offset_y[i] - y * h[i]
+        s.p_offset_z[i] = s.p_offset_z[i] - z * h[i]
+    s.p_offset[0] = s.p_offset[0] - x * w.offset_gain[0]
+    s.p_offset[1] = s.p_offset[1] - x * w.offset_gain[1]
+    s.p_offset[2] = s.p_offset[2] - x * w.offset_gain[2]
+    s.p_offset[3] = s.p_offset[3] - y * w.offset_gain[1]
+    s.p_offset[4] = s.p_offset[4] - y * w.offset_gain[2]
+    s.p_offset[5] = s.p_offset[5] - z * w.offset_gain[2]
+
+
+def forget_offset(w: Workspace) -> None:
+    """What is measured next does not depend on the offset, and has corrected nothing of it yet."""
+    for i in range(3):
+        w.row_offset[i] = 0.0
+        w.doffset[i] = 0.0
+
+
+def correct_offset(s: State, w: Workspace) -> None:
+    """Moves the offset by its correction."""
+    for i in range(3):
+        offset = s.field_offset[i] + w.doffset[i]
+        if offset > LARGEST:
+            offset = LARGEST
+        if offset < -LARGEST:
+            offset = -LARGEST
+        s.field_offset[i] = offset
