@@ -17,6 +17,9 @@ OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that
 # and no calibration knows, and twice the time for which it stays the same.
 MODEL_SHARE = 0.02
 MODEL_TIME = 40.0  # s
+# A mean of so long shows an offset: by norm and dip together, in deviations of the calibration's.
+SHOWN_TIME = 2.0  # s
+SHOWN_SIGMAS_2 = 8.0
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
 
@@ -203,7 +206,9 @@ def learn_field(
     s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
-    share = age / (OFFSET_TIME + age)
+    if s.mag_offset_s < OFFSET_TIME:
+        s.mag_offset_s = s.mag_offset_s + age
+    share = age / s.mag_offset_s
     s.mag_offset_norm = s.mag_offset_norm + share * (more_norm - s.mag_offset_norm)
     s.mag_offset_dip = s.mag_offset_dip + share * (more_dip - s.mag_offset_dip)
     share = age / (g.level_time_s + age)
@@ -297,12 +302,15 @@ def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
 
     Source: docs/filter.md Eq. (23), (61).
     """
-    cosine = math.cos(s.mag_ref_dip)
-    shown = s.mag_disturbance * (cosine * cosine + 0.01)
+    if g.offset_variance == 0.0 or s.mag_offset_s < SHOWN_TIME:
+        return
+    shown = s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip
     known = s.p_offset[0] + s.p_offset[3] + s.p_offset[5]
-    if g.offset_variance > 0.0 and shown > 4.0 * g.offset_variance and shown > known:
-        open_offset(s, w, 4.0 * shown)
-        s.mag_disturbance = 0.0
+    if shown > SHOWN_SIGMAS_2 * g.offset_variance and shown > known:
+        open_offset(s, w, shown)
+        s.mag_offset_s = 0.0
+        s.mag_offset_norm = 0.0
+        s.mag_offset_dip = 0.0
 
 
 def measure_heading(
