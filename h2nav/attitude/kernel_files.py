@@ -44,7 +44,17 @@ VELOCITY_AIDED = KernelFiles(
     "velocity_aided",
     _kernel(
         "velocity_aided",
-        *("field_offset", "prediction", "theta", "aiding", "tilt", "velocity", "heading", "rest", "estimate"),
+        *(
+            "field_offset",
+            "prediction",
+            "theta",
+            "aiding",
+            "tilt",
+            "velocity",
+            "heading",
+            "rest",
+            "estimate",
+        ),
         "step",
     ),
     "step",

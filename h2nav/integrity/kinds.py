@@ -55,6 +55,7 @@ class Kind(StrEnum):
     COMPASS_SCALE = "compass_scale"
     COMPASS_SOFT_IRON = "compass_soft_iron"
     COMPASS_STEP = "compass_step"
+    COMPASSES_DIFFER = "compasses_differ"
     CORES_DIFFER = "cores_differ"
     CRASH = "crash"
     ESTIMATOR_SWITCH = "estimator_switch"
@@ -274,6 +275,15 @@ MEANINGS: dict[Kind, Meaning] = {
     ),
     Kind.COMPASS_STEP: Meaning(
         _COMPASS, _WARNING, "mG", "A field that is fixed to the vehicle came or went.", _MAGNET
+    ),
+    Kind.COMPASSES_DIFFER: Meaning(
+        _COMPASS,
+        _ERROR,
+        "deg",
+        "Two compasses of the vehicle point to different norths: one of them is turned, or iron is "
+        "near it.",
+        "Each compass's orientation (ArduPilot: COMPASS_ORIENT) and calibration; do not take off "
+        "while nothing shows which one is right.",
     ),
     Kind.CORES_DIFFER: Meaning(
         (SensorKind.ESTIMATOR,),

@@ -61,6 +61,8 @@ UPRIGHT = 2.0
 CONFIRMED_RAD = 15.0 * DEG
 # ... or by 10 s of a field that is the earth's beyond doubt.
 CONFIRMED_RATIO = 0.5
+# ... and stays so as long as the gyro alone would hold it.
+SHOWN_US = 10_000_000
 # A field that went into the heading so recently holds it.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -113,6 +115,7 @@ class Monitor:
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
+        self._shown_us: int | None = None
         self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
         self.ratios = InnovationRatios()
 
@@ -190,7 +193,16 @@ class Monitor:
         long = windows[-1]
         if long is not None and long.ratio < 1.0:
             shown = GATE * long.sigma_m_s / max(long.change_m_s, 0.1)
-            self._is_confirmed |= shown < CONFIRMED_RAD
+            if shown < CONFIRMED_RAD:
+                self._is_confirmed, self._shown_us = True, fix.t_us
+
+    @property
+    def heading_is_shown(self) -> bool:
+        """Velocities have shown of late that the heading is not wrong by far."""
+        shown_us, now_us = self._shown_us, self._strapdown.t_us
+        if shown_us is None or now_us is None or self._tests["velocity"].is_raised:
+            return False
+        return now_us - shown_us < SHOWN_US
 
     def use_field(self, field: EarthField) -> None:
         """The earth's field is known."""

@@ -16,6 +16,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
+from h2nav.integrity.compasses import Compasses, Level
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
@@ -83,6 +84,7 @@ class Estimation:
         self._shaking = ReportedVibration()
         self._is_ardupilot = False
         self._twins: list[tuple[Lane, Lane, Twins]] = []
+        self._compasses = Compasses()
         self._looked_ns = 0
         self._heard_ns = 0
         self._epoch_ns: int | None = None
@@ -111,6 +113,8 @@ class Estimation:
         ]
         self._epoch_ns = None
         self._begin_epoch()
+        self._compasses = Compasses()
+        self._compasses.reference = self._field
         for lane in self._lanes:
             if self._field is not None:
                 lane.use_field(self._field)
@@ -161,6 +165,7 @@ class Estimation:
     def alarms(self) -> list[Alarm]:
         """What is wrong with the attitude that is sent, and with the sensors of every IMU."""
         found = [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
+        found += self._compasses.alarms()
         known = {alarm.kind for alarm in found}
         reported = self._shaking.alarms(self._heard_ns)
         return found + [alarm for alarm in reported if alarm.kind not in known]
@@ -237,7 +242,7 @@ class Estimation:
 
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
-        self._field = field
+        self._field = self._compasses.reference = field
         for lane in self._lanes:
             lane.use_field(field)
 
@@ -297,6 +302,7 @@ class Estimation:
         if not self._has_sent:
             self._sent = self._first_lane(t_ns)
             return ""
+        self._compare_compasses(t_ns)
         self._help_spoilt(t_ns)
         sent = self._lane
         switch = self._selection.look(
@@ -329,6 +335,26 @@ class Estimation:
                 if twins.are_one:
                     twins.are_one = False
                     (one if other is self._sent else other).rest(t_ns)
+
+    def _compare_compasses(self, t_ns: int) -> None:
+        """Fields of all IMUs through one attitude: one that velocities have shown, or the sent."""
+        lanes = [lane for lane in self._lanes if not lane.is_silent(t_ns) and lane.has_estimate]
+        shown = [lane for lane in lanes if lane.monitor.heading_is_shown]
+        level = self._lane if self._lane in shown or not shown else shown[0]
+        estimate = level.estimate
+        if estimate is None:
+            return
+        fields = {
+            lane.imu: lane.newest.m_b_ut
+            for lane in lanes
+            if lane.newest is not None and lane.newest.m_b_ut is not None and not lane.field_is_raw
+        }
+        compasses = self._compasses
+        compasses.look(t_ns // 1000, fields, Level(estimate.q_nb, level in shown))
+        for lane in self._lanes:
+            lane.use_verdict(lane.imu in compasses.wrong, compasses.doubt_rad(lane.imu))
+            if lane.heading_is_wrong and lane is not self._lane:
+                lane.is_spoilt, lane.heading_is_wrong = True, False
 
     def _help_spoilt(self, t_ns: int) -> None:
         sent = self._lane

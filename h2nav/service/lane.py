@@ -102,6 +102,8 @@ class Lane:
         is_bad: a sensor is known to be bad.
         is_spoilt: the filter has to begin anew, with the attitude of another where there is one.
         event: a new epoch that nobody was told of.
+        compass_is_wrong: its field shows another north than the vehicle's, and is not used.
+        heading_is_wrong: the filter still has the heading of such a field.
     """
 
     def __init__(
@@ -149,6 +151,9 @@ class Lane:
         self.is_bad = False
         self.is_spoilt = False
         self.event: Verdict | None = None
+        self.compass_is_wrong = False
+        self.heading_is_wrong = False
+        self._doubt_rad = 0.0
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -197,6 +202,11 @@ class Lane:
         return math.inf if self.is_bad else self._monitor.ratios.of_inertial
 
     @property
+    def field_is_raw(self) -> bool:
+        """Its field is that of the sensor, not calibrated."""
+        return self._fields.is_raw
+
+    @property
     def is_resting(self) -> bool:
         """The stream is no lane: it repeats another one, or nothing of it can be used."""
         return self._rests_until_ns is not None
@@ -223,6 +233,7 @@ class Lane:
             self.ratio,
             self._monitor.ratios.of_field,
             self._monitor.vibration_m_s2,
+            compass_is_wrong=self.compass_is_wrong,
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:
@@ -347,6 +358,12 @@ class Lane:
                 self._filter.use_velocity(fix)
             self._monitor.fix(fix)
 
+    def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:
+        """What the compasses show of its own one, and by how much it may turn the heading."""
+        self.heading_is_wrong |= compass_is_wrong and not self.compass_is_wrong
+        self.compass_is_wrong = compass_is_wrong
+        self._doubt_rad = doubt_rad if self.heading_is_wrong or not compass_is_wrong else 0.0
+
     def restart(self) -> None:
         """The autopilot's time starts again: the filter aligns again and keeps the learnt bias."""
         self._filter.restart()
@@ -423,8 +440,8 @@ class Lane:
         self._counted += 1
         self._refusals = 0
         self.last_used_ns = t_ns
-        if use is not Use.ALL or is_at_end or self._monitor.field_is_frozen:
-            has_field = not self._monitor.field_is_frozen
+        has_field = not self._monitor.field_is_frozen and not self.compass_is_wrong
+        if use is not Use.ALL or is_at_end or not has_field:
             sample = _usable(sample, use, is_at_end=is_at_end, has_field=has_field)
         if self.timing.sampled(sample.t_us, field_is_raw=self._fields.is_raw):
             self._filter.use_delays(self.timing.delays)
@@ -444,6 +461,9 @@ class Lane:
         if unled is not None:
             self._monitor.add(sample, unled)
             unled = self._monitor.opened(unled)
+            if self._doubt_rad > 0.0:
+                sigma_rad = math.hypot(unled.sigma_heading_rad, self._doubt_rad)
+                unled = unled._replace(sigma_heading_rad=sigma_rad)
         self._unled = unled
         return Step(sample, unled, event)
 

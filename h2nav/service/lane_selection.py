@@ -41,6 +41,7 @@ class Condition(NamedTuple):
         field_ratio: the same of the compass; NaN where nothing is known.
         noise_m_s2: vibration in its samples.
         is_shaken: its sensors vibrate beyond what they can measure.
+        compass_is_wrong: other compasses and velocities show that its own is.
     """
 
     may_follow: bool
@@ -49,6 +50,7 @@ class Condition(NamedTuple):
     field_ratio: float = math.nan
     noise_m_s2: float = 0.0
     is_shaken: bool = False
+    compass_is_wrong: bool = False
 
 
 class Switch(NamedTuple):
@@ -84,6 +86,8 @@ class LaneSelection:
             for lane, found in lanes.items()
             if lane != sent and found.may_follow and not found.is_silent and found.ratio < 1.0
         }
+        if any(not found.compass_is_wrong for found in others.values()):
+            others = {n: found for n, found in others.items() if not found.compass_is_wrong}
         cause = _cause(present, others)
         if cause is None:
             self._cause = None
@@ -93,7 +97,7 @@ class LaneSelection:
         if t_ns - self._since_ns < _PATIENCE_NS[cause]:
             return None
         self._cause = None
-        if cause is Cause.COMPASS:
+        if cause is Cause.COMPASS and not present.compass_is_wrong:
             others = {lane: found for lane, found in others.items() if _sees_north(found)}
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
         if cause is Cause.NOISE:
@@ -117,6 +121,8 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
         return Cause.BAD
     if present.is_silent:
         return Cause.SILENT
+    if present.compass_is_wrong and not all(o.compass_is_wrong for o in others.values()):
+        return Cause.COMPASS
     best = min(found.ratio for found in others.values())
     if present.ratio > 1.0 and best < CLEARLY * present.ratio:
         return Cause.WORSE

@@ -317,7 +317,7 @@ class VelocityAidedFilter:
             self._watch_in_air(self._t_us or 0)
 
     def _confirm(self, seen: Heading) -> None:
-        """What velocities say of the heading: they confirm it, or the field that gave it is doubted."""
+        """Velocities confirm the heading, or make the field doubtful that gave it."""
         s, g = self._state, self._g
         off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
         if off * off > DOUBT**2 * (s.heading_variance + sigma**2) and off > LEAST_DOUBT_RAD:

@@ -11,7 +11,7 @@ LARGEST = 0.3  # no field with a larger one passes its gates
 
 
 def begin_offset(s: State, w: Workspace, g: Gains) -> None:
-    """Measured velocities come, or come no more: a heading that the field has given shares its error.
+    """Measured velocities come, or come no more: a heading by the field shares its error.
 
     Source: docs/filter.md Eq. (61).
     """

@@ -1,0 +1,217 @@
+"""Several compasses against each other: whether they differ, by how much, and which one is wrong.
+
+All fields are turned level by one attitude, so that a wrong heading of it falls out of their
+differences. Of three, the one that differs from all others is wrong where those agree; a heading
+that velocities have shown decides between any number. Until then a heading may be off by as much as
+they differ.
+"""
+
+import cmath
+import itertools
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from h2nav.attitude.samples import EarthField, Vec3
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.lasting import Lasting
+from h2nav.maths.quaternion import Quat, rotate
+from h2nav.maths.units import DEG
+
+# A few percent of iron, uncalibrated, turn the heading by so much of the level field.
+UNCALIBRATED = 0.05
+SIGMAS = 3.0
+LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
+# A field that is nearly upright shows no heading.
+LEAST_LEVEL = 0.1
+SMOOTHING_US = 500_000
+STALE_US = 2_000_000
+# Two that agree, where a third one differs.
+AGREE = 0.7
+
+
+class Level(NamedTuple):
+    """What the fields were turned level by.
+
+    Attributes:
+        q_nb: attitude, body to NED.
+        is_shown: velocities have shown its heading.
+    """
+
+    q_nb: Quat
+    is_shown: bool
+
+
+class _Compass:
+    """One of them.
+
+    Attributes:
+        heading: its mean direction as the attitude turns it, of length 1 or less.
+        test: against a heading that velocities have shown.
+        is_wrong: as far as velocities have shown; None: they have not.
+    """
+
+    def __init__(self) -> None:
+        self.heading = 0j
+        self.t_us: int | None = None
+        self.test = Lasting()
+        self.is_wrong: bool | None = None
+
+    def take(self, t_us: int, direction: complex) -> None:
+        """Takes the direction of a field, of length 1."""
+        before_us, self.t_us = self.t_us, t_us
+        if before_us is None or t_us - before_us > STALE_US:
+            self.heading = direction
+            return
+        share = min((t_us - before_us) / SMOOTHING_US, 1.0)
+        self.heading += share * (direction - self.heading)
+
+    def is_fresh(self, t_us: int) -> bool:
+        """Whether it has been heard of lately."""
+        return self.t_us is not None and t_us - self.t_us <= STALE_US
+
+
+class Compasses:
+    """All compasses of a vehicle, by the number of their IMU, from 0.
+
+    Attributes:
+        reference: the earth's field; None where it is not known.
+        wrong: those that are known to be wrong.
+    """
+
+    def __init__(self) -> None:
+        self.reference: EarthField | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Another vehicle, or another clock."""
+        self._compasses: dict[int, _Compass] = {}
+        self._pairs: dict[tuple[int, int], Lasting] = {}
+        self._t_us = 0
+        self.wrong: frozenset[int] = frozenset()
+        self._open: list[tuple[int, int]] = []
+
+    def look(self, t_us: int, fields: Mapping[int, Vec3], level: Level) -> None:
+        """Takes the newest field of each, in body axes."""
+        self._t_us = t_us
+        for number, field in fields.items():
+            north, east, _ = rotate(level.q_nb, field)
+            flat = math.hypot(north, east)
+            if flat > LEAST_LEVEL * math.hypot(*field):
+                compass = self._compasses.setdefault(number, _Compass())
+                compass.take(t_us, complex(north, east) / flat)
+        fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
+        for pair in itertools.combinations(fresh, 2):
+            ratio = self._apart_rad(*pair) / self._limit_rad
+            self._pairs.setdefault(pair, Lasting()).take(t_us, ratio)
+        self._judge_by_velocity(t_us, fresh, level)
+        self._decide(fresh)
+
+    def alarms(self) -> list[Alarm]:
+        """What is wrong now."""
+        found = []
+        apart = [pair for pair, test in self._pairs.items() if test.is_raised]
+        for number in sorted(self.wrong):
+            mine = [pair for pair in apart if number in pair]
+            others = {n + 1 for pair in mine for n in pair if n != number and n not in self.wrong}
+            size = max((self._apart_rad(*pair) for pair in mine), default=0.0) / DEG
+            against = " and ".join(str(n) for n in sorted(others)) or "another one"
+            shown = self._compasses[number].is_wrong
+            found.append(
+                Alarm(
+                    Kind.COMPASSES_DIFFER,
+                    Sensor(SensorKind.COMPASS, number + 1),
+                    Severity.WARNING,
+                    size,
+                    "deg",
+                    f"compass {number + 1} is off by {size:.0f} deg",
+                    f"its heading differs by {size:.0f} deg from that of compass {against}"
+                    + (", which fits the velocities" if shown else ", which agree"),
+                    since_s=self._since_s(mine),
+                    is_decided=True,
+                )
+            )
+        if self._open:
+            found.append(self._undecided(self._open))
+        return found
+
+    def doubt_rad(self, number: int) -> float:
+        """Deviation of a heading by this one: half of how far it is from the others."""
+        doubted = [pair for pair, test in self._pairs.items() if test.is_raised and number in pair]
+        if number not in self.wrong:
+            doubted = [pair for pair in doubted if pair in self._open]
+        return max((0.5 * self._apart_rad(*pair) for pair in doubted), default=0.0)
+
+    def _undecided(self, pairs: list[tuple[int, int]]) -> Alarm:
+        size = max(self._apart_rad(*pair) for pair in pairs) / DEG
+        concerned = tuple(sorted({n + 1 for pair in pairs for n in pair}))
+        return Alarm(
+            Kind.COMPASSES_DIFFER,
+            Sensor(SensorKind.COMPASS, None, concerned),
+            Severity.ERROR,
+            size,
+            "deg",
+            f"compasses differ by {size:.0f} deg",
+            "nothing shows yet which of them is wrong",
+            degrades=True,
+            since_s=self._since_s(pairs),
+        )
+
+    def _since_s(self, pairs: list[tuple[int, int]]) -> float:
+        return max((self._pairs[pair].since_s(self._t_us) for pair in pairs), default=0.0)
+
+    @property
+    def _limit_rad(self) -> float:
+        """Two calibrated compasses do not differ by more."""
+        if self.reference is None:
+            return USUAL_RAD
+        level = max(math.cos(self.reference.dip_rad), UNCALIBRATED)
+        limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
+        return min(max(limit, LEAST_RAD), MOST_RAD)
+
+    def _apart_rad(self, one: int, other: int) -> float:
+        turn = self._compasses[one].heading * self._compasses[other].heading.conjugate()
+        return abs(cmath.phase(turn))
+
+    def _judge_by_velocity(self, t_us: int, fresh: list[int], level: Level) -> None:
+        """A heading that velocities have shown is wrong by less than what is looked for."""
+        if not level.is_shown or self.reference is None:
+            return
+        for number in fresh:
+            compass = self._compasses[number]
+            off = math.remainder(
+                cmath.phase(compass.heading) - self.reference.declination_rad, math.tau
+            )
+            ratio = abs(off) / self._limit_rad
+            compass.test.take(t_us, ratio)
+            if compass.test.is_raised or ratio < AGREE:
+                compass.is_wrong = compass.test.is_raised
+
+    def _decide(self, fresh: list[int]) -> None:
+        """Which ones are wrong, and what is left open."""
+        apart = [pair for pair in self._pairs if self._pairs[pair].is_raised]
+        concerned = {number for pair in apart for number in pair}
+        wrong = {n for n in concerned if self._compasses[n].is_wrong}
+        right = {n for n in fresh if self._compasses[n].is_wrong is False}
+        if not wrong and not right:
+            wrong = {n for n in concerned if self._is_alone(n, fresh)}
+        elif not wrong:
+            # What differs from one that velocities have shown to be right.
+            wrong = {n for pair in apart if right.intersection(pair) for n in pair} - right
+        self.wrong = frozenset(wrong)
+        self._open = [pair for pair in apart if not wrong.intersection(pair)]
+        for number in fresh:
+            if number not in concerned:
+                self._compasses[number].is_wrong = None
+
+    def _is_alone(self, number: int, fresh: list[int]) -> bool:
+        """It differs from all others, of which there are two or more, and they agree."""
+        others = [n for n in fresh if n != number]
+        if len(others) < 2:
+            return False
+        limit_rad = AGREE * self._limit_rad
+        agree = all(
+            self._apart_rad(*pair) < limit_rad for pair in itertools.combinations(others, 2)
+        )
+        mine = [self._pairs[(min(n, number), max(n, number))] for n in others]
+        return agree and all(test.is_raised for test in mine)

@@ -1,0 +1,91 @@
+"""Several compasses against each other: who differs, and who is wrong."""
+
+import math
+
+import pytest
+from needs import DEG
+from synthetic_imu import FIELD, FIELD_N
+
+from h2nav.integrity.compasses import Compasses, Level
+from h2nav.integrity.findings import Kind, Severity
+from h2nav.maths import quaternion
+
+TILTED = quaternion.from_euler(0.05, -0.03, 1.0)
+QUARTER = quaternion.from_euler(0.0, 0.0, 90.0 * DEG)
+
+
+def seen(turns_deg: list[float], q_nb=TILTED) -> dict[int, tuple[float, float, float]]:
+    """The earth's field in body axes, in each compass turned about body z."""
+    field_b = quaternion.rotate(quaternion.conjugate(q_nb), FIELD_N)
+    return {
+        number: quaternion.rotate(quaternion.from_euler(0.0, 0.0, turn * DEG), field_b)
+        for number, turn in enumerate(turns_deg)
+    }
+
+
+def after(seconds: float, fields, level: Level) -> Compasses:
+    compasses = Compasses()
+    compasses.reference = FIELD
+    for i in range(round(20 * seconds)):
+        compasses.look(50_000 * i, fields, level)
+    return compasses
+
+
+@pytest.mark.parametrize("is_shown", [False, True])
+def test_compasses_that_agree_are_not_spoken_of(is_shown: bool) -> None:
+    compasses = after(10.0, seen([0.0, 8.0, -5.0]), Level(TILTED, is_shown))
+    assert compasses.alarms() == []
+    assert not compasses.wrong
+    assert compasses.doubt_rad(0) == 0.0
+
+
+def test_two_that_differ_on_the_ground_are_reported_and_open_the_heading() -> None:
+    """Whatever heading the attitude has, which came from one of them."""
+    level = Level(quaternion.multiply(QUARTER, TILTED), False)
+    compasses = after(5.0, seen([90.0, 0.0]), level)
+    (alarm,) = compasses.alarms()
+    assert (alarm.kind, alarm.is_decided) == (Kind.COMPASSES_DIFFER, False)
+    assert alarm.severity is Severity.ERROR
+    assert alarm.degrades
+    assert alarm.sensor.numbers == (1, 2)
+    assert alarm.size == pytest.approx(90.0, abs=10.0)
+    assert all(compasses.doubt_rad(n) > 30.0 * DEG for n in (0, 1))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2])
+def test_of_three_the_one_that_is_alone_is_wrong(turned: int) -> None:
+    turns = [90.0 if number == turned else 0.0 for number in range(3)]
+    compasses = after(5.0, seen(turns), Level(TILTED, False))
+    assert compasses.wrong == {turned}
+    (alarm,) = compasses.alarms()
+    assert alarm.is_decided
+    assert alarm.sensor.number == turned + 1
+    assert [compasses.doubt_rad(n) > 0.0 for n in range(3)] == [n == turned for n in range(3)]
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+def test_a_heading_that_velocities_have_shown_decides_between_two(turned: int) -> None:
+    turns = [90.0 if number == turned else 0.0 for number in range(2)]
+    compasses = after(5.0, seen(turns), Level(TILTED, True))
+    assert compasses.wrong == {turned}
+    assert compasses.doubt_rad(1 - turned) == 0.0
+
+
+def test_velocities_outvote_two_that_share_the_same_iron() -> None:
+    compasses = after(5.0, seen([60.0, 60.0, 0.0]), Level(TILTED, True))
+    assert compasses.wrong == {0, 1}
+
+
+def test_what_agrees_again_is_forgiven() -> None:
+    compasses = after(5.0, seen([90.0, 0.0]), Level(TILTED, True))
+    for i in range(200):
+        compasses.look(5_000_000 + 50_000 * i, seen([0.0, 0.0]), Level(TILTED, False))
+    assert not compasses.wrong
+    assert compasses.alarms() == []
+
+
+def test_a_field_that_stands_upright_says_nothing() -> None:
+    fields = {0: (0.5, 0.0, 60.0), 1: (-0.5, 0.0, 60.0)}
+    compasses = after(5.0, fields, Level(quaternion.IDENTITY, False))
+    assert compasses.alarms() == []
+    assert math.isfinite(compasses.doubt_rad(0))
