@@ -100,7 +100,7 @@ def test_noise_alone_or_that_of_all_is_no_cause(present, other_noise):
     assert first_switch(shaken, GOOD._replace(noise_m_s2=other_noise)) is None
 
 
-def test_a_compass_that_is_known_to_be_wrong_is_left_at_once_and_for_that_cause():
+def test_a_compass_that_is_known_to_be_wrong_is_left_for_that_cause():
     wrong = GOOD._replace(compass_is_wrong=True, ratio=1.5)
     _, switch = first_switch(wrong, GOOD._replace(compass_is_wrong=True), GOOD)
     assert switch == Switch(2, Cause.COMPASS)
