@@ -18,7 +18,12 @@ Progress = Callable[[int, int], None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
-    parser.add_argument("log", type=Path, metavar="LOG", help="MCAP log, closed or cut off")
+    parser.add_argument(
+        "log",
+        type=Path,
+        metavar="LOG",
+        help="MCAP log, closed or cut off, or another recording (.tlog, raw bytes, .bin, .ulg)",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -43,16 +48,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "become one file per message. tum: the attitude (/estimate, /smoothed) or the pose "
         "(/twist, /pose_measured) as a trajectory text, as evo reads it. tlog: the MAVLink frames "
         "that were received, with their times; --topic chooses other links, such as "
-        "/mavlink/tx/autopilot."
+        "/mavlink/tx/autopilot. Another recording is replayed first, and exported with its "
+        "estimates; what an autopilot wrote itself has no MAVLink frames."
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.apps.log_progress import byte_bar
+    from h2nav.apps.recorded_log import as_log
 
     try:
-        with byte_bar("exporting") as progress:
+        with (
+            byte_bar("replaying") as replaying,
+            as_log(args.log, replaying) as args.log,
+            byte_bar("exporting") as progress,
+        ):
             document, lines = _EXPORTS[args.to](args, progress)
     except OSError as error:
         place = error.filename or args.output

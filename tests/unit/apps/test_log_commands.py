@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from needs import shared_data
 from pymavlink import mavutil
+from replayed import rewritten
 
 from h2nav.cli import main
 from h2nav.integrity.severity import Severity
@@ -583,3 +584,24 @@ def test_decode_of_a_damaged_log_saves_the_rest(
 def test_decode_of_a_log_without_an_autopilot(tmp_path: Path) -> None:
     assert main(["log", "decode", str(write_log(tmp_path)), "-o", str(tmp_path / "o.mcap")]) == 1
     assert not (tmp_path / "o.mcap").exists()
+
+
+def test_another_recording_is_exported_as_it_replays(tmp_path: Path) -> None:
+    flight, folder = rewritten(tmp_path / "short.tlog", first_s=8.0), tmp_path / "csv"
+    assert main(["log", "export", str(flight), "-o", str(folder)]) == 0
+    assert {"estimate.csv", "imu.csv", "mavlink_rx_autopilot_RAW_IMU.csv"} <= {
+        path.name for path in folder.iterdir()
+    }
+    assert len(rows_of(folder / "estimate.csv")) > 300
+    again = tmp_path / "again.tlog"
+    assert main(["log", "export", str(flight), "-o", str(again), "--to", "tlog"]) == 0
+    assert again.stat().st_size == pytest.approx(flight.stat().st_size, rel=0.01)
+
+
+def test_what_an_autopilot_wrote_itself_has_no_frames_to_export(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = shared_data("real/px4rs__ekf_failure.ulg")
+    words = ["log", "export", str(flight), "-o", str(tmp_path / "a.tlog"), "--to", "tlog"]
+    assert main(words) == 2
+    assert capsys.readouterr().err == f"h2nav: {flight}: no MAVLink frames in it\n"

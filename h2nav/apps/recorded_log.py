@@ -1,0 +1,73 @@
+"""Any recording as a log of ours: itself, or what a replay of it writes."""
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.errors import BadInput
+from h2nav.integrity.severity import Severity
+from h2nav.io.deframer import Frame
+from h2nav.io.log_reader import is_mcap
+
+Progress = Callable[[int, int], None]
+
+
+@contextmanager
+def as_log(path: Path, progress: Progress) -> Iterator[Path]:
+    """An MCAP of the recording; one that had to be made is gone behind the block.
+
+    Args:
+        path: of any kind that `h2nav replay` takes.
+        progress: is called with the bytes of the recording done and in all.
+
+    Raises:
+        BadInput: the file is no recording.
+    """
+    if not path.is_file() or is_mcap(path):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="h2nav-") as folder:
+        log = Path(folder) / f"{path.stem}.mcap"
+        _replayed(path, log, progress)
+        try:
+            yield log
+        except BadInput as error:
+            # The name of what is gone behind the block says nothing to anybody.
+            lines = (line.replace(str(log), str(path)) for line in error.lines)
+            raise BadInput(*lines) from error
+
+
+def _replayed(path: Path, log: Path, progress: Progress) -> None:
+    from h2nav.apps import playback
+    from h2nav.apps.log_contents import attach_inputs
+    from h2nav.flightlogs.opening import open_flight
+    from h2nav.io.recorder import Recorder
+
+    recording = open_flight(path)
+    inputs = playback.inputs_for(recording, playback.Wishes())
+    recorder = Recorder.to_file(log, recording.unix_offset_ns)
+    try:
+        attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
+        pipeline = playback.pipeline_for(recording, inputs, recorder, _Silent())
+        played = playback.Playback(recording, whole_frames=inputs.whole_frames)
+        for _ in played.through(pipeline):
+            progress(*recording.progress)
+    finally:
+        recorder.close()
+
+
+class _Silent:
+    """Looks at nothing: the log has everything."""
+
+    message_ids: frozenset[int] = frozenset()
+
+    def frame(self, t_ns: int, frame: Frame) -> None:
+        """None is asked for."""
+
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
+        """It is in the log."""
+
+    def notice(self, t_ns: int, severity: Severity, text: str) -> None:
+        """It is in the log."""
