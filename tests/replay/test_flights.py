@@ -7,6 +7,7 @@ from needs import shared_data
 from replayed import Replayed
 
 from h2nav.apps.configuration import Configuration, FilterSettings
+from h2nav.integrity.findings import Kind, Severity
 from h2nav.service.settings import AidingSettings
 
 NO_GPS = AidingSettings(gps_velocity=False)
@@ -63,3 +64,33 @@ def test_a_compass_with_hard_iron_is_left_for_the_second_one():
     assert replayed.errors(skip_s=60.0).total <= 0.5
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert switches == ["IMU 2 instead of 1: its compass is off"]
+
+
+def test_a_compass_that_is_turned_is_named_as_the_cause():
+    """Its gyro contradicts the field first, although it measures what the other two do."""
+    replayed = Replayed(shared_data("flights/compass_1_turned.tlog"), Configuration())
+    switches = [text for _, text in replayed.notices if "instead of" in text]
+    assert [text.rpartition(": ")[2] for text in switches[:1]] == ["its compass is off"]
+    assert not any("stuck" in text for _, text in replayed.notices)
+
+
+def test_a_rover_whose_integers_repeat_has_sound_sensors():
+    """deg; EKF3: .17 of tilt."""
+    replayed = Replayed(shared_data("flights/rover_raw.tlog"), Configuration())
+    assert replayed.errors(skip_s=60.0).tilt <= 0.3
+    assert replayed.pipeline.service.rejected.get("frozen", 0) == 0
+    assert [f for f in replayed.pipeline.service.findings if f.severity <= Severity.WARNING] == []
+
+
+def test_an_imu_that_vibrates_is_left_for_a_calm_one():
+    """deg; EKF3: .51 of tilt. The noise begins 96.2 s after the first message."""
+    replayed = Replayed(shared_data("flights/imu_1_vibrates.tlog"), Configuration())
+    (switch,) = [text for _, text in replayed.notices if "instead of" in text]
+    assert switch.endswith("instead of 1: it vibrates")
+    found = {
+        f.kind: f for f in replayed.pipeline.service.findings if f.severity <= Severity.WARNING
+    }
+    assert found.keys() == {Kind.VIBRATION, Kind.CLIPPED_SAMPLES}
+    assert 95.0 < found[Kind.VIBRATION].from_s < 100.0
+    assert found[Kind.CLIPPED_SAMPLES].sensor.number == 1
+    assert replayed.errors(skip_s=60.0).tilt <= 0.51
