@@ -5,6 +5,7 @@ dropped when too many wait.
 """
 
 from collections import OrderedDict, deque
+from collections.abc import Iterable
 from typing import Protocol
 
 from h2nav.integrity.findings import Severity
@@ -16,6 +17,7 @@ from h2nav.wire.outbound import OutMessage
 REPEAT_NS = 60 * SECOND_NS
 MOST_CAUSES = 64
 WAITING = 8
+MOST_REMINDERS = 4
 PAUSE_NS = SECOND_NS
 LAST_TEXT_ID = 0xFFFF
 PREFIX = "h2nav: "
@@ -70,6 +72,11 @@ class Notices:
         if self._as_status_text:
             self._waiting.append((severity, text))
         return [Notice(severity, text)]
+
+    def remind(self, texts: Iterable[tuple[Severity, str]]) -> None:
+        """Sends to the ground station again what one that has just come has not read."""
+        if self._as_status_text:
+            self._waiting.extend(list(texts)[:MOST_REMINDERS])
 
     def status_texts(self, t_ns: int) -> list[OutMessage]:
         """The chunks of the next STATUSTEXT, if one may be sent now."""

@@ -24,6 +24,7 @@ from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
 from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
+from h2nav.service.ground_stations import GroundStations
 from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
 from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.judgement import Judgement
@@ -163,6 +164,7 @@ class Service:
         self._told_dependent = False
         self._pulse = Pulse()
         self._standing = Standing(self._notices)
+        self._stations = GroundStations()
         self._refused: Counter[str] = Counter()  # messages other than samples, and faults of ours
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
@@ -416,7 +418,15 @@ class Service:
             effects += self._notices.tell(t_ns, Severity.WARNING, text, "rival")
         if self._streams is not None and self._autopilot.owns(sender):
             self._streams.heard(t_ns)
+        if message.is_of_ground_station and self._stations.is_newcomer(t_ns, sender):
+            self._notices.remind(self._what_is_wrong())
         return effects + self._aiding.tell_vehicle(t_ns)
+
+    def _what_is_wrong(self) -> list[tuple[Severity, str]]:
+        """For a ground station that comes late: the state, and the worst of the rest."""
+        rest = [alarm for alarm in self._judgement.alarms if not alarm.degrades]
+        texts = [(alarm.severity, alarm.told) for alarm in sorted(rest, key=lambda a: a.severity)]
+        return [*self._standing.complaint, *texts]
 
     def _on_binding(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity

@@ -34,6 +34,11 @@ class Standing:
         """All is well."""
         return self.verdict.state is State.ACTIVE
 
+    @property
+    def complaint(self) -> list[tuple[Severity, str]]:
+        """The state as it is reported; nothing where there is nothing to complain of."""
+        return [] if self.verdict.state in GOOD else [(Severity.WARNING, self.verdict.text)]
+
     def judge(self, t_ns: int, signs: Signs) -> bool:
         """Looks at the state; True where it, or its cause, has changed."""
         before, self.verdict = self.verdict, health.judge(signs, t_ns)

@@ -33,6 +33,11 @@ class Heartbeat(NamedTuple):
         """Whether an autopilot sends it, and not a ground station, a camera or the like."""
         return bool(self.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
 
+    @property
+    def is_of_ground_station(self) -> bool:
+        """Whether somebody is there who reads texts."""
+        return bool(self.vehicle_type == mavlink.MAV_TYPE_GCS)
+
 
 class LandedState(NamedTuple):
     """EXTENDED_SYS_STATE.

@@ -1,5 +1,5 @@
 from h2nav.integrity.findings import Severity
-from h2nav.service.notices import MOST_CAUSES, NOTICES_AT_ONCE, Notices
+from h2nav.service.notices import MOST_CAUSES, MOST_REMINDERS, NOTICES_AT_ONCE, Notices
 from h2nav.wire.outbound import STATUS_TEXT_CHUNKS, STATUS_TEXT_SIZE
 
 SECOND_NS = 1_000_000_000
@@ -48,3 +48,11 @@ def test_length_and_queue_of_status_texts_are_bounded():
     sent = texts_sent(notices, 0.0, 100.0)
     assert 0 < len(sent) <= 8
     assert all(len(text) <= STATUS_TEXT_CHUNKS * STATUS_TEXT_SIZE for text in sent)
+
+
+def test_who_comes_late_reads_the_worst_again():
+    notices = Notices(as_status_text=True)
+    notices.tell(0, Severity.WARNING, "degraded")
+    assert texts_sent(notices, 0.0, 3.0) == ["h2nav: degraded"]
+    notices.remind([(Severity.WARNING, f"text {number}") for number in range(9)])
+    assert texts_sent(notices, 3.0, 20.0) == [f"h2nav: text {k}" for k in range(MOST_REMINDERS)]

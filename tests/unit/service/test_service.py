@@ -6,7 +6,7 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.io.earth_field import earth_field_at
 from h2nav.maths.units import GRAVITY_M_S2
-from h2nav.service.effects import Notice
+from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.imu import ImuReading
 from h2nav.wire.position import Place
@@ -80,3 +80,29 @@ def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
     assert [text for text in bench.notices if text.startswith("|acc|")] == [
         "|acc| at rest 1 m/s2, not 9.8: sent in g as if in m/s2"
     ]
+
+
+def test_a_ground_station_that_comes_late_is_told_what_is_wrong_once() -> None:
+    bench = Bench()
+    bench.rests((1, 1), 4, 1.0)  # a force of 1 m/s^2 at rest is a wrong unit
+    said: list[str] = []
+
+    def beats(station: tuple[int, int], seconds: int) -> None:
+        """A ground station, and the vehicle; every text is sent."""
+        heartbeat = Heartbeat(mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_TYPE_GCS, False)
+        for _ in range(seconds):
+            bench._hears(station, HEARTBEAT_ID, heartbeat)
+            bench.rests((1, 1), 1, 1.0)
+            effects = bench.service.on_timer(1000 * bench.t_us)
+            sent = [effect.message for effect in effects if isinstance(effect, Send)]
+            said.extend(m.text for m in sent if m.get_type() == "STATUSTEXT")
+
+    bench.service.on_link(1000 * bench.t_us, True)
+    beats((255, 190), 20)
+    degraded = [text for text in said if "degraded: |acc| at rest" in text]
+    said.clear()
+    beats((255, 190), 10)
+    assert not [text for text in said if "degraded" in text]
+    beats((254, 190), 10)
+    assert len(degraded) >= 1
+    assert len([text for text in said if "degraded: |acc| at rest" in text]) == 1

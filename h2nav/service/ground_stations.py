@@ -1,0 +1,36 @@
+"""Ground stations that come late: each is told once what is wrong at present."""
+
+from collections import OrderedDict
+
+from h2nav.service.autopilot import Sender
+from h2nav.service.limits import SECOND_NS, RateLimit
+
+# One that was away for so long has missed something.
+AWAY_NS = 30 * SECOND_NS
+MOST_STATIONS = 8
+# However many there are, and whatever ids somebody invents.
+NEWCOMERS_PER_S = 0.1
+NEWCOMERS_AT_ONCE = 2
+
+
+class GroundStations:
+    """Knows by their heartbeats which ground stations are there."""
+
+    def __init__(self) -> None:
+        self._heard_ns: OrderedDict[Sender, int] = OrderedDict()
+        self._limit = RateLimit(NEWCOMERS_PER_S, NEWCOMERS_AT_ONCE)
+
+    def is_newcomer(self, t_ns: int, sender: Sender) -> bool:
+        """Whether a heartbeat is that of a station that was not there before.
+
+        Args:
+            t_ns: host time.
+            sender: of the heartbeat.
+        """
+        heard_ns = self._heard_ns.get(sender)
+        self._heard_ns[sender] = t_ns
+        self._heard_ns.move_to_end(sender)
+        if len(self._heard_ns) > MOST_STATIONS:
+            self._heard_ns.popitem(last=False)
+        is_new = heard_ns is None or t_ns - heard_ns > AWAY_NS
+        return is_new and self._limit.allows(t_ns)

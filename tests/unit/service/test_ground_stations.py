@@ -1,0 +1,20 @@
+"""Which ground stations have just come."""
+
+from h2nav.service.ground_stations import AWAY_NS, MOST_STATIONS, GroundStations
+from h2nav.service.limits import SECOND_NS
+
+
+def test_a_station_is_new_once_and_again_when_it_was_away():
+    stations = GroundStations()
+    assert stations.is_newcomer(0, (255, 190))
+    assert not any(stations.is_newcomer(k * SECOND_NS, (255, 190)) for k in range(1, 100))
+    assert stations.is_newcomer(100 * SECOND_NS + AWAY_NS, (255, 190))
+
+
+def test_ids_that_somebody_invents_cost_little():
+    stations = GroundStations()
+    new = [
+        stations.is_newcomer(k * SECOND_NS // 100, (k % 256, k // 256 % 256)) for k in range(10_000)
+    ]
+    assert sum(new) <= 2 + 100 * 0.1 + 1
+    assert len(stations._heard_ns) <= MOST_STATIONS
