@@ -29,18 +29,18 @@ def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
         (one for one in findings if one["id"] not in followed),
         key=lambda one: min(place_of[each["id"]] for each in (one, *followers.get(one["id"], ()))),
     )
-    wrong = [one for one in causes if is_wrong(one)]
-    notes = [one for one in causes if not is_wrong(one)]
+    wrong = _grouped((one for one in causes if is_wrong(one)), followers)
+    notes = _grouped((one for one in causes if not is_wrong(one)), followers)
     about = (
         '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
         "after the beginning of the recording.</p>"
     )
     shown = _list(wrong[:MOST_SHOWN], followers, opens_first=opens_first)
     parts = [shown]
-    further = wrong[MOST_SHOWN:]
-    for some, what in ((further, "further warning"), (notes, "note")):
+    for some, what in ((wrong[MOST_SHOWN:], "further warning"), (notes, "note")):
         if some:
-            parts.append(_folded(counted(len(some), what), _list(some[:MOST_LISTED], followers)))
+            number = sum(map(len, some))
+            parts.append(_folded(counted(number, what), _list(some[:MOST_LISTED], followers)))
     return "".join((*parts, about if findings else ""))
 
 
@@ -65,17 +65,37 @@ def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
     return followers
 
 
+def _grouped(causes: Iterable[Told], followers: dict[str, list[Told]]) -> list[list[Told]]:
+    """What comes again and again, and leads to nothing, with the first of its kind."""
+    groups: list[list[Told]] = []
+    repeated: dict[tuple[str, str], list[Told]] = {}
+    for one in causes:
+        group = repeated.get((one["kind"], one["sensor"]["kind"]))
+        if one["id"] in followers or one["kind"] in MOMENTS:
+            groups.append([one])
+        elif group is not None:
+            group.append(one)
+        else:
+            groups.append([one])
+            repeated[one["kind"], one["sensor"]["kind"]] = groups[-1]
+    return groups
+
+
 def _list(
-    findings: Iterable[Told], followers: dict[str, list[Told]], *, opens_first: bool = False
+    groups: Iterable[Sequence[Told]],
+    followers: dict[str, list[Told]],
+    *,
+    opens_first: bool = False,
 ) -> str:
+    """Cards, each of the first of a group, with the others folded in it."""
     items = [
-        _card(one, followers.get(one["id"], ()), is_open=opens_first and number == 0)
-        for number, one in enumerate(findings)
+        _card(first, more, followers.get(first["id"], ()), is_open=opens_first and number == 0)
+        for number, (first, *more) in enumerate(groups)
     ]
     return f'<ol class="findings">{"".join(items)}</ol>' if items else ""
 
 
-def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
+def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_open: bool) -> str:
     severity, source, text = _severity(finding), finding["source"], finding["text"]
     is_named = finding["sensor"]["kind"] == SensorKind.VEHICLE or source.lower() in text.lower()
     if not is_named:
@@ -83,14 +103,19 @@ def _card(finding: Told, followers: Sequence[Told], *, is_open: bool) -> str:
     # A size without a unit counts what the text counts too.
     unit = finding["unit"].replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
     size = f"{_figure(finding['size'])} {unit}" if unit and finding["size"] else ""
-    follows = _folded(_led_to(followers), _list(followers, {})) if followers else ""
+    folded = [_why(finding, is_open=is_open)]
+    if more:
+        title = f"{counted(len(more), 'more finding')} of this kind"
+        folded.append(_folded(title, _list(([one] for one in more[:MOST_LISTED]), {})))
+    if followers:
+        folded.append(_folded(_led_to(followers), _list(([one] for one in followers), {})))
     return (
         f'<li class="finding {severity.look}"><button type="button" '
         f'data-from="{finding["from_s"]:.3f}" data-to="{finding["to_s"]:.3f}" '
         f'data-place="{place(Kind(finding["kind"]))}">'
         f'<span class="what"><span class="tag">{severity.tag}</span>'
         f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
-        f"</button>{_why(finding, is_open=is_open)}{follows}</li>"
+        f"</button>{''.join(folded)}</li>"
     )
 
 

@@ -188,7 +188,7 @@ def _findings(told: dict[str, Any]) -> str:
 
 def _is_own(finding: dict[str, Any]) -> bool:
     """Whether it is about our own attitude, and no fault of the vehicle."""
-    return bool(finding.get("about") == "h2nav")
+    return bool(finding["about"] == "h2nav")
 
 
 def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
@@ -197,11 +197,12 @@ def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
     ]
+    # A verdict that found nothing names these itself.
+    subjects = ((), ()) if is_open else (told["looked_at"], told["not_looked_at"])
     lines = "".join(
         f"<p><b>{title}:</b> {escape('; '.join(what))}.</p>"
         for title, what in (
-            ("Looked at", told.get("looked_at", ())),
-            ("Not looked at", told.get("not_looked_at", ())),
+            *zip(("Looked at", "Not looked at"), subjects, strict=True),
             ("Checked", checked),
             ("Could not be checked", _untested(told)),
             ("Missing in the recording", told["missing"]),

@@ -15,7 +15,6 @@ MOST_MARKS = 12
 # Findings of a moment that every picture shall show.
 MOMENTS = {
     "crash": "impact",
-    "toppled": "tipped over",
     "hard_landing": "hard landing",
     "loss_of_control": "control lost",
     "motor_failed": "motor failed",

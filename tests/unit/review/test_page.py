@@ -186,6 +186,15 @@ def test_what_our_own_attitude_says_of_itself_stands_under_how_sure_we_are(made)
     assert "heading +14 deg, dip -9 deg" in sure
 
 
+def test_what_comes_again_and_again_is_one_card(made):
+    again = [GPS_LOST._replace(from_s=10.0 * k, to_s=10.0 * k + 1.0, id="") for k in range(8)]
+    html = page_of(made[0]._replace(findings=(*FINDINGS[:2], *again)), made[1])
+    found = html[html.index('id="findings"') : html.index('id="timeline"')]
+    assert "8 more findings of this kind" in found  # one is of the analysis
+    assert found.count('class="finding ') == 2 + 9
+    assert found.count('<ol class="findings">') == 2
+
+
 def test_a_second_crash_is_seen_on_demand():
     flight, analysis = made_crash()
     again = [one._replace(from_s=one.from_s - 70.0, to_s=one.to_s - 70.0, id="") for one in
