@@ -2,6 +2,7 @@
 
 import dataclasses
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 from needs import need_package
@@ -11,7 +12,7 @@ from h2nav.apps import extras, live_view
 from h2nav.apps.configuration import Configuration, LiveSettings, build, warnings
 from h2nav.apps.live_view import LOOK_NS, MOST_REFUSED, LiveView
 from h2nav.errors import BadInput
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Alarm, Findings, Kind, Sensor, SensorKind, Severity
 from h2nav.io.live_feed import FeedReader, Word
 
 need_package("foxglove")
@@ -98,6 +99,20 @@ def test_a_viewer_is_greeted_and_told_how_things_are(beside):
     topics = beside.viewer.topics()
     assert topics.count("/status") == 10
     assert topics.count("/feed") == 2
+
+
+def test_a_viewer_that_comes_late_is_given_what_goes_on(beside):
+    ledger = Findings()
+    alarm = Alarm(
+        Kind.GPS_LOST, Sensor(SensorKind.GPS), Severity.WARNING, 9.0, "s", "no fix", "none"
+    )
+    ledger.update(5.0, [alarm])
+    beside.service = SimpleNamespace(status=beside.service.status, open_findings=ledger.open)
+    beside.run(1.0)
+    beside.viewer.reader.greeting()
+    given = [entry for entry in beside.viewer.reader.entries() if entry.topic == "/finding"]
+    assert [entry.record.id for entry in given] == ["gps_lost.gps.1"]
+    assert beside.viewer.topics().count("/finding") == 0
 
 
 def test_where_it_can_be_seen_is_said_once(beside):

@@ -4,7 +4,9 @@ import asyncio
 import base64
 import socket
 
+import orjson
 import pytest
+from live_records import finding
 from needs import need_package
 
 from h2nav.errors import BadInput
@@ -85,6 +87,24 @@ def test_records_lines_and_the_attitude_arrive_with_their_times(server):
             assert tuple(attitude.values()) == (0.5, -0.5, 0.5, -0.5)
         said = flat_fields("foxglove.Log", got["/log"][1])
         assert said == {"level": "ERROR", "message": "GPS lost"}
+        client.close()
+
+    asyncio.run(check())
+
+
+def test_who_subscribes_late_gets_the_findings_that_go_on(server):
+    async def check():
+        client = await connected(server)
+        over = finding(id="attitude_velocity.gps.1")
+        open_one = finding(id="attitude_velocity.gps.2")
+        for record in (over, over._replace(phase="end", is_open=False), open_one):
+            server.show("/finding", T_NS, record)
+        await client.subscribe("/finding")
+        await until(lambda: server._has_readers("/finding"))
+        server.show("/imu", T_NS + 1, IMU)  # the daemon goes on
+        topic, t_ns, data = await client.message()
+        assert (topic, t_ns) == ("/finding", T_NS)
+        assert orjson.loads(data)["id"] == open_one.id
         client.close()
 
     asyncio.run(check())
