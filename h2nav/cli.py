@@ -62,6 +62,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "run --connect udpin:0.0.0.0:14550 --log-dir logs",
         ),
         ("status",): Command("status", "how the running daemon is, in words", "status"),
+        ("check",): Command(
+            "check",
+            "a second opinion before arming: sensors on the ground, with an exit status",
+            "check --connect udpin:0.0.0.0:14550 --seconds 30",
+        ),
         ("check-config",): Command(
             "check_config", "validate a configuration file", "check-config /etc/h2nav/config.yaml"
         ),

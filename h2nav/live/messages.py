@@ -46,6 +46,7 @@ def overview(state: LiveState) -> dict[str, Any]:
         "status": _record(state.newest("/status")),
         "health": _record(state.newest("/health")),
         "alarms": state.alarms,
+        "preflight": state.preflight,
         "holding": _holding(state),
         "velocity": _velocity(state),
         "lanes": [_record(seen) for seen in state.all_of("/lanes")],

@@ -138,6 +138,8 @@ class _Snapshot(Collector):
 
     def _troubles(self) -> Iterator[Metric]:
         alarms = len(self._state.alarms)
+        wrong = len(self._state.preflight)
+        yield _gauge("preflight_faults", "What is wrong before arming.", (), [((), wrong)])
         yield _gauge("alarms", "Things that are wrong at present.", (), [((), alarms)])
         findings = CounterMetricFamily("h2nav_findings", "Things that were found to be wrong.")
         findings.add_metric([], self._state.findings_told)

@@ -145,6 +145,12 @@ class LiveState:
         return self.age_s(self._heard_ns)
 
     @property
+    def preflight(self) -> tuple[str, ...]:
+        """What is wrong before arming, for people."""
+        status = self.newest("/status")
+        return () if status is None else tuple(status.record.preflight.splitlines())
+
+    @property
     def alarms(self) -> tuple[str, ...]:
         """What is wrong at present, for people."""
         status = self.newest("/status")

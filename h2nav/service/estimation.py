@@ -23,6 +23,7 @@ from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
+from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
@@ -91,6 +92,7 @@ class Estimation:
         self._begin_epoch()
         self.used = 0
         self.rejected: Counter[str] = Counter()
+        self.before_arming: BeforeArming | None = None
 
     def begin(self, identity: Identity) -> None:
         """The vehicle is known (or is another one now): its filters and its messages."""
@@ -217,6 +219,8 @@ class Estimation:
                 step = lane.take(t_ns, message_id, reading, goes_on)
                 if step.sample is not None:
                     steps[lane.imu] = step
+                    if self.before_arming is not None:
+                        self.before_arming.on_sample(lane.imu, t_ns, step.sample)
         told = ""
         if self._twins:
             self._find_twins(t_ns)
@@ -243,6 +247,8 @@ class Estimation:
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
         self._field = self._compasses.reference = field
+        if self.before_arming is not None:
+            self.before_arming.on_earth(field)
         for lane in self._lanes:
             lane.use_field(field)
 

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.integrity.findings import Alarm, Kind, SensorKind
+from h2nav.integrity.preflight import Item, Verdict
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.witness import Comparison
 from h2nav.motion.samples import OdometryRecord
@@ -17,6 +18,7 @@ from h2nav.wire.outbound import OutMessage
 
 MAX_RATE_HZ = 1000.0
 CONVERGED = Trust.ALIGNED | Trust.CONVERGED
+FORCE_ITEMS = {Item.ACCELEROMETER, Item.ACCELEROMETERS_APART, Item.VIBRATION}
 FORCE_ALARMS = {Kind.ACCELEROMETER_FROZEN, Kind.IMU_FROZEN, Kind.ATTITUDE_GRAVITY}
 # A sample that is due within this share of its period is sent now, not a whole sample later.
 EARLY = 0.25
@@ -32,11 +34,13 @@ class Assessment(NamedTuple):
         ratios: innovation test ratios of the attitude that we send.
         alarms: all that is wrong at present.
         difference: the autopilot's attitude against ours; None where there is no fresh one.
+        on_ground: what is wrong before arming.
     """
 
     ratios: InnovationRatios = InnovationRatios()
     alarms: tuple[Alarm, ...] = ()
     difference: Comparison | None = None
+    on_ground: Verdict = Verdict()
 
 
 class Motion(NamedTuple):
@@ -243,15 +247,16 @@ class Outputs:
 
 def _status(estimate: AttitudeEstimate, assessment: Assessment) -> Messages:
     """ESTIMATOR_STATUS."""
-    ratios, alarms, _ = assessment
+    ratios, alarms, _, (faults, _) = assessment
+    wrong = {fault.item for fault in faults}
     flags = 0
-    if CONVERGED in estimate.trust and not any(alarm.degrades for alarm in alarms):
+    if CONVERGED in estimate.trust and not (wrong or any(alarm.degrades for alarm in alarms)):
         flags |= mavlink.ESTIMATOR_ATTITUDE
     if Trust.VELOCITY_USED in estimate.trust:
         flags |= mavlink.ESTIMATOR_VELOCITY_HORIZ
-    if any(alarm.sensor.kind is SensorKind.GPS for alarm in alarms):
+    if Item.GPS in wrong or any(alarm.sensor.kind is SensorKind.GPS for alarm in alarms):
         flags |= mavlink.ESTIMATOR_GPS_GLITCH
-    if any(alarm.kind in FORCE_ALARMS for alarm in alarms):
+    if FORCE_ITEMS & wrong or any(alarm.kind in FORCE_ALARMS for alarm in alarms):
         flags |= mavlink.ESTIMATOR_ACCEL_ERROR
     return (outbound.estimator_status(estimate.t_us, flags, ratios.of_velocity, ratios.of_field),)
 

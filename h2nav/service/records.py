@@ -190,6 +190,7 @@ class StatusRecord(NamedTuple):
         turn_ratio: the same of the gyro against the magnetic field.
         alarms: what is wrong at present, for people, one per line.
         open_findings: ids of the findings that go on, divided by spaces.
+        preflight: what is wrong before arming, for people, one per line; empty while armed.
     """
 
     state: str
@@ -214,6 +215,7 @@ class StatusRecord(NamedTuple):
     turn_ratio: float
     alarms: str
     open_findings: str = ""
+    preflight: str = ""
 
 
 class LaneRecord(NamedTuple):

@@ -16,9 +16,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.preflight import Verdict as GroundVerdict
 from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
+from h2nav.service.before_arming import BeforeArming
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
@@ -50,7 +52,13 @@ from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
 from h2nav.wire.position import EstimatedVelocity, GpsFix, Origin, Place
-from h2nav.wire.questions import Command, ParameterList, ParameterRead, ParameterWrite
+from h2nav.wire.questions import (
+    Command,
+    ParameterList,
+    ParameterRead,
+    ParameterWrite,
+    Question,
+)
 from h2nav.wire.readers import MOTION_READERS, READERS, Envelope, Message
 from h2nav.wire.vehicle import (
     Airspeed,
@@ -132,6 +140,8 @@ class Service:
             has_listener=surroundings.has_listener,
         )
         self._notices = Notices(settings.output.status_text)
+        self._before_arming = BeforeArming(self._notices.tell)
+        self._estimation.before_arming = self._before_arming
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
         self._lateness = Lateness()
@@ -234,6 +244,11 @@ class Service:
             self._comparing.told(t_ns),
             self._assessment(),
         )._replace(open_findings=" ".join(finding.id for finding in self._judgement.open))
+
+    @property
+    def before_arming(self) -> GroundVerdict:
+        """What is wrong on the ground, and what could be judged; nothing while armed."""
+        return self._before_arming.verdict
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -342,13 +357,27 @@ class Service:
         if isinstance(message, MOTION_MESSAGES):
             return self.motion.on_message(envelope, message)
         if isinstance(message, QUESTIONS):
+            if self._asks_about_arming(envelope.sender, message):
+                return [self._send(self._before_arming.authorization(envelope.sender))]
             return self._send_all(self._conversation.on_question(envelope, message, self._ours))
         owned = self._autopilot.owns(envelope.sender)
         if isinstance(message, TimeSyncMessage):
             return self._on_time_sync(envelope, message, owned)
+        if owned:
+            self._before_arming.on_message(message)
         if isinstance(message, ReportedAttitude):
             return self._comparing.on_report(envelope.t_ns, message) if owned else []
         return self._on_vehicle_message(envelope.t_ns, message) if owned else []
+
+    def _asks_about_arming(self, sender: Sender, question: Question) -> bool:
+        """Whether the bound autopilot wants our opinion, and the user wants it given."""
+        if not self._settings.output.arming_opinion or not isinstance(question, Command):
+            return False
+        if question.command != mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST:
+            return False
+        system, component = self._ours
+        is_for_us = question.target[0] in (0, system) and question.target[1] in (0, component)
+        return is_for_us and self._autopilot.owns(sender)
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
         """A message that the service uses was refused at the wire boundary."""
@@ -411,6 +440,7 @@ class Service:
         heard = self._autopilot.hears_heartbeat(t_ns, sender, message)
         if self._autopilot.owns(sender):
             self._pulse.heartbeat(now_ns)
+            self._before_arming.armed(self._autopilot.is_armed)
         if heard is Heard.BOUND:
             effects += self._on_binding(t_ns)
         elif heard is Heard.RIVAL:
@@ -450,7 +480,7 @@ class Service:
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         t_ns = envelope.t_ns
         outcome = self._estimation.take(t_ns, envelope.message_id, reading)
-        effects = self._judgement.look(t_ns)
+        effects = self._judgement.look(t_ns) + self._before_arming.look(t_ns)
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
@@ -477,7 +507,10 @@ class Service:
 
     def _assessment(self) -> Assessment:
         return Assessment(
-            self._estimation.ratios, self._judgement.alarms, self._comparing.witness.latest
+            self._estimation.ratios,
+            self._judgement.alarms,
+            self._comparing.witness.latest,
+            self._before_arming.verdict,
         )
 
     def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
@@ -500,6 +533,7 @@ class Service:
 
     def _start_over(self) -> None:
         """Forgets what held on the clock of another autopilot or on this one's former clock."""
+        self._before_arming.restart()
         self._lateness.restart()
         self.time_sync.restart()
         self.motion.restart()
@@ -584,7 +618,10 @@ class Service:
     def _heartbeat(self, _t_ns: int) -> list[Effect]:
         if self._link_error is not None:
             return []
-        return [self._send(outbound.heartbeat(SYSTEM_STATUS[self._standing.verdict.state]))]
+        messages = [outbound.heartbeat(SYSTEM_STATUS[self._standing.verdict.state])]
+        if self._settings.output.arming_opinion:
+            messages.append(outbound.arming_opinion(self._before_arming.opinion))
+        return self._send_all(messages)
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity

@@ -71,6 +71,8 @@ class OutputSettings:
             the autopilot's attitude differs from ours.
         status_text: send STATUSTEXT on state changes.
         allow_remote_changes: obey PARAM_SET and SET_MESSAGE_INTERVAL for our own outputs.
+        arming_opinion: say what is thought of arming: answer PX4's arm authorization request, and
+            send NAMED_VALUE_INT `h2_arm` once a second for the applet on ArduPilot.
     """
 
     component_id: Annotated[int, Within(1, 255)] = 191
@@ -81,6 +83,7 @@ class OutputSettings:
     difference_rate_hz: RateHz = 0.0
     status_text: bool = True
     allow_remote_changes: bool = False
+    arming_opinion: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ def status_record(
         ratios.of_field,
         ratios.of_turn,
         "\n".join(alarm.told for alarm in assessment.alarms),
+        preflight="\n".join(fault.text for fault in assessment.on_ground.faults),
     )
 
 

@@ -181,6 +181,23 @@ def command_ack(command: int, result: int, asker: Address) -> OutMessage:
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *asker)
 
 
+def arm_authorization(result: int, for_s: int, asker: Address) -> OutMessage:
+    """COMMAND_ACK to MAV_CMD_ARM_AUTHORIZATION_REQUEST; PX4 takes param 2 for how long it holds.
+
+    Args:
+        result: MAV_RESULT.
+        for_s: the answer holds for so long, s.
+        asker: system and component id of the autopilot.
+    """
+    command = mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST
+    return mavlink.MAVLink_command_ack_message(command, result, 0, for_s, *asker)
+
+
+def arming_opinion(value: int) -> OutMessage:
+    """NAMED_VALUE_INT `h2_arm`: 1 nothing is wrong, 0 nothing is known, -n: n things are wrong."""
+    return mavlink.MAVLink_named_value_int_message(0, b"h2_arm", value)
+
+
 def message_interval(message_id: int, rate_hz: float) -> OutMessage:
     """MESSAGE_INTERVAL; a rate of 0 is -1, disabled."""
     interval_us = min(round(min(1e6 / rate_hz, INT32_END)), INT32_END) if rate_hz > 0.0 else -1

@@ -83,8 +83,9 @@ function showState() {
 }
 
 // What is wrong besides the cause of the state, which is not said twice.
-function troubles({ alarms }, reason) {
-  return alarms.filter((text) => !reason.includes(text));
+function troubles({ alarms, preflight = [] }, reason) {
+  const onGround = preflight.map((text) => `before arming: ${text}`);
+  return [...alarms.filter((text) => !reason.includes(text)), ...onGround];
 }
 
 // A text that stays is not set again: a screen reader would read it again.

@@ -1,0 +1,105 @@
+"""`h2nav check`: listens to a vehicle on the ground for a while, and says what is wrong with it."""
+
+import argparse
+import dataclasses
+import io
+from typing import Any
+
+from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.console import Console
+from h2nav.apps.daemon import StopSignals
+from h2nav.apps.json_output import print_json
+from h2nav.apps.session import Session
+from h2nav.errors import BadInput
+from h2nav.integrity.preflight import Item
+from h2nav.io.link_urls import FORMS
+from h2nav.service.service import Service
+from h2nav.service.settings import OutputSettings
+
+MOST_S = 3600.0
+_CLOSING = """\
+Exit status: 0 nothing is wrong with what could be judged; 1 something is, or nothing could be
+judged; 2 bad input. The vehicle stands still, disarmed. It is asked for messages and told nothing
+else: this neither arms nor disarms, and a status of 0 is no promise (docs/preflight.md)."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _CLOSING
+    parser.add_argument(
+        "--connect", required=True, metavar="URL", help=f"link to the autopilot: {FORMS}"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=30.0, metavar="S", help="how long to listen (default: 30)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    if not 1.0 <= args.seconds <= MOST_S:
+        raise BadInput(f"--seconds: expected a number from 1 to {MOST_S:g}")
+    console = Console(stream=io.StringIO())
+    with (
+        StopSignals().installed() as stop,
+        Session(_listening(args.connect), console) as session,
+    ):
+        session.run(stop, args.seconds)
+        found = verdict_of(session.service)
+    if args.json:
+        print_json(found)
+    else:
+        _show(found)
+    return 0 if found["ok"] else 1
+
+
+def verdict_of(service: Service) -> dict[str, Any]:
+    """What is known, as JSON has it."""
+    faults, judged = service.before_arming
+    return {
+        "ok": bool(judged) and not faults,
+        "vehicle": service.bound_to,
+        "armed": service.health.armed,
+        "faults": [
+            {
+                "item": fault.item.value,
+                "sensor": fault.sensor,
+                "size": fault.size,
+                "unit": fault.unit,
+                "limit": fault.limit,
+                "text": fault.text,
+            }
+            for fault in faults
+        ],
+        "judged": [item.value for item in Item if item in judged],
+        "not_judged": [item.value for item in Item if item not in judged],
+    }
+
+
+def _listening(url: str) -> Configuration:
+    """Defaults, with no log and nothing that is sent of an attitude."""
+    quiet = OutputSettings(
+        attitude_rate_hz=0.0,
+        attitude_quaternion_rate_hz=0.0,
+        estimator_status_rate_hz=0.0,
+        status_text=False,
+    )
+    chosen = Configuration()
+    return dataclasses.replace(chosen, link=configuration.LinkSettings(url), output=quiet)
+
+
+def _show(found: dict[str, Any]) -> None:
+    if not found["vehicle"]:
+        print("no autopilot was heard")
+    elif found["armed"]:
+        print("the vehicle is armed: nothing was judged")
+    elif not found["judged"]:
+        print("nothing could be judged: it has to stand still, and to send its IMU's messages")
+    for fault in found["faults"]:
+        print(f"wrong: {fault['text']} (at most {fault['limit']:.3g})")
+    if found["ok"]:
+        print(f"nothing wrong with: {', '.join(found['judged'])}")
+    if found["not_judged"]:
+        print(f"not judged: {', '.join(found['not_judged'])}")

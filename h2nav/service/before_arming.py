@@ -1,0 +1,102 @@
+"""The second opinion before arming: what lasts of what is wrong on the ground, said once."""
+
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.attitude.samples import EarthField, ImuSample
+from h2nav.integrity.findings import Severity
+from h2nav.integrity.preflight import Fault, Item, Preflight, Verdict
+from h2nav.service.effects import Effect
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.notices import Tell
+from h2nav.wire import outbound
+from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.outbound import Address, OutMessage
+from h2nav.wire.position import GpsFix
+
+LASTS_NS = 3 * SECOND_NS
+# An authorization is for an arming that is about to be.
+AUTHORIZED_S = 10
+LOOK_NS = SECOND_NS
+
+
+class BeforeArming:
+    """Watches while the vehicle is disarmed; commands nothing.
+
+    Args:
+        tell: reports to people.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._preflight = Preflight()
+        self._since_ns: dict[tuple[Item, str], int] = {}
+        self._looked_ns = 0
+        self._is_armed = False
+        self.verdict = Verdict()
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """What has been wrong for some seconds; none while armed."""
+        return self.verdict.faults
+
+    def armed(self, is_armed: bool) -> None:
+        """What the autopilot's heartbeat says."""
+        if is_armed != self._is_armed:
+            self.restart()
+        self._is_armed = is_armed
+
+    def restart(self) -> None:
+        """Another autopilot, another epoch: what was seen says nothing of it."""
+        self._preflight.restart()
+        self._since_ns.clear()
+        self.verdict = Verdict()
+
+    def on_sample(self, imu: int, t_ns: int, sample: ImuSample) -> None:
+        """A sample of an IMU, by its number from 0."""
+        if not self._is_armed:
+            t_us = t_ns // 1000
+            self._preflight.on_sample(imu, t_us, sample.w_b, sample.f_b, sample.m_b_ut)
+
+    def on_earth(self, field: EarthField) -> None:
+        """The earth's field here."""
+        self._preflight.on_earth(field)
+
+    def on_message(self, message: object) -> None:
+        """What else the autopilot says."""
+        if isinstance(message, GpsFix) and message.v_n is not None:
+            self._preflight.on_velocity(message.v_n)
+        elif isinstance(message, ReportedAttitude) and not message.is_second:
+            self._preflight.on_attitude(message.q_nb)
+
+    @property
+    def opinion(self) -> int:
+        """1: nothing is wrong; 0: nothing is known, or it is armed; -n: n things are wrong."""
+        faults, judged = self.verdict
+        return -len(faults) if faults else int(bool(judged))
+
+    def authorization(self, asker: Address) -> OutMessage:
+        """The answer to who asks whether it may arm."""
+        result = {
+            0: mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+            1: mavlink.MAV_RESULT_ACCEPTED,
+        }.get(self.opinion, mavlink.MAV_RESULT_DENIED)
+        is_good = result == mavlink.MAV_RESULT_ACCEPTED
+        return outbound.arm_authorization(result, AUTHORIZED_S if is_good else 0, asker)
+
+    def look(self, t_ns: int) -> list[Effect]:
+        """Once a second: reports what has begun to last."""
+        if self._is_armed or t_ns - self._looked_ns < LOOK_NS:
+            return []
+        self._looked_ns = t_ns
+        faults, judged = self._preflight.verdict
+        now = {(fault.item, fault.sensor): fault for fault in faults}
+        self._since_ns = {key: self._since_ns.get(key, t_ns) for key in now}
+        lasting = [f for key, f in now.items() if t_ns - self._since_ns[key] >= LASTS_NS]
+        self.verdict = Verdict(tuple(lasting), judged)
+        effects: list[Effect] = []
+        for fault in lasting:
+            cause = f"preflight {fault.item} {fault.sensor}"
+            effects += self._tell(t_ns, Severity.WARNING, f"before arming: {fault.text}", cause)
+        return effects
