@@ -16,7 +16,7 @@ class FilterState(NamedTuple):
     """Everything a filter remembers between two calls.
 
     Attributes:
-        filter_name: the filter that the values belong to.
+        filter_name: the filter that the values belong to, and its arithmetic where it has two.
         values: flat numbers; None stands for "not yet".
     """
 

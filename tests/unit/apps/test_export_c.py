@@ -66,7 +66,7 @@ def test_every_field_is_a_member_with_its_meaning(
 ) -> None:
     assert main(["export", "c", gains, "-o", str(tmp_path)]) == 0
     text = "".join((tmp_path / f"h2nav_filter.{end}").read_text() for end in "hc")
-    structs = {"filter": memory.Memory, "sample": memory.Sample, "gains": memory.Gains}
+    structs = {"filter": memory.State, "sample": memory.Sample, "gains": memory.Gains}
     for name, record_type in structs.items():
         found = re.search(rf"typedef struct {{\n([^}}]*)}} h2nav_{name};", text)
         assert found is not None

@@ -12,9 +12,9 @@ from h2nav.service.autopilot import Identity
 COPTER = Identity(1, 1, 3, 2)
 CASES = [
     ("default", "float", "velocity_aided"),
-    ("default", "fixed", "velocity_aided_integer"),
+    ("default", "fixed", "velocity_aided"),
     ("velocity_aided", "float", "velocity_aided"),
-    ("velocity_aided", "fixed", "velocity_aided_integer"),
+    ("velocity_aided", "fixed", "velocity_aided"),
     ("constant_gain", "fixed", "constant_gain"),
 ]
 

@@ -66,6 +66,7 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
 from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
 from h2nav.maths.units import GRAVITY_M_S2
 
+_OF_INTEGERS = "velocity_aided in integers"  # whose states are those of the floats in no way
 SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
 # Numbers of `IntegerVelocityAidedFilter.state` before the kernel's: times of the last sample and of
 # the last accepted field, scale of the field, rest, forward speed, velocity gained; the aiding's
@@ -149,8 +150,7 @@ class IntegerVelocityAidedFilter:
         BadInput: a gain is outside what the integers hold.
     """
 
-    # Of its own: its states are not those of the filter in floats.
-    name = "velocity_aided_integer"
+    name = "velocity_aided"
 
     def __init__(
         self, gains: VelocityAidedGains, place: str, compiled: CompiledStep | None = None
@@ -417,13 +417,13 @@ class IntegerVelocityAidedFilter:
         vehicle = (self._sample.rest_prior, self._sample.forward_speed)
         head = (*times, self._field_scale, *vehicle, self._gained_n, self._gained_e)
         kernel = values(self._state, State)
-        return FilterState(self.name, (*head, *kernel, *self._aiding.values()))
+        return FilterState(_OF_INTEGERS, (*head, *kernel, *self._aiding.values()))
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
         end = HEAD_SIZE + size_of(State)
-        if state.filter_name != self.name or len(state.values) < end:
-            raise ValueError(f"state of filter {state.filter_name!r} given to {self.name!r}")
+        if state.filter_name != _OF_INTEGERS or len(state.values) < end:
+            raise ValueError(f"state of filter {state.filter_name!r} given to {_OF_INTEGERS!r}")
         optional = [None if value is None else int(value) for value in state.values[:3]]
         numbers = [0 if value is None else value for value in state.values]
         integers = [int(value) for value in numbers[:end]]

@@ -147,6 +147,7 @@ class State:
     gyro_step: list[I32] = integers(
         3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
     )
+    rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     innovation_power: I32 = integer(0, LEVEL_MOST, "s^2", "mean square of the innovation", q=24)
     innovation_variance: I32 = integer(
         0, LEVEL_MOST, "s^2", "mean square of the innovation about its slow mean", q=24

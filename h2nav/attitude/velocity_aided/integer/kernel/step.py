@@ -120,6 +120,7 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
     # at most sixteen samples since the sums were zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
     if moved != 0:
+        s.rate_moves = 1
         s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
         for i in range(3):
             s.gyro_step[i] = change[i]

@@ -31,6 +31,8 @@ LEVEL_SIZE = 6710886  # 0.1, Q26, of the force's square: 5 % of g
 AIR_COSINE_2 = 24802  # square of 0.87, Q15: a steady turn within 5 % of g banks by 18 deg
 GROUND_COSINE_2 = 31792  # square of 0.985: no steady acceleration on the ground is that large
 REST_FLOOR = 3627000  # (0.1 deg/s)^2 in units of theta, Q28
+# of the bias where the rate stands still: a step of 1 mrad/s over the root of 3, as REST_FLOOR
+HIDDEN = 398950
 REST_SIGMAS_2 = 9  # a rate that is this far from the known bias is no bias
 ONE_Q26 = 1 << 26
 
@@ -69,6 +71,9 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         if abs(s.gyro_lp[i]) > most:
             is_steady = 0
     s.unsteady = 0
+    if s.rate_moves == 0:
+        doubt_steps(s)
+    s.rate_moves = 0
     if is_steady == 0:
         s.steady_us = 0
         s.rest_us = 0
@@ -81,6 +86,19 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
     s.rest_us = clamp(s.rest_us + time_us, 0, AGE_MOST_US)
     if still == 0:
         s.rest_us = 0
+
+
+def doubt_steps(s: State) -> None:
+    """Keeps the bias as uncertain as the steps of a rate that stands still.
+
+    Source: docs/filter.md Eq. (59).
+    """
+    if s.p_xx < HIDDEN:
+        s.p_xx = HIDDEN
+    if s.p_yy < HIDDEN:
+        s.p_yy = HIDDEN
+    if s.p_zz < HIDDEN:
+        s.p_zz = HIDDEN
 
 
 def bias_error(s: State, axis: I32) -> I32:
