@@ -7,6 +7,8 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
+    SensorErrors,
     VehicleState,
     VelocityFix,
 )
@@ -55,6 +57,16 @@ class AttitudeFilter(Protocol):
 
         Estimates stay as late as the rates make them (`h2nav.attitude.lead` undoes it). Filters
         that take a field as if it were new ignore the delays.
+        """
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Takes that sensors were shown to be wrong: their errors are learnt anew.
+
+        Filters that do not predict how well they know their sensors ignore it.
         """
 
     def restart(self) -> None:

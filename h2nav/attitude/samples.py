@@ -100,6 +100,8 @@ class SensorErrors(NamedTuple):
         field_latency_s: how late the magnetometer's samples are against the gyro's.
         fix_latency_s: how late velocity fixes are, beyond their stamps.
         fix_latency_variance: of that, s^2.
+        rate_density: of the rate's noise as its samples show it, squared, rad^2/s.
+        force_density: of the force's, squared, m^2/s^3.
     """
 
     gyro_variance: Vec3
@@ -108,6 +110,20 @@ class SensorErrors(NamedTuple):
     field_latency_s: float = 0.0
     fix_latency_s: float = 0.0
     fix_latency_variance: float = 0.0
+    rate_density: float = 0.0
+    force_density: float = 0.0
+
+
+class SensorDoubt(NamedTuple):
+    """Sensors that were shown to be wrong, by as much as that: a filter learns them anew.
+
+    Attributes:
+        rate_b: of the gyro's bias as the filter knows it, one sigma, rad/s, body.
+        force_b: of the accelerometer's about x and y, one sigma, m/s^2.
+    """
+
+    rate_b: Vec3 = (0.0, 0.0, 0.0)
+    force_b: tuple[float, float] = (0.0, 0.0)
 
 
 class Trust(IntFlag):

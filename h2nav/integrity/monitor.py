@@ -2,11 +2,13 @@
 
 The monitor sees what the filter sees and what the filter makes of it, and has an arithmetic of its
 own. It tells when the filter's own deviations deny an error that others show, and by how much they
-have to be opened. Nothing of that goes back into the filter; only what is no measurement at all,
-samples of a frozen sensor and velocities that IMU and field contradict, is not to be given to it.
+have to be opened. Two things go back to the filter: what is no measurement at all, samples of a
+frozen sensor and velocities that nothing but a false receiver explains, is not to be given to it;
+and a sensor that a velocity has shown to be wrong is to be learnt anew (`SensorDoubt`).
 """
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 from h2nav.attitude.samples import (
@@ -14,11 +16,15 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
+    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
     VelocityFix,
 )
+from h2nav.integrity.cause_alarms import cause_alarm
+from h2nav.integrity.causes import NOTHING, Cause, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.memory import BEGUN, DUE, FIELD_FROZEN, KEPT, ROW, THIN_ROW
@@ -44,8 +50,11 @@ OPEN_RATIO = 0.5
 OPEN_S = 10.0
 KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
 SURE_S = 2.0
-# So long gyro and field have to agree after a velocity began to contradict: two of their rows.
-BLAME_S = 2.5
+# From this ratio of a velocity on a cause is looked for, and how often.
+SUSPICIOUS_RATIO = 0.2
+EXPLAIN_US = 400_000
+# A contradiction that has lasted so long is told, with its cause.
+CONTRADICTED_US = 1_000_000
 # Velocities that are not measured: on the ground, and of any vehicle up and down.
 GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
@@ -72,6 +81,7 @@ PERIODS_LOST = 4.0
 PERIOD_SHARE = 0.2
 # A plain number: `&` of a flag makes a new one.
 FIELD_USED = int(Trust.FIELD_USED)
+CONVERGED = int(Trust.CONVERGED)
 
 
 class Speeds(NamedTuple):
@@ -112,6 +122,10 @@ class Monitor:
         self._windows: list[Window] = []
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
+        self._explained, self._explained_us = NOTHING, 0
+        self._contradicted_us: int | None = None
+        self._verdict: Cause | None = None
+        self._unsettled_us = 0  # when the tilt was last not found yet
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
@@ -152,6 +166,8 @@ class Monitor:
             self.restart()
             return
         bits = self._strapdown.add(t_us, estimate)
+        if not int(estimate.trust) & CONVERGED:
+            self._unsettled_us = t_us
         if int(estimate.trust) & FIELD_USED:
             self._field_used_us = t_us
         if self.field_is_frozen:
@@ -176,14 +192,22 @@ class Monitor:
             self._judge(t_us)
             self._open()
 
-    def fix(self, fix: VelocityFix) -> None:
-        """Takes a velocity over ground."""
+    def fix(self, fix: VelocityFix, errors: SensorErrors) -> SensorDoubt | None:
+        """Takes a velocity over ground.
+
+        Args:
+            fix: the velocity.
+            errors: what the filter knows of its sensors.
+
+        Returns:
+            What the filter has to learn anew; None where nothing was shown.
+        """
         if self._fix is not None:
             apart_us = min(fix.t_us - self._fix.t_us, 2 * VELOCITY_LOST_US)
             self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
         self._fix = fix
         if not self._velocity.take(fix):
-            return
+            return None
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
@@ -195,6 +219,29 @@ class Monitor:
             shown = GATE * long.sigma_m_s / max(long.change_m_s, 0.1)
             if shown < CONFIRMED_RAD:
                 self._is_confirmed, self._shown_us = True, fix.t_us
+        return self._explain(fix.t_us, errors)
+
+    def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
+        """Looks for the cause while velocities contradict; what the filter has to learn anew."""
+        is_settled = t_us - self._unsettled_us > LONG_S * 1e6
+        if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
+            self._forget_cause()
+            return None
+        if t_us - self._explained_us < EXPLAIN_US:
+            return None
+        self._explained_us = t_us
+        found = self._explained = explain(self._velocity.marks, errors)
+        if not found.is_contradiction:
+            self._contradicted_us = self._verdict = None
+            return doubt_of(found)
+        if self._contradicted_us is None:
+            self._contradicted_us = t_us
+        # What was decided when it began stays so: later windows no longer hold the beginning.
+        self._verdict = found.decided or self._verdict
+        return None if self.velocity_is_false else doubt_of(found)
+
+    def _forget_cause(self) -> None:
+        self._explained, self._contradicted_us, self._verdict = NOTHING, None, None
 
     @property
     def heading_is_shown(self) -> bool:
@@ -222,6 +269,7 @@ class Monitor:
         self._velocity.restart()
         self._field.restart()
         self._windows = []
+        self._forget_cause()
         self.ratios = InnovationRatios()
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
@@ -235,23 +283,22 @@ class Monitor:
 
     @property
     def velocity_is_false(self) -> bool:
-        """The velocity has contradicted the IMU for a while, and gyro and field agree.
+        """Nothing but a false velocity explained the contradiction, and the gyro is not in doubt.
 
         Such a velocity must not be fused: it would bend the attitude.
         """
-        test, now_us = self._tests["velocity"], self._strapdown.t_us
-        if not test.is_raised or now_us is None or test.since_s(now_us) < BLAME_S:
-            return False
-        return self.ratios.of_turn < OPEN_RATIO
+        return self._verdict is Cause.VELOCITY and not self.ratios.of_turn > OPEN_RATIO
 
     def _open(self) -> None:
         """Takes the errors that measurements show now."""
         ratios, field = self.ratios, self._field
+        # What no sound sensor explains opens them whatever its ratio.
+        open_ratio = SUSPICIOUS_RATIO if self._explained.is_contradiction else OPEN_RATIO
         # The shortest window shows a large angle for a small velocity: it has to fail.
         tilts = [
             window.tilt_rad
             for window in self._windows
-            if window.ratio > (OPEN_RATIO if window.length_s > SURE_S else 1.0)
+            if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]
         headings = []
         if ratios.force_10s > OPEN_RATIO:
@@ -292,7 +339,15 @@ class Monitor:
             test = self._tests[name]
             if test.is_raised:
                 found.append(make(test.since_s(t_us)))
-        return tuple(found)
+        return (*found, *self._cause_alarms(t_us, {alarm.kind for alarm in found}))
+
+    def _cause_alarms(self, t_us: int, told: Collection[Kind]) -> list[Alarm]:
+        """The cause of what has contradicted for a while; undecided once only."""
+        if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
+            return []
+        since_s = (t_us - self._contradicted_us) * 1e-6
+        alarm = cause_alarm(self._explained, self._verdict, self._imu, since_s)
+        return [] if alarm.kind in told else [alarm]
 
     def _velocity_alarm(self, since_s: float) -> Alarm:
         window = max(self._windows, key=lambda w: w.ratio, default=None)
@@ -302,11 +357,8 @@ class Monitor:
             size = window.residual_m_s
         explained = f"as {tilt:.0f} deg of tilt would" if tilt < MOST_DEG else "as no tilt would"
         evidence = f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, {explained}"
-        if self.velocity_is_false:
-            evidence += "; gyro and field agree, so the velocity is false and is not used"
         text = "attitude contradicts velocity"
-        found = _error(Kind.ATTITUDE_VELOCITY, SensorKind.GPS, tilt, text, evidence, since_s)
-        return found._replace(is_decided=self.velocity_is_false)
+        return _error(Kind.ATTITUDE_VELOCITY, SensorKind.GPS, tilt, text, evidence, since_s)
 
     def _force_alarm(self, since_s: float) -> Alarm:
         north, east, down = self._change_n
@@ -378,6 +430,7 @@ class Monitor:
         ratios, nothing = self.ratios._replace(force_10s=math.nan), math.nan
         if self._velocity.is_stale(t_us):
             self._windows = []
+            self._forget_cause()
             ratios = ratios._replace(
                 velocity_1s=nothing,
                 velocity_3s=nothing,

@@ -36,6 +36,8 @@ class Moment(NamedTuple):
         path_rad: angle turned through, whatever its direction.
         turn_variance: of the turn since the start, rad^2, by what happened between slow samples.
         gained_variance: of `gained_s`, (m/s)^2, likewise.
+        q_sb: turn since the start, to the last sample that was kept before.
+        bias_b: of the gyro, as it was known then, rad/s.
     """
 
     t_us: int
@@ -46,6 +48,8 @@ class Moment(NamedTuple):
     path_rad: float
     turn_variance: float
     gained_variance: float
+    q_sb: Quat = (1.0, 0.0, 0.0, 0.0)
+    bias_b: Vec3 = (0.0, 0.0, 0.0)
 
 
 class _Kept(NamedTuple):
@@ -142,6 +146,8 @@ def _moment(kept: _Kept, t_us: int, gained: tuple[float, ...]) -> Moment:
         path_rad,
         turn_variance,
         gained_variance,
+        (w, x, y, z),
+        kept.estimate.bias_b,
     )
 
 

@@ -8,6 +8,7 @@ by the gyro alone, so that a filter which follows a false velocity is seen to tu
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3, VelocityFix
@@ -89,6 +90,11 @@ class VelocityWindows:
     def __init__(self, strapdown: Strapdown) -> None:
         self._strapdown = strapdown
         self._marks: list[Mark] = []
+
+    @property
+    def marks(self) -> Sequence[Mark]:
+        """The fixes of the longest window, in the order of time."""
+        return self._marks
 
     def restart(self) -> None:
         """The strapdown begins anew."""

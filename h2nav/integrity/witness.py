@@ -158,6 +158,8 @@ class _Disagreement:
             "deg",
             text,
             f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
+            # Two that are independent of us agree against us.
+            degrades=is_main and verdict is Verdict.AUTOPILOT,
             since_s=since_s,
             is_decided=verdict is not Verdict.UNDECIDED,
         )

@@ -354,9 +354,11 @@ class Lane:
         """Passes a velocity on; a dependent one marks the estimate as dependent from then on."""
         if self._newest_us is not None:
             self._fused_dependent |= not fix.independent
+            doubt = self._monitor.fix(fix, self._filter.sensor_errors)
+            if doubt is not None:
+                self._filter.doubt(doubt)
             if not self._monitor.velocity_is_false:
                 self._filter.use_velocity(fix)
-            self._monitor.fix(fix)
 
     def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:
         """What the compasses show of its own one, and by how much it may turn the heading."""

@@ -27,6 +27,8 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
+    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
@@ -233,6 +235,14 @@ class ConstantGainFilter:
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Ignored: this filter takes the field as it comes."""
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """This filter predicts nothing of its sensors; see `AttitudeFilter`."""
+        return SensorErrors((0.0, 0.0, 0.0))
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Its gains do not change; see `AttitudeFilter`."""
 
     def restart(self) -> None:
         """Forgets time and attitude; keeps the bias."""

@@ -21,6 +21,7 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
     SensorErrors,
     Trust,
     Vec3,
@@ -68,6 +69,8 @@ MOST_FIELD_UT = 1e6
 HEAD_SIZE = 4
 # A bias beyond this turns the forces of a window in the air by more than the velocities tell.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
+# What an accelerometer's data sheet allows: 60 mg.
+MOST_ACCEL_BIAS_G = 0.06
 # Deviation of a tilt that was not followed for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
 
@@ -193,7 +196,18 @@ class VelocityAidedFilter:
             self.field_latency_s,
             s.fix_lag_s,
             s.fix_lag_variance,
+            gyro_density(s, self._g),
+            s.accel_jitter,
         )
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Learns anew what was shown to be wrong; see `AttitudeFilter`."""
+        s, g = self._state, self._g
+        x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
+        s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
+        if s.aided > 0.0 and g.accel_variance > 0.0:
+            x, y = (min((sigma / g.gravity) ** 2, MOST_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
+            s.p_accel[0], s.p_accel[2] = max(s.p_accel[0], x), max(s.p_accel[2], y)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Begins with sensors whose errors are undone, as well as they were known so long ago."""

@@ -17,6 +17,8 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
+    SensorErrors,
     VehicleState,
     VelocityFix,
 )
@@ -136,6 +138,18 @@ class Listener:
         """Keeps the sensors' delays."""
         self._delays = delays
         self._take(delays)
+
+    @property
+    def sensor_errors(self) -> SensorErrors:
+        """What the filter behind it has learnt."""
+        if self._filter is None:
+            return SensorErrors((0.0, 0.0, 0.0))
+        return self._filter.sensor_errors
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Passes it on; it is no record, as it follows from the samples and from one filter."""
+        if self._filter is not None:
+            self._filter.doubt(doubt)
 
     def restart(self) -> None:
         """Begins a stretch, in which the last state, field and delays still hold."""

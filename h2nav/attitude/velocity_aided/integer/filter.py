@@ -18,6 +18,7 @@ from h2nav.attitude.samples import (
     ImuSample,
     Quat,
     SensorDelays,
+    SensorDoubt,
     SensorErrors,
     Trust,
     Vec3,
@@ -230,6 +231,13 @@ class IntegerVelocityAidedFilter:
         unit = self._gains.kernel.bias_variance / self._g.bias_variance
         variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
         return SensorErrors(variance, field_latency_s=self.field_latency_s)
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Learns the gyro's bias anew; see `AttitudeFilter`."""
+        s, start = self._state, self._g.bias_variance
+        unit = self._gains.kernel.bias_variance / start
+        x, y, z = (min(round(sigma * sigma / unit), start) for sigma in doubt.rate_b)
+        s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Begins with sensors whose errors are undone, as well as they were known so long ago."""

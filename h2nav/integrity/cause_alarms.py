@@ -1,0 +1,55 @@
+"""What is said of the causes that explain a contradiction between attitude and velocity."""
+
+import math
+
+from h2nav.integrity.causes import Cause, Explained
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG
+
+# A share below this is not worth a word.
+WORTH = 0.05
+
+
+def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: float) -> Alarm:
+    """The alarm for a contradiction that lasts.
+
+    Args:
+        found: what explains it.
+        decided: the cause that was decided while it lasted; None: none.
+        imu: whose attitude is contradicted.
+        since_s: for how long.
+    """
+    if decided is Cause.GYRO:
+        rate = math.hypot(*found.rate_b) / DEG
+        text, kind, about = f"gyro's zero is off by {rate:.1f} deg/s", Kind.GYRO_BIAS_STEP, imu
+        size, unit = rate, "deg/s"
+    elif decided is Cause.ACCELEROMETER:
+        force = math.hypot(*found.force_b)
+        text = f"accelerometer is off by {force:.1f} m/s^2"
+        kind, about, size, unit = Kind.ACCELEROMETER_BIAS_STEP, imu, force, "m/s^2"
+    elif decided is Cause.VELOCITY:
+        text, kind = "GPS velocity is false and not used", Kind.GPS_VELOCITY
+        about, size, unit = Sensor(SensorKind.GPS), found.odds, ""
+    else:
+        text = "velocity contradicts, undecided"
+        if decided is not None:
+            text = f"velocity contradicts: {decided.value}"
+        kind, about, size, unit = Kind.ATTITUDE_VELOCITY, Sensor(SensorKind.GPS), 0.0, "deg"
+    evidence = f"by the shape of the difference between force and velocity: {_shares(found)}"
+    return Alarm(
+        kind,
+        about,
+        Severity.WARNING,
+        size,
+        unit,
+        text,
+        evidence,
+        since_s=since_s,
+        is_decided=decided is not None,
+    )
+
+
+def _shares(found: Explained) -> str:
+    ordered = sorted(found.shares, key=lambda one: -one[1])
+    said = [f"{cause.value} {share:.0%}" for cause, share in ordered if share > WORTH]
+    return ", ".join(said) or "none"
