@@ -26,6 +26,10 @@ LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
 LEAST_LEVEL = 0.1
 SMOOTHING_US = 500_000
 STALE_US = 2_000_000
+# Fields are of different times: a few degrees at this rate, tens of degrees in a flip.
+FASTEST_RAD_S = 60.0 * DEG
+# However far two are apart, it has to last for two seconds.
+MOST_RATIO = 1.5
 # Two that agree, where a third one differs.
 AGREE = 0.7
 
@@ -35,10 +39,12 @@ class Level(NamedTuple):
 
     Attributes:
         q_nb: attitude, body to NED.
+        rate_rad_s: of its turn.
         is_shown: velocities have shown its heading.
     """
 
     q_nb: Quat
+    rate_rad_s: float
     is_shown: bool
 
 
@@ -93,6 +99,8 @@ class Compasses:
 
     def look(self, t_us: int, fields: Mapping[int, Vec3], level: Level) -> None:
         """Takes the newest field of each, in body axes."""
+        if level.rate_rad_s > FASTEST_RAD_S:
+            return
         self._t_us = t_us
         for number, field in fields.items():
             north, east, _ = rotate(level.q_nb, field)
@@ -102,7 +110,7 @@ class Compasses:
                 compass.take(t_us, complex(north, east) / flat)
         fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
         for pair in itertools.combinations(fresh, 2):
-            ratio = self._apart_rad(*pair) / self._limit_rad
+            ratio = min(self._apart_rad(*pair) / self._limit_rad, MOST_RATIO)
             self._pairs.setdefault(pair, Lasting()).take(t_us, ratio)
         self._judge_by_velocity(t_us, fresh, level)
         self._decide(fresh)
@@ -182,7 +190,7 @@ class Compasses:
             off = math.remainder(
                 cmath.phase(compass.heading) - self.reference.declination_rad, math.tau
             )
-            ratio = abs(off) / self._limit_rad
+            ratio = min(abs(off) / self._limit_rad, MOST_RATIO)
             compass.test.take(t_us, ratio)
             if compass.test.is_raised or ratio < AGREE:
                 compass.is_wrong = compass.test.is_raised

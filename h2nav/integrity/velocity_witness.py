@@ -18,6 +18,8 @@ from h2nav.maths.quaternion import Quat, Vec3, rotate
 WINDOW_US = 1_900_000
 LONGEST_WINDOW_US = 4_000_000
 WINDOWS = 15
+# An attitude and its errors change: what was shown longer ago says nothing of them now.
+EVIDENCE_US = 30_000_000
 LEAST_WINDOWS = 2
 LONGEST_STEP_US = 200_000
 # A difference older than this says nothing of the present.
@@ -59,12 +61,14 @@ class _Window(NamedTuple):
     """Of horizontal changes of velocity, m/s, (2,) each.
 
     Attributes:
+        t_us: its end.
         missing: measured, less what our attitude makes of the force.
         by_tilt: what the other attitude's tilt would add to ours.
         by_heading: what its heading would add.
         by_latency: what the receiver would add, per second of its latency.
     """
 
+    t_us: int
     missing: tuple[float, float]
     by_tilt: tuple[float, float]
     by_heading: tuple[float, float]
@@ -125,7 +129,7 @@ class VelocityWitness:
         integrated: of our attitude.
 
     Attributes:
-        verdicts: by the windows so far.
+        verdicts: by the windows of the last `EVIDENCE_US`.
     """
 
     def __init__(self, integrated: Integrated) -> None:
@@ -143,6 +147,15 @@ class VelocityWitness:
         self._settle()
         about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
         self._turn = (t_us, turn_n, about_down)
+        self._age(t_us)
+
+    def _age(self, t_us: int) -> None:
+        """Forgets what is too old to be evidence, and what followed from it."""
+        before = len(self._windows)
+        while self._windows and not 0 <= t_us - self._windows[0].t_us <= EVIDENCE_US:
+            self._windows.popleft()
+        if len(self._windows) < before:
+            self.verdicts = _verdicts(self._windows)
 
     def fix(self, fix: VelocityFix) -> None:
         """Takes a velocity; closes a window that has become long enough."""
@@ -189,6 +202,7 @@ class VelocityWitness:
         by_latency = [start.force_n[i] - now.force_n[i] for i in (0, 1)]
         self._windows.append(
             _Window(
+                now.t_us or 0,
                 (missing[0], missing[1]),
                 self._by_tilt,
                 self._by_heading,

@@ -356,7 +356,9 @@ class Estimation:
             if lane.newest is not None and lane.newest.m_b_ut is not None and not lane.field_is_raw
         }
         compasses = self._compasses
-        compasses.look(t_ns // 1000, fields, Level(estimate.q_nb, level in shown))
+        compasses.look(
+            t_ns // 1000, fields, Level(estimate.q_nb, math.hypot(*estimate.w_b), level in shown)
+        )
         for lane in self._lanes:
             lane.use_verdict(lane.imu in compasses.wrong, compasses.doubt_rad(lane.imu))
             if lane.heading_is_wrong and lane is not self._lane:

@@ -33,7 +33,7 @@ def after(seconds: float, fields, level: Level) -> Compasses:
 
 @pytest.mark.parametrize("is_shown", [False, True])
 def test_compasses_that_agree_are_not_spoken_of(is_shown: bool) -> None:
-    compasses = after(10.0, seen([0.0, 8.0, -5.0]), Level(TILTED, is_shown))
+    compasses = after(10.0, seen([0.0, 8.0, -5.0]), Level(TILTED, 0.1, is_shown))
     assert compasses.alarms() == []
     assert not compasses.wrong
     assert compasses.doubt_rad(0) == 0.0
@@ -41,7 +41,7 @@ def test_compasses_that_agree_are_not_spoken_of(is_shown: bool) -> None:
 
 def test_two_that_differ_on_the_ground_are_reported_and_open_the_heading() -> None:
     """Whatever heading the attitude has, which came from one of them."""
-    level = Level(quaternion.multiply(QUARTER, TILTED), False)
+    level = Level(quaternion.multiply(QUARTER, TILTED), 0.1, False)
     compasses = after(5.0, seen([90.0, 0.0]), level)
     (alarm,) = compasses.alarms()
     assert (alarm.kind, alarm.is_decided) == (Kind.COMPASSES_DIFFER, False)
@@ -55,7 +55,7 @@ def test_two_that_differ_on_the_ground_are_reported_and_open_the_heading() -> No
 @pytest.mark.parametrize("turned", [0, 1, 2])
 def test_of_three_the_one_that_is_alone_is_wrong(turned: int) -> None:
     turns = [90.0 if number == turned else 0.0 for number in range(3)]
-    compasses = after(5.0, seen(turns), Level(TILTED, False))
+    compasses = after(5.0, seen(turns), Level(TILTED, 0.1, False))
     assert compasses.wrong == {turned}
     (alarm,) = compasses.alarms()
     assert alarm.is_decided
@@ -66,26 +66,31 @@ def test_of_three_the_one_that_is_alone_is_wrong(turned: int) -> None:
 @pytest.mark.parametrize("turned", [0, 1])
 def test_a_heading_that_velocities_have_shown_decides_between_two(turned: int) -> None:
     turns = [90.0 if number == turned else 0.0 for number in range(2)]
-    compasses = after(5.0, seen(turns), Level(TILTED, True))
+    compasses = after(5.0, seen(turns), Level(TILTED, 0.1, True))
     assert compasses.wrong == {turned}
     assert compasses.doubt_rad(1 - turned) == 0.0
 
 
 def test_velocities_outvote_two_that_share_the_same_iron() -> None:
-    compasses = after(5.0, seen([60.0, 60.0, 0.0]), Level(TILTED, True))
+    compasses = after(5.0, seen([60.0, 60.0, 0.0]), Level(TILTED, 0.1, True))
     assert compasses.wrong == {0, 1}
 
 
 def test_what_agrees_again_is_forgiven() -> None:
-    compasses = after(5.0, seen([90.0, 0.0]), Level(TILTED, True))
+    compasses = after(5.0, seen([90.0, 0.0]), Level(TILTED, 0.1, True))
     for i in range(200):
-        compasses.look(5_000_000 + 50_000 * i, seen([0.0, 0.0]), Level(TILTED, False))
+        compasses.look(5_000_000 + 50_000 * i, seen([0.0, 0.0]), Level(TILTED, 0.1, False))
     assert not compasses.wrong
     assert compasses.alarms() == []
 
 
 def test_a_field_that_stands_upright_says_nothing() -> None:
     fields = {0: (0.5, 0.0, 60.0), 1: (-0.5, 0.0, 60.0)}
-    compasses = after(5.0, fields, Level(quaternion.IDENTITY, False))
+    compasses = after(5.0, fields, Level(quaternion.IDENTITY, 0.1, False))
     assert compasses.alarms() == []
     assert math.isfinite(compasses.doubt_rad(0))
+
+
+def test_in_a_flip_nothing_is_compared() -> None:
+    compasses = after(10.0, seen([90.0, 0.0]), Level(TILTED, 5.0, False))
+    assert compasses.alarms() == []

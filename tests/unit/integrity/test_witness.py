@@ -177,13 +177,25 @@ class Flight:
         velocity: its integral.
         late_s: latency of the receiver.
         noise_m_s: of the receiver.
+        fixes_until_s: its last fix.
+        length_s: of the flight.
     """
 
-    def __init__(self, our_error, their_error, acceleration, velocity, late_s=0.15, noise_m_s=0.05):
+    def __init__(
+        self,
+        our_error,
+        their_error,
+        acceleration,
+        velocity,
+        late_s=0.15,
+        noise_m_s=0.05,
+        fixes_until_s=math.inf,
+        length_s=30,
+    ):
         self.witness = Witness()
         random_numbers = random.Random(1)
         nose = from_euler(0.05, -0.1, 0.7)
-        for count in range(1, 3001):
+        for count in range(1, 100 * length_s + 1):
             t_s, t_us = count * 0.01, 60_000_000 + count * STEP_US
             force_n = (*acceleration(t_s), -GRAVITY_M_S2)
             sample = ImuSample(t_us, (0.0, 0.0, 0.0), rotate(conjugate(nose), force_n))
@@ -192,7 +204,7 @@ class Flight:
                 theirs = multiply(their_error, nose)
                 found = self.witness.report(Source.AUTOPILOT, t_us // 1000, theirs)
                 self.verdicts = found[-1].verdicts
-            if count % 20 == 0:
+            if count % 20 == 0 and t_s < fixes_until_s:
                 north, east = (
                     v + random_numbers.gauss(0, noise_m_s) for v in velocity(t_s - late_s)
                 )
@@ -262,6 +274,14 @@ def test_a_late_receiver_in_a_circle_looks_like_a_wrong_heading_and_proves_nothi
 def test_a_receiver_that_contradicts_both_proves_nothing():
     flight = Flight(RIGHT, yaw(20.0), to_and_fro, swinging, noise_m_s=4.0)
     assert flight.verdicts == Verdicts()
+
+
+@pytest.mark.parametrize(("length_s", "is_known"), [(45, True), (65, False)])
+def test_a_verdict_lasts_no_longer_than_its_evidence(length_s, is_known):
+    """The last velocity came after 30 s; the disagreement goes on."""
+    flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging, fixes_until_s=30, length_s=length_s)
+    assert (flight.verdicts.heading is Verdict.H2NAV) == is_known
+    assert ("GPS backs us" in flight.text) == is_known
 
 
 def test_a_velocity_of_the_autopilots_own_estimator_is_no_witness():

@@ -206,9 +206,13 @@ def learn_field(
     s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
-    if s.mag_offset_s < OFFSET_TIME:
-        s.mag_offset_s = s.mag_offset_s + age
-    share = age / s.mag_offset_s
+    # What a reference that was learnt first shows is itself.
+    time = OFFSET_TIME + age
+    if s.mag_ref_given > 0.0:
+        if s.mag_offset_s < OFFSET_TIME:
+            s.mag_offset_s = s.mag_offset_s + age
+        time = s.mag_offset_s
+    share = age / time
     s.mag_offset_norm = s.mag_offset_norm + share * (more_norm - s.mag_offset_norm)
     s.mag_offset_dip = s.mag_offset_dip + share * (more_dip - s.mag_offset_dip)
     share = age / (g.level_time_s + age)

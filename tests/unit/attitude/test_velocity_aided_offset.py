@@ -1,0 +1,78 @@
+"""The field's offset in body axes: learnt with velocities, honest before and after."""
+
+import math
+
+import pytest
+from needs import DEG
+from synthetic_imu import FIELD
+from velocity_flights import (
+    Drive,
+    accelerating,
+    follow,
+    heading_apart,
+    new_filter,
+    with_samples,
+)
+
+from h2nav.attitude.samples import ImuSample, Trust, Vec3
+
+NO_BIAS = (0.0, 0.0, 0.0)
+NONE: Vec3 = (0.0, 0.0, 0.0)
+# Of the norm: a few percent, across the nose.
+IRON: Vec3 = (0.02, -0.06, 0.04)
+
+
+def with_iron(drive: Drive, iron: Vec3 = IRON) -> Drive:
+    """The same flight with an offset in the field, in shares of its norm."""
+
+    def change(_: int, sample: ImuSample) -> ImuSample:
+        assert sample.m_b_ut is not None
+        x, y, z = (m + FIELD.norm_ut * o for m, o in zip(sample.m_b_ut, iron, strict=True))
+        return sample._replace(m_b_ut=(x, y, z))
+
+    return with_samples(drive, change)
+
+
+def share_beyond(drive: Drive, found, first: int = 0) -> float:
+    """Of estimates whose heading is off by more than three deviations."""
+    pairs = list(zip(drive.flight.q_nb, found, strict=True))[first:]
+    beyond = [
+        abs(heading_apart(q, e.q_nb)) > 3.0 * e.sigma_heading_rad for q, e in pairs if e is not None
+    ]
+    return sum(beyond) / len(beyond)
+
+
+@pytest.mark.parametrize("iron", [NONE, IRON])
+def test_an_offset_is_learnt_while_velocities_show_the_heading(iron: Vec3) -> None:
+    drive = with_iron(accelerating(90.0, 51, bias_b=NO_BIAS), iron)
+    filter_ = new_filter(knows_field=True)
+    found = follow(filter_, drive)
+    state = filter_.kernel_state
+    for learnt, true in zip(state.field_offset, iron, strict=True):
+        assert abs(learnt - true) < 0.01
+    last = found[-1]
+    assert last is not None
+    assert abs(heading_apart(drive.flight.q_nb[-1], last.q_nb)) < 1.5 * DEG
+    assert share_beyond(drive, found) < 0.02
+
+
+def test_it_is_not_learnt_without_velocities() -> None:
+    drive = with_iron(accelerating(20.0, 52, bias_b=NO_BIAS))
+    filter_ = new_filter(knows_field=True)
+    for sample in drive.flight.samples:
+        filter_.update(sample)
+    assert filter_.kernel_state.field_offset[:] == [0.0, 0.0, 0.0]
+
+
+def test_a_heading_is_as_certain_as_velocities_have_shown_it() -> None:
+    """5 % of iron may be in a field that fits in norm and dip."""
+    drive = accelerating(90.0, 53, bias_b=NO_BIAS)
+    filter_ = new_filter(knows_field=True)
+    for sample in drive.flight.samples[:1500]:
+        before = filter_.update(sample)
+    assert before is not None
+    assert before.sigma_heading_rad > 0.05 / math.cos(FIELD.dip_rad)
+    after = follow(new_filter(knows_field=True), drive)[-1]
+    assert after is not None
+    assert after.trust & Trust.VELOCITY_USED
+    assert after.sigma_heading_rad < 0.8 * before.sigma_heading_rad
