@@ -23,7 +23,7 @@ from h2nav.review.shaking import look_at_shaking
 from h2nav.review.spectra import look_at_spectra, look_at_vibration
 from h2nav.review.standstill import NEVER, Rest, look_at_rest, rest_of
 from h2nav.review.supply import look_at_supply
-from h2nav.review.timing import look_at_pauses, look_at_timing, pauses
+from h2nav.review.timing import look_at_pauses, look_at_slow_log, look_at_timing, pauses
 from h2nav.review.tracks import (
     Bias,
     CompassFit,
@@ -93,6 +93,14 @@ def analyse(flight: Flight) -> Analysis:
     numbers = {one.compass for one in dead}
     compasses = tuple(_without_field(t) if t.imu in numbers else t for t in compasses)
     analysis = _of_samples(flight, tracks, context.armed, paused)
+    seldom = [one for t in tracks for one in look_at_slow_log(t, context) if is_own_log]
+    slow_ones = {one.sensor for one in seldom}
+    other = [
+        one
+        for one in analysis.findings
+        if one.kind is not Kind.IMU_SLOW or one.sensor not in slow_ones
+    ]
+    analysis = analysis._replace(findings=(*other, *seldom))
     best = best_attitude(flight)
     slow = tuple(slowed(_without_field(t) if t.imu in numbers else t) for t in tracks)
     first = _soundest(flight, slow)

@@ -68,7 +68,15 @@ FOLLOWS: dict[Kind, tuple[Kind, ...]] = {
         Kind.AUTOPILOT_HEADING,
     ),
     Kind.GYRO_FROZEN: ATTITUDES,
-    Kind.IMU_TOO_SLOW: (Kind.ATTITUDE_VELOCITY, Kind.ATTITUDE_GRAVITY, Kind.GYRO_FIELD),
+    Kind.IMU_TOO_SLOW: (
+        Kind.ATTITUDE_VELOCITY,
+        Kind.ATTITUDE_GRAVITY,
+        Kind.AUTOPILOT_TILT,
+        Kind.AUTOPILOT_HEADING,
+        Kind.COMPASS_FIELD,
+        Kind.GPS_VELOCITY,
+        Kind.GYRO_FIELD,
+    ),
     Kind.GPS_LOST: (Kind.VELOCITY_LOST, Kind.SAID_AIDING, Kind.SAID_GPS_GLITCH),
     Kind.VIBRATION: (
         Kind.CLIPPING,
@@ -224,9 +232,10 @@ def _is_own(one: Finding, found: list[Finding], analysis: Analysis) -> bool:
     """Whether it says something of our attitude alone."""
     if one.id in analysis.misjudged:
         return True
+    cause = next((other for other in found if other.id == one.cause), None)
+    if cause is not None and cause.kind is Kind.IMU_TOO_SLOW:
+        return True
     if one.kind is not Kind.ATTITUDE_GRAVITY:
         return one.kind in OWN
-    causes = {other.id: other for other in found}
-    cause = causes.get(one.cause or "")
     # A sensor that is known to be wrong makes it one of the vehicle.
     return cause is None or cause.sensor.kind not in (SensorKind.IMU, SensorKind.GYRO)

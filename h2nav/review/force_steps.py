@@ -40,7 +40,8 @@ STEP_M_S2 = 0.5
 GATE = 3.0
 # The halves of a window, and the windows of a jump that lasts, may differ by this share of it.
 STEADY_SHARE = 0.4
-# Of the vehicle's own acceleration: a heading that is off by 15 deg makes as much of it.
+# Of the vehicle's own acceleration: a heading that is off by 15 deg makes as much of it, and more
+# where ours may be off by more.
 MOVED_SHARE = 0.25
 # A direction that shows less than this share of what the best one does is not looked at: without
 # the velocity down, that is the vertical.
@@ -126,7 +127,9 @@ def _jumps(
     variance = variance + 0.25 * np.sum([half.variance for half in halves], axis=0)
     variance += GRAVITY_M_S2**2 * _turn_variance(track, edges[0], edges[-1])
     moved = np.max([np.linalg.norm(half.moved_n, axis=1) for half in halves], axis=0)
-    least = np.maximum(STEP_M_S2, np.maximum(GATE * np.sqrt(variance), MOVED_SHARE * moved))
+    off = np.minimum(GATE * best.near(best.sigma_heading_rad, at_s), np.pi)
+    share = np.maximum(MOVED_SHARE, 2.0 * np.sin(0.5 * off))
+    least = np.maximum(STEP_M_S2, np.maximum(GATE * np.sqrt(variance), share * moved))
     steady = np.maximum(worst_before, worst_after)
     for earlier in range(1, WINDOWS_BEFORE):
         shift = earlier * round(WINDOW_S / EVERY_S)

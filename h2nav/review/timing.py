@@ -24,6 +24,10 @@ LOST_S = 1.0
 LOST_SHARE = 0.01
 DUPLICATE_SHARE = 0.01
 # Below it a small multirotor's motions (5 Hz) are seen with fewer than five samples a period.
+# Motors and propellers shake a vehicle at 30 to 200 Hz.
+ALIASING_HZ = 45.0
+# LOG_BITMASK of ArduCopter, and of the others.
+IMU_FAST, IMU_RAW = 1 << 18, 1 << 19
 SLOW_HZ = 25.0
 # Crystals of autopilots and computers: 50 ppm each, over temperature and age 100 ppm each.
 DRIFT_PPM = 200.0
@@ -267,6 +271,38 @@ def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]
             Finding(Kind.IMU_TWICE, imu, Severity.NOTICE, from_s, to_s, size, "%", text, evidence)
         )
     return found
+
+
+def look_at_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
+    """Samples of an autopilot's own log that alias a vibration: the rates they add up to are wrong.
+
+    Args:
+        track: samples.
+        context: parameters, which say what to set.
+    """
+    steps = np.diff(track.stamp_us)
+    period_us = float(np.median(steps)) if len(steps) else 0.0
+    if len(track.t_s) < FEWEST or period_us <= 1e6 / ALIASING_HZ:
+        return []
+    rate = 1e6 / period_us
+    mask = context.parameters.get("LOG_BITMASK")
+    setting = "SDLOG_PROFILE with high rates (bit 2)"
+    if mask is not None:
+        bit = IMU_FAST if context.motors is not None else IMU_RAW
+        setting = f"LOG_BITMASK {int(mask) | bit} (now {int(mask)})"
+    return [
+        Finding(
+            Kind.IMU_TOO_SLOW,
+            Sensor(SensorKind.IMU, track.imu + 1),
+            Severity.NOTICE,
+            float(track.t_s[0]),
+            float(track.t_s[-1]),
+            rate,
+            "Hz",
+            f"logged {rate:.0f} times a second: too seldom for an attitude of our own",
+            f"what shakes the vehicle between two samples is taken for a turn; set {setting}",
+        )
+    ]
 
 
 def _drift(imu: Sensor, track: ImuTrack, ppm: float) -> Finding:
