@@ -4,9 +4,9 @@
 
 FOLDER holds recordings, ``events.csv`` (file, event, t_s, about: what happened) and ``labels.csv``
 (file, kind, source, severity, from_s, to_s, verdict, reason: findings of an earlier version, judged
-by hand). Every recording is reviewed, and the reviews are scored. A recording counts as one in which
-something did not happen where its events say so (``no_crash``, ``propeller``). The table also says
-in how many of the others a serious finding of the kind stands, which is not all false: not
+by hand). Every recording is reviewed, and the reviews are scored. A recording counts as one in
+which something did not happen where its events say so (``no_crash``, ``propeller``). The table also
+says in how many of the others a serious finding of the kind stands, which is not all false: not
 everything that happened was labelled.
 """
 

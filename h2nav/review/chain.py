@@ -77,6 +77,7 @@ FOLLOWS: dict[Kind, tuple[Kind, ...]] = {
         Kind.GPS_VELOCITY,
         Kind.GYRO_FIELD,
     ),
+    Kind.AUTOPILOT_CRASH_CHECK: (Kind.SAID_CRASH,),
     Kind.GPS_LOST: (Kind.VELOCITY_LOST, Kind.SAID_AIDING, Kind.SAID_GPS_GLITCH),
     Kind.VIBRATION: (
         Kind.CLIPPING,

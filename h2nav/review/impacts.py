@@ -31,6 +31,8 @@ TOPPLED_G, TOPPLED_S = 2.0, 6.0
 # A blow that a landing on legs does not make, in means of 20 ms: a fall from half a metre.
 BLOW_G, BLOW_RAD_S, BLOW_S = 5.0, 300.0 * DEG, 1.0
 SMOOTHED_S = 0.02
+# And more than what shakes it all along.
+OF_USUAL = 2.5
 # It is down after a blow: nothing drives it within so long, for so long.
 DOWN_WITHIN_S, DOWN_FOR_S, IDLE_SHARE = 3.0, 1.0, 0.15
 # Of what carries it usually, where that is little.
@@ -321,10 +323,13 @@ def _lies(bins: Bins, stood: Array, context: Context) -> Mask:
 def _blows(bins: Bins, span: Span) -> Mask:
     """(N,) blows after which it is down."""
     reach = round(BLOW_S / BIN_S)
-    hard = bins.peak_g > BLOW_G
+    usual_g = float(np.median(bins.peak_g)) if len(bins.peak_g) else 0.0
+    hard = bins.peak_g > max(BLOW_G, OF_USUAL * usual_g)
     for place in np.flatnonzero(hard).tolist():
         near = slice(max(place - reach, 0), place + reach + 1)
-        hard[place] = bins.peak_rad_s[near].max() > BLOW_RAD_S and _is_down(bins, place, span)
+        is_rough = bins.peak_rad_s[near].max() > BLOW_RAD_S
+        is_rough = is_rough or _turned(bins, place)[0] > TURNED_RAD
+        hard[place] = is_rough and _is_down(bins, place, span)
     return hard
 
 
@@ -334,7 +339,7 @@ def _is_down(bins: Bins, place: int, span: Span) -> bool:
     if span.to_s - t_s < DOWN_WITHIN_S or bins.t_s[-1] - t_s < DOWN_WITHIN_S:
         return True
     after = (bins.t_s > t_s) & (bins.t_s < t_s + DOWN_WITHIN_S + DOWN_FOR_S)
-    idle = after & (bins.driven < bins.idle)
+    idle = after & ((bins.driven < bins.idle) | ~_moves(bins.w_b))
     return any(
         bins.t_s[last] - bins.t_s[first] >= DOWN_FOR_S - 2.0 * BIN_S for first, last in runs(idle)
     )
@@ -357,7 +362,8 @@ def _impact(
     """The blow that laid it there; None where nothing was rough enough."""
     place, since = between
     t_s = bins.t_s[place]
-    near = (bins.t_s >= t_s - TOPPLED_S) & (bins.t_s <= t_s + BLOW_S)
+    reach_s = TOPPLED_S if lies[place] else BLOW_S
+    near = (bins.t_s >= t_s - reach_s) & (bins.t_s <= t_s + BLOW_S)
     near[:since] = False
     force = np.where(near, bins.peak_g, 0.0)
     peak_g, peak_rad_s = float(force.max()), float(bins.peak_rad_s[near].max())

@@ -144,39 +144,54 @@ def _saturated(
 ) -> list[Finding]:
     """Motors that were asked for all there is for long, or shortly before a crash."""
     known = {finding.sensor.number for finding in failed}
-    found = []
+    found: list[Finding] = []
     t_s = outputs.bins.t_s
     for column, number in enumerate(motors.numbers):
-        pieces = [
-            (first, last)
-            for first, last in runs((outputs.share[:, column] > LIMIT_SHARE) & outputs.flies)
-            if t_s[last] - t_s[first] + BIN_S >= LIMIT_S
-        ]
-        near = [i for i in impacts for _, last in pieces if 0.0 < i.t_s - t_s[last] < LEADS_S]
-        if not pieces or number in known:
-            continue
-        first, last = max(pieces, key=lambda piece: t_s[piece[1]] - t_s[piece[0]])
-        longest = float(t_s[last] - t_s[first] + BIN_S)
-        if longest < LONG_LIMIT_S and not near:
-            continue
-        total = float(sum(t_s[after] - t_s[before] + BIN_S for before, after in pieces))
-        times = "once" if len(pieces) == 1 else f"{len(pieces)} times"
-        throttle = float(np.median(outputs.bins.driven[first : last + 1]))
-        found.append(
-            Finding(
-                Kind.MOTOR_SATURATED,
-                Sensor(SensorKind.MOTOR, number),
-                Severity.WARNING if longest >= LONG_LIMIT_S else Severity.NOTICE,
-                float(t_s[pieces[0][0]]),
-                float(t_s[pieces[-1][1]]),
-                100.0,
-                "%",
-                f"motor {number} at its limit for {longest:.1f} s",
-                f"{times}, {total:.1f} s in all; the motors together were at {throttle:.0%} of "
-                "their range then",
-            )
+        at_limit = (outputs.share[:, column] > LIMIT_SHARE) & outputs.flies
+        groups = _groups(
+            [p for p in runs(at_limit) if t_s[p[1]] - t_s[p[0]] + BIN_S >= LIMIT_S], t_s
         )
+        if number in known:
+            continue
+        for pieces in groups:
+            longest = max(float(t_s[last] - t_s[first] + BIN_S) for first, last in pieces)
+            end_s = t_s[pieces[-1][1]]
+            leads = any(0.0 < impact.t_s - end_s < LEADS_S for impact in impacts)
+            if longest >= LONG_LIMIT_S or leads:
+                found.append(_at_limit(outputs, number, pieces, longest))
     return found
+
+
+def _groups(pieces: list[tuple[int, int]], t_s: Array) -> list[list[tuple[int, int]]]:
+    """Pieces that follow each other within seconds."""
+    groups: list[list[tuple[int, int]]] = []
+    for piece in pieces:
+        if groups and t_s[piece[0]] - t_s[groups[-1][-1][1]] < LEADS_S:
+            groups[-1].append(piece)
+        else:
+            groups.append([piece])
+    return groups
+
+
+def _at_limit(
+    outputs: Outputs, number: int, pieces: list[tuple[int, int]], longest: float
+) -> Finding:
+    t_s, driven = outputs.bins.t_s, outputs.bins.driven
+    total = float(sum(t_s[last] - t_s[first] + BIN_S for first, last in pieces))
+    times = "once" if len(pieces) == 1 else f"{len(pieces)} times"
+    throttle = float(np.median(np.concatenate([driven[a : b + 1] for a, b in pieces])))
+    return Finding(
+        Kind.MOTOR_SATURATED,
+        Sensor(SensorKind.MOTOR, number),
+        Severity.WARNING if longest >= LONG_LIMIT_S else Severity.NOTICE,
+        float(t_s[pieces[0][0]]),
+        float(t_s[pieces[-1][1]]),
+        100.0,
+        "%",
+        f"motor {number} at its limit for {longest:.1f} s",
+        f"{times}, {total:.1f} s in all; the motors together were at {throttle:.0%} of their range "
+        "then",
+    )
 
 
 # --- one that gives no thrust -----------------------------------------------------------------

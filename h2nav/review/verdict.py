@@ -6,14 +6,18 @@ import numpy as np
 
 from h2nav.flightlogs.context import Context
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.maths.units import DEG
 from h2nav.review.analysis import Analysis
 from h2nav.review.chain import Chain
 from h2nav.review.flight import Flight
+from h2nav.review.impacts import LYING_RAD
+from h2nav.review.motors import LIMIT_SHARE
 
 # What is said of a time within so long of it belongs to it.
 NEAR_S = 1.5
 MOST_SENSORS = 3
 FULL_THROTTLE = 0.97
+ON_ITS_BACK_RAD = 120.0 * DEG
 SENSORS = (
     SensorKind.IMU,
     SensorKind.GYRO,
@@ -47,7 +51,7 @@ PHRASES: dict[Kind, str] = {
     Kind.ACCELEROMETER_BIAS: "the accelerometer was not calibrated",
     Kind.ACCELEROMETER_BIAS_STEP: "an accelerometer's bias jumped",
     Kind.ACCELEROMETER_FROZEN: "an accelerometer froze",
-    Kind.AUTOPILOT_CRASH_CHECK: "the autopilot's crash check was false: the vehicle stood still",
+    Kind.AUTOPILOT_CRASH_CHECK: "the autopilot's crash check was false",
     Kind.AUTOPILOT_HEADING: "the autopilot's heading was wrong",
     Kind.AUTOPILOT_TILT: "the autopilot's roll or pitch was wrong",
     Kind.AXIS_STUCK: "an axis of an IMU was stuck",
@@ -115,7 +119,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
     )
     lost = [one for one in of_vehicle if one.kind is Kind.LOSS_OF_CONTROL and one.cause is None]
     if crashes:
-        text = _crashed(flight.context, crashes, of_vehicle)
+        text = _crashed(flight, analysis, crashes, of_vehicle)
     elif lost:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
@@ -126,21 +130,33 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
 # --- a crash ------------------------------------------------------------------------------------
 
 
-def _crashed(context: Context, crashes: list[Finding], found: list[Finding]) -> str:
-    first = crashes[0]
-    times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
-    when = f"{times} and {crashes[-1].from_s:.0f} s" if times else f"{first.from_s:.0f} s"
-    parts = [f"Crashed at {when}."]
+def _crashed(
+    flight: Flight, analysis: Analysis, crashes: list[Finding], found: list[Finding]
+) -> str:
+    """Where and how it came to lie, how it came to that, and what was wrong before."""
+    context, first = flight.context, crashes[0]
+    before = [_before(context, one, found) for one in crashes]
     if len(crashes) == 1:
-        parts.append(_before(context, first, found))
+        parts = [f"Crashed at {first.from_s:.0f} s{_lay(first, analysis)}.", before[0]]
     else:
+        times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
+        parts = [f"Crashed at {times} and {crashes[-1].from_s:.0f} s."]
         parts += [
-            f"At {one.from_s:.0f} s: {_lower(_before(context, one, found))}"
-            for one in crashes
-            if _before(context, one, found)
+            f"At {one.from_s:.0f} s: {_lower(said)}"
+            for one, said in zip(crashes, before, strict=True)
+            if said
         ]
     parts.append(_until(first, found))
     return " ".join(part for part in parts if part)
+
+
+def _lay(crash: Finding, analysis: Analysis) -> str:
+    """How it came to lie."""
+    tilts = [one.tilt_rad for one in analysis.impacts if one.t_s == crash.from_s]
+    tilt = tilts[0] if tilts else 0.0
+    if tilt > ON_ITS_BACK_RAD:
+        return " and came to lie on its back"
+    return " and came to lie on its side" if tilt > LYING_RAD else ""
 
 
 def _until_blow(context: Context) -> str:
@@ -156,12 +172,12 @@ def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
     causes = {one.id: one for one in found}
     lost = causes.get(crash.cause or "")
     if lost is None or lost.kind is Kind.MOTOR_SATURATED:
-        return _state(context, crash.from_s - 1.0, _until_blow(context), found)
+        return _state(context, crash.from_s - 1.0, _until_blow(context))
     if lost.kind is not Kind.LOSS_OF_CONTROL:
         return _sentence(lost)
     root = causes.get(lost.cause or "")
-    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}", found)
-    if root is None or root.kind is Kind.CRASH:
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
+    if root is None or root.kind in (Kind.CRASH, Kind.MOTOR_SATURATED):
         return said
     return f"{_sentence(root)} {said}"
 
@@ -170,21 +186,22 @@ def _at(one: Finding) -> str:
     return f"{one.from_s:.0f} s"
 
 
-def _state(context: Context, t_s: float, text: str, found: list[Finding]) -> str:
+def _state(context: Context, t_s: float, text: str) -> str:
     """The text, with throttle and motors as they were."""
     parts = [text] if text else []
-    throttle = context.throttle
+    throttle, motors = context.throttle, context.motors
     if throttle is not None and len(throttle.t_s):
         near = np.abs(throttle.t_s - t_s) < NEAR_S
         if near.any() and float(np.nanmax(throttle.values[near])) >= FULL_THROTTLE:
             parts.append("throttle at 100 %")
-    numbers = sorted(
-        one.sensor.number or 0
-        for one in found
-        if one.kind is Kind.MOTOR_SATURATED and one.from_s - NEAR_S <= t_s <= one.to_s + 5.0
-    )
-    if numbers:
-        parts.append(f"{_motors(numbers)} at {'its' if len(numbers) == 1 else 'their'} limit")
+    if motors is not None and len(motors.t_s):
+        near = (motors.t_s > t_s - NEAR_S) & (motors.t_s < t_s + 0.5)
+        largest = np.nan_to_num(motors.share()[near]).max(axis=0, initial=0.0).tolist()
+        shares = zip(motors.numbers, largest, strict=True)
+        numbers = [number for number, share in shares if share > LIMIT_SHARE]
+        if numbers:
+            whose = "its" if len(numbers) == 1 else "their"
+            parts.append(f"{_motors(numbers)} at {whose} limit")
     said = ", ".join(parts)
     return f"{said[:1].upper()}{said[1:]}." if parts else ""
 
@@ -220,7 +237,7 @@ def _until(crash: Finding, found: list[Finding]) -> str:
 
 
 def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
-    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}", found)
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
     return f"{said} {_until(lost, found)}"
 
 
@@ -229,12 +246,18 @@ def _flown(found: list[Finding], looked: tuple[str, ...], missing: tuple[str, ..
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if one.kind not in RECORDING] or serious
     failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
+    false = next((one for one in found if one.kind is Kind.AUTOPILOT_CRASH_CHECK), None)
+    serious = [one for one in serious if one is not false]
+    if false is not None and not serious:
+        return f"No crash: {PHRASES[false.kind]}."
     if serious:
         parts = list(dict.fromkeys(_phrase(one) for one in serious))
         shown = _listed(parts[:MOST_SENSORS])
         more = len(parts) - MOST_SENSORS
         rest = f", and {more} more" if more > 0 else ""
         begin = "" if failed else "No crash. "
+        if false is not None:
+            begin = f"No crash: {PHRASES[false.kind]}. "
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}."
     if not looked:
         return "Nothing was found wrong in what could be looked at."

@@ -1,4 +1,4 @@
-"""tools/real_flights.py: made recordings with known events are reviewed and scored by its rules."""
+"""tools/real_flights.py: made recordings with known events are reviewed, and scored by rules."""
 
 import csv
 import importlib.util

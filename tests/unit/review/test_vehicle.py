@@ -193,9 +193,8 @@ def test_a_motor_that_is_asked_in_vain_has_failed_and_is_the_cause():
     assert found[Kind.CRASH].cause == found[Kind.LOSS_OF_CONTROL].id
     assert first_causes(links.findings)[found[Kind.CRASH].id] == found[Kind.MOTOR_FAILED].id
     text = verdict(flown, analysis, links).text
-    assert text.startswith(
-        "Crashed at 60 s. Motor 2 gave no thrust at 58 s. Control was lost at 58"
-    )
+    assert text.startswith("Crashed at 60 s and came to lie on its back. Motor 2 gave no thrust at")
+    assert "Control was lost at 58 s: roll" in text
 
 
 # --- sensors ------------------------------------------------------------------------------------
