@@ -90,7 +90,8 @@ def test_it_asks_nobody_else(browser, page):
 
 def test_it_says_what_is_wrong(browser, page):
     words = "attitude contradicts velocity"
-    page.take("/status", status(state="degraded", reason=words, alarms=f"{words}\ncompass off"))
+    alarms = {"alarms": f"{words}\ncompass off", "open_findings": finding().id}
+    page.take("/status", status(state="degraded", reason=words, **alarms))
     page.take("/finding", finding())
     page.run(page.state.text, UNIX_NS, Severity.WARNING, f"degraded: {words}")
     says(browser, "#sentence", f"cannot be trusted at present. Cause: {words}.")
