@@ -9,7 +9,7 @@ run that is r times as long as the longest one has at most the probability
 where a run is at least as likely to end after each value as it was before: of all the values seen
 none began one that is longer than the longest (3 / seen would be the bound of 95 % for independent
 values; neighbours are not). What must not happen once in 1e9 h at 100 Hz in any of ten channels has
-the logarithm -36; `ENOUGH` is half as much again.
+the logarithm -36; `ENOUGH` is a little more.
 
 The noise of a vehicle that stands still is another than that of one in motion. So values are judged
 by the longest run at rest: where not even that was long, nothing else has to be known. A vehicle
@@ -35,7 +35,7 @@ OF_COMPASS = 21
 LIVELY_COUNTS = 0.5
 LOUD_COUNTS = 2.0
 WILD_COUNTS = 8.0
-ENOUGH = 54.0
+ENOUGH = 40.0
 SENSOR_DISPERSION = 30.0
 # What one axis does beside the others depends on the manoeuvre, and that lasts.
 AXIS_DISPERSION = 100.0
