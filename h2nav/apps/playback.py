@@ -39,12 +39,14 @@ class Wishes(NamedTuple):
         filter_name: filter to run.
         vehicle_class: instead of the heartbeat's.
         gps_velocity: fuse the GPS velocity.
+        calibrates: a review says what could be set better as well.
     """
 
     config: Path | None = None
     filter_name: str | None = None
     vehicle_class: str | None = None
     gps_velocity: bool | None = None
+    calibrates: bool = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

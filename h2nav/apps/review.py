@@ -9,7 +9,6 @@ from typing import Any
 from h2nav.apps import playback
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import byte_bar
-from h2nav.apps.playback import Wishes
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.integrity.severity import Severity
 
@@ -117,7 +116,7 @@ def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> 
     from h2nav.apps.reviewing import write_review
 
     with byte_bar(path.name) as progress:
-        wished: Wishes = playback.wishes(args)
+        wished = playback.wishes(args)._replace(calibrates=not args.no_smooth)
         try:
             return write_review(
                 path, folder, name, wished, smooths=not args.no_smooth, progress=progress

@@ -9,7 +9,9 @@ import orjson
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.playback import Playback, Wishes
-from h2nav.calibration.evidence import Evidence
+from h2nav.calibration.evidence import PX4, Evidence
+from h2nav.calibration.files import Format, written
+from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
@@ -58,11 +60,32 @@ def review(
     Raises:
         BadInput: the configuration cannot be used.
     """
+    return _reviewed(source, wished, smooths, progress)[0]
+
+
+def _reviewed(
+    source: Source, wished: Wishes, smooths: bool, progress: Progress
+) -> tuple[Reviewed, "_Heard | None"]:
+    """The review, and what is left for a calibration."""
     flight, heard = _played(source, wished, progress)
     del source  # it may hold half of the memory
     if smooths and heard is not None:
         flight = flight._replace(smoothed=_smoothed(*heard))
-    return Reviewed(flight, analyse(flight))
+    return Reviewed(flight, analyse(flight)), heard
+
+
+def _calibration(flight: Flight, heard: "_Heard") -> dict[str, Any]:
+    """What the flight shows of its sensors, as the document has it, with the file's text."""
+    free = _smoothed(*heard, with_field=False)
+    if free is None:
+        return {}
+    found = calibrate([Evidence(flight, free, flight.context.parameters)])
+    is_px4 = found.autopilot == PX4
+    form = Format.QGROUNDCONTROL if is_px4 else Format.ARDUPILOT
+    return document_of(found) | {
+        "file_name": f"{flight.name}.{'params' if is_px4 else 'param'}",
+        "file": written(found, form) if found.changes else "",
+    }
 
 
 def evidence_of(
@@ -154,8 +177,10 @@ def write_review(
         BadInput: the file is no recording, or the configuration cannot be used.
         OSError: a file cannot be written.
     """
-    reviewed = review(open_flight(path), wished, smooths=smooths, progress=progress)
+    reviewed, heard = _reviewed(open_flight(path), wished, smooths, progress)
     found = document(*reviewed)
+    if wished.calibrates and heard is not None:
+        found["calibration"] = _calibration(reviewed.flight, heard)
     (folder / f"{name}.html").write_text(page(*reviewed, found), encoding="utf-8")
     (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))
     return found

@@ -5,6 +5,7 @@ from typing import Any
 
 from h2nav.integrity.findings import Finding
 from h2nav.review.analysis import Analysis
+from h2nav.review.calibration import calibration_section
 from h2nav.review.cards import cards, is_wrong
 from h2nav.review.certainty import GROUPS
 from h2nav.review.chain import chain
@@ -59,6 +60,7 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
             _contents(sections),
             *map(drawn.section, sections),
             _certainty(told),
+            calibration_section(told.get("calibration", {})),
             _texts(told),
             _parameters(told["parameters"]),
             _bar(),
