@@ -1,14 +1,16 @@
 """Several compasses against each other: whether they differ, by how much, and which one is wrong.
 
 All fields are turned level by one attitude, so that a wrong heading of it falls out of their
-differences. Of three, the one that differs from all others is wrong where those agree; a heading
-that velocities have shown decides between any number. Until then a heading may be off by as much as
+differences. Of three, the one that differs from all others is wrong where those agree; one whose
+norm or dip is not the earth's is wrong where another's are; a heading that velocities have shown
+decides between any number. Until then a heading may be off by as much as
 they differ.
 """
 
 import cmath
 import itertools
 import math
+import operator
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -21,6 +23,8 @@ from h2nav.maths.units import DEG
 # A few percent of iron, uncalibrated, turn the heading by so much of the level field.
 UNCALIBRATED = 0.05
 SIGMAS = 3.0
+# Beside the earth's field, whatever its dip: a wrong attitude has no part in it.
+IN_SPACE_RAD = SIGMAS * math.sqrt(2.0) * UNCALIBRATED
 LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
 # A field that is nearly upright shows no heading.
 LEAST_LEVEL = 0.1
@@ -53,12 +57,16 @@ class _Compass:
 
     Attributes:
         heading: its mean direction as the attitude turns it, of length 1 or less.
+        field_b: its newest field, body axes.
+        is_misfit: norm or dip were not the earth's since it began to differ.
         test: against a heading that velocities have shown.
         is_wrong: as far as velocities have shown; None: they have not.
     """
 
     def __init__(self) -> None:
         self.heading = 0j
+        self.field_b: Vec3 = (1.0, 0.0, 0.0)
+        self.is_misfit = False
         self.t_us: int | None = None
         self.test = Lasting()
         self.is_wrong: bool | None = None
@@ -97,8 +105,14 @@ class Compasses:
         self.wrong: frozenset[int] = frozenset()
         self._open: list[tuple[int, int]] = []
 
-    def look(self, t_us: int, fields: Mapping[int, Vec3], level: Level) -> None:
-        """Takes the newest field of each, in body axes."""
+    def look(
+        self,
+        t_us: int,
+        fields: Mapping[int, Vec3],
+        level: Level,
+        fits: Mapping[int, bool | None] | None = None,
+    ) -> None:
+        """Takes the newest field of each, in body axes; whether norm and dip are the earth's."""
         if level.rate_rad_s > FASTEST_RAD_S:
             return
         self._t_us = t_us
@@ -108,9 +122,11 @@ class Compasses:
             if flat > LEAST_LEVEL * math.hypot(*field):
                 compass = self._compasses.setdefault(number, _Compass())
                 compass.take(t_us, complex(north, east) / flat)
+                compass.field_b = field
+                compass.is_misfit |= (fits or {}).get(number) is False
         fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
         for pair in itertools.combinations(fresh, 2):
-            ratio = min(self._apart_rad(*pair) / self._limit_rad, MOST_RATIO)
+            ratio = min(self._ratio(*pair), MOST_RATIO)
             self._pairs.setdefault(pair, Lasting()).take(t_us, ratio)
         self._judge_by_velocity(t_us, fresh, level)
         self._decide(fresh)
@@ -124,7 +140,6 @@ class Compasses:
             others = {n + 1 for pair in mine for n in pair if n != number and n not in self.wrong}
             size = max((self._apart_rad(*pair) for pair in mine), default=0.0) / DEG
             against = " and ".join(str(n) for n in sorted(others)) or "another one"
-            shown = self._compasses[number].is_wrong
             found.append(
                 Alarm(
                     Kind.COMPASSES_DIFFER,
@@ -133,8 +148,8 @@ class Compasses:
                     size,
                     "deg",
                     f"compass {number + 1} is off by {size:.0f} deg",
-                    f"its heading differs by {size:.0f} deg from that of compass {against}"
-                    + (", which fits the velocities" if shown else ", which agree"),
+                    f"its heading differs by {size:.0f} deg from that of compass {against}; "
+                    + self._proof(number, len(others)),
                     since_s=self._since_s(mine),
                     is_decided=True,
                 )
@@ -149,6 +164,14 @@ class Compasses:
         if number not in self.wrong:
             doubted = [pair for pair in doubted if pair in self._open]
         return max((0.5 * self._apart_rad(*pair) for pair in doubted), default=0.0)
+
+    def _proof(self, number: int, others: int) -> str:
+        """What shows that it is wrong."""
+        if self._compasses[number].is_wrong or others < 1:
+            return "velocities show which one is right"
+        if others > 1:
+            return "those agree"
+        return "its norm or dip is not the earth's"
 
     def _undecided(self, pairs: list[tuple[int, int]]) -> Alarm:
         size = max(self._apart_rad(*pair) for pair in pairs) / DEG
@@ -177,6 +200,13 @@ class Compasses:
         limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
         return min(max(limit, LEAST_RAD), MOST_RAD)
 
+    def _ratio(self, one: int, other: int) -> float:
+        """Of the difference to what calibrated ones have, in heading and in space."""
+        a, b = self._compasses[one].field_b, self._compasses[other].field_b
+        cosine = sum(map(operator.mul, a, b)) / (math.hypot(*a) * math.hypot(*b))
+        in_space = math.acos(min(max(cosine, -1.0), 1.0)) / IN_SPACE_RAD
+        return min(self._apart_rad(one, other) / self._limit_rad, in_space)
+
     def _apart_rad(self, one: int, other: int) -> float:
         turn = self._compasses[one].heading * self._compasses[other].heading.conjugate()
         return abs(cmath.phase(turn))
@@ -203,6 +233,7 @@ class Compasses:
         right = {n for n in fresh if self._compasses[n].is_wrong is False}
         if not wrong and not right:
             wrong = {n for n in concerned if self._is_alone(n, fresh)}
+            wrong = wrong or {n for pair in apart for n in self._misfit(pair)}
         elif not wrong:
             # What differs from one that velocities have shown to be right.
             wrong = {n for pair in apart if right.intersection(pair) for n in pair} - right
@@ -211,6 +242,12 @@ class Compasses:
         for number in fresh:
             if number not in concerned:
                 self._compasses[number].is_wrong = None
+                self._compasses[number].is_misfit = False
+
+    def _misfit(self, pair: tuple[int, int]) -> tuple[int, ...]:
+        """The one of two whose norm or dip is not the earth's, where the other's are."""
+        misfits = tuple(n for n in pair if self._compasses[n].is_misfit)
+        return misfits if len(misfits) == 1 else ()
 
     def _is_alone(self, number: int, fresh: list[int]) -> bool:
         """It differs from all others, of which there are two or more, and they agree."""

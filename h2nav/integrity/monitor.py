@@ -244,6 +244,14 @@ class Monitor:
         self._explained, self._contradicted_us, self._verdict = NOTHING, None, None
 
     @property
+    def field_fits(self) -> bool | None:
+        """Norm and dip of the field are the earth's; None where that is not known now."""
+        now_us, field = self._strapdown.t_us, self._field
+        if field.reference is None or now_us is None or field.is_stale(now_us):
+            return None
+        return field.is_plausible
+
+    @property
     def heading_is_shown(self) -> bool:
         """Velocities have shown of late that the heading is not wrong by far."""
         shown_us, now_us = self._shown_us, self._strapdown.t_us

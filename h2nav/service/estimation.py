@@ -355,10 +355,10 @@ class Estimation:
             for lane in lanes
             if lane.newest is not None and lane.newest.m_b_ut is not None and not lane.field_is_raw
         }
+        fits = {lane.imu: lane.monitor.field_fits for lane in lanes}
         compasses = self._compasses
-        compasses.look(
-            t_ns // 1000, fields, Level(estimate.q_nb, math.hypot(*estimate.w_b), level in shown)
-        )
+        turned = Level(estimate.q_nb, math.hypot(*estimate.w_b), level in shown)
+        compasses.look(t_ns // 1000, fields, turned, fits)
         for lane in self._lanes:
             lane.use_verdict(lane.imu in compasses.wrong, compasses.doubt_rad(lane.imu))
             if lane.heading_is_wrong and lane is not self._lane:

@@ -94,3 +94,20 @@ def test_a_field_that_stands_upright_says_nothing() -> None:
 def test_in_a_flip_nothing_is_compared() -> None:
     compasses = after(10.0, seen([90.0, 0.0]), Level(TILTED, 5.0, False))
     assert compasses.alarms() == []
+
+
+def test_of_two_the_one_that_does_not_fit_the_earths_norm_and_dip_is_wrong() -> None:
+    compasses = Compasses()
+    compasses.reference = FIELD
+    for i in range(100):
+        fits = {0: True, 1: False}
+        compasses.look(50_000 * i, seen([0.0, 60.0]), Level(TILTED, 0.1, False), fits)
+    assert compasses.wrong == {1}
+    assert compasses.doubt_rad(0) == 0.0
+
+
+def test_a_wrong_attitude_makes_no_difference_of_two_fields_that_are_one() -> None:
+    """Upside down by a tilt that is off, small differences become large ones of heading."""
+    upright = quaternion.from_euler(0.0, (90.0 - 62.0) * DEG, 0.0)
+    compasses = after(10.0, seen([0.0, 6.0]), Level(upright, 0.1, False))
+    assert compasses.alarms() == []
