@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.sensor_checks import VIBRATION_M_S2
+from h2nav.integrity.sensor_checks import VIBRATION_M_S2, vibration_alarm
 
 # So long a report says something of now.
 FRESH_NS = 3_000_000_000
@@ -67,13 +67,8 @@ class ReportedVibration:
         counts = {imu: self.clips(imu, t_ns) for imu in range(len(self._counters))}
         found = [_clipped(imu, count) for imu, count in counts.items() if count]
         if self.is_high(t_ns):
-            size = self._reports[-1].level_m_s2
-            text = f"vibration {size:.0f} m/s2"
-            evidence = f"by the autopilot; {VIBRATION_M_S2:.0f} disturb it"
-            sensor = Sensor(SensorKind.IMU)
-            found.append(
-                Alarm(Kind.VIBRATION, sensor, Severity.WARNING, size, "m/s2", text, evidence)
-            )
+            level_m_s2, imu = self._reports[-1].level_m_s2, Sensor(SensorKind.IMU)
+            found.append(vibration_alarm(imu, level_m_s2, "by the autopilot"))
         return found
 
     def _is_fresh(self, t_ns: int) -> bool:

@@ -11,8 +11,10 @@ from h2nav.integrity.kernel.memory import (
     Memory,
 )
 
-# Levels over 1 s: ArduPilot's figure for vibration that disturbs, and a share of samples.
+# Levels over 1 s: ArduPilot's figures for vibration that may disturb and that nearly always does,
+# and a share of samples.
 VIBRATION_M_S2 = 30.0
+SEVERE_VIBRATION_M_S2 = 60.0
 CLIPPED_SHARE = 0.02
 # A burst can be made up for; a second with so many clipped samples cannot.
 LOST_SHARE = 0.2
@@ -82,10 +84,7 @@ def _levels(imu: Sensor, vibration_m_s2: float, clipped_share: float) -> list[Al
     """What is too much of vibration and clipping."""
     found = []
     if vibration_m_s2 > VIBRATION_M_S2:
-        size, severity = vibration_m_s2, Severity.WARNING
-        text = f"vibration {size:.0f} m/s2"
-        evidence = f"rms of 1 s; {VIBRATION_M_S2:.0f} disturb an autopilot"
-        found.append(Alarm(Kind.VIBRATION, imu, severity, size, "m/s2", text, evidence))
+        found.append(vibration_alarm(imu, vibration_m_s2, "rms of 1 s"))
     if clipped_share > CLIPPED_SHARE:
         text = f"{clipped_share:.0%} of samples are clipped"
         evidence = "values at the end of the sensor's range"
@@ -93,3 +92,18 @@ def _levels(imu: Sensor, vibration_m_s2: float, clipped_share: float) -> list[Al
         severity = Severity.ERROR if lost else Severity.WARNING
         found.append(Alarm(Kind.CLIPPING, imu, severity, size, "%", text, evidence, degrades=lost))
     return found
+
+
+def vibration_alarm(imu: Sensor, level_m_s2: float, evidence: str) -> Alarm:
+    """An accelerometer vibrates, by this evidence."""
+    is_severe = level_m_s2 > SEVERE_VIBRATION_M_S2
+    return Alarm(
+        Kind.VIBRATION,
+        imu,
+        Severity.WARNING if is_severe else Severity.NOTICE,
+        level_m_s2,
+        "m/s2",
+        f"vibration {level_m_s2:.0f} m/s2",
+        f"{evidence}; {VIBRATION_M_S2:.0f} may disturb an autopilot, {SEVERE_VIBRATION_M_S2:.0f} "
+        "nearly always does",
+    )
