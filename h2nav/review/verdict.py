@@ -34,6 +34,8 @@ ESTIMATORS = (
     Kind.ESTIMATOR_SWITCH,
     Kind.SAID_EKF_FAILED,
 )
+# What is said of each that is concerned.
+OF_EACH = (Kind.MOTOR_FAILED, Kind.GYRO_BIAS, Kind.ACCELEROMETER_SCALE, Kind.COMPASS_DEAD)
 # Of how a thing was recorded, and not of the thing.
 RECORDING = (
     Kind.CLOCK_DRIFT,
@@ -251,7 +253,12 @@ def _flown(found: list[Finding], looked: tuple[str, ...], missing: tuple[str, ..
     if false is not None and not serious:
         return f"No crash: {PHRASES[false.kind]}."
     if serious:
-        parts = list(dict.fromkeys(_phrase(one) for one in serious))
+        # Of one kind the first alone, but for motors, which have numbers.
+        firsts = {
+            (one.kind, one.sensor if one.kind in OF_EACH else None): one for one in serious[::-1]
+        }
+        kept = [one for one in serious if one in firsts.values()]
+        parts = list(dict.fromkeys(_phrase(one) for one in kept))
         shown = _listed(parts[:MOST_SENSORS])
         more = len(parts) - MOST_SENSORS
         rest = f", and {more} more" if more > 0 else ""
