@@ -155,9 +155,20 @@ def explain(marks: Sequence[Mark], errors: SensorErrors) -> Explained:
         if len(window) > LEAST_ROWS:
             rows = _rows(window, errors.force_bias_b)
             if len(rows) >= LEAST_ROWS:
-                one = _compare(rows, _jitter_m_s(window), window[0], errors)
+                one = _compare(rows, _jitter_m_s(window), window[0], _slow(window, errors))
                 found = max(found, one, key=_weight)
     return found
+
+
+def _slow(window: Sequence[Mark], errors: SensorErrors) -> SensorErrors:
+    """The noises with what slow samples have missed between them."""
+    first, last = window[0].moment, window[-1].moment
+    length_s = 1e-6 * (last.t_us - first.t_us)
+    turned = (last.turn_variance - first.turn_variance) / length_s
+    gained = (last.gained_variance - first.gained_variance) / length_s
+    return errors._replace(
+        rate_density=errors.rate_density + turned, force_density=errors.force_density + gained
+    )
 
 
 def _weight(found: Explained) -> tuple[bool, float]:
