@@ -116,6 +116,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="parameters to start with, as `h2nav calibrate` writes them",
     )
     parser.add_argument(
+        "--arm-authorization",
+        action="store_true",
+        help="when it is told to arm, ask others on the link whether it may, as PX4 does",
+    )
+    parser.add_argument(
         "--signing-key",
         type=Path,
         metavar="FILE",
@@ -267,6 +272,7 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         boot_text=args.boot_text,
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
         wrong=_wrong(args),
+        asks_to_arm=args.arm_authorization,
         parameters={} if args.parameters is None else read_parameters(args.parameters),
     )
 

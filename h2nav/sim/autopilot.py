@@ -51,6 +51,7 @@ class AutopilotOptions:
         line_bytes_per_s: capacity of a serial line; None = no limit.
         wrong: calibration of the first IMU and its compass.
         parameters: set before it is switched on.
+        asks_to_arm: asks for an authorization when it shall arm.
     """
 
     scenario: Scenario
@@ -64,6 +65,7 @@ class AutopilotOptions:
     line_bytes_per_s: float | None = None
     wrong: Miscalibration = SOUND
     parameters: Mapping[str, float] = field(default_factory=dict)
+    asks_to_arm: bool = False
 
 
 class Outgoing(NamedTuple):
@@ -105,7 +107,9 @@ class FakeAutopilot:
         )
         self.vehicle.miscalibrate(options.wrong, self._parameters.values)
         self.streams = StreamSchedule(_streams_of(options), options.line_bytes_per_s)
-        self._commands = CommandServer(options.personality, self.streams, self.vehicle)
+        self._commands = CommandServer(
+            options.personality, self.streams, self.vehicle, asks_to_arm=options.asks_to_arm
+        )
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._answer_param_list,

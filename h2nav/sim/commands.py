@@ -26,9 +26,20 @@ class CommandServer:
         personality: whose rules hold.
         streams: of the link.
         vehicle: at the instant of the command.
+        asks_to_arm: as PX4 with COM_ARM_AUTH_REQ and two requests to arm: the first one asks for an
+            authorization, and one that comes while that holds is accepted; motors stay as they are.
     """
 
-    def __init__(self, personality: Personality, streams: StreamSchedule, vehicle: Vehicle) -> None:
+    def __init__(
+        self,
+        personality: Personality,
+        streams: StreamSchedule,
+        vehicle: Vehicle,
+        *,
+        asks_to_arm: bool = False,
+    ) -> None:
+        self._asks_to_arm = asks_to_arm
+        self._authorized_until_ns = 0
         self._personality = personality
         self._streams = streams
         self._vehicle = vehicle
@@ -45,6 +56,8 @@ class CommandServer:
         """
         if msg_id == mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM:
             self._data_stream(t_ns, fields)
+        if msg_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+            self._authorized(t_ns, fields)
         if msg_id not in _COMMANDS:
             return []
         result, answers = self._obey(t_ns, fields)
@@ -75,9 +88,23 @@ class CommandServer:
             self._wants_reboot = True
             return ACCEPTED, []
         if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
-            # The scenario decides about the motors, not the link.
-            return mavlink.MAV_RESULT_DENIED, []
+            return self._arm(t_ns, fields.param1)
         return mavlink.MAV_RESULT_UNSUPPORTED, []
+
+    def _arm(self, t_ns: int, wanted: float) -> tuple[int, list[Any]]:
+        """The scenario decides about the motors, not the link; who asks others says so."""
+        if not self._asks_to_arm or wanted != 1.0:
+            return mavlink.MAV_RESULT_DENIED, []
+        if t_ns < self._authorized_until_ns:
+            return ACCEPTED, []
+        question = mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST
+        asks = mavlink.MAVLink_command_long_message(1, 0, question, 0, 0, 0, 0, 0, 0, 0, 0)
+        return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, [asks]
+
+    def _authorized(self, t_ns: int, ack: Any) -> None:
+        """An answer to who asked for an authorization."""
+        if ack.command == mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST and ack.result == ACCEPTED:
+            self._authorized_until_ns = t_ns + ack.result_param2 * SECOND_NS
 
     def _set_interval(self, t_ns: int, number: float, interval_us: float) -> tuple[int, list[Any]]:
         message_id = _whole(number)

@@ -56,10 +56,10 @@ def running(*command, **options):
             process.wait()
 
 
-def fake_autopilot(*ports, make="ardupilot", scenario="flight"):
+def fake_autopilot(*ports, make="ardupilot", scenario="flight", more=()):
     """The vehicle, on a link to each port."""
     links = [word for port in ports for word in ("--connect", f"udpout:127.0.0.1:{port}")]
-    words = ("--autopilot", make, "--scenario", scenario)
+    words = ("--autopilot", make, "--scenario", scenario, *more)
     return running("-m", "h2nav", "fake-autopilot", *links, *words)
 
 
@@ -171,6 +171,40 @@ def test_mavsdk_sees_our_component(tmp_path):
     assert system_id == 1
     assert heartbeat["type"] == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
     assert heartbeat["autopilot"] == mavlink.MAV_AUTOPILOT_INVALID
+
+
+@pytest.mark.parametrize(
+    ("wrong", "authorized"), [((), True), (("--fault", "accel-scale=1.1@0"), False)]
+)
+def test_mavsdk_may_arm_what_we_authorize(tmp_path, wrong, authorized):
+    mavsdk = need_package("mavsdk_grpc")
+
+    async def look(system):
+        async for state in system.core.connection_state():
+            if state.is_connected:
+                break
+        # The first request asks us; while our answer holds, another one is accepted.
+        for _ in range(20):
+            try:
+                await system.action.arm()
+            except mavsdk.action.ActionError:
+                await asyncio.sleep(1.0)
+            else:
+                return True
+        return False
+
+    ground, companion = free_port(), free_port()
+    configuration = tmp_path / "asked.yaml"
+    configuration.write_text(
+        DAEMON_CONFIGURATION.format(port=companion) + "output:\n  arming_opinion: true\n"
+    )
+    with (
+        running("-m", "h2nav", "run", "-c", str(configuration)),
+        fake_autopilot(
+            ground, companion, make="px4", scenario="rest", more=("--arm-authorization", *wrong)
+        ),
+    ):
+        assert with_mavsdk(ground, look) is authorized
 
 
 def test_mavproxy_sees_the_vehicle(tmp_path):
