@@ -16,7 +16,7 @@ from h2nav.review.motors import LIMIT_SHARE
 # What is said of a time within so long of it belongs to it.
 NEAR_S = 1.5
 MOST_SENSORS = 3
-FULL_THROTTLE = 0.97
+FULL_THROTTLE, NO_THROTTLE, SHORTLY_S = 0.97, 0.02, 0.1
 ON_ITS_BACK_RAD = 120.0 * DEG
 SENSORS = (
     SensorKind.IMU,
@@ -196,6 +196,8 @@ def _state(context: Context, t_s: float, text: str) -> str:
         near = np.abs(throttle.t_s - t_s) < NEAR_S
         if near.any() and float(np.nanmax(throttle.values[near])) >= FULL_THROTTLE:
             parts.append("throttle at 100 %")
+        elif float(np.interp(t_s - SHORTLY_S, throttle.t_s, throttle.values)) <= NO_THROTTLE:
+            parts.append("throttle at 0 %")
     if motors is not None and len(motors.t_s):
         near = (motors.t_s > t_s - NEAR_S) & (motors.t_s < t_s + 0.5)
         largest = np.nan_to_num(motors.share()[near]).max(axis=0, initial=0.0).tolist()
