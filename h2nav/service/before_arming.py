@@ -35,6 +35,8 @@ class BeforeArming:
         self._looked_ns = 0
         self._is_armed = False
         self.verdict = Verdict()
+        self._sound_ns: int | None = None
+        self._is_sound = False
 
     @property
     def faults(self) -> Sequence[Fault]:
@@ -52,6 +54,7 @@ class BeforeArming:
         self._preflight.restart()
         self._since_ns.clear()
         self.verdict = Verdict()
+        self._sound_ns, self._is_sound = None, False
 
     def on_sample(self, imu: int, t_ns: int, sample: ImuSample) -> None:
         """A sample of an IMU, by its number from 0."""
@@ -73,8 +76,7 @@ class BeforeArming:
     @property
     def opinion(self) -> int:
         """1: nothing is wrong; 0: nothing is known, or it is armed; -n: n things are wrong."""
-        faults, judged = self.verdict
-        return -len(faults) if faults else int(bool(judged))
+        return -len(self.faults) if self.faults else int(self._is_sound)
 
     def authorization(self, asker: Address) -> OutMessage:
         """The answer to who asks whether it may arm."""
@@ -95,6 +97,12 @@ class BeforeArming:
         self._since_ns = {key: self._since_ns.get(key, t_ns) for key in now}
         lasting = [f for key, f in now.items() if t_ns - self._since_ns[key] >= LASTS_NS]
         self.verdict = Verdict(tuple(lasting), judged)
+        # A fault that has just begun is no fault yet, and no soundness either.
+        if now or Item.ACCELEROMETER not in judged:
+            self._sound_ns = None
+        elif self._sound_ns is None:
+            self._sound_ns = t_ns
+        self._is_sound = self._sound_ns is not None and t_ns - self._sound_ns >= LASTS_NS
         effects: list[Effect] = []
         for fault in lasting:
             cause = f"preflight {fault.item} {fault.sensor}"
