@@ -99,7 +99,8 @@ def test_programs_read_what_was_found(tmp_path):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as late:
             late.settimeout(PATIENCE_S)
             late.connect(os.fspath(events))
-            first = json.loads(late.makefile(encoding="utf-8").readline())
+            events_of = map(json.loads, late.makefile(encoding="utf-8"))
+            first = next(event for event in events_of if event["event"] == "finding")
     schema = json.loads((REPOSITORY / "docs" / "schema" / "event.json").read_text())
     check = jsonschema.Draft202012Validator(schema)
     lines = [json.loads(line) for line in printed.splitlines() if line.endswith("}")]
