@@ -9,7 +9,7 @@ from h2nav.apps.configuration import FilterSettings
 from h2nav.attitude.samples import Trust
 from h2nav.service.settings import AidingSettings
 
-FILTERS = ("default", "constant_gain")
+FILTERS = ("float", "fixed")  # arithmetics of the default one
 # As strong as the earth's field: nobody may take it for that.
 STRONG_MAGNET_UT = 60.0
 
@@ -18,7 +18,7 @@ def flown(name, fault):
     """Sixteen seconds of flight in which GPS velocity tells nothing of the heading either."""
     configuration = dataclasses.replace(
         SIMULATED,
-        filter=FilterSettings(name=name),
+        filter=FilterSettings(arithmetic=name),
         aiding=AidingSettings(gps_velocity=False),
     )
     return SimulatedFlight("flight", faults=(fault,), configuration=configuration).run(16.0)

@@ -14,7 +14,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav.apps.configuration import FilterSettings
 from h2nav.sim.personalities import PX4
 
-FILTERS = ("default", "constant_gain")
+FILTERS = ("float", "fixed")  # arithmetics of the default one
 
 
 def configured(**sections):
@@ -23,7 +23,7 @@ def configured(**sections):
 
 def filtered(name, message="auto"):
     return configured(
-        filter=FilterSettings(name=name),
+        filter=FilterSettings(arithmetic=name),
         autopilot=dataclasses.replace(SIMULATED.autopilot, imu_message=message),
     )
 
@@ -78,7 +78,7 @@ def test_reboot(name, reboot_s):
 @pytest.mark.parametrize(("clock", "message"), [("ms", "SCALED_IMU"), ("us", "RAW_IMU")])
 def test_clock_wrap(clock, message):
     """4: a 32-bit clock passing its end is no reboot, and the steps stay as they were."""
-    configuration = filtered("constant_gain", message)
+    configuration = filtered("float", message)
     flight = SimulatedFlight(
         "rest", faults=(f"clock-wrap={clock}@5",), configuration=configuration
     ).run(10.0)
