@@ -77,4 +77,4 @@ def test_what_is_missing_is_asked_for_last_and_nobody_hears_of_it(personality, w
     } == wanted
     assert not any("ATTITUDE" in text or "AHRS2" in text for _, _, text in flight.seen.notices)
     first = [message_id for message_id, _ in dict.fromkeys(asked)]
-    assert not wanted or first[-2:] == [30, 178]
+    assert not wanted or first[-3:] == [30, 178, mavlink.MAVLINK_MSG_ID_VIBRATION]

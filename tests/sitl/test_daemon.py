@@ -9,7 +9,7 @@ from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
 
 from h2nav.io.recordings import open_recording
 
-FILTERS = ("name: default", "{name: constant_gain, arithmetic: fixed}", "arithmetic: fixed")
+FILTERS = ("name: default", "name: constant_gain, arithmetic: fixed", "arithmetic: fixed")
 
 
 def replayed(log, *arguments):
