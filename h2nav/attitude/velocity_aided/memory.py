@@ -123,6 +123,7 @@ class State:
     p_accel: list[float] = reals(3, "g^2", "its covariance: xx, xy, yy; 0: not yet learnt")
     p_accel_x: list[float] = reals(4, "", "covariance of theta with the bias x")
     p_accel_y: list[float] = reals(4, "", "covariance of theta with the bias y")
+    p_accel_offset: list[float] = reals(6, "", "of the field's offset x, y, z with bias x, then y")
     fix_period_s: float = real("s", "time between fixes as last used")
     fix_lag_s: float = real("s", "how late the fixes are, beyond their stamps")
     fix_lag_variance: float = real("s^2", "variance of that")

@@ -45,6 +45,10 @@ def measure_all(
     left = innovation
     for i in range(3):
         left = left - w.row_offset[i] * w.doffset[i]
+        hx = hx + s.p_accel_offset[i] * w.row_offset[i]
+        hy = hy + s.p_accel_offset[3 + i] * w.row_offset[i]
+        shared = s.p_accel_offset[i] * ax + s.p_accel_offset[3 + i] * ay
+        w.offset_gain[i] = w.offset_gain[i] + shared
     for i in range(4):
         h[i] = (
             h[i]
@@ -71,6 +75,9 @@ def measure_all(
         w.doffset[i] = w.doffset[i] + w.offset_gain[i] * e
     kx = scale * hx
     ky = scale * hy
+    for i in range(3):
+        s.p_accel_offset[i] = s.p_accel_offset[i] - kx * w.offset_gain[i]
+        s.p_accel_offset[3 + i] = s.p_accel_offset[3 + i] - ky * w.offset_gain[i]
     for i in range(4):
         w.dtheta[i] = w.dtheta[i] + h[i] * e
         s.p_accel_x[i] = s.p_accel_x[i] - kx * h[i]

@@ -15,10 +15,7 @@ def begin_offset(s: State, w: Workspace, g: Gains) -> None:
 
     Source: docs/filter.md Eq. (61).
     """
-    for i in range(4):
-        s.p_offset_x[i] = 0.0
-        s.p_offset_y[i] = 0.0
-        s.p_offset_z[i] = 0.0
+    part_offset(s)
     if s.aided == 0.0 or s.mag_ref_given == 0.0 or g.offset_variance == 0.0:
         return
     if s.p_offset[0] == 0.0:
@@ -37,11 +34,18 @@ def open_offset(s: State, w: Workspace, variance: float) -> None:
     s.p_offset[0] = variance
     s.p_offset[3] = variance
     s.p_offset[5] = variance
+    part_offset(s)
+    share_error(s, w)
+
+
+def part_offset(s: State) -> None:
+    """The offset shares no error with anything."""
     for i in range(4):
         s.p_offset_x[i] = 0.0
         s.p_offset_y[i] = 0.0
         s.p_offset_z[i] = 0.0
-    share_error(s, w)
+    for i in range(6):
+        s.p_accel_offset[i] = 0.0
 
 
 def share_error(s: State, w: Workspace) -> None:

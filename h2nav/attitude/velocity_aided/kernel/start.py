@@ -6,6 +6,7 @@ Equations: docs/filter.md.
 from h2nav.attitude.samples import Vec3
 
 from ..memory import Gains, State, Workspace
+from .field_offset import part_offset
 from .prediction import set_matrix
 from .tilt import restart_tilt
 
@@ -49,8 +50,7 @@ def begin(
     s.gained_n = s.gained_e = 0.0
     s.mag_age_s = s.mag_new_s = s.heading_rejected_s = s.heading_witnessed = 0.0
     s.aided = s.heading_confirmed = 0.0
-    for covariances in (s.p_offset_x, s.p_offset_y, s.p_offset_z):
-        covariances[:] = (0.0, 0.0, 0.0, 0.0)
+    part_offset(s)
 
 
 def expect_vertical_bias(s: State, g: Gains) -> None:
