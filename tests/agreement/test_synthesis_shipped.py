@@ -8,7 +8,7 @@ import pytest
 from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.io import gain_files
-from h2nav.synthesis import kinds, two_stage
+from h2nav.synthesis import kinds, sensors
 from h2nav.synthesis.certificate import accept
 from h2nav.synthesis.lmi import solve_lmi
 from h2nav.synthesis.method import relative_distance
@@ -35,19 +35,19 @@ def test_certificate_holds(name: str) -> None:
 def test_closed_form_and_riccati_agree_with_the_file(name: str) -> None:
     file = gain_files.load(name)
     model = model_from_values(file.model, name)
-    again = two_stage.synthesize(model, file.rate_hz, name, lmi_solvers=()).file
+    again = sensors.synthesize(model, file.rate_hz, name, lmi_solvers=()).file
     ours, theirs = sensor_gains(again, name), sensor_gains(file, name)
     for fresh, stored in zip(ours.levels, theirs.levels, strict=True):
         assert fresh == pytest.approx(stored, rel=1e-9)
     # The plant with bias and level 0 are optimal; the other levels follow the filter's own rules.
-    for loop in two_stage.loops(file, name)[:2]:
+    for loop in sensors.loops(file, name)[:2]:
         assert relative_distance(loop.L, solve_riccati(loop.plant).L) <= 1e-9
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 def test_recorded_methods_agree(name: str) -> None:
     """What the file says of its methods: LMI within 1e-5 of the closed form, Riccati 1e-9."""
-    for plant in (two_stage.WITH_BIAS, two_stage.WITHOUT_BIAS):
+    for plant in (sensors.WITH_BIAS, sensors.WITHOUT_BIAS):
         for time in ("continuous", "discrete"):
             section = gain_files.load(name).methods[plant][time]  # type: ignore[index]
             reference = np.array(section["closed_form"]["gain"])
@@ -64,7 +64,7 @@ def test_recorded_methods_agree(name: str) -> None:
     [("mpu9250_100hz", "CLARABEL"), ("icm42688_400hz", "CLARABEL"), ("bmi088_50hz", "SCS")],
 )
 def test_lmi_solved_again_agrees(name: str, solver: str) -> None:
-    for loop in two_stage.loops(gain_files.load(name), name)[:2]:
+    for loop in sensors.loops(gain_files.load(name), name)[:2]:
         candidate = solve_lmi(loop.plant, solver)
         accept(loop.plant, candidate)
         assert relative_distance(candidate.L, loop.L) <= 1e-5

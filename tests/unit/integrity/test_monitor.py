@@ -225,7 +225,7 @@ def test_after_a_reboot_it_watches_as_before():
 
 
 def test_a_filter_without_deviations_of_its_own_is_watched_as_well():
-    """As `two_stage` and `constant_gain`; its attitude is wrong by 30 deg from the fault on."""
+    """As `constant_gain`; its attitude is wrong by 30 deg from the fault on."""
     drive, monitor = flight(), Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
