@@ -335,7 +335,7 @@ MEANINGS: dict[Kind, Meaning] = {
     Kind.GPS_VELOCITY: Meaning(
         _GPS,
         _WARNING,
-        "m/s",
+        "m/s | ",  # in flight the size is how much more probable a false velocity is
         "The receiver's velocity is not the vehicle's motion by its IMU.",
         _RECEIVER,
     ),
