@@ -135,7 +135,14 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
     crashes = [one for one in found if one.kind is Kind.CRASH]
     linked = [_linked(one, found, crashes) for one in found]
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
-    shown = [_lowered(one) if one.id in own else one for one in linked]
+    biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
+    shown = [
+        # An attitude that a wrong gyro led astray leaves every demand, on a bench as well.
+        _lowered(one)
+        if one.id in own or (one.kind is Kind.LOSS_OF_CONTROL and one.cause in biased)
+        else one
+        for one in linked
+    ]
     return Chain(tuple(sorted(shown, key=_order)), own)
 
 
@@ -193,9 +200,11 @@ def _upset(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findin
 
 
 def _explained(one: Finding, found: list[Finding]) -> Finding | None:
-    """A sensor that was wrong already, and explains it."""
-    for other in found:
-        if one.kind not in FOLLOWS.get(other.kind, ()) or other.from_s > one.from_s + SLACK_S:
+    """A sensor that was wrong already, and explains it; the kinds in their order."""
+    kinds = [kind for kind, follow in FOLLOWS.items() if one.kind in follow]
+    candidates = [other for kind in kinds for other in found if other.kind is kind]
+    for other in candidates:
+        if other.from_s > one.from_s + SLACK_S:
             continue
         if other.kind is Kind.GYRO_BIAS and other.size < LEADS_ASTRAY_DEG_S:
             continue

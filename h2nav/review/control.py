@@ -18,7 +18,7 @@ from h2nav.review.inertial import Mask, runs
 GRID_S = 0.1
 # DroneKit-LA calls 10 deg for half a second a failure of control; sound flights of old autopilots
 # reach 15 deg in gusts and 18 deg while they shake. What is lost goes further.
-LEFT_RAD, LEFT_S = 20.0 * DEG, 0.3
+LEFT_RAD, LEFT_S = 20.0 * DEG, 0.2
 # And it turns: what stands on the ground does not follow a demand either.
 TURNING_RAD_S = 30.0 * DEG
 LOST_RAD, LOST_S, TURNS_RAD_S = 45.0 * DEG, 1.0, 100.0 * DEG

@@ -440,8 +440,8 @@ def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> l
     for t_s in false:
         near |= np.abs(bins.t_s - t_s) < CHECKED_S
     peak_g = float(bins.peak_g[near].max(initial=0.0))
-    moved = in_flight(bins, context, [])[near].any()
-    where = "it flew on" if moved else "the vehicle stood still"
+    moved = float(in_flight(bins, context, [])[near].mean()) if near.any() else 0.0
+    where = "it flew on" if moved > 0.5 else "the vehicle stood still"
     times = "" if len(false) == 1 else f", {len(false)} times"
     return [
         Finding(

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.flightlogs.context import Context
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
@@ -10,7 +11,7 @@ from h2nav.maths.units import DEG
 from h2nav.review.analysis import Analysis
 from h2nav.review.chain import Chain
 from h2nav.review.flight import Flight
-from h2nav.review.impacts import LYING_RAD
+from h2nav.review.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.review.motors import LIMIT_SHARE
 
 # What is said of a time within so long of it belongs to it.
@@ -36,6 +37,15 @@ ESTIMATORS = (
 )
 # What is said of each that is concerned.
 OF_EACH = (Kind.MOTOR_FAILED, Kind.GYRO_BIAS, Kind.ACCELEROMETER_SCALE, Kind.COMPASS_DEAD)
+# A log that ends in the air, by the height of its last seconds.
+ON_THE_GROUND = (
+    mavlink.MAV_TYPE_GROUND_ROVER,
+    mavlink.MAV_TYPE_SURFACE_BOAT,
+    mavlink.MAV_TYPE_SUBMARINE,
+)
+HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
+# A crash so soon after it left the ground belongs to the take-off.
+TAKE_OFF_S = 4.0
 # Of how a thing was recorded, and not of the thing.
 RECORDING = (
     Kind.CLOCK_DRIFT,
@@ -125,7 +135,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
     elif lost:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
-        text = _flown(of_vehicle, looked, missing)
+        text = _flown(of_vehicle, _ending(flight.context), looked, missing)
     return Verdict(text, looked, missing)
 
 
@@ -139,7 +149,8 @@ def _crashed(
     context, first = flight.context, crashes[0]
     before = [_before(context, one, found) for one in crashes]
     if len(crashes) == 1:
-        parts = [f"Crashed at {first.from_s:.0f} s{_lay(first, analysis)}.", before[0]]
+        when = " on take-off" if _takes_off(context, first.from_s) else ""
+        parts = [f"Crashed{when} at {first.from_s:.0f} s{_lay(first, analysis)}.", before[0]]
     else:
         times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
         parts = [f"Crashed at {times} and {crashes[-1].from_s:.0f} s."]
@@ -150,6 +161,15 @@ def _crashed(
         ]
     parts.append(_until(first, found))
     return " ".join(part for part in parts if part)
+
+
+def _takes_off(context: Context, t_s: float) -> bool:
+    """Whether it stood on the ground shortly before, by the autopilot."""
+    series = context.airborne
+    if series is None or not len(series.t_s):
+        return False
+    place = int(np.searchsorted(series.t_s, t_s - TAKE_OFF_S, side="right")) - 1
+    return bool(np.asarray(series.values)[max(place, 0)] <= 0.5)
 
 
 def _lay(crash: Finding, analysis: Analysis) -> str:
@@ -245,7 +265,9 @@ def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
     return f"{said} {_until(lost, found)}"
 
 
-def _flown(found: list[Finding], looked: tuple[str, ...], missing: tuple[str, ...]) -> str:
+def _flown(
+    found: list[Finding], ending: str, looked: tuple[str, ...], missing: tuple[str, ...]
+) -> str:
     """The worst, each once; or that nothing was found."""
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if one.kind not in RECORDING] or serious
@@ -264,17 +286,38 @@ def _flown(found: list[Finding], looked: tuple[str, ...], missing: tuple[str, ..
         shown = _listed(parts[:MOST_SENSORS])
         more = len(parts) - MOST_SENSORS
         rest = f", and {more} more" if more > 0 else ""
-        begin = "" if failed else "No crash. "
+        begin = "" if failed or ending else "No crash. "
         if false is not None:
             begin = f"No crash: {PHRASES[false.kind]}. "
-        return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}."
+        return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"
     if not looked:
         return "Nothing was found wrong in what could be looked at."
-    text = "Nothing was found wrong."
+    text = f"Nothing was found wrong.{ending}"
     text += f" Looked at: {', '.join(looked)}."
     if missing:
         text += f" Not looked at: {', '.join(missing)}."
     return text
+
+
+def _ending(context: Context) -> str:
+    """That a log ends in the air; empty where it does not, or nobody knows."""
+    height = context.baro_height_m or context.height_m
+    flies = context.vehicle_type not in ON_THE_GROUND
+    if not flies or height is None or not context.armed or len(height.t_s) < FEWEST_HEIGHTS:
+        return ""
+    end_s = context.duration_s
+    last = height.values[height.t_s > end_s - HEIGHT_S]
+    before = height.values[(height.t_s > end_s - 2.0 * HEIGHT_S) & (height.t_s <= end_s - HEIGHT_S)]
+    driven = driven_at(context, np.array([end_s]))[0]
+    ends_armed = context.armed[-1].to_s > end_s - HEIGHT_S
+    if not ends_armed or not len(last) or not len(before) or not driven > FLYING_SHARE:
+        return ""
+    above_m = float(np.median(last)) - float(np.median(height.values[:FEWEST_HEIGHTS]))
+    sinking = float(np.median(before) - np.median(last)) / HEIGHT_S
+    if above_m < HIGH_M:
+        return ""
+    how = f", sinking at {sinking:.0f} m/s" if sinking > SINKS_M_S else ""
+    return f" The log ends in the air, {above_m:.0f} m above where it began{how}."
 
 
 def _sentence(one: Finding) -> str:

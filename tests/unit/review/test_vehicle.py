@@ -306,3 +306,35 @@ def test_what_follows_an_impact_folds_under_it():
     found = {one.kind: one for one in links.findings}
     assert found[Kind.CLIPPING].cause == found[Kind.CRASH].id
     assert found[Kind.GPS_LOST].cause is None
+
+
+def test_a_log_that_ends_in_the_air_says_so():
+    height = Series(T_S, np.clip(T_S - 20.0, 0.0, 30.0) - np.clip(T_S - 116.0, 0.0, None) * 4.0)
+    flown = multirotor(baro_height_m=height)
+    assert "The log ends in the air, 16 m above where it began, sinking at 4 m/s." in said_of(flown)
+    down = multirotor(baro_height_m=height._replace(values=0.0 * height.values))
+    assert "ends in the air" not in said_of(down)
+
+
+@pytest.mark.parametrize(("left_s", "is_then"), [(58.0, True), (20.0, False)])
+def test_a_crash_on_take_off_is_called_so(left_s, is_then):
+    airborne = Series(np.array([0.0, left_s]), np.array([0.0, 1.0]))
+    text = said_of(tipped(multirotor(airborne=airborne), 60.0))
+    assert text.startswith("Crashed on take-off at 60 s") == is_then
+
+
+def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
+    flown = multirotor()
+    sensors = {
+        Kind.GYRO_BIAS: (Sensor(SensorKind.IMU, 1), 12.0),
+        Kind.LOSS_OF_CONTROL: (Sensor(SensorKind.VEHICLE), 90.0),
+    }
+    some = tuple(
+        Finding(
+            kind, sensor, Severity.ERROR, 50.0, 60.0, size, "deg", "text", "", f"{kind}.1",
+        )
+        for kind, (sensor, size) in sensors.items()
+    )  # fmt: skip
+    links = chain(flown._replace(findings=some), Analysis())
+    lost = next(one for one in links.findings if one.kind is Kind.LOSS_OF_CONTROL)
+    assert (lost.cause, lost.severity) == ("gyro_bias.1", Severity.NOTICE)
