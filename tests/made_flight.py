@@ -19,11 +19,11 @@ from h2nav.flightlogs.context import (
 )
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.review.analysis import Analysis
-from h2nav.review.document import document
-from h2nav.review.flight import EarthFields, Estimates, Flight, Ratios
-from h2nav.review.page import page
-from h2nav.review.tracks import (
+from h2nav.reviews.analysis import Analysis
+from h2nav.reviews.document import document
+from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios
+from h2nav.reviews.page import page
+from h2nav.reviews.tracks import (
     Bias,
     CompassFit,
     Field,

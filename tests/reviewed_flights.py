@@ -16,8 +16,8 @@ from h2nav.flightlogs.context import (
     Span,
 )
 from h2nav.maths.units import DEG
-from h2nav.review.flight import EarthFields, Estimates, Flight, Ratios
-from h2nav.review.inertial import conjugate, exponential, rotate
+from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios
+from h2nav.reviews.inertial import conjugate, exponential, rotate
 from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuModel, Readings, readings
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.vehicle import EARTH_RADIUS_M, HOME

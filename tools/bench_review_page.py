@@ -25,7 +25,7 @@ sys.path.insert(0, str(REPOSITORY / "tests"))
 
 from made_flight import made_analysis, made_flight, page_of  # noqa: E402
 
-from h2nav.review.html import asset  # noqa: E402
+from h2nav.reviews.html import asset  # noqa: E402
 
 PICTURES, TRACES, POINTS, END_S = 15, 4, 8000, 1800.0
 OPENINGS = 3

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     if args.schema:
-        from h2nav.review.document_schema import review_schema
+        from h2nav.reviews.document_schema import review_schema
 
         print_json(review_schema(), indent=2)
         return 0

@@ -20,11 +20,11 @@ from h2nav.flightlogs.context import Context
 from h2nav.flightlogs.imported import ImportedLog
 from h2nav.flightlogs.opening import Source, open_flight
 from h2nav.flightlogs.telemetry import read_context
-from h2nav.review.analysis import Analysis, analyse
-from h2nav.review.collecting import Collector, EstimateRows, most_trusted
-from h2nav.review.document import document
-from h2nav.review.flight import Estimates, Flight
-from h2nav.review.page import page
+from h2nav.reviews.analysis import Analysis, analyse
+from h2nav.reviews.collecting import Collector, EstimateRows, most_trusted
+from h2nav.reviews.document import document
+from h2nav.reviews.flight import Estimates, Flight
+from h2nav.reviews.page import page
 from h2nav.service.service import Service
 
 Progress = Callable[[int, int], object]

@@ -6,8 +6,8 @@ import numpy as np
 
 from h2nav.flightlogs.context import Array, CompassTrack, Context, Series
 from h2nav.flightlogs.dataflash import Trim
-from h2nav.review.flight import Estimates, Flight
-from h2nav.review.inertial import Attitudes, Mask, attitudes, within
+from h2nav.reviews.flight import Estimates, Flight
+from h2nav.reviews.inertial import Attitudes, Mask, attitudes, within
 
 PX4, ARDUPILOT = "PX4", "ArduPilot"
 

@@ -11,8 +11,8 @@ from h2nav.calibration.field_fit import Array, FieldRows
 from h2nav.calibration.settings import CompassSettings, Lever
 from h2nav.flightlogs.context import CompassTrack
 from h2nav.maths.units import DEG
-from h2nav.review.flight import EarthFields
-from h2nav.review.inertial import Mask, conjugate, means, rotate, thinned
+from h2nav.reviews.flight import EarthFields
+from h2nav.reviews.inertial import Mask, conjugate, means, rotate, thinned
 
 ROW_S = 0.2
 MOST_ROWS = 1500

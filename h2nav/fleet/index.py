@@ -12,7 +12,7 @@ from urllib.parse import quote
 from h2nav.fleet.store import Store
 from h2nav.fleet.tables import FINDINGS, FLIGHTS, Row, severity_rank
 from h2nav.integrity.severity import Severity
-from h2nav.review.html import escape, frame
+from h2nav.reviews.html import escape, frame
 
 INDEX = "index.html"
 # More than browsers like; the tables have all.

@@ -9,8 +9,8 @@ from h2nav.flightlogs.context import Context
 from h2nav.flightlogs.imported import ImportedLog
 from h2nav.flightlogs.opening import open_flight
 from h2nav.flightlogs.telemetry import read_context
-from h2nav.review.document import document
-from h2nav.review.page import page
+from h2nav.reviews.document import document
+from h2nav.reviews.page import page
 
 
 def read_flight(path: Path | str) -> Context:

@@ -27,8 +27,8 @@ from h2nav.integrity.findings import (
     as_mapping,
 )
 from h2nav.integrity.kinds import MEANINGS
-from h2nav.review.document import document
-from h2nav.review.document_schema import review_schema
+from h2nav.reviews.document import document
+from h2nav.reviews.document_schema import review_schema
 from h2nav.service.records import finding_mapping
 from h2nav.service.records import finding_record as flattened
 

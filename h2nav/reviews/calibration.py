@@ -1,0 +1,68 @@
+"""The section of a review that says what could be set better, with a file to save."""
+
+from typing import Any
+from urllib.parse import quote
+
+from h2nav.reviews.html import escape, table
+
+HEADS = ("parameter", "in use", "better", "deviation")
+
+
+def calibration_section(told: dict[str, Any]) -> str:
+    """The section; empty where nothing was looked at.
+
+    Args:
+        told: the ``calibration`` of the document.
+    """
+    sensors = told.get("sensors", [])
+    if not sensors:
+        return ""
+    parts = [_sensor(sensor) for sensor in sensors]
+    return (
+        '<section id="calibration"><h2>Calibration out of this flight</h2>'
+        f"{''.join(parts)}{_file(told)}</section>"
+    )
+
+
+def _sensor(sensor: dict[str, Any]) -> str:
+    device = f" (device {sensor['device']})" if sensor["device"] else ""
+    parts = [f"<h3>{escape(sensor['sensor'])}{escape(device)}</h3>"]
+    rows = [
+        (
+            change["name"],
+            _figure(change["old"]),
+            _figure(change["new"]),
+            _figure(change["sigma"]),
+        )
+        for change in sensor["changes"]
+    ]
+    if rows:
+        parts.append(table(HEADS, rows))
+    parts += [f"<p>{escape(note)}</p>" for note in sensor["notes"]]
+    reasons = sensor["not_from_these_flights"]
+    parts += [f"<p>Nothing to set: {escape(reason)}.</p>" for reason in reasons]
+    figures = sensor["figures"]
+    if "residual_before_mg" in figures:
+        parts.append(
+            "<p>Residual {residual_before_mg:.0f} before, {residual_after_mg:.0f} mG rms after; "
+            "heading {heading_before_deg:.1f} before, {heading_after_deg:.1f} deg rms "
+            "after.</p>".format(**{name: value or 0.0 for name, value in figures.items()})
+        )
+    return "".join(parts)
+
+
+def _figure(value: float | None) -> str:
+    return "" if value is None else f"{value:.5g}"
+
+
+def _file(told: dict[str, Any]) -> str:
+    """What is to be loaded: to be saved, or to be copied."""
+    text = told.get("file", "")
+    if not text:
+        return ""
+    address = f"data:text/plain;charset=utf-8,{quote(text)}"
+    return (
+        "<p>Look at each value before you load it, and fly carefully after: "
+        f'<a download="{escape(told["file_name"])}" href="{address}">save the file</a>, or copy:'
+        f'</p><pre class="file">{"<br>".join(map(escape, text.splitlines()))}</pre>'
+    )

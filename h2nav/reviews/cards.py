@@ -1,0 +1,161 @@
+"""The findings of a review as HTML: a cause as a card, what follows from it folded beneath."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from h2nav.integrity.findings import Kind, SensorKind, Severity
+from h2nav.reviews.advice import place
+from h2nav.reviews.html import escape
+from h2nav.reviews.pictures.timeline import MOMENTS
+
+# As `h2nav.reviews.document` tells it.
+Told = dict[str, Any]
+# Causes that are seen at once; the first one with all that is said of it.
+MOST_SHOWN, MOST_LISTED, MOST_MOMENTS = 6, 200, 3
+
+
+def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
+    """Causes in the order that is given, notes folded below them.
+
+    Args:
+        findings: the worst first; what has a first cause among them stands beneath it.
+        opens_first: the first one with all that is said of it.
+    """
+    followers = _followers(findings)
+    followed = {one["id"] for some in followers.values() for one in some}
+    # A cause comes as early as the worst that it led to.
+    place_of = {one["id"]: number for number, one in reversed(list(enumerate(findings)))}
+    causes = sorted(
+        (one for one in findings if one["id"] not in followed),
+        key=lambda one: min(place_of[each["id"]] for each in (one, *followers.get(one["id"], ()))),
+    )
+    wrong = _grouped((one for one in causes if is_wrong(one)), followers)
+    notes = _grouped((one for one in causes if not is_wrong(one)), followers)
+    about = (
+        '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
+        "after the beginning of the recording.</p>"
+    )
+    shown = _list(wrong[:MOST_SHOWN], followers, opens_first=opens_first)
+    parts = [shown]
+    for some, what in ((wrong[MOST_SHOWN:], "further warning"), (notes, "note")):
+        if some:
+            number = sum(map(len, some))
+            parts.append(_folded(counted(number, what), _list(some[:MOST_LISTED], followers)))
+    return "".join((*parts, about if findings else ""))
+
+
+def is_wrong(finding: Told) -> bool:
+    """Whether it is more than a note."""
+    return _severity(finding) <= Severity.WARNING
+
+
+def counted(number: int, what: str) -> str:
+    """``1 note`` or ``2 notes``."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
+    """Id of a first cause -> what follows from it, in order of time."""
+    first = {one["id"]: one["consequence_of"] for one in findings}
+    followers: dict[str, list[Told]] = {}
+    for one in sorted(findings, key=lambda one: float(one["from_s"])):
+        cause = first[one["id"]]
+        if cause in first and cause != one["id"] and first[cause] is None:
+            followers.setdefault(cause, []).append(one)
+    return followers
+
+
+def _grouped(causes: Iterable[Told], followers: dict[str, list[Told]]) -> list[list[Told]]:
+    """What comes again and again, and leads to nothing, with the first of its kind."""
+    groups: list[list[Told]] = []
+    repeated: dict[tuple[str, str], list[Told]] = {}
+    for one in causes:
+        group = repeated.get((one["kind"], one["sensor"]["kind"]))
+        if one["id"] in followers or one["kind"] in MOMENTS:
+            groups.append([one])
+        elif group is not None:
+            group.append(one)
+        else:
+            groups.append([one])
+            repeated[one["kind"], one["sensor"]["kind"]] = groups[-1]
+    return groups
+
+
+def _list(
+    groups: Iterable[Sequence[Told]],
+    followers: dict[str, list[Told]],
+    *,
+    opens_first: bool = False,
+) -> str:
+    """Cards, each of the first of a group, with the others folded in it."""
+    items = [
+        _card(first, more, followers.get(first["id"], ()), is_open=opens_first and number == 0)
+        for number, (first, *more) in enumerate(groups)
+    ]
+    return f'<ol class="findings">{"".join(items)}</ol>' if items else ""
+
+
+def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_open: bool) -> str:
+    severity, source, text = _severity(finding), finding["source"], finding["text"]
+    is_named = finding["sensor"]["kind"] == SensorKind.VEHICLE or source.lower() in text.lower()
+    if not is_named:
+        text = f"{source}: {text}"
+    # A size without a unit counts what the text counts too.
+    unit = finding["unit"].replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
+    size = f"{_figure(finding['size'])} {unit}" if unit and finding["size"] else ""
+    folded = [_why(finding, is_open=is_open)]
+    if more:
+        title = f"{counted(len(more), 'more finding')} of this kind"
+        folded.append(_folded(title, _list(([one] for one in more[:MOST_LISTED]), {})))
+    if followers:
+        folded.append(_folded(_led_to(followers), _list(([one] for one in followers), {})))
+    return (
+        f'<li class="finding {severity.look}"><button type="button" '
+        f'data-from="{finding["from_s"]:.3f}" data-to="{finding["to_s"]:.3f}" '
+        f'data-place="{place(Kind(finding["kind"]))}">'
+        f'<span class="what"><span class="tag">{severity.tag}</span>'
+        f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
+        f"</button>{''.join(folded)}</li>"
+    )
+
+
+def _led_to(followers: Sequence[Told]) -> str:
+    """The moments among them by name, the others by their number."""
+    moments = [one for one in followers if one["kind"] in MOMENTS][:MOST_MOMENTS]
+    named = [f"{MOMENTS[one['kind']]} at {one['from_s']:.1f} s" for one in moments]
+    rest = len(followers) - len(moments)
+    if rest:
+        named.append(counted(rest, f"{'other ' if named else ''}finding"))
+    return f"it led to: {', '.join(named)}"
+
+
+def _severity(finding: Told) -> Severity:
+    return Severity.of(finding["severity"]) or Severity.INFO
+
+
+def _why(finding: Told, *, is_open: bool) -> str:
+    """What it means, what shows it, what to check."""
+    lines = (("means", "means"), ("shown by", "evidence"), ("check", "check"))
+    shown = "".join(
+        f'<span class="line"><i>{name}:</i> {escape(finding[key])}</span>'
+        for name, key in lines
+        if finding[key]
+    )
+    return _folded("why, and what to check", shown, is_open=is_open) if shown else ""
+
+
+def _folded(title: str, html: str, *, is_open: bool = False) -> str:
+    return (
+        f"<details{' open' if is_open else ''}><summary>{escape(title)}</summary>{html}</details>"
+    )
+
+
+def _span(finding: Told) -> str:
+    from_s, to_s = finding["from_s"], finding["to_s"]
+    digits = 1 if to_s - from_s < 10.0 else 0
+    begin, end = f"{from_s:.{digits}f}", f"{to_s:.{digits}f}"
+    return f"{begin} s" if begin == end else f"{begin} to {end} s"
+
+
+def _figure(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"

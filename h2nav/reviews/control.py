@@ -1,0 +1,205 @@
+"""Control: where the attitude left the one that was asked for, and did not come back.
+
+By the autopilot's own attitude, which is what its controllers knew. Whether that was right is
+another question, and asked elsewhere.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, AttitudeTrack, Context, Series
+from h2nav.flightlogs.rotations import roll_pitch_heading
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG
+from h2nav.reviews.impacts import TURNED_RAD, Bins, Impact, in_flight
+from h2nav.reviews.inertial import Mask, runs
+
+GRID_S = 0.1
+# DroneKit-LA calls 10 deg for half a second a failure of control; sound flights of old autopilots
+# reach 15 deg in gusts and 18 deg while they shake. What is lost goes further.
+LEFT_RAD, LEFT_S = 20.0 * DEG, 0.2
+# And it turns: what stands on the ground does not follow a demand either.
+TURNING_RAD_S = 30.0 * DEG
+LOST_RAD, LOST_S, TURNS_RAD_S = 45.0 * DEG, 1.0, 100.0 * DEG
+# So long before an impact.
+BEFORE_S = 10.0
+# Modes in which a demand is none of an attitude.
+WITHOUT_ATTITUDE = ("ACRO", "FLIP", "MANUAL", "RATTITUDE", "THROW", "STAB_ACRO")
+
+
+class Errors(NamedTuple):
+    """Attitude less demand.
+
+    Attributes:
+        t_s: (N,) a grid.
+        roll_rad: (N,) of the autopilot.
+        pitch_rad: (N,) of the autopilot.
+        roll_asked_rad: (N,).
+        pitch_asked_rad: (N,).
+        size_rad: (N,) angle between both verticals; NaN where nothing was asked.
+        flies: (N,) armed, driven, and in a mode that asks for attitudes.
+    """
+
+    t_s: Array
+    roll_rad: Array
+    pitch_rad: Array
+    roll_asked_rad: Array
+    pitch_asked_rad: Array
+    size_rad: Array
+    flies: Mask
+
+
+def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
+    """Where control was lost, before each impact and without one.
+
+    Args:
+        bins: of the soundest IMU.
+        context: attitudes, demands, modes, armed state.
+        impacts: crashes.
+    """
+    errors = control_errors(bins, context)
+    found = []
+    for impact in impacts:
+        lost = _before(errors, bins, impact) if errors is not None else None
+        if lost is None and impact.turned_rad > TURNED_RAD:
+            lost = _turned_over(impact)
+        found += [] if lost is None else [lost]
+    if errors is not None and context.motors is not None:
+        found += _alone(errors, bins, impacts)
+    return found
+
+
+def control_errors(bins: Bins, context: Context) -> Errors | None:
+    """Attitude less demand on a grid of time; None where either was not recorded."""
+    if context.demand is None or not context.attitudes or len(context.demand.t_s) < 2:
+        return None
+    track = context.attitudes[0]
+    if len(track.t_s) < 2 or not context.armed:
+        return None
+    first = max(track.t_s[0], context.demand.t_s[0])
+    t_s = np.arange(first, min(track.t_s[-1], context.demand.t_s[-1]), GRID_S)
+    is_known = np.isfinite(context.demand.values[:, :2]).all(axis=1)
+    asked = Series(context.demand.t_s[is_known], context.demand.values[is_known])
+    if not len(t_s) or len(asked.t_s) < 2:
+        return None
+    angles = _angles(track, t_s)
+    demand = np.stack([np.interp(t_s, asked.t_s, asked.values[:, i]) for i in range(2)], axis=1)
+    up, asked_up = _vertical(angles[:, 0], angles[:, 1]), _vertical(demand[:, 0], demand[:, 1])
+    size = np.arccos(np.clip((up * asked_up).sum(axis=1), -1.0, 1.0))
+    return Errors(
+        t_s,
+        angles[:, 0],
+        angles[:, 1],
+        demand[:, 0],
+        demand[:, 1],
+        size,
+        _flies(bins, context, t_s),
+    )
+
+
+def _angles(track: AttitudeTrack, t_s: Array) -> Array:
+    """(N, 2) roll and pitch of the nearest attitudes."""
+    after = np.clip(np.searchsorted(track.t_s, t_s), 1, len(track.t_s) - 1)
+    nearer = t_s - track.t_s[after - 1] < track.t_s[after] - t_s
+    return roll_pitch_heading(track.q_nb[after - nearer])[:, :2]
+
+
+def _vertical(roll: Array, pitch: Array) -> Array:
+    """(N, 3) direction down in the body."""
+    return np.stack(
+        (-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)), axis=1
+    )
+
+
+def _flies(bins: Bins, context: Context, t_s: Array) -> Mask:
+    place = np.searchsorted(bins.t_s, t_s).clip(max=max(len(bins.t_s) - 1, 0))
+    flies: Mask = in_flight(bins, context, [])[place]
+    for mode in context.modes:
+        if mode.name.upper() in WITHOUT_ATTITUDE:
+            flies &= ~((t_s >= mode.from_s) & (t_s <= mode.to_s))
+    return flies
+
+
+def _before(errors: Errors, bins: Bins, impact: Impact) -> Finding | None:
+    """The last time before an impact that the attitude left its demand, and never came back."""
+    off = errors.size_rad > LEFT_RAD
+    rate = np.interp(errors.t_s, bins.t_s, bins.peak_rad_s)
+    near = (errors.t_s > impact.t_s - BEFORE_S) & (errors.t_s <= impact.t_s + GRID_S)
+    pieces = [
+        (first, last)
+        for first, last in runs(_turning_since(off & near, rate))
+        if errors.t_s[last] >= impact.t_s - 2.0 * LEFT_S
+        and errors.t_s[last] - errors.t_s[first] + GRID_S >= LEFT_S
+    ]
+    if not pieces or not errors.flies[max(pieces[-1][0] - 5, 0) : pieces[-1][0] + 1].any():
+        return None
+    first, last = pieces[-1]
+    return _finding(errors, first, last)
+
+
+def _turning_since(off: Mask, rate: Array) -> Mask:
+    """(N,) the parts of each run from when the vehicle turns."""
+    found = np.zeros(len(off), dtype=bool)
+    for first, last in runs(off):
+        turning = np.flatnonzero(rate[first : last + 1] > TURNING_RAD_S)
+        if len(turning):
+            found[first + int(turning[0]) : last + 1] = True
+    return found
+
+
+def _alone(errors: Errors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
+    """Attitudes that went far from their demand and stayed there, wherever it ended.
+
+    An estimator that tumbles by itself leaves the demand as well: the vehicle has to turn.
+    """
+    found = []
+    for first, last in runs((errors.size_rad > LOST_RAD) & errors.flies):
+        t_s = errors.t_s[first]
+        known = any(i.t_s - BEFORE_S < t_s <= i.to_s + BEFORE_S for i in impacts)
+        near = (bins.t_s > t_s - LOST_S) & (bins.t_s < t_s + LOST_S)
+        turns = bins.peak_rad_s[near].max(initial=0.0) > TURNS_RAD_S
+        if errors.t_s[last] - t_s >= LOST_S and turns and not known:
+            found.append(_finding(errors, first, last))
+    return found[:1]
+
+
+def _finding(errors: Errors, first: int, last: int) -> Finding:
+    # A third of a second later it shows where it went.
+    shown = min(first + 3, last)
+    parts = [
+        f"{name} {is_rad[shown] / DEG:+.0f} deg where {asked[shown] / DEG:+.0f} was asked"
+        for name, is_rad, asked in (
+            ("roll", errors.roll_rad, errors.roll_asked_rad),
+            ("pitch", errors.pitch_rad, errors.pitch_asked_rad),
+        )
+        if abs(is_rad[shown] - asked[shown]) > 0.5 * LEFT_RAD
+    ]
+    size = float(np.nanmax(errors.size_rad[first : last + 1])) / DEG
+    return Finding(
+        Kind.LOSS_OF_CONTROL,
+        Sensor(SensorKind.VEHICLE),
+        Severity.CRITICAL,
+        float(errors.t_s[first]),
+        float(errors.t_s[last]),
+        size,
+        "deg",
+        " and ".join(parts) or f"attitude {size:.0f} deg from its demand",
+        f"the autopilot's attitude left the one that was asked for by more than "
+        f"{LEFT_RAD / DEG:.0f} deg and did not come back; at most {size:.0f} deg",
+    )
+
+
+def _turned_over(impact: Impact) -> Finding:
+    """By the gyro alone, where no demand was recorded."""
+    return Finding(
+        Kind.LOSS_OF_CONTROL,
+        Sensor(SensorKind.VEHICLE),
+        Severity.CRITICAL,
+        impact.turned_s,
+        impact.t_s,
+        impact.turned_rad / DEG,
+        "deg",
+        f"it turned over by {impact.turned_rad / DEG:.0f} deg",
+        "by the gyro in the two seconds before the impact",
+    )

@@ -1,0 +1,480 @@
+"""The autopilot's own estimators: switches, resets, cores that differ, and what it said of them."""
+
+import math
+import re
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, AttitudeTrack, Context, ImuTrack, Said
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG
+from h2nav.reviews.inertial import (
+    Attitudes,
+    Mask,
+    attitudes,
+    conjugate,
+    inertial_velocity,
+    logarithm,
+    rotate,
+    runs,
+    turns,
+    within,
+)
+from h2nav.reviews.standstill import NEVER, Rest, tilt_at_rest
+
+# A step that no estimator makes by its usual corrections, within a second at the most.
+RESET_RAD = 4.0 * DEG
+# Attitude and samples may be timed apart by so long, and by as much as arrivals jitter.
+TIMING_S = 0.03
+JITTER_OVER_S = 0.2
+SETTLED_S = 0.3
+LONGEST_STEP_S = 0.5
+LONGEST_SAMPLE_S = 0.06
+# Cores of one estimator see the same motion.
+CORES_TILT_RAD, CORES_HEADING_RAD = 5.0 * DEG, 15.0 * DEG
+LASTING_S = 5.0
+# The autopilot's own deviation, 0.5 deg of tilt and 1.5 deg of heading, and three of both.
+GATE = 3.0
+OWN_TILT_RAD, OWN_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
+BEYOND_FOR_S = 15.0
+GRID_S = 0.1
+# Velocities say who is right where one explains them so much better.
+BETTER = 0.8
+WINDOW_S = 2.0
+
+
+class _Phrase(NamedTuple):
+    """Texts of the autopilot that mean one thing."""
+
+    kind: Kind
+    pattern: re.Pattern[str]
+    text: str
+
+
+# Who crashes is disarmed at once.
+CRASH = Kind.SAID_CRASH
+AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
+
+
+def _phrase(kind: Kind, pattern: str, text: str) -> _Phrase:
+    return _Phrase(kind, re.compile(pattern, re.IGNORECASE), text)
+
+
+# ArduPilot: AP_NavEKF2/3, ekf_check, AP_Arming, crash_check, AP_AHRS; PX4: commander, EKF2, health
+# checks. Lane switches are told from here as well.
+PHRASES = (
+    _phrase(Kind.ESTIMATOR_SWITCH, r"lane switch|primary changed", "estimator changed its lane"),
+    _phrase(Kind.SAID_EKF_FAILED, r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
+    _phrase(Kind.SAID_GPS_GLITCH, r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
+    _phrase(
+        Kind.SAID_COMPASS,
+        r"compass.*(inconsist|unhealthy|anomaly|error)|mag.* anomaly|bad compass"
+        r"|magnetic interference|compass not healthy",
+        "compass not trusted",
+    ),
+    _phrase(Kind.SAID_AIDING, r"stopped aiding|navigation failure", "EKF without position"),
+    _phrase(Kind.SAID_YAW_RESET, r"yaw (reset|align.*reset)|emergency yaw", "EKF heading reset"),
+    _phrase(Kind.SAID_VIBRATION, r"vibration compensation on|high vibration", "vibration"),
+    _phrase(
+        Kind.SAID_SENSOR,
+        r"bad (gyro|accel|AHRS)|(accel|gyro)s? (inconsistent|unhealthy)|accel.* bias"
+        r"|sensor .*(fail|timeout)|attitude failure",
+        "sensor or attitude unhealthy",
+    ),
+    _phrase(
+        Kind.SAID_FAILSAFE,
+        r"failsafe (activated|mode)|(radio|throttle|GCS|ground station|fence) failsafe"
+        r"|manual control.* lost|data ?link lost|flight termination|parachute.*release",
+        "failsafe",
+    ),
+    _phrase(
+        CRASH,
+        r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
+        "crash or loss of thrust",
+    ),
+)
+# What ArduPilot says before it flies belongs to its preparations. PX4 says "Preflight Fail" of what
+# would keep it on the ground, in flight as well: there it counts.
+PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
+PREFLIGHT, FLOWN_S = re.compile(r"preflight", re.IGNORECASE), 5.0
+
+
+def look_at_estimators(
+    context: Context,
+    track: ImuTrack | None,
+    best: Attitudes | None,
+    told: tuple[Finding, ...],
+    rest: Rest = NEVER,
+) -> list[Finding]:
+    """What the autopilot's attitudes show.
+
+    Args:
+        context: its attitudes, lanes and armed state.
+        track: samples whose gyro the attitudes are held against; None without any.
+        best: our attitude; None without one.
+        told: findings of the checks in flight, which need not be repeated.
+        rest: windows in which the vehicle stood still: gravity shows who is right.
+    """
+    found = _switches(context)
+    if not context.attitudes:
+        return found
+    if track is not None:
+        found += _resets(context, track)
+    found += _cores(context)
+    if best is not None:
+        found += _beyond(context, track, best, told, rest)
+    return found
+
+
+def look_at_texts(context: Context) -> list[Finding]:
+    """What the autopilot said, texts of one meaning within the armed time together."""
+    found = []
+    for kind, pattern, text in PHRASES:
+        texts = [
+            said
+            for said in context.said
+            if pattern.search(said.text)
+            and not PREARM.search(said.text)
+            and _counts(context, said, is_end=kind is CRASH)
+        ]
+        if kind is Kind.ESTIMATOR_SWITCH and context.primary:
+            continue
+        if texts:
+            found.append(_told(kind, text, texts))
+    return found
+
+
+def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
+    """Said in flight; what is said at the very end belongs to disarming, unless it `is_end`."""
+    margin_s = 1.0 if is_end else -1.0
+    if PREFLIGHT.search(said.text):
+        return any(s.from_s + FLOWN_S <= said.t_s <= s.to_s - 1.0 for s in context.armed)
+    return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
+
+
+def _told(kind: Kind, text: str, texts: list[Said]) -> Finding:
+    times = f", {len(texts)} times" if len(texts) > 1 else ""
+    quoted = "; ".join(f"{said.t_s:.0f} s: {said.text!r}" for said in texts[:4])
+    return Finding(
+        kind,
+        AUTOPILOT,
+        Severity.WARNING,
+        texts[0].t_s,
+        texts[-1].t_s,
+        float(len(texts)),
+        "",
+        f"the autopilot said: {text}{times}",
+        quoted,
+    )
+
+
+def _switches(context: Context) -> list[Finding]:
+    """Changes of the core or lane in use while armed."""
+    changes = [
+        (after.from_s, before.name, after.name)
+        for before, after in pairwise(context.primary)
+        if before.name != after.name
+        and any(span.from_s <= after.from_s <= span.to_s - 1.0 for span in context.armed)
+    ]
+    if not changes:
+        return []
+    shown = "; ".join(f"{t_s:.1f} s: {before} to {after}" for t_s, before, after in changes[:4])
+    times = f", {len(changes)} times" if len(changes) > 1 else ""
+    return [
+        Finding(
+            Kind.ESTIMATOR_SWITCH,
+            AUTOPILOT,
+            Severity.WARNING,
+            changes[0][0],
+            changes[-1][0],
+            float(len(changes)),
+            "",
+            f"the autopilot changed its estimator{times}",
+            shown,
+        )
+    ]
+
+
+def _resets(context: Context, track: ImuTrack) -> list[Finding]:
+    """Steps of the attitude it flew by that the gyro did not make."""
+    attitude = context.attitudes[0]
+    own = attitudes(attitude.t_s, attitude.q_nb)
+    if len(own.t_s) < 3 or len(track.t_s) < 3:
+        return []
+    step_n, slack = _unexplained(own, track)
+    size = np.linalg.norm(step_n, axis=1)
+    flying = within(own.t_s[1:], context.armed)
+    is_step = (size > RESET_RAD + slack) & flying
+    found = []
+    for first, last in _close(runs(is_step), own.t_s):
+        # The tilt and the heading of all that was stepped at once.
+        turned = step_n[first : last + 1][is_step[first : last + 1]].sum(axis=0)
+        tilt, heading = math.hypot(turned[0], turned[1]), abs(float(turned[2]))
+        part, angle = ("heading", heading) if heading > tilt else ("tilt", tilt)
+        if max(angle, float(size[first : last + 1].max())) < RESET_RAD:
+            continue
+        t_s = float(own.t_s[first + 1])
+        found.append(
+            Finding(
+                Kind.ATTITUDE_RESET,
+                AUTOPILOT,
+                Severity.NOTICE,
+                t_s,
+                float(own.t_s[last + 1]),
+                angle / DEG,
+                "deg",
+                f"the autopilot's {part} jumped by {angle / DEG:.0f} deg",
+                f"tilt {tilt / DEG:.1f} deg, heading {heading / DEG:.1f} deg between two attitudes "
+                "that the gyro did not turn",
+            )
+        )
+    return found
+
+
+def _unexplained(own: Attitudes, track: ImuTrack) -> tuple[Array, Array]:
+    """(M, 3) turns from one attitude to the next less the gyro's, NED, and what timing allows."""
+    by_gyro = turns(track.t_s, track.w_b, own.t_s)
+    by_attitude = product(conjugate(own.q_nb[:-1]), own.q_nb[1:])
+    extra_b = logarithm(product(by_attitude, conjugate(by_gyro)))
+    step_n = rotate(own.q_nb[:-1], extra_b)
+    # What was only timed otherwise comes back within the next moments.
+    total = np.vstack((np.zeros(3), np.cumsum(step_n, axis=0)))
+    low = np.searchsorted(own.t_s, own.t_s[:-1] - SETTLED_S)
+    high = np.searchsorted(own.t_s, own.t_s[1:] + SETTLED_S, side="right") - 1
+    stays = np.linalg.norm(total[high] - total[low], axis=1)
+    size = np.linalg.norm(step_n, axis=1, keepdims=True)
+    step_n *= np.minimum(1.0, stays[:, None] / np.maximum(size, 1e-9))
+    return step_n, (TIMING_S + _jitter(track)) * _fastest(own, track)
+
+
+def _fastest(own: Attitudes, track: ImuTrack) -> Array:
+    """(M,) largest rate around each step, rad/s; infinite where samples are missing."""
+    rate = np.linalg.norm(track.w_b, axis=1)
+    gaps = np.flatnonzero(np.diff(track.t_s) > LONGEST_SAMPLE_S)
+    rate[gaps] = rate[gaps + 1] = np.inf
+    low = np.searchsorted(track.t_s, own.t_s[:-1] - JITTER_OVER_S).clip(max=len(rate) - 2)
+    high = np.searchsorted(track.t_s, own.t_s[1:] + JITTER_OVER_S).clip(max=len(rate) - 1)
+    places = np.stack((low, np.maximum(high, low + 1)), axis=1).ravel()
+    fastest: Array = np.maximum.reduceat(rate, places)[::2]
+    fastest[np.diff(own.t_s) > LONGEST_STEP_S] = np.inf
+    return fastest
+
+
+def _jitter(track: ImuTrack) -> float:
+    """How unevenly the samples arrived against their stamps, s: 99 of 100 less."""
+    late_s = track.t_s - track.stamp_us * 1e-6
+    count = max(round(JITTER_OVER_S / max(float(np.median(np.diff(track.t_s))), 1e-3)), 1)
+    apart = np.abs(late_s[count:] - late_s[:-count])
+    return float(np.quantile(apart, 0.99)) if len(apart) else 0.0
+
+
+def _close(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
+    """Steps within a second are one."""
+    joined: list[tuple[int, int]] = []
+    for first, last in pieces:
+        if joined and t_s[first + 1] - t_s[joined[-1][1] + 1] < 1.0:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return joined
+
+
+def _parts(one: Array, other: Array) -> tuple[Array, Array]:
+    """(N,) angle between the verticals and difference of heading of two attitudes."""
+    turn = logarithm(product(one, conjugate(other)))
+    return np.hypot(turn[:, 0], turn[:, 1]), np.abs(turn[:, 2])
+
+
+def _grid(track: AttitudeTrack) -> Array:
+    return np.arange(track.t_s[0], track.t_s[-1], GRID_S) if len(track.t_s) else np.zeros(0)
+
+
+def _cores(context: Context) -> list[Finding]:
+    """Cores of one estimator that differ for long."""
+    found = []
+    first = context.attitudes[0]
+    mine = attitudes(first.t_s, first.q_nb)
+    grid_s = _grid(first)
+    flying = within(grid_s, context.armed)
+    for track in context.attitudes[1:]:
+        if "core" not in track.name:
+            continue
+        other = attitudes(track.t_s, track.q_nb)
+        tilt, heading = _parts(mine.at(grid_s), other.at(grid_s))
+        for part, apart, most in (
+            ("tilt", tilt, CORES_TILT_RAD),
+            ("heading", heading, CORES_HEADING_RAD),
+        ):
+            found += _lasting(
+                grid_s,
+                np.nan_to_num(apart),
+                (apart > most) & flying,
+                LASTING_S,
+                Finding(
+                    Kind.CORES_DIFFER,
+                    Sensor(SensorKind.ESTIMATOR),
+                    Severity.WARNING,
+                    0.0,
+                    0.0,
+                    0.0,
+                    "deg",
+                    f"{part} of {first.name} and {track.name} differ by {{size:.0f}} deg",
+                    "two cores of one estimator, which see the same motion",
+                ),
+            )
+    return found
+
+
+def _beyond(
+    context: Context,
+    imu: ImuTrack | None,
+    best: Attitudes,
+    told: tuple[Finding, ...],
+    rest: Rest,
+) -> list[Finding]:
+    """The attitude that it flew by outside three deviations of both."""
+    track = context.attitudes[0]
+    own = attitudes(track.t_s, track.q_nb)
+    grid_s = _grid(track)
+    if not len(grid_s):
+        return []
+    tilt, heading = _parts(own.at(grid_s), best.at(grid_s))
+    flying = within(grid_s, context.armed)
+    found = []
+    for kind, part, apart, sigma, usual in (
+        (Kind.AUTOPILOT_TILT, "tilt", tilt, best.sigma_tilt_rad, OWN_TILT_RAD),
+        (Kind.AUTOPILOT_HEADING, "heading", heading, best.sigma_heading_rad, OWN_HEADING_RAD),
+    ):
+        most = GATE * np.hypot(best.near(sigma, grid_s), usual)
+        pieces = _lasting(
+            grid_s,
+            np.nan_to_num(apart),
+            (apart > most) & flying,
+            BEYOND_FOR_S,
+            Finding(
+                kind,
+                AUTOPILOT,
+                Severity.NOTICE,
+                0.0,
+                0.0,
+                0.0,
+                "deg",
+                f"{part} of the autopilot and ours differ by {{size:.0f}} deg",
+                "beyond three deviations of ours",
+            ),
+        )
+        known = [f for f in told if f.kind is kind and f.sensor == AUTOPILOT]
+        for piece in pieces:
+            if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
+                continue
+            verdict, is_ours = _whose(context, imu, own, best, rest, piece)
+            told_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
+            if is_ours:
+                text = f"the autopilot's {part} is off by {piece.size:.0f} deg"
+                told_as = told_as._replace(severity=Severity.WARNING, text=text)
+            found.append(told_as)
+    return found
+
+
+def misjudged(
+    context: Context,
+    imu: ImuTrack | None,
+    best: Attitudes | None,
+    rest: Rest,
+    told: tuple[Finding, ...],
+) -> tuple[Finding, ...]:
+    """Findings of the checks in flight that blame the autopilot's attitude where ours is wrong.
+
+    Args:
+        context: its attitudes and receivers.
+        imu: samples that velocities are compared with.
+        best: our attitude.
+        rest: windows in which the vehicle stood still: gravity shows who is right.
+        told: findings of the checks in flight.
+    """
+    if best is None or not context.attitudes:
+        return ()
+    track = context.attitudes[0]
+    own = attitudes(track.t_s, track.q_nb)
+    blamed = (Kind.AUTOPILOT_TILT, Kind.AUTOPILOT_HEADING)
+    return tuple(
+        one
+        for one in told
+        if one.kind in blamed and _whose(context, imu, own, best, rest, one)[1] is False
+    )
+
+
+def _whose(
+    context: Context,
+    imu: ImuTrack | None,
+    own: Attitudes,
+    best: Attitudes,
+    rest: Rest,
+    finding: Finding,
+) -> tuple[str, bool | None]:
+    """Whether gravity at rest, or the receiver's velocity, is with ours; None where neither is."""
+    if finding.kind is Kind.AUTOPILOT_TILT:
+        inside = (rest.t_s >= finding.from_s) & (rest.t_s <= finding.to_s)
+        theirs, ours = (tilt_at_rest(rest.part(inside), one) for one in (own, best))
+        if abs(theirs - ours) > RESET_RAD:
+            words = (
+                f"gravity at rest is {ours / DEG:.0f} deg from ours and {theirs / DEG:.0f} deg "
+                "from the autopilot's"
+            )
+            return words, ours < theirs
+    return _verdict(context, imu, own, best, (finding.from_s, finding.to_s))
+
+
+def _lasting(t_s: Array, apart: Array, is_so: Mask, least_s: float, like: Finding) -> list[Finding]:
+    """One finding per run that lasts, of the form of `like`."""
+    found = []
+    for first, last in runs(is_so):
+        if t_s[last] - t_s[first] < least_s:
+            continue
+        size = float(apart[first : last + 1].max()) / DEG
+        found.append(
+            like._replace(
+                from_s=float(t_s[first]),
+                to_s=float(t_s[last]),
+                size=size,
+                text=like.text.format(size=size),
+            )
+        )
+    return found
+
+
+def _verdict(
+    context: Context,
+    imu: ImuTrack | None,
+    own: Attitudes,
+    best: Attitudes,
+    span: tuple[float, float],
+) -> tuple[str, bool | None]:
+    """Whose attitude the receiver's velocity fits better, and whether it is ours."""
+    gps = context.gps[0] if context.gps else None
+    if gps is None or imu is None:
+        return "no velocity shows who is right", None
+    at_s = gps.t_s[(gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix]
+    v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
+    late = np.searchsorted(at_s, at_s + WINDOW_S)
+    first = np.flatnonzero(late < len(at_s))
+    if len(first) < 5:
+        return "no velocity shows who is right", None
+    change = v_n[late[first]] - v_n[first]
+    rest = []
+    for track in (own, best):
+        velocity = inertial_velocity(imu, track.at(imu.t_s))
+        inertial = velocity.between(at_s[first], at_s[late[first]])[:, :2]
+        rest.append(float(np.sqrt(np.nanmean((change - inertial) ** 2))))
+    theirs, ours = rest
+    if min(theirs, ours) > BETTER * max(theirs, ours) or not all(map(math.isfinite, rest)):
+        return "the receiver's velocity does not show who is right", None
+    right = "ours" if ours < theirs else "the autopilot's"
+    words = (
+        f"the receiver's velocity fits {right} better (rms {ours:.2f} m/s with ours, "
+        f"{theirs:.2f} with the autopilot's)"
+    )
+    return words, ours < theirs

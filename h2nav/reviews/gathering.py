@@ -1,0 +1,89 @@
+"""The findings of a review: of the checks in flight and of the whole, each once, with its id."""
+
+from collections.abc import Iterable
+
+from h2nav.integrity.findings import Finding, Kind, next_id
+from h2nav.reviews.analysis import Analysis
+from h2nav.reviews.flight import Flight
+
+# What sensors of the same kind show within this time of each other, and about as large, is one.
+SAME_TIME_S, SAME_SHARE = 2.0, 0.25
+
+
+def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
+    """The worst first.
+
+    A receiver that had no fix is the better known cause of velocities that did not come.
+    """
+    without_fix = [one for one in analysis.findings if one.kind is Kind.GPS_LOST]
+    live = [
+        one
+        for one in flight.findings
+        if one.kind is not Kind.VELOCITY_LOST
+        or not any(_overlap(one, other) for other in without_fix)
+    ]
+    both = identified(merged((*live, *dict.fromkeys(analysis.findings))))
+    found = sorted(both, key=lambda one: (one.severity, one.from_s, one.kind))
+    return tuple(found)
+
+
+def merged(findings: Iterable[Finding]) -> list[Finding]:
+    """One finding for what several sensors of the same kind show alike at the same time.
+
+    What differs between their evidences is kept.
+    """
+    found: list[Finding] = []
+    for one in findings:
+        place = next((i for i, other in enumerate(found) if _is_same(other, one)), None)
+        if place is None:
+            found.append(one)
+        else:
+            found[place] = _joined(found[place], one)
+    return found
+
+
+def identified(findings: Iterable[Finding]) -> list[Finding]:
+    """All with ids; those that the checks in flight have given stay."""
+    some, counts = list(findings), dict[str, int]()
+    used = {one.id for one in some}
+    for place, one in enumerate(some):
+        identity = one.id
+        while not identity:
+            new = next_id(one.kind, one.sensor, counts)
+            identity = "" if new in used else new
+        some[place] = one._replace(id=identity)
+    return some
+
+
+def _joined(one: Finding, other: Finding) -> Finding:
+    largest = max(one, other, key=lambda each: each.size)
+    number, others = one.sensor.number, (*one.sensor.others, *other.sensor.numbers)
+    sensor = one.sensor._replace(number=number, others=tuple(sorted(others)))
+    evidence = f"{one.evidence}; {other.sensor.name} alike"
+    if one.evidence != other.evidence and not one.sensor.others:
+        evidence = f"{one.sensor.name}: {one.evidence}; {other.sensor.name}: {other.evidence}"
+    elif one.evidence != other.evidence:
+        evidence = f"{one.evidence}; {other.sensor.name}: {other.evidence}"
+    return largest._replace(
+        id=one.id,
+        sensor=sensor,
+        from_s=min(one.from_s, other.from_s),
+        to_s=max(one.to_s, other.to_s),
+        evidence=evidence,
+    )
+
+
+def _overlap(one: Finding, other: Finding) -> bool:
+    return one.from_s <= other.to_s and other.from_s <= one.to_s
+
+
+def _is_same(one: Finding, other: Finding) -> bool:
+    """The same, at the same time, of another sensor of the same kind."""
+    if (one.kind, one.severity, one.unit) != (other.kind, other.severity, other.unit):
+        return False
+    numbers = one.sensor.number, other.sensor.number
+    is_other = None not in numbers and other.sensor.number not in one.sensor.numbers
+    if one.sensor.kind is not other.sensor.kind or not is_other:
+        return False
+    is_then = max(abs(one.from_s - other.from_s), abs(one.to_s - other.to_s)) <= SAME_TIME_S
+    return is_then and abs(one.size - other.size) <= SAME_SHARE * abs(one.size)

@@ -1,0 +1,166 @@
+"""Scale of a gyro, by the field alone: what it turns too much, the field of the earth does not.
+
+Over some seconds the gyro carries the measured field along. Where it comes out otherwise than it is
+measured then, the gyro has a bias, or a scale that is off, or the vehicle a magnet of its own.
+These are told apart by how they go with the turns, in one fit that knows no attitude: a
+filter that follows a wrong gyro has no part in it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, ImuTrack, Span
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
+
+WINDOW_S, PARTS = 4.0, 20
+# The field of a time is the mean around it; at 10 Hz, two or three values of a compass.
+FIELD_WITHIN_S = 0.15
+FEWEST_WINDOWS = 15
+# Sensitivity: MPU-6000 and MPU-9250 3 %, BMI088 and ICM-20602 1 %.
+SCALE_LIMIT = 0.03
+SURE = 5.0
+ROUNDS = 5
+STEPS, LARGEST_STEP = 3, 0.2
+# What the fit leaves of the field where the compass can be believed (integrity.field_windows).
+FIELD_SHARE = 0.07
+AXES = "xyz"
+
+
+def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
+    """One gyro against the compass of the same number.
+
+    Args:
+        track: samples, in order, all of them numbers.
+        armed: while the motors could turn; what lies around a vehicle on the ground bends the
+            field.
+    """
+    fitted = _fitted(track, armed)
+    if fitted is None:
+        return []
+    scale, sigma = fitted
+    sure = np.abs(scale) > np.maximum(SCALE_LIMIT, SURE * sigma)
+    if not sure.any():
+        return []
+    axis = int(np.argmax(np.where(sure, np.abs(scale), 0.0)))
+    size = float(100.0 * scale[axis])
+    shown = ", ".join(
+        f"{name} {100.0 * value:+.1f} ± {100.0 * own:.1f} %"
+        for name, value, own in zip(AXES, scale, sigma, strict=True)
+    )
+    return [
+        Finding(
+            Kind.GYRO_SCALE,
+            Sensor(SensorKind.IMU, track.imu + 1),
+            Severity.WARNING,
+            armed[0].from_s,
+            armed[-1].to_s,
+            abs(size),
+            "%",
+            f"gyro turns {abs(size):.0f} % too {'much' if size > 0.0 else 'little'} about "
+            f"{AXES[axis]}",
+            f"by the field that it carries along over {WINDOW_S:.0f} s: {shown}; data sheets admit "
+            f"{100.0 * SCALE_LIMIT:.0f} %",
+        )
+    ]
+
+
+def _fitted(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
+    """(3,) what the gyro measures too much about each axis, as a share, and its deviation."""
+    factor, nearer = np.ones(3), None
+    # A large scale turns further than one linear step can see.
+    for _ in range(STEPS):
+        nearer = _nearer(track._replace(w_b=track.w_b / factor), armed)
+        if nearer is None:
+            return None
+        factor *= 1.0 + nearer[0].clip(-LARGEST_STEP, LARGEST_STEP)
+    return None if nearer is None else (factor - 1.0, nearer[1])
+
+
+def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
+    """The same, as far as one linear step sees it."""
+    has_field = np.isfinite(track.m_b_ut).all(axis=1)
+    if not has_field.any() or not armed:
+        return None
+    edges = np.arange(track.t_s[0] + WINDOW_S, track.t_s[-1] - WINDOW_S, WINDOW_S)
+    if len(edges) <= FEWEST_WINDOWS:
+        return None
+    around = (edges[:, None] + FIELD_WITHIN_S * np.array([-1.0, 1.0])).ravel()
+    field = means(track.t_s[has_field], track.m_b_ut[has_field], around)[::2]
+    turn, by_bias, by_scale = _turned(track, edges)
+    carried = rotate(conjugate(turn), field[:-1])
+    norm = np.linalg.norm(field[1:], axis=1)
+    cross = _crosses(carried)
+    own = _rotations(conjugate(turn)) - np.eye(3)
+    rows = np.concatenate((cross @ by_bias, cross @ by_scale, own), axis=2) / norm[:, None, None]
+    apart = (carried - field[1:]) / norm[:, None]
+    good = np.isfinite(rows.sum(axis=(1, 2)) + apart.sum(axis=1))
+    good &= within(edges[:-1], armed) & within(edges[1:], armed)
+    if np.count_nonzero(good) < FEWEST_WINDOWS:
+        return None
+    found = [
+        fit for part in _parts(good) if (fit := _least_squares(rows[part], apart[part])) is not None
+    ]
+    if len(found) < len(_parts(good)):
+        return None
+    scales, sigmas = np.array(found).transpose(1, 0, 2)
+    # What goes with the turns in one part of the flight and not in another is no scale.
+    return scales[0], np.maximum(sigmas[0], np.ptp(scales, axis=0) / 2.0)
+
+
+def _parts(good: Mask) -> tuple[NDArray[np.intp], ...]:
+    """Windows of the whole flight, of its first half, and of its second."""
+    places = np.flatnonzero(good)
+    half = len(places) // 2
+    return places, places[:half], places[half:]
+
+
+def _least_squares(rows: Array, apart: Array) -> tuple[Array, Array] | None:
+    """Scale and its deviation of (N, 3, 9) rows of bias, scale and iron, and (N, 3) rests."""
+    weight = np.ones(len(rows))
+    for _ in range(ROUNDS):
+        a = (rows * weight[:, None, None]).reshape(-1, 9)
+        normal = a.T @ a
+        if np.linalg.matrix_rank(normal, rtol=1e-9, hermitian=True) < len(normal):
+            return None
+        inverse = np.linalg.inv(normal)
+        x = inverse @ (a.T @ (apart * weight[:, None]).ravel())
+        left = np.linalg.norm(apart - rows @ x, axis=1)
+        usual = max(float(np.median(left)), 1e-3)
+        weight = np.minimum(1.0, 2.0 * usual / np.maximum(left, 1e-9))
+    if usual > FIELD_SHARE:
+        return None
+    # One in three of the components of a rest has this size.
+    sigma = usual * np.sqrt(np.diag(inverse))
+    return x[3:6], sigma[3:6]
+
+
+def _turned(track: ImuTrack, edges: Array) -> tuple[Array, Array, Array]:
+    """(M, 4) turn of each window, (M, 3, 3) what a bias and a scale add to it, at its end."""
+    count = len(edges) - 1
+    inner = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS
+    q = turns(track.t_s, track.w_b, np.append(inner.ravel(), edges[-1])).reshape(count, PARTS, 4)
+    rest = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    by_bias, by_scale = np.zeros((2, count, 3, 3))
+    for part in reversed(range(PARTS)):
+        back = _rotations(conjugate(rest))
+        by_bias += back * WINDOW_S / PARTS
+        by_scale += back * logarithm(q[:, part])[:, None, :]
+        rest = product(q[:, part], rest)
+    return rest, by_bias, by_scale
+
+
+def _rotations(q: Array) -> Array:
+    """(N, 3, 3) matrices of (N, 4) rotations."""
+    columns = [rotate(q, np.tile(axis, (len(q), 1))) for axis in np.eye(3)]
+    return np.stack(columns, axis=2)
+
+
+def _crosses(v: Array) -> Array:
+    """(N, 3, 3) matrices of the cross products with (N, 3) vectors."""
+    found = np.zeros((len(v), 3, 3))
+    for row, column, axis, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        found[:, row, column] = sign * v[:, axis]
+        found[:, column, row] = -sign * v[:, axis]
+    return found

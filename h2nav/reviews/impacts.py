@@ -1,0 +1,467 @@
+"""Crashes: where a vehicle hit something or tipped over, by force and rate alone.
+
+Nothing here asks an attitude, which is worth little after an impact. The force that motors make
+points along the body's vertical axis, whatever the tilt: a multirotor whose accelerometer shows a
+steady force elsewhere is not held by its motors but lies on something. What hits the ground and
+stays upright is known by the blow, and by what comes next: motors off, disarmed, or the log's end.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, Context, Fault, ImuTrack, Span
+from h2nav.flightlogs.motor_outputs import MULTIROTORS
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
+
+BIN_S = 0.1
+# A vehicle that lies: the direction of the force stays within, and its size near gravity, for so
+# long; and so far from how it stood. Thrust and drag together are within 20 deg of a multirotor's
+# vertical axis. Others climb on their engines, but never so still.
+STEADY_BINS, STEADY_RAD = 5, 6.0 * DEG
+LEAST_G, MOST_G = 0.7, 1.3
+LYING_RAD, LYING_ELSE_RAD = 30.0 * DEG, 45.0 * DEG
+STILL_RAD_S = 3.0 * DEG
+# What laid it there is rougher and quicker than who turns a vehicle over by hand.
+TOPPLED_G, TOPPLED_S = 2.0, 6.0
+# A blow that a landing on legs does not make, in means of 20 ms: a fall from half a metre.
+BLOW_G, BLOW_RAD_S, BLOW_S = 5.0, 300.0 * DEG, 1.0
+SMOOTHED_S = 0.02
+# And more than what shakes it all along.
+OF_USUAL = 2.5
+# It is down after a blow: nothing drives it within so long, for so long.
+DOWN_WITHIN_S, DOWN_FOR_S, IDLE_SHARE = 3.0, 1.0, 0.15
+# Of what carries it usually, where that is little.
+IDLE_OF_USUAL, FLYING_OF_USUAL = 0.4, 0.6
+# And control was lost before, if it turned over on the way: no flight is asked to.
+TURNED_RAD, TURNED_WITHIN_S = 70.0 * DEG, 2.0
+HALF_TURNED_RAD = 45.0 * DEG
+# Before, the motors carried it: so much of their range, in so long before, for so long.
+FLYING_SHARE, FLOWN_WITHIN_S, FLOWN_FOR_S = 0.2, 8.0, 0.5
+# After one crash, the next needs a flight again.
+AGAIN_S, AGAIN_FOR_S = 5.0, 2.0
+# Blows of one landing.
+APART_S = 10.0
+# On a bench motors run as well: what flies never keeps as still.
+MOVING_RAD_S, MOVING_BINS = 1.0 * DEG, 10
+# The autopilot's crash check speaks up within so long of a crash.
+CHECKED_S, CRASH_CHECK = 15.0, re.compile(r"crash", re.IGNORECASE)
+# What is left when it is disarmed.
+AFTER_S = 3.0
+
+
+class Impact(NamedTuple):
+    """A blow that ended a flight.
+
+    Attributes:
+        t_s: of the impact.
+        to_s: until when it was armed.
+        peak_g: largest force.
+        peak_rad_s: largest rate.
+        tilt_rad: how it came to lie, against how it stood; NaN where it is not known.
+        turned_rad: how far it had turned over in the two seconds before.
+        turned_s: when that was half a right angle.
+        is_crash: it lay on its side or back, or had turned over before; else a hard landing.
+    """
+
+    t_s: float
+    to_s: float
+    peak_g: float
+    peak_rad_s: float
+    tilt_rad: float
+    turned_rad: float
+    turned_s: float
+    is_crash: bool
+
+
+class Bins(NamedTuple):
+    """The samples of one IMU in short bins.
+
+    Attributes:
+        t_s: (N,) their beginnings.
+        f_b: (N, 3) mean force, m/s^2.
+        w_b: (N, 3) mean rate, rad/s.
+        peak_g: (N,) largest force.
+        peak_rad_s: (N,) largest rate.
+        driven: (N,) share of the motors' range, or of the throttle's; NaN where nobody says.
+        flying: share from which on it may fly.
+        idle: share below which it does not.
+    """
+
+    t_s: Array
+    f_b: Array
+    w_b: Array
+    peak_g: Array
+    peak_rad_s: Array
+    driven: Array
+    flying: float = FLYING_SHARE
+    idle: float = IDLE_SHARE
+
+    def part(self, wanted: Mask) -> "Bins":
+        """Some of them."""
+        return self._replace(
+            t_s=self.t_s[wanted],
+            f_b=self.f_b[wanted],
+            w_b=self.w_b[wanted],
+            peak_g=self.peak_g[wanted],
+            peak_rad_s=self.peak_rad_s[wanted],
+            driven=self.driven[wanted],
+        )
+
+
+def look_at_impacts(blows: list[Impact]) -> list[Finding]:
+    """One finding for each."""
+    return [_finding(blow) for blow in blows]
+
+
+def impacts(track: ImuTrack, context: Context) -> list[Impact]:
+    """All crashes, in order."""
+    if len(track.t_s) < 2 * STEADY_BINS:
+        return []
+    found: list[Impact] = []
+    bins = binned(track, context)
+    stood = _standing(bins, context.armed)
+    for span in context.armed:
+        later = [other.from_s for other in context.armed if other.from_s >= span.to_s]
+        end_s = min([span.to_s + AFTER_S, *later])
+        part = (bins.t_s >= span.from_s) & (bins.t_s < end_s)
+        found += _in_span(bins.part(part), stood, span, context)
+    return found
+
+
+def binned(track: ImuTrack, context: Context) -> Bins:
+    """Bins of 0.1 s; those without samples are left out."""
+    edges = np.arange(track.t_s[0], track.t_s[-1] + BIN_S, BIN_S)
+    place = np.searchsorted(track.t_s, edges)
+    is_filled = np.diff(place) > 0
+    starts = place[:-1][is_filled]
+    both = means(track.t_s, np.hstack((track.f_b, track.w_b)).astype(float), edges)[is_filled]
+    force = np.linalg.norm(_smoothed(track), axis=1)[: place[-1]] / GRAVITY_M_S2
+    rate = np.linalg.norm(track.w_b, axis=1)[: place[-1]]
+    t_s = edges[:-1][is_filled]
+    driven = driven_at(context, t_s)
+    usual = _usual(driven, _told_airborne(context, t_s))
+    return Bins(
+        t_s,
+        both[:, :3],
+        both[:, 3:],
+        np.maximum.reduceat(force, starts),
+        np.maximum.reduceat(rate, starts),
+        driven,
+        min(FLYING_SHARE, FLYING_OF_USUAL * usual),
+        min(IDLE_SHARE, IDLE_OF_USUAL * usual),
+    )
+
+
+def _told_airborne(context: Context, t_s: Array) -> Mask | None:
+    """(N,) whether the autopilot holds it for airborne; None where it does not say."""
+    series = context.airborne
+    if series is None or not len(series.t_s):
+        return None
+    place = np.searchsorted(series.t_s, t_s, side="right") - 1
+    told: Mask = np.asarray(series.values)[np.maximum(place, 0)] > 0.5
+    return told
+
+
+def _usual(driven: Array, told: Mask | None) -> float:
+    """What carries it in flight."""
+    flown = driven[told & (driven > 0.0)] if told is not None else driven[driven > FLYING_SHARE]
+    flown = flown[np.isfinite(flown)]
+    return float(np.median(flown)) if len(flown) else 1.0
+
+
+def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
+    """(N,) whether the motors carry it and it moves, as nothing on the ground does.
+
+    Args:
+        bins: of an IMU.
+        context: armed state, and what the autopilot says of flying.
+        impacts: crashes, with which a flight ends.
+    """
+    flies: Mask = ~(bins.driven <= bins.flying) & within(bins.t_s, context.armed)
+    told = _told_airborne(context, bins.t_s)
+    if told is not None:
+        flies &= told
+    for impact in impacts:
+        flies &= ~((bins.t_s > impact.t_s - BLOW_S) & (bins.t_s <= impact.to_s))
+    return flies & _moves(bins.w_b)
+
+
+def _moves(w_b: Array) -> Mask:
+    """(N,) whether the rates spread in the bins around."""
+    places = np.arange(len(w_b))
+    first = np.maximum(places - MOVING_BINS, 0)
+    after = np.minimum(places + MOVING_BINS, len(w_b))
+    sums = np.vstack((np.zeros(6), np.cumsum(np.hstack((w_b, w_b**2)), axis=0)))
+    mean = (sums[after] - sums[first]) / (after - first)[:, None]
+    found: Mask = (mean[:, 3:] - mean[:, :3] ** 2).max(axis=1) > MOVING_RAD_S**2
+    return found
+
+
+def _smoothed(track: ImuTrack) -> Array:
+    """(N, 3) means of 20 ms of the force, so that quick sensors show no more of a blow."""
+    period_s = float(np.median(np.diff(track.t_s)))
+    count = max(round(SMOOTHED_S / max(period_s, 1e-4)), 1)
+    if count == 1 or len(track.t_s) <= count:
+        return track.f_b
+    sums = np.vstack((np.zeros(3), np.cumsum(track.f_b, axis=0, dtype=np.float64)))
+    found: Array = track.f_b.astype(np.float64)
+    found[count - 1 :] = (sums[count:] - sums[:-count]) / count
+    return found
+
+
+def driven_at(context: Context, t_s: Array) -> Array:
+    """(N,) how much the motors were asked for, 0 to 1; NaN where nobody says."""
+    motors = context.motors
+    if motors is not None and len(motors.t_s) > 1:
+        share = np.nan_to_num(motors.share()).mean(axis=1)
+        return np.asarray(np.interp(t_s, motors.t_s, share, left=np.nan, right=share[-1]))
+    throttle = context.throttle
+    if throttle is not None and len(throttle.t_s) > 1:
+        values = np.abs(np.nan_to_num(throttle.values))
+        return np.asarray(np.interp(t_s, throttle.t_s, values, left=np.nan, right=values[-1]))
+    return np.full(len(t_s), np.nan)
+
+
+def _angle(one: Array, other: Array) -> Array:
+    """(N,) between rows."""
+    norms = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=-1)
+    cosine = (one * other).sum(axis=1) / np.maximum(norms, 1e-9)
+    found: Array = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return found
+
+
+def _steady(bins: Bins) -> Mask:
+    """(N,) whether a force near gravity keeps its direction from this bin on for some."""
+    count = len(bins.t_s) - STEADY_BINS + 1
+    steady = np.zeros(len(bins.t_s), dtype=bool)
+    if count < 1:
+        return steady
+    windows = np.lib.stride_tricks.sliding_window_view(bins.f_b, STEADY_BINS, axis=0)
+    mean = windows.mean(axis=2)
+    size = np.linalg.norm(mean, axis=1) / GRAVITY_M_S2
+    steady[:count] = (size > LEAST_G) & (size < MOST_G)
+    for column in range(STEADY_BINS):
+        steady[:count] &= _angle(windows[:, :, column], mean) < STEADY_RAD
+    last = np.arange(count) + STEADY_BINS - 1
+    steady[:count] &= bins.t_s[last] - bins.t_s[:count] < 2.0 * STEADY_BINS * BIN_S
+    return steady
+
+
+def _standing(bins: Bins, armed: tuple[Span, ...]) -> Array:
+    """(3,) direction of the force while it stood before its first take-off."""
+    usual = np.array([0.0, 0.0, -1.0])
+    if not armed:
+        return usual
+    idle = ~(bins.driven > bins.idle) & (bins.t_s < armed[0].from_s + FLOWN_WITHIN_S)
+    places = np.flatnonzero(_steady(bins) & idle)
+    if not len(places):
+        return usual
+    mean = bins.f_b[places].mean(axis=0)
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
+
+
+def _in_span(bins: Bins, stood: Array, span: Span, context: Context) -> list[Impact]:
+    lies = _lies(bins, stood, context)
+    blows = _blows(bins, span)
+    found: list[Impact] = []
+    since = 0
+    for place in np.flatnonzero(lies | blows).tolist():
+        if place < since or not _flown(bins, place, since):
+            continue
+        impact = _impact(bins, (place, since), lies, stood, span)
+        if impact is None:
+            continue
+        if not impact.is_crash:
+            if not found or impact.t_s > found[-1].t_s + APART_S:
+                found.append(impact)
+            since = place + round(BLOW_S / BIN_S)
+            continue
+        found.append(impact)
+        again = _again(bins, lies, bins.t_s[place])
+        if again is None:
+            break
+        since = again
+    return found
+
+
+def _again(bins: Bins, lies: Mask, t_s: float) -> int | None:
+    """Where it flies again after a crash."""
+    flies = (bins.t_s > t_s + AGAIN_S) & (bins.driven > bins.flying)
+    flies &= ~_near(lies, round(AGAIN_FOR_S / BIN_S))
+    for first, last in runs(flies):
+        if bins.t_s[last] - bins.t_s[first] >= AGAIN_FOR_S:
+            return first
+    return None
+
+
+def _near(is_so: Mask, count: int) -> Mask:
+    """(N,) whether something is so in the bins around."""
+    sums = np.cumsum(np.concatenate(([0], is_so.astype(int))))
+    places = np.arange(len(is_so))
+    first, after = np.maximum(places - count, 0), np.minimum(places + count + 1, len(is_so))
+    found: Mask = sums[after] > sums[first]
+    return found
+
+
+def _lies(bins: Bins, stood: Array, context: Context) -> Mask:
+    """(N,) whether it lies on its side or its back from this bin on."""
+    is_multirotor = context.motors is not None or context.vehicle_type in MULTIROTORS
+    most = LYING_RAD if is_multirotor else LYING_ELSE_RAD
+    lies = _steady(bins) & (_angle(bins.f_b, stood) > most)
+    lies &= _angle(bins.f_b, np.array([0.0, 0.0, -1.0])) > most
+    if not is_multirotor:
+        rate = np.linalg.norm(bins.w_b, axis=1)
+        lies &= (rate < STILL_RAD_S) & (np.abs(np.diff(rate, append=rate[-1:])) < STILL_RAD_S)
+    return lies
+
+
+def _blows(bins: Bins, span: Span) -> Mask:
+    """(N,) blows after which it is down."""
+    reach = round(BLOW_S / BIN_S)
+    usual_g = float(np.median(bins.peak_g)) if len(bins.peak_g) else 0.0
+    hard = bins.peak_g > max(BLOW_G, OF_USUAL * usual_g)
+    for place in np.flatnonzero(hard).tolist():
+        near = slice(max(place - reach, 0), place + reach + 1)
+        is_rough = bins.peak_rad_s[near].max() > BLOW_RAD_S
+        is_rough = is_rough or _turned(bins, place)[0] > TURNED_RAD
+        hard[place] = is_rough and _is_down(bins, place, span)
+    return hard
+
+
+def _is_down(bins: Bins, place: int, span: Span) -> bool:
+    """Whether nothing flies any more soon after a blow."""
+    t_s = bins.t_s[place]
+    if span.to_s - t_s < DOWN_WITHIN_S or bins.t_s[-1] - t_s < DOWN_WITHIN_S:
+        return True
+    after = (bins.t_s > t_s) & (bins.t_s < t_s + DOWN_WITHIN_S + DOWN_FOR_S)
+    idle = after & ((bins.driven < bins.idle) | ~_moves(bins.w_b))
+    return any(
+        bins.t_s[last] - bins.t_s[first] >= DOWN_FOR_S - 2.0 * BIN_S for first, last in runs(idle)
+    )
+
+
+def _flown(bins: Bins, place: int, since: int) -> bool:
+    """Whether the motors carried it shortly before; where nobody says, they may have."""
+    t_s = bins.t_s[place]
+    before = (bins.t_s < t_s) & (bins.t_s > t_s - FLOWN_WITHIN_S)
+    before[:since] = False
+    known = np.isfinite(bins.driven[before])
+    if not known.any():
+        return True
+    return bool((bins.driven[before][known] > bins.flying).sum() * BIN_S >= FLOWN_FOR_S)
+
+
+def _impact(
+    bins: Bins, between: tuple[int, int], lies: Mask, stood: Array, span: Span
+) -> Impact | None:
+    """The blow that laid it there; None where nothing was rough enough."""
+    place, since = between
+    t_s = bins.t_s[place]
+    reach_s = TOPPLED_S if lies[place] else BLOW_S
+    near = (bins.t_s >= t_s - reach_s) & (bins.t_s <= t_s + BLOW_S)
+    near[:since] = False
+    force = np.where(near, bins.peak_g, 0.0)
+    peak_g, peak_rad_s = float(force.max()), float(bins.peak_rad_s[near].max())
+    if peak_g < TOPPLED_G:
+        return None
+    first = int(np.flatnonzero(force >= max(0.5 * peak_g, TOPPLED_G))[0])
+    after = (bins.t_s >= bins.t_s[first]) & (bins.t_s < bins.t_s[first] + TOPPLED_S)
+    rests = np.flatnonzero(after & _steady(bins))
+    tilt = float("nan")
+    if len(rests):
+        tilt = float(_angle(bins.f_b[rests[-1:]], stood)[0])
+    turned, turned_s = _turned(bins, first)
+    is_crash = bool(lies[after].any()) or turned > TURNED_RAD
+    t_s = float(bins.t_s[first])
+    return Impact(t_s, float(span.to_s), peak_g, peak_rad_s, tilt, turned, turned_s, is_crash)
+
+
+def _turned(bins: Bins, place: int) -> tuple[float, float]:
+    """How far the body's vertical axis turned before a time, by the gyro alone, and since when."""
+    t_s = bins.t_s[place]
+    part = (bins.t_s >= t_s - TURNED_WITHIN_S) & (bins.t_s <= t_s)
+    before = (bins.t_s < t_s - TURNED_WITHIN_S) & (bins.t_s > t_s - 10.0 * TURNED_WITHIN_S)
+    if not part.any() or not before.any():
+        return 0.0, float(t_s)
+    # What it shows in the middle of a flight is its bias.
+    rate = bins.w_b[part] - np.median(bins.w_b[before], axis=0)
+    q = np.array([[1.0, 0.0, 0.0, 0.0]])
+    up = np.array([[0.0, 0.0, 1.0]])
+    angles = []
+    for step in exponential(rate * BIN_S):
+        q = product(q, step[None])
+        angles.append(float(_angle(rotate(q, up), up)[0]))
+    over = np.flatnonzero(np.array(angles) > HALF_TURNED_RAD)
+    since_s = bins.t_s[part][over[0]] if len(over) else t_s
+    return max(angles), float(since_s)
+
+
+def _finding(impact: Impact) -> Finding:
+    lay = "it did not fly again"
+    if impact.is_crash and impact.tilt_rad > LYING_RAD:
+        lay = f"it came to lie {impact.tilt_rad / DEG:.0f} deg from how it had stood"
+    if impact.turned_rad > TURNED_RAD:
+        lay = f"it had turned over by {impact.turned_rad / DEG:.0f} deg before, and {lay}"
+    text = f"{'crashed' if impact.is_crash else 'landed hard'}: {impact.peak_g:.1f} g"
+    return Finding(
+        Kind.CRASH if impact.is_crash else Kind.HARD_LANDING,
+        Sensor(SensorKind.VEHICLE),
+        Severity.CRITICAL if impact.is_crash else Severity.WARNING,
+        impact.t_s,
+        max(impact.to_s, impact.t_s) if impact.is_crash else impact.t_s,
+        impact.peak_g * GRAVITY_M_S2,
+        "m/s^2",
+        text,
+        f"force up to {impact.peak_g:.1f} g and rates up to {impact.peak_rad_s / DEG:.0f} deg/s; "
+        f"{lay}",
+    )
+
+
+def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> list[Finding]:
+    """The autopilot's crash check where nothing had crashed.
+
+    Args:
+        bins: of the soundest IMU.
+        context: what the autopilot reported.
+        blows: crashes and hard landings.
+    """
+    checks = [fault.t_s for fault in context.faults if _is_check(fault)]
+    if not checks:
+        checks = [said.t_s for said in context.said if CRASH_CHECK.match(said.text)]
+    false = [t_s for t_s in checks if not any(_explains(blow, t_s) for blow in blows)]
+    if not false:
+        return []
+    near = np.zeros(len(bins.t_s), dtype=bool)
+    for t_s in false:
+        near |= np.abs(bins.t_s - t_s) < CHECKED_S
+    peak_g = float(bins.peak_g[near].max(initial=0.0))
+    moved = float(in_flight(bins, context, [])[near].mean()) if near.any() else 0.0
+    where = "it flew on" if moved > 0.5 else "the vehicle stood still"
+    times = "" if len(false) == 1 else f", {len(false)} times"
+    return [
+        Finding(
+            Kind.AUTOPILOT_CRASH_CHECK,
+            Sensor(SensorKind.AUTOPILOT),
+            Severity.WARNING,
+            false[0],
+            false[-1],
+            float(len(false)),
+            "",
+            f"the autopilot says crash; {where}{times}",
+            f"no blow and no position on its side around "
+            f"{', '.join(f'{t_s:.0f} s' for t_s in false[:6])}; force up to {peak_g:.1f} g",
+        )
+    ]
+
+
+def _is_check(fault: Fault) -> bool:
+    return fault.subsystem == "crash_check" and fault.code > 0
+
+
+def _explains(blow: Impact, t_s: float) -> bool:
+    return blow.t_s - CHECKED_S <= t_s <= max(blow.to_s + AFTER_S, blow.t_s + CHECKED_S)

@@ -1,0 +1,294 @@
+"""What the subjects of a review share: the best attitude at any time, turns and forces, spans.
+
+Everything works on whole arrays. Quaternions are Hamilton, body to NED, in rows.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, ImuTrack, Span
+from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.reviews.flight import Estimates, Flight
+
+Mask = NDArray[np.bool_]
+# Nothing is known between two attitudes that are further apart than this.
+LONGEST_GAP_S = 0.5
+# A sample that comes later than this after the one before holds for no longer.
+LONGEST_STEP_S = 0.1
+SLOWED_HZ = 100.0
+
+
+class Attitudes(NamedTuple):
+    """Attitudes over time; sigma is infinite where nothing is known of the error.
+
+    Attributes:
+        t_s: (N,) increasing.
+        q_nb: (N, 4) continuous in sign.
+        sigma_tilt_rad: (N,).
+        sigma_heading_rad: (N,).
+    """
+
+    t_s: Array
+    q_nb: Array
+    sigma_tilt_rad: Array
+    sigma_heading_rad: Array
+
+    def at(self, t_s: Array) -> Array:
+        """(M, 4) attitudes at other times; NaN beyond the ends and in gaps."""
+        if len(self.t_s) < 2:
+            return np.full((len(t_s), 4), np.nan)
+        after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
+        first, last = self.t_s[after - 1], self.t_s[after]
+        share = ((t_s - first) / np.maximum(last - first, 1e-9))[:, None]
+        q = (1.0 - share) * self.q_nb[after - 1] + share * self.q_nb[after]
+        outside = (t_s < first - 1e-9) | (t_s > last + 1e-9) | (last - first > LONGEST_GAP_S)
+        q[outside] = np.nan
+        return unit(q)
+
+    def near(self, values: Array, t_s: Array) -> Array:
+        """(M,) or (M, k) values of this track's samples nearest to other times."""
+        if not len(self.t_s):
+            return np.full((len(t_s), *values.shape[1:]), np.nan)
+        after = np.clip(np.searchsorted(self.t_s, t_s), 1, max(len(self.t_s) - 1, 1))
+        nearer = t_s - self.t_s[after - 1] < self.t_s[np.minimum(after, len(self.t_s) - 1)] - t_s
+        return values[np.minimum(after - nearer, len(self.t_s) - 1)]
+
+
+def attitudes(t_s: Array, q_nb: Array) -> Attitudes:
+    """A track of attitudes whose errors nobody predicts, in the order of time."""
+    order = np.argsort(t_s, kind="stable")
+    rows = order[np.isfinite(q_nb[order]).all(axis=1)]
+    unknown = np.full(len(rows), np.inf)
+    return Attitudes(t_s[rows], _continuous(q_nb[rows]), unknown, unknown)
+
+
+def best_attitude(flight: Flight) -> Attitudes | None:
+    """Ours, and from past and future where that is the surer one; None without any."""
+    if flight.estimates is None or len(flight.estimates.t_s) < 2:
+        return None
+    ours = _with_sigma(flight.estimates)
+    if flight.smoothed is None or len(flight.smoothed.t_s) < 2:
+        return ours
+    smoothed = _with_sigma(flight.smoothed)
+    q = smoothed.at(ours.t_s)
+    tilt = smoothed.near(smoothed.sigma_tilt_rad, ours.t_s)
+    heading = smoothed.near(smoothed.sigma_heading_rad, ours.t_s)
+    surer = np.isfinite(q).all(axis=1)
+    surer &= np.hypot(tilt, heading) <= np.hypot(ours.sigma_tilt_rad, ours.sigma_heading_rad)
+    return Attitudes(
+        ours.t_s,
+        _continuous(np.where(surer[:, None], q, ours.q_nb)),
+        np.where(surer, tilt, ours.sigma_tilt_rad),
+        np.where(surer, heading, ours.sigma_heading_rad),
+    )
+
+
+def _with_sigma(estimates: Estimates) -> Attitudes:
+    rows = np.isfinite(estimates.q_nb).all(axis=1)
+    return Attitudes(
+        estimates.t_s[rows],
+        _continuous(estimates.q_nb[rows]),
+        _known(estimates.sigma_tilt_rad[rows]),
+        _known(estimates.sigma_heading_rad[rows]),
+    )
+
+
+def _known(sigma: Array) -> Array:
+    return np.where(np.isfinite(sigma), sigma, np.inf)
+
+
+def _continuous(q: Array) -> Array:
+    if len(q) < 2:
+        return q
+    flips = np.sign((q[1:] * q[:-1]).sum(axis=1))
+    flips[flips == 0.0] = 1.0
+    return q * np.concatenate(([1.0], np.cumprod(flips)))[:, None]
+
+
+def unit(q: Array) -> Array:
+    """Rows of length one; NaN stays."""
+    norm = np.linalg.norm(q, axis=1, keepdims=True)
+    found: Array = q / np.maximum(norm, 1e-12)
+    return found
+
+
+def conjugate(q: Array) -> Array:
+    """Rows that turn the other way."""
+    other: Array = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return other
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """(N, 3) vectors turned by (N, 4) attitudes: body to NED."""
+    axis = q[:, 1:]
+    twice = 2.0 * np.cross(axis, v)
+    turned: Array = v + q[:, :1] * twice + np.cross(axis, twice)
+    return turned
+
+
+def exponential(phi: Array) -> Array:
+    """(N, 4) quaternions of (N, 3) rotation vectors, rad."""
+    half = 0.5 * np.linalg.norm(phi, axis=1, keepdims=True)
+    return np.hstack((np.cos(half), 0.5 * np.sinc(half / np.pi) * phi))
+
+
+def logarithm(q: Array) -> Array:
+    """(N, 3) rotation vectors of (N, 4) quaternions, the short way, rad."""
+    q = q * np.where(q[:, :1] < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(q[:, 1:], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[:, :1])
+    phi: Array = q[:, 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 2.0)
+    return phi
+
+
+def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
+    """(M - 1, 4) turn of the body between successive times by the gyro alone.
+
+    Args:
+        t_s: (N,) times of the samples.
+        w_b: (N, 3) rad/s; each sample is taken as the mean rate since the one before.
+        edges_s: (M,) increasing times, which are taken to the samples before them.
+    """
+    place = np.clip(np.searchsorted(t_s, edges_s, side="right"), 1, len(t_s))
+    counts = np.diff(place)
+    dt = np.clip(np.diff(t_s, prepend=t_s[0]), 0.0, LONGEST_STEP_S)
+    found = np.tile([1.0, 0.0, 0.0, 0.0], (len(counts), 1))
+    # Spans of similar length together: products in pairs, then of those in pairs, and so on.
+    doublings = np.ceil(np.log2(np.maximum(counts, 1))).astype(np.intp)
+    for doubling in np.unique(doublings[counts > 0]):
+        own = np.flatnonzero((doublings == doubling) & (counts > 0))
+        column = np.arange(1 << doubling)
+        inside = column < counts[own, None]
+        rows = np.where(inside, place[own, None] + column, 0)
+        q = exponential((w_b[rows] * (dt[rows] * inside)[:, :, None]).reshape(-1, 3))
+        for _ in range(doubling):
+            q = product(q[0::2], q[1::2])
+        found[own] = q
+    return found
+
+
+class Velocity(NamedTuple):
+    """The integral of the acceleration, whose constant is unknown.
+
+    Attributes:
+        t_s: (N,) of the samples.
+        values: (N, 5) NED, m/s; for how long until then there was no sample or no attitude, s; the
+            variance of what slow samples of a vibration add, (m/s)^2.
+    """
+
+    t_s: Array
+    values: Array
+
+    def between(self, from_s: Array, to_s: Array) -> Array:
+        """(M, 3) changes from one time to another; NaN where something is unknown between."""
+        change = interpolated(to_s, self.t_s, self.values) - interpolated(
+            from_s, self.t_s, self.values
+        )
+        moved: Array = change[:, :3]
+        moved[~(change[:, 3] < 0.5 * LONGEST_STEP_S)] = np.nan
+        return moved
+
+    def variance(self, from_s: Array, to_s: Array) -> Array:
+        """(M,) of the changes, (m/s)^2, by the vibration alone."""
+        change = interpolated(to_s, self.t_s, self.values) - interpolated(
+            from_s, self.t_s, self.values
+        )
+        known: Array = np.maximum(np.nan_to_num(change[:, 4]), 0.0)
+        return known
+
+
+def interpolated(at_s: Array, t_s: Array, values: Array) -> Array:
+    """(M, k) values between those of the samples; NaN beyond the ends."""
+    after = np.clip(np.searchsorted(t_s, at_s), 1, len(t_s) - 1)
+    first, last = t_s[after - 1], t_s[after]
+    share = ((at_s - first) / np.maximum(last - first, 1e-9))[:, None]
+    found: Array = values[after - 1] + share * (values[after] - values[after - 1])
+    found[~((at_s >= t_s[0]) & (at_s <= t_s[-1]))] = np.nan
+    return found
+
+
+def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
+    """Specific force turned by the attitude and integrated, gravity taken off.
+
+    Args:
+        track: at least two samples.
+        q_nb: (N, 4) attitude at each of them; NaN where it is not known.
+    """
+    is_known = ~np.isnan(q_nb.sum(axis=1))
+    acceleration = rotate(np.where(is_known[:, None], q_nb, 0.0), track.f_b)
+    acceleration[:, 2] += GRAVITY_M_S2
+    gap = np.diff(track.t_s, prepend=track.t_s[:1])
+    dt = np.clip(gap, 0.0, LONGEST_STEP_S)
+    acceleration[1:] = 0.5 * (acceleration[1:] + acceleration[:-1])
+    unknown_s = np.cumsum(np.where(is_known, gap - dt, gap))
+    v_n = np.cumsum(acceleration * dt[:, None], axis=0)
+    return Velocity(track.t_s, np.column_stack((v_n, unknown_s, noise(track.f_b, dt))))
+
+
+def noise(values: Array, dt_s: Array) -> Array:
+    """(N,) variance of the integral until each sample, if steps between samples are noise.
+
+    Slow samples of a vibration are as good as noise.
+    """
+    apart = np.diff(values, axis=0, prepend=values[:1])
+    variance: Array = np.cumsum(0.5 * (apart**2).sum(axis=1) * dt_s**2)
+    return variance
+
+
+def within(t_s: Array, spans: Iterable[Span]) -> Mask:
+    """Which times lie in any of the spans."""
+    inside = np.zeros(len(t_s), dtype=bool)
+    for span in spans:
+        inside |= (t_s >= span.from_s) & (t_s <= span.to_s)
+    return inside
+
+
+def runs(is_so: Mask) -> list[tuple[int, int]]:
+    """First and last place of each uninterrupted run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], is_so, [False])).astype(np.int8)))
+    return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
+
+
+def means(t_s: Array, values: Array, edges_s: Array) -> Array:
+    """(M - 1, k) means of the values between successive times; NaN where there are none."""
+    place = np.searchsorted(t_s, edges_s)
+    counts = np.diff(place)
+    found = np.full((len(counts), values.shape[1]), np.nan)
+    filled = counts > 0
+    if filled.any():
+        used = values[: place[-1]]
+        found[filled] = np.add.reduceat(used, place[:-1][filled], axis=0) / counts[filled, None]
+    return found
+
+
+def slowed(track: ImuTrack) -> ImuTrack:
+    """Means of as many samples as leave 100 a second or more, at the time of their last one.
+
+    The motion of a vehicle is in them; its vibration is not. Of the field, the newest value stays.
+    """
+    count = len(track.t_s)
+    together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
+    if together < 2 or count < 2 * together:
+        return track._replace(w_b=track.w_b.astype(float), f_b=track.f_b.astype(float))
+    whole = count // together * together
+    last = slice(together - 1, whole, together)
+    fields = track.m_b_ut[:whole].reshape(-1, together, 3)
+    newest = together - 1 - np.isfinite(fields[:, ::-1, 0]).argmax(axis=1)
+    return track._replace(
+        t_s=track.t_s[last],
+        stamp_us=track.stamp_us[last],
+        w_b=track.w_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
+        f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
+        m_b_ut=fields[np.arange(len(fields)), newest],
+    )
+
+
+def thinned(length: int, most: int) -> NDArray[np.intp]:
+    """Places of at most `most` rows of so many, evenly spread."""
+    if length <= most:
+        return np.arange(length)
+    return np.linspace(0, length - 1, most).astype(np.intp)

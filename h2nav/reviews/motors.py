@@ -1,0 +1,295 @@
+"""Motors: one that works harder than the others, one at its limit, one that gives no thrust.
+
+Outputs alone say it, beside force and rate. What a multirotor needs to hold itself level in wind,
+or while it accelerates, is taken out first: by how the outputs go with the force across the
+vehicle, with its rates and with their changes. What is left is there without any of these, from a
+weak motor or propeller, or from a load that is off the centre.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, ChangedSetting, Context, Motors
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
+from h2nav.reviews.inertial import Mask, runs
+
+# Level flight, where the outputs answer to little: so long of it, in all.
+LEVEL_RAD, QUIET_RAD_S = 20.0 * DEG, 60.0 * DEG
+FEWEST_BINS = 150
+# One motor above the mean of the others, and above the next: DroneKit-LA warns from 50 us on of
+# outputs as they are. The others are about even; two pairs that differ are the vehicle's yaw, or
+# a load off the centre. In each part of the flight it is half as large at least.
+UNEVEN_US, ALONE_US, OTHERS_SHARE, LASTS_SHARE = 40.0, 30.0, 1.15, 0.5
+PARTS = 3
+# At the limit: so near to it, for so long. A second of it is no gust any more.
+LIMIT_SHARE, LIMIT_S, LONG_LIMIT_S, LEADS_S = 0.985, 0.5, 1.0, 10.0
+# A motor that gives no thrust is asked for all there is within so long, alone, and the vehicle
+# turns as nobody asked.
+ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
+ALONE_S = 0.3
+FALLEN_G = 0.85
+THRUST_LOSS = re.compile(r"thrust loss \((\d+)\)", re.IGNORECASE)
+FUNCTION = re.compile(r"SERVO\d+_FUNCTION|PWM_(MAIN|AUX)_FUNC\d+")
+MOTOR_FUNCTIONS = {*range(33, 41), *range(82, 86), *range(101, 113)}
+
+
+class Outputs(NamedTuple):
+    """The motors' outputs at the times of bins.
+
+    Attributes:
+        bins: of an IMU.
+        pwm_us: (N, k) outputs.
+        share: (N, k) 0 to 1 of their range.
+        flies: (N,) the motors carry it, and nothing has hit it yet.
+    """
+
+    bins: Bins
+    pwm_us: Array
+    share: Array
+    flies: Mask
+
+
+def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
+    """All that outputs show, of a multirotor.
+
+    Args:
+        bins: of the soundest IMU.
+        context: outputs, armed state, parameters and what the autopilot said.
+        impacts: crashes; what motors do after one says nothing of them.
+    """
+    motors = context.motors
+    if motors is None or len(motors.t_s) < 2 or not len(bins.t_s):
+        return []
+    outputs = _outputs(bins, motors, context, impacts)
+    failed = _failed(outputs, motors, context)
+    since_s = min((finding.from_s for finding in failed), default=np.inf)
+    sound = outputs._replace(flies=outputs.flies & (bins.t_s < since_s))
+    return [*failed, *_uneven(sound, motors), *_saturated(outputs, motors, failed, impacts)]
+
+
+def _outputs(bins: Bins, motors: Motors, context: Context, impacts: list[Impact]) -> Outputs:
+    columns = np.nan_to_num(motors.pwm_us).T
+    pwm_us = np.stack([np.interp(bins.t_s, motors.t_s, column) for column in columns], axis=1)
+    columns = np.nan_to_num(motors.share()).T
+    share = np.stack([np.interp(bins.t_s, motors.t_s, column) for column in columns], axis=1)
+    return Outputs(bins, pwm_us, share, in_flight(bins, context, impacts))
+
+
+# --- one that works harder --------------------------------------------------------------------
+
+
+def _uneven(outputs: Outputs, motors: Motors) -> list[Finding]:
+    """What is left of the differences between motors without wind and motion."""
+    bins = outputs.bins
+    tilt = np.arccos(np.clip(-bins.f_b[:, 2] / np.linalg.norm(bins.f_b, axis=1), -1.0, 1.0))
+    rate = np.linalg.norm(bins.w_b, axis=1)
+    level = outputs.flies & (tilt < LEVEL_RAD) & (rate < QUIET_RAD_S)
+    count = len(motors.numbers)
+    if level.sum() < FEWEST_BINS or count < 3:
+        return []
+    pwm_us = outputs.pwm_us[level]
+    apart = (pwm_us - pwm_us.mean(axis=1, keepdims=True)) * count / (count - 1)
+    causes = np.hstack(
+        (
+            bins.f_b[level, :2],
+            bins.w_b[level],
+            np.gradient(bins.w_b, bins.t_s, axis=0)[level],
+        )
+    )
+    rows = np.column_stack((np.ones(len(causes)), causes))
+    fitted = np.linalg.lstsq(rows, apart, rcond=None)[0]
+    own = fitted[0]
+    motor = int(np.argmax(own))
+    others = np.delete(own, motor)
+    if own[motor] < UNEVEN_US or own[motor] - others.max() < ALONE_US:
+        return []
+    if np.ptp(others) > OTHERS_SHARE * own[motor]:
+        return []
+    left = (apart - causes @ fitted[1:])[:, motor]
+    at_s = bins.t_s[level]
+    parts = np.array_split(np.arange(len(left)), PARTS)
+    sizes = [float(np.median(left[part])) for part in parts]
+    lasts = [size >= LASTS_SHARE * own[motor] for size in sizes]
+    if not lasts[-1] or sum(lasts) < PARTS - 1:
+        return []
+    from_s = at_s[parts[lasts.index(True)][0]]
+    number, size = motors.numbers[motor], float(own[motor])
+    since = "in the whole flight" if lasts[0] else f"since {from_s:.0f} s"
+    shown = ", ".join(f"{n}: {value:+.0f}" for n, value in zip(motors.numbers, own, strict=True))
+    return [
+        Finding(
+            Kind.MOTOR_IMBALANCE,
+            Sensor(SensorKind.MOTOR, number),
+            Severity.ERROR if size > 100.0 else Severity.WARNING,
+            float(from_s),
+            float(at_s[-1]),
+            size,
+            "us",
+            f"motor {number} works {size:.0f} us harder than the others",
+            f"{since}, with wind and motion taken out; of each motor ({shown}) us: a weak motor, "
+            "a damaged propeller, or a load off the centre",
+        )
+    ]
+
+
+# --- one at its limit -------------------------------------------------------------------------
+
+
+def _saturated(
+    outputs: Outputs, motors: Motors, failed: list[Finding], impacts: list[Impact]
+) -> list[Finding]:
+    """Motors that were asked for all there is for long, or shortly before a crash."""
+    known = {finding.sensor.number for finding in failed}
+    found: list[Finding] = []
+    t_s = outputs.bins.t_s
+    for column, number in enumerate(motors.numbers):
+        at_limit = (outputs.share[:, column] > LIMIT_SHARE) & outputs.flies
+        groups = _groups(
+            [p for p in runs(at_limit) if t_s[p[1]] - t_s[p[0]] + BIN_S >= LIMIT_S], t_s
+        )
+        if number in known:
+            continue
+        for pieces in groups:
+            longest = max(float(t_s[last] - t_s[first] + BIN_S) for first, last in pieces)
+            end_s = t_s[pieces[-1][1]]
+            leads = any(0.0 < impact.t_s - end_s < LEADS_S for impact in impacts)
+            if longest >= LONG_LIMIT_S or leads:
+                found.append(_at_limit(outputs, number, pieces, longest))
+    return found
+
+
+def _groups(pieces: list[tuple[int, int]], t_s: Array) -> list[list[tuple[int, int]]]:
+    """Pieces that follow each other within seconds."""
+    groups: list[list[tuple[int, int]]] = []
+    for piece in pieces:
+        if groups and t_s[piece[0]] - t_s[groups[-1][-1][1]] < LEADS_S:
+            groups[-1].append(piece)
+        else:
+            groups.append([piece])
+    return groups
+
+
+def _at_limit(
+    outputs: Outputs, number: int, pieces: list[tuple[int, int]], longest: float
+) -> Finding:
+    t_s, driven = outputs.bins.t_s, outputs.bins.driven
+    total = float(sum(t_s[last] - t_s[first] + BIN_S for first, last in pieces))
+    times = "once" if len(pieces) == 1 else f"{len(pieces)} times"
+    throttle = float(np.median(np.concatenate([driven[a : b + 1] for a, b in pieces])))
+    return Finding(
+        Kind.MOTOR_SATURATED,
+        Sensor(SensorKind.MOTOR, number),
+        Severity.WARNING if longest >= LONG_LIMIT_S else Severity.NOTICE,
+        float(t_s[pieces[0][0]]),
+        float(t_s[pieces[-1][1]]),
+        100.0,
+        "%",
+        f"motor {number} at its limit for {longest:.1f} s",
+        f"{times}, {total:.1f} s in all; the motors together were at {throttle:.0%} of their range "
+        "then",
+    )
+
+
+# --- one that gives no thrust -----------------------------------------------------------------
+
+
+def _failed(outputs: Outputs, motors: Motors, context: Context) -> list[Finding]:
+    """Switched off by a setting, reported by the autopilot, or shown by how it is asked in vain."""
+    found = [
+        finding
+        for change in context.changes
+        if (finding := _switched_off(change, outputs)) is not None
+    ]
+    if not found:
+        found = _reported(context, outputs)
+    return found or _in_vain(outputs, motors)
+
+
+def _switched_off(change: ChangedSetting, outputs: Outputs) -> Finding | None:
+    """A motor's output that was given to something else in flight."""
+    if not FUNCTION.fullmatch(change.name) or int(change.before) not in MOTOR_FUNCTIONS:
+        return None
+    near = np.abs(outputs.bins.t_s - change.t_s) < BEFORE_S
+    if int(change.after) == int(change.before) or not outputs.flies[near].any():
+        return None
+    number = _motor_of(int(change.before))
+    return _failure(
+        number,
+        change.t_s,
+        float(outputs.bins.t_s[-1]),
+        f"motor {number} was switched off in flight",
+        f"{change.name} changed from {change.before:.0f} to {change.after:.0f}",
+    )
+
+
+def _motor_of(function: int) -> int:
+    first = 33 if function < 82 else 74 if function < 101 else 101
+    return function - first + 1
+
+
+def _reported(context: Context, outputs: Outputs) -> list[Finding]:
+    """ArduPilot's check for a motor that is at full thrust while the vehicle still sinks."""
+    for said in context.said:
+        known = THRUST_LOSS.search(said.text)
+        near = np.abs(outputs.bins.t_s - said.t_s) < BEFORE_S
+        if known and outputs.flies[near].any():
+            number = int(known[1])
+            text = f"motor {number} lost its thrust"
+            return [_failure(number, said.t_s, said.t_s, text, f"the autopilot said {said.text!r}")]
+    return []
+
+
+def _in_vain(outputs: Outputs, motors: Motors) -> list[Finding]:
+    """One motor is asked for all alone, the vehicle turns nevertheless, and carries less."""
+    bins, share = outputs.bins, outputs.share
+    count = len(motors.numbers)
+    rate = np.linalg.norm(bins.w_b, axis=1)
+    window = round(FAILING_S / BIN_S)
+    for motor in range(count):
+        rest = (share.sum(axis=1) - share[:, motor]) / (count - 1)
+        alone = (share[:, motor] > LIMIT_SHARE) & (rest < ALONE_SHARE)
+        alone &= outputs.flies & (rate > FAILED_RAD_S)
+        for first, last in runs(alone):
+            before = slice(max(first - 2 * window, 0), first + 1)
+            force = np.linalg.norm(bins.f_b[before], axis=1) / GRAVITY_M_S2
+            quiet = slice(max(first - 4 * window, 0), max(first - 2 * window, 1))
+            if (
+                bins.t_s[last] - bins.t_s[first] + BIN_S < ALONE_S
+                or force.min(initial=1.0) > FALLEN_G
+                or np.median(rate[quiet]) > FAILED_RAD_S
+            ):
+                continue
+            began = before.start + int(np.flatnonzero(rate[before] > QUIET_RAD_S)[0])
+            number = motors.numbers[motor]
+            seconds = float(bins.t_s[first] - bins.t_s[began])
+            return [
+                _failure(
+                    number,
+                    float(bins.t_s[began]),
+                    float(bins.t_s[last]),
+                    f"motor {number} gave no thrust",
+                    f"{seconds:.1f} s after the vehicle began to turn it was asked for all there "
+                    f"is, the others for {rest[first]:.0%}; the vehicle turned on at "
+                    f"{rate[first : last + 1].max() / DEG:.0f} deg/s and the force fell to "
+                    f"{force.min():.1f} g",
+                )
+            ]
+    return []
+
+
+def _failure(number: int, from_s: float, to_s: float, text: str, evidence: str) -> Finding:
+    return Finding(
+        Kind.MOTOR_FAILED,
+        Sensor(SensorKind.MOTOR, number),
+        Severity.CRITICAL,
+        from_s,
+        max(to_s, from_s),
+        0.0,
+        "us",
+        text,
+        evidence,
+    )

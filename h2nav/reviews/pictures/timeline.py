@@ -1,0 +1,204 @@
+"""What was when, as rows of bars: modes, armed, states, sensors in use, aids, findings."""
+
+from h2nav.flightlogs.context import Span
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.reviews.certainty import GROUPS, aids
+from h2nav.reviews.flight import Flight
+from h2nav.reviews.pictures import colours
+from h2nav.reviews.pictures.picture import Row, Rows, Section
+
+_STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
+# What is drawn and told of recordings with more spans than a picture can show.
+MOST_SPANS = 500
+MOST_FINDING_ROWS = 4
+MOST_MARKS = 12
+# Findings of a moment that every picture shall show.
+MOMENTS = {
+    "crash": "impact",
+    "hard_landing": "hard landing",
+    "loss_of_control": "control lost",
+    "motor_failed": "motor failed",
+}
+
+
+def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
+    """From, to, name and pale colour of every flight mode, for behind the pictures."""
+    spans = flight.context.modes[:MOST_SPANS]
+    return [
+        (*span, colour) for span, colour in zip(spans, _by_name(spans, colours.MODES), strict=True)
+    ]
+
+
+def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, str, str]]:
+    """Moments that every picture over time shows: when, what, colour."""
+    found = [
+        (one.from_s, MOMENTS[one.kind], colours.IMPACT) for one in findings if one.kind in MOMENTS
+    ]
+    reported = [
+        (fault.t_s, fault.text, colours.REPORTED) for fault in flight.context.faults if fault.code
+    ]
+    return sorted(found[:MOST_MARKS] + reported[:MOST_MARKS])
+
+
+def vehicle_rows(flight: Flight) -> list[Row]:
+    """Modes, arming, take-off, and what the autopilot reported."""
+    context = flight.context
+    airborne = _airborne(flight)
+    rows = [
+        _row(label, spans)
+        for label, spans in (
+            ("flight mode", context.modes),
+            ("armed", context.armed),
+            ("in the air, says the autopilot", airborne),
+        )
+    ]
+    return [*rows, *_reported(flight), *_moments(flight)]
+
+
+def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
+    """What happened to the vehicle, as one picture."""
+    context = flight.context
+    rows = _found(findings[:MOST_SPANS])
+    rows += vehicle_rows(flight)
+    rows.append(_row("autopilot's estimator", context.primary))
+    picture = Rows(
+        "What was when",
+        "Findings, the worst in the first row; what the autopilot did and reported.",
+        tuple(row for row in rows if row.spans),
+    )
+    return Section("timeline", "Time line", (picture,) if picture.rows else ())
+
+
+def own_rows(flight: Flight) -> Rows:
+    """What h2nav itself did: its state, what held it, what it was tested against."""
+    states = flight.states[:MOST_SPANS]
+    rows = [
+        _row("IMU that h2nav used", flight.lanes),
+        Row("h2nav", states, tuple(_state(span.name) for span in states)),
+    ]
+    for name in dict.fromkeys(span.name for span in flight.held):
+        spans = tuple(span for span in flight.held if span.name == name)[:MOST_SPANS]
+        rows.append(Row(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
+    rows += [
+        Row(
+            f"tested: {GROUPS[group]}",
+            spans[:MOST_SPANS],
+            (colours.GOOD,) * len(spans[:MOST_SPANS]),
+        )
+        for group, spans in aids(flight).items()
+    ]
+    return Rows(
+        "What held our attitude",
+        "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
+        "'Held by' says what else than gyro and gravity it rested on; 'tested' what could be "
+        "compared with what.",
+        tuple(row for row in rows if row.spans),
+    )
+
+
+def _airborne(flight: Flight) -> tuple[Span, ...]:
+    series = flight.context.airborne
+    if series is None or len(series.t_s) == 0:
+        return ()
+    ends = (*series.t_s[1:], flight.context.duration_s)
+    spans = [
+        Span(float(begin), float(end), "airborne")
+        for begin, end, value in zip(series.t_s, ends, series.values, strict=True)
+        if value > 0.0
+    ]
+    joined: list[Span] = []
+    for span in spans:
+        if joined and span.from_s <= joined[-1].to_s:
+            joined[-1] = joined[-1]._replace(to_s=span.to_s)
+        else:
+            joined.append(span)
+    return tuple(joined)
+
+
+def _moments(flight: Flight) -> list[Row]:
+    """What happened at one time: warnings in words, events, parameters that were changed."""
+    context = flight.context
+    warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MOST_SPANS]
+    occurrences = context.occurrences[:MOST_SPANS]
+    changes = context.changes[:MOST_SPANS]
+    return [
+        Row(
+            "autopilot says",
+            tuple(Span(one.t_s, one.t_s, one.text) for one in warnings),
+            tuple(_severity(one.severity) for one in warnings),
+        ),
+        Row(
+            "events",
+            tuple(Span(one.t_s, one.t_s, one.text) for one in occurrences),
+            (colours.REPORTED,) * len(occurrences),
+        ),
+        Row(
+            "parameters changed",
+            tuple(Span(one.t_s, one.t_s, f"{one.name} {one.after:.6g}") for one in changes),
+            (colours.REPORTED,) * len(changes),
+        ),
+    ]
+
+
+def _reported(flight: Flight) -> list[Row]:
+    """Faults until they are over, as the autopilot reports them, one row per subsystem."""
+    spans: dict[str, list[Span]] = {}
+    for fault in flight.context.faults:
+        row = spans.setdefault(fault.subsystem, [])
+        if row and row[-1].to_s == flight.context.duration_s:
+            row[-1] = row[-1]._replace(to_s=fault.t_s)
+        if fault.code:
+            row.append(Span(fault.t_s, flight.context.duration_s, fault.text))
+    return [
+        Row(
+            f"autopilot reports: {subsystem.replace('_', ' ')}",
+            tuple(row[:MOST_SPANS]),
+            (colours.BAD,) * len(row[:MOST_SPANS]),
+        )
+        for subsystem, row in spans.items()
+        if row
+    ]
+
+
+def _found(findings: tuple[Finding, ...]) -> list[Row]:
+    """The worst findings in the first row, what overlaps them in rows without a label below."""
+    rows: list[list[Finding]] = []
+    for one in findings:
+        free = [row for row in rows if all(_is_apart(one, other) for other in row)]
+        if free:
+            free[0].append(one)
+        elif len(rows) < MOST_FINDING_ROWS:
+            rows.append([one])
+    for row in rows:
+        row.sort(key=lambda one: one.from_s)
+    return [
+        Row(
+            "findings" if number == 0 else "",
+            tuple(Span(one.from_s, one.to_s, one.text) for one in row),
+            tuple(_severity(one.severity) for one in row),
+        )
+        for number, row in enumerate(rows)
+    ]
+
+
+def _is_apart(one: Finding, other: Finding) -> bool:
+    return one.from_s > other.to_s or other.from_s > one.to_s
+
+
+def _row(label: str, spans: tuple[Span, ...]) -> Row:
+    return Row(label, spans[:MOST_SPANS], _by_name(spans[:MOST_SPANS], colours.BARS))
+
+
+def _by_name(spans: tuple[Span, ...], palette: tuple[str, ...]) -> tuple[str, ...]:
+    numbers: dict[str, int] = {}
+    return tuple(colours.of(palette, numbers.setdefault(span.name, len(numbers))) for span in spans)
+
+
+def _state(name: str) -> str:
+    return _STATES.get(name.partition(":")[0], colours.UNKNOWN)
+
+
+def _severity(severity: Severity) -> str:
+    if severity <= Severity.ERROR:
+        return colours.BAD
+    return colours.DOUBTFUL if severity == Severity.WARNING else colours.BARS[0]

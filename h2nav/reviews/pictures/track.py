@@ -1,0 +1,289 @@
+"""The ground track as a drawing (SVG) that is part of the page."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, GpsTrack
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.reviews.flight import Flight
+from h2nav.reviews.html import escape
+from h2nav.reviews.pictures import colours
+from h2nav.reviews.pictures.picture import Section
+from h2nav.reviews.pictures.timeline import marks, mode_backdrop
+
+EARTH_RADIUS_M = 6371008.8
+PARTS, MOST_POINTS = 90, 1800
+SIZE, MARGIN, LEAST_HEIGHT = 700.0, 60.0, 260.0
+# Fixes farther out than this, in spans of the middle of the flight, are beyond the drawing.
+FAR_SPANS = 4.0
+LEAST_SPAN_M = 20.0
+LEAST_WIND_M_S = 0.3
+MOST_FINDINGS = 20
+# The receiver still says where it was, or says it again, within this time.
+MOST_FIX_AGE_S = 5.0
+# Cividis from early to late, which all kinds of colour vision tell apart by its brightness too.
+_EARLY_TO_LATE = np.array(
+    [[0, 34, 78], [65, 77, 107], [124, 123, 120], [188, 175, 111], [235, 205, 60]], float
+)
+
+
+class _Path(NamedTuple):
+    """East and north in metres of the first fix, when, and metres above it."""
+
+    t_s: Array
+    east_m: Array
+    north_m: Array
+    up_m: Array
+
+
+def track(flight: Flight, findings: tuple[Finding, ...]) -> Section:
+    """The first receiver's track, coloured by time, with the wind and the findings."""
+    title = "Ground track"
+    receivers = [gps for gps in flight.context.gps if np.count_nonzero(_is_usable(gps)) > 1]
+    if not receivers:
+        return Section("track", title, ())
+    path = _local(receivers[0])
+    view = _View(path)
+    modes = _modes(flight)
+    parts = [*_marked(path, view, findings), *_coloured(path, view, modes)]
+    parts += [*_moments(flight, findings, path, view), *_ends(path, view)]
+    parts += [_scale(view), _north(), *_wind(flight)]
+    drawing = (
+        f'<svg class="track" viewBox="0 0 {SIZE:.0f} {view.height:.0f}" role="img" '
+        f'aria-label="Ground track">{"".join(parts)}</svg>'
+    )
+    about = (
+        "From above; the part of the flight that the other pictures show is bright. Thick orange "
+        "below it: findings. A cross is where it came down, a dot what the autopilot reported. "
+    )
+    if view.beyond:
+        fixes = "One fix is" if view.beyond == 1 else f"{view.beyond} fixes are"
+        about += f"{fixes} far away from the others and beyond the drawing."
+    return Section(
+        "track",
+        title,
+        (),
+        f'<p class="about">{escape(about)}</p>{_choice(modes)}<figure>{drawing}</figure>',
+    )
+
+
+class _Mode(NamedTuple):
+    """A flight mode while it lasted."""
+
+    from_s: float
+    to_s: float
+    name: str
+    colour: str
+
+
+def _modes(flight: Flight) -> list[_Mode]:
+    """Strong colours, in the order of the pale ones behind the pictures."""
+    spans = mode_backdrop(flight)
+    names = list(dict.fromkeys(name for _, _, name, _ in spans))
+    return [
+        _Mode(begin, end, name, colours.of(colours.MOTORS, names.index(name)))
+        for begin, end, name, _ in spans
+    ]
+
+
+def _choice(modes: list[_Mode]) -> str:
+    """By what the track is coloured, and what the colours are."""
+    if not modes:
+        return _time_key()
+    choices = "".join(
+        f'<label><input type="radio" name="colours" data-colours value="{value}"'
+        f"{' checked' if value == 'time' else ''}> {text}</label> "
+        for value, text in (("time", "by time"), ("mode", "by flight mode"))
+    )
+    keys = dict.fromkeys((mode.name, mode.colour) for mode in modes)
+    named = " ".join(
+        f'<span class="key" style="border-color:{colour}">{escape(name)}</span>'
+        for name, colour in keys
+    )
+    return (
+        f'<p class="about">Coloured {choices}</p>{_time_key()}'
+        f'<p class="about" data-key="mode" hidden>{named}</p>'
+    )
+
+
+def _time_key() -> str:
+    stops = ",".join(
+        f"rgb({red:.0f},{green:.0f},{blue:.0f})" for red, green, blue in _EARLY_TO_LATE
+    )
+    return (
+        f'<p class="about" data-key="time">begin <span class="scale" '
+        f'style="background:linear-gradient(to right,{stops})"></span> end</p>'
+    )
+
+
+def _is_usable(gps: GpsTrack) -> np.ndarray:
+    return gps.has_fix & np.isfinite(gps.latitude_deg) & np.isfinite(gps.longitude_deg)
+
+
+def _local(gps: GpsTrack) -> _Path:
+    """At most `MOST_POINTS`, evenly taken."""
+    places = np.flatnonzero(_is_usable(gps))
+    places = places[:: max(1, len(places) // MOST_POINTS)]
+    latitude, longitude = (
+        np.radians(gps.latitude_deg[places]),
+        np.radians(gps.longitude_deg[places]),
+    )
+    altitude = gps.altitude_m[places]
+    # Over the date line the short way.
+    around = (longitude - longitude[0] + np.pi) % (2.0 * np.pi) - np.pi
+    return _Path(
+        gps.t_s[places],
+        EARTH_RADIUS_M * np.cos(latitude[0]) * around,
+        EARTH_RADIUS_M * (latitude - latitude[0]),
+        altitude - altitude[0],
+    )
+
+
+class _View:
+    """Metres to places in the drawing.
+
+    Attributes:
+        per_m: length in the drawing.
+        height: of the drawing, whose width is `SIZE`.
+        beyond: how many fixes are not in it.
+    """
+
+    def __init__(self, path: _Path) -> None:
+        east, north = path.east_m, path.north_m
+        low, high = (
+            np.percentile([east, north], 2, axis=1),
+            np.percentile([east, north], 98, axis=1),
+        )
+        middle, reach = 0.5 * (low + high), FAR_SPANS * max(float((high - low).max()), LEAST_SPAN_M)
+        is_near = (np.abs(east - middle[0]) < reach) & (np.abs(north - middle[1]) < reach)
+        self.beyond = int(np.count_nonzero(~is_near))
+        near = np.array([east[is_near], north[is_near]])
+        low, high = near.min(axis=1), near.max(axis=1)
+        self._middle = 0.5 * (low + high)
+        self.per_m = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), LEAST_SPAN_M)
+        north_m = float((high - low)[1])
+        self.height = max(north_m * self.per_m + 2.0 * MARGIN, LEAST_HEIGHT)
+
+    def points(self, path: _Path, first: int, last: int) -> str:
+        """Of an SVG line, both ends included."""
+        x = 0.5 * SIZE + (path.east_m[first : last + 1] - self._middle[0]) * self.per_m
+        y = 0.5 * self.height - (path.north_m[first : last + 1] - self._middle[1]) * self.per_m
+        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def _coloured(path: _Path, view: _View, modes: list[_Mode]) -> list[str]:
+    """Pieces of one colour each: by time, and by the mode at their beginnings."""
+    changes = np.searchsorted(path.t_s, [mode.from_s for mode in modes])
+    even = np.linspace(0, len(path.t_s) - 1, PARTS + 1).astype(int)
+    bounds = np.unique(np.clip(np.append(even, changes), 0, len(path.t_s) - 1))
+    whole = path.t_s[-1] - path.t_s[0] or 1.0
+    parts = []
+    for first, last in pairwise(bounds):
+        share = (path.t_s[first] - path.t_s[0]) / whole * (len(_EARLY_TO_LATE) - 1)
+        red, green, blue = (
+            np.interp(share, np.arange(len(_EARLY_TO_LATE)), _EARLY_TO_LATE[:, k]) for k in range(3)
+        )
+        from_s, to_s, up = path.t_s[first], path.t_s[last], path.up_m[first]
+        mode = next((one for one in reversed(modes) if one.from_s <= from_s), None)
+        told = f"{from_s:.0f} to {to_s:.0f} s"
+        if np.isfinite(up):
+            told += f", {up:+.0f} m above the first fix"
+        if mode is not None:
+            told += f", {mode.name}"
+        by_mode = f' data-mode="{mode.colour}"' if mode is not None else ""
+        parts.append(
+            f'<polyline data-track data-from="{from_s:.2f}" data-to="{to_s:.2f}"{by_mode} '
+            f'fill="none" stroke="rgb({red:.0f},{green:.0f},{blue:.0f})" stroke-width="3" '
+            f'points="{view.points(path, first, last)}"><title>{escape(told)}</title></polyline>'
+        )
+    return parts
+
+
+def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _View) -> list[str]:
+    """A cross where it came down or was lost, a dot where the autopilot reported something."""
+    parts = []
+    for t_s, text, colour in marks(flight, findings):
+        if not path.t_s[0] - MOST_FIX_AGE_S <= t_s <= path.t_s[-1] + MOST_FIX_AGE_S:
+            continue
+        place = min(int(np.searchsorted(path.t_s, t_s)), len(path.t_s) - 1)
+        x, y = (float(part) for part in view.points(path, place, place).split(","))
+        told = escape(f"{text} at {t_s:.0f} s")
+        if colour == colours.IMPACT:
+            shape = f'<path d="M{x - 9:.1f} {y - 9:.1f}l18 18m0 -18l-18 18" stroke="{colour}" '
+            shape += f'stroke-width="4" fill="none"><title>{told}</title></path>'
+            shape += f'<text x="{x + 13:.1f}" y="{y + 5:.1f}">{told}</text>'
+        else:
+            shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}" stroke="#fff">'
+            shape += f"<title>{told}</title></circle>"
+        parts.append(shape)
+    return parts
+
+
+def _marked(path: _Path, view: _View, findings: tuple[Finding, ...]) -> list[str]:
+    """Findings that do not concern the whole flight, below the track."""
+    parts = []
+    told = [one for one in findings if one.severity <= Severity.WARNING][:MOST_FINDINGS]
+    for one in told:
+        if one.to_s - one.from_s > 0.8 * (path.t_s[-1] - path.t_s[0]):
+            continue
+        first, last = np.searchsorted(path.t_s, (one.from_s, one.to_s))
+        first, last = max(int(first) - 1, 0), min(int(last), len(path.t_s) - 1)
+        parts.append(
+            f'<polyline fill="none" stroke="#e08a5e" stroke-width="13" stroke-linecap="round" '
+            f'opacity="0.55" points="{view.points(path, first, last)}">'
+            f"<title>{escape(f'{one.source}: {one.text}')}</title></polyline>"
+        )
+    return parts
+
+
+def _ends(path: _Path, view: _View) -> list[str]:
+    parts = []
+    for place, name in ((0, "start"), (len(path.t_s) - 1, "end")):
+        x, y = view.points(path, place, place).split(",")
+        down = float(y) + (18.0 if name == "end" else -9.0)
+        parts.append(
+            f'<circle cx="{x}" cy="{y}" r="6" fill="#fff" stroke="#1a1a1a" stroke-width="2"/>'
+            f'<text x="{float(x) + 9.0:.1f}" y="{down:.1f}">{name}</text>'
+        )
+    return parts
+
+
+def _scale(view: _View) -> str:
+    most = 0.3 * SIZE / view.per_m
+    step = 10.0 ** np.floor(np.log10(most))
+    length = step * max(factor for factor in (1, 2, 5) if factor * step <= most)
+    right = MARGIN / 2 + length * view.per_m
+    told = f"{length:.0f} m" if length < 1000.0 else f"{length / 1000.0:.0f} km"
+    low = view.height - 26.0
+    return (
+        f'<path d="M{MARGIN / 2} {low:.1f}v8H{right:.1f}v-8" fill="none" stroke="#1a1a1a"/>'
+        f'<text x="{MARGIN / 2}" y="{low - 6.0:.1f}">{told}</text>'
+    )
+
+
+def _north() -> str:
+    return (
+        f'<path d="M{SIZE - 30} 58V22l-6 10M{SIZE - 30} 22l6 10" fill="none" stroke="#1a1a1a" '
+        f'stroke-width="2"/><text x="{SIZE - 35}" y="74">N</text>'
+    )
+
+
+def _wind(flight: Flight) -> list[str]:
+    wind = flight.context.wind_n_m_s
+    if wind is None or len(wind.t_s) == 0:
+        return []
+    north, east = np.nanmedian(wind.values[:, 0]), np.nanmedian(wind.values[:, 1])
+    speed = float(np.hypot(north, east))
+    if not np.isfinite(speed) or speed < LEAST_WIND_M_S:
+        return []
+    # The air moves to there; a pilot names where it comes from.
+    angle = float(np.degrees(np.arctan2(east, north)))
+    told = f"wind {speed:.1f} m/s from {(angle + 180.0) % 360.0:.0f} deg"
+    return [
+        f'<g transform="translate(40 46) rotate({angle:.0f})"><path d="M0 22V-22l-7 12M0 -22l7 12" '
+        f'fill="none" stroke="#0072b2" stroke-width="3"/></g>'
+        f'<text x="72" y="36">{escape(told)}</text>'
+        '<text x="72" y="54">(the arrow is where the air goes)</text>'
+    ]

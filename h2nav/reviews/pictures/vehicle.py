@@ -1,0 +1,184 @@
+"""Pictures of the vehicle: what was asked of it, height, motors, battery."""
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, Context, Series
+from h2nav.maths.units import DEG
+from h2nav.reviews.flight import Flight
+from h2nav.reviews.pictures import colours
+from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
+from h2nav.reviews.pictures.picture import Lines, Picture, Section, Trace
+
+MOST_MOTORS = 12
+# A battery whose voltage was not measured is logged with this or less.
+LEAST_VOLTAGE_V = 1.0
+# Over which the heights of barometer and estimate begin alike.
+BEGIN_S = 2.0
+_ANGLES = ("roll", "pitch", "heading")
+
+
+def demand(context: Context, columns: Columns, angle: str, cut_rad: float = 0.0) -> list[Trace]:
+    """Roll, pitch or heading that the controller was asked for; none where it is not known.
+
+    Args:
+        context: of the recording.
+        columns: of the picture.
+        angle: which one.
+        cut_rad: where the picture's headings end.
+    """
+    asked = context.demand
+    if asked is None or len(asked.t_s) == 0:
+        return []
+    values = asked.values[:, _ANGLES.index(angle)]
+    turn = None
+    if angle == "heading":
+        values = (values - cut_rad) % (2.0 * np.pi) + cut_rad - 2.0 * np.pi
+        turn = 360.0
+    return _traces(columns, ("demand", colours.DEMAND, asked.t_s, values / DEG), turn=turn)
+
+
+def height_lines(context: Context, columns: Columns) -> Lines:
+    """Height, what was asked for, and the barometer's."""
+    asked = context.height_demand_m
+    if asked is not None:
+        # Exactly zero is logged in modes that ask for no height.
+        asked = asked._replace(values=np.where(asked.values == 0.0, np.nan, asked.values))
+    traces = [
+        *_traces(columns, _series("height", colours.OURS, context.height_m)),
+        *_traces(columns, _series("barometer", colours.SENSORS[2], _from_the_start(context))),
+        *_traces(columns, _series("demand", colours.DEMAND, asked)),
+    ]
+    about = "Above where it started, as the autopilot estimates it; dashed: what was asked for."
+    return Lines("Height", about, "m", tuple(traces))
+
+
+def _from_the_start(context: Context) -> Series | None:
+    """The barometer's height, which may count from anywhere, from where the estimate begins."""
+    baro, height = context.baro_height_m, context.height_m
+    if baro is None or height is None or min(len(baro.t_s), len(height.t_s)) == 0:
+        return baro
+    first = baro.t_s <= max(baro.t_s[0], height.t_s[0]) + BEGIN_S
+    apart = baro.values[first] - np.interp(baro.t_s[first], height.t_s, height.values)
+    shift = float(np.nanmedian(apart)) if np.isfinite(apart).any() else 0.0
+    return baro._replace(values=baro.values - shift)
+
+
+def height(flight: Flight) -> Section:
+    """Height and climb."""
+    context = flight.context
+    columns = Columns(context.duration_s, COARSE)
+    climb = _traces(columns, _series("climb", colours.OURS, context.climb_m_s))
+    about = "Positive upward, as the autopilot estimates it."
+    pictures = (
+        height_lines(context, columns),
+        Lines("Climb", about, "m/s", tuple(climb)),
+    )
+    return Section("height", "Height", _filled(pictures))
+
+
+def motor_lines(context: Context, columns: Columns) -> Lines:
+    """Outputs and throttle, as shares of their ranges."""
+    traces: list[Trace] = []
+    motors = context.motors
+    if motors is not None and len(motors.t_s):
+        share = 100.0 * motors.share()
+        for column, number in enumerate(motors.numbers[:MOST_MOTORS]):
+            colour = colours.of(colours.MOTORS, column)
+            traces += _traces(columns, (f"motor {number}", colour, motors.t_s, share[:, column]))
+    throttle = context.throttle
+    if throttle is not None and len(throttle.t_s):
+        asked = ("throttle", colours.THROTTLE, throttle.t_s, 100.0 * throttle.values)
+        traces += _traces(columns, asked, dashed=bool(traces))
+    about = (
+        "0 % is a motor that stands still, 100 % the most that the autopilot may ask for. A motor "
+        "far above the others works for a weak one or a bent arm; at 100 % there is nothing left "
+        "to steer with."
+    )
+    return Lines("Motors and throttle", about, "%", tuple(traces), digits=0, at_least=(0.0, 100.0))
+
+
+def motors(flight: Flight) -> Section:
+    """Motor outputs, throttle, and the speeds that controllers report."""
+    context = flight.context
+    columns = Columns(context.duration_s, FINE // 2)
+    speeds = [
+        trace
+        for number, one in enumerate(context.escs[:MOST_MOTORS])
+        for trace in _traces(
+            columns,
+            (f"motor {one.number}", colours.of(colours.MOTORS, number), one.t_s, one.rpm),
+        )
+    ]
+    pictures = (
+        motor_lines(context, columns),
+        Lines(
+            "Speed of the motors", "As their controllers report it.", "rpm", tuple(speeds), digits=0
+        ),
+    )
+    return Section("motors", "Motors", _filled(pictures))
+
+
+def voltage_lines(context: Context, columns: Columns) -> Lines:
+    """Voltage of every battery that is measured."""
+    traces = [
+        trace
+        for one in context.batteries
+        if np.nanmax(np.append(one.voltage_v, 0.0)) > LEAST_VOLTAGE_V
+        for trace in _traces(
+            columns,
+            (_battery(one.number), colours.of(colours.SENSORS, one.number), one.t_s, one.voltage_v),
+        )
+    ]
+    return Lines("Battery voltage", "It sags under load.", "V", tuple(traces), digits=2)
+
+
+def battery(flight: Flight) -> Section:
+    """Voltage, current, and the autopilot's own supply."""
+    context = flight.context
+    columns = Columns(context.duration_s, COARSE)
+    currents = [
+        trace
+        for one in context.batteries
+        if np.nanmax(np.append(one.current_a, 0.0)) > 0.0
+        for trace in _traces(
+            columns,
+            (_battery(one.number), colours.of(colours.SENSORS, one.number), one.t_s, one.current_a),
+        )
+    ]
+    board = _traces(columns, _series("supply", colours.SENSORS[0], context.board_v))
+    pictures = (
+        voltage_lines(context, columns),
+        Lines("Battery current", "", "A", tuple(currents)),
+        Lines("Supply of the autopilot", "", "V", tuple(board), digits=2),
+    )
+    return Section("battery", "Battery", _filled(pictures))
+
+
+def _battery(number: int) -> str:
+    return f"battery {number + 1}"
+
+
+def _series(label: str, colour: str, series: Series | None) -> tuple[str, str, Array, Array]:
+    if series is None:
+        return (label, colour, np.zeros(0), np.zeros(0))
+    return (label, colour, series.t_s, series.values)
+
+
+def _traces(
+    columns: Columns,
+    line: tuple[str, str, Array, Array],
+    *,
+    dashed: bool = False,
+    turn: float | None = None,
+) -> list[Trace]:
+    """One trace, or none where there is nothing to draw."""
+    label, colour, t_s, values = line
+    points = columns.of(t_s, values, turn)
+    if not np.isfinite(points).any():
+        return []
+    is_dashed = dashed or colour == colours.DEMAND
+    return [Trace(label, colour, points, is_dashed=is_dashed)]
+
+
+def _filled(pictures: tuple[Lines, ...]) -> tuple[Picture, ...]:
+    return tuple(picture for picture in pictures if picture.traces)

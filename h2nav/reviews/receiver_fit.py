@@ -1,0 +1,147 @@
+"""Whether a receiver's velocity fits the IMU once heading and tilt are left to the fit.
+
+A filter may have lost its heading without knowing it, and its own attitude would blame a sound
+receiver for that. Over some seconds the gyro alone turns the forces into one frame; which turn from
+there to north, east and down makes their integral the measured velocity best, is found in closed
+form (Kabsch). What then is left is of the receiver: noise, jumps, jamming.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, ImuTrack
+from h2nav.integrity.findings import Finding
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.reviews.inertial import (
+    LONGEST_STEP_S,
+    Attitudes,
+    Mask,
+    conjugate,
+    exponential,
+    interpolated,
+    rotate,
+    unit,
+)
+
+# Half a window; shorter, anything fits; longer, a gyro's bias turns the frame.
+HALF_S = 5.0
+FEWEST, LONGEST_PAUSE_S = 8, 1.5
+# What is left of a sound receiver: twice what is usual in the flight, which is no more than this,
+# and a tenth of what it was blamed for, which slow samples of a shaken IMU make.
+TIMES, USUAL_M_S, LEAST_M_S, SHARE = 2.0, 1.0, 0.3, 0.1
+# A receiver that is led astray fits as well, with a tilt that the vehicle does not have. Ours is
+# surer than this, but not where its heading was not known: velocities pull the tilt then.
+TILT_RAD, OF_HEADING, MOST_HEADING_RAD = 5.0 * DEG, 0.25, 1.0
+MOST_WINDOWS = 60
+
+
+class Moves(NamedTuple):
+    """Fixes with a velocity: (N,) times, (N, 3) velocity (unknown down = 0), (3,) known axes."""
+
+    t_s: Array
+    v_n: Array
+    sigma_m_s: Array
+    axes: Mask
+
+
+class _Lined(NamedTuple):
+    """What a window is fitted of, in a frame that the gyro alone keeps.
+
+    Attributes:
+        t_s: (N,) of the fixes, as old as they are.
+        v_s: (N, 3) integral of the force.
+        v_n: (N, 3) measured velocity less that of gravity.
+        up_s: (N, 3) our vertical.
+        tilt_rad: (N,) by how much it may be wrong.
+    """
+
+    t_s: Array
+    v_s: Array
+    v_n: Array
+    up_s: Array
+    tilt_rad: Array
+
+
+def fits(
+    one: Finding, moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float
+) -> bool:
+    """Whether a receiver that is blamed fits all the time, with another heading or a little tilt.
+
+    Args:
+        one: what it is blamed for.
+        moves: its velocities.
+        track: samples.
+        best: our attitude.
+        bias_b: of the gyro, as far as it is known, rad/s.
+        lag_s: how old a velocity is.
+    """
+    lined = _lined(moves, track, best, bias_b, lag_s)
+    inside = (lined.t_s >= one.from_s - lag_s) & (lined.t_s <= one.to_s - lag_s)
+    usual = _left(lined, _spread(np.ones(len(inside), dtype=bool)))
+    blamed = _left(lined, _spread(inside))
+    known, all_known = blamed[np.isfinite(blamed)], usual[np.isfinite(usual)]
+    if len(known) <= np.count_nonzero(np.isinf(blamed)) or not len(all_known):
+        return False
+    limit = TIMES * min(float(np.median(all_known)), USUAL_M_S)
+    return bool(known.max() < max(limit, LEAST_M_S, SHARE * one.size))
+
+
+def _spread(wanted: Mask) -> NDArray[np.intp]:
+    """Places of windows, at most so many."""
+    places = np.flatnonzero(wanted)
+    if len(places) <= MOST_WINDOWS:
+        return places
+    return places[np.linspace(0, len(places) - 1, MOST_WINDOWS).astype(np.intp)]
+
+
+def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float) -> _Lined:
+    dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
+    q_sb = _turned(track, bias_b, dt_s)
+    force = rotate(q_sb, track.f_b)
+    force[1:] = 0.5 * (force[1:] + force[:-1])
+    t_s = moves.t_s - lag_s
+    v_s = interpolated(t_s, track.t_s, np.cumsum(force * dt_s[:, None], axis=0))
+    v_n = moves.v_n.copy()
+    v_n[:, 2] -= GRAVITY_M_S2 * (t_s - t_s[0])
+    place = np.searchsorted(track.t_s, t_s).clip(max=len(track.t_s) - 1)
+    q_ns = product(best.at(track.t_s[place]), conjugate(q_sb[place]))
+    up_s = rotate(conjugate(q_ns), np.tile([0.0, 0.0, -1.0], (len(t_s), 1)))
+    good = np.isfinite(v_s.sum(axis=1))
+    heading = np.minimum(best.near(best.sigma_heading_rad, t_s - HALF_S), MOST_HEADING_RAD)
+    tilt = np.maximum(3.0 * best.near(best.sigma_tilt_rad, t_s), OF_HEADING * heading)
+    return _Lined(t_s[good], v_s[good], v_n[good], up_s[good], np.maximum(tilt, TILT_RAD)[good])
+
+
+def _turned(track: ImuTrack, bias_b: Array, dt_s: Array) -> Array:
+    """(N, 4) attitudes by the gyro alone."""
+    q_sb = exponential((track.w_b - bias_b) * dt_s[:, None])
+    reach = 1
+    while reach < len(q_sb):  # products of two, of four, of eight...
+        q_sb[reach:] = product(q_sb[:-reach].copy(), q_sb[reach:])
+        reach *= 2
+    return unit(q_sb)
+
+
+def _left(lined: _Lined, places: NDArray[np.intp]) -> Array:
+    """(M,) rms of what the best turn leaves in windows; infinite with a tilt that is too large."""
+    found = np.full(len(places), np.nan)
+    for row, place in enumerate(places):
+        t_s = lined.t_s[place] if place < len(lined.t_s) else np.inf
+        part = slice(*np.searchsorted(lined.t_s, (t_s - HALF_S, t_s + HALF_S)))
+        times = lined.t_s[part]
+        if len(times) < FEWEST or np.diff(times).max() > LONGEST_PAUSE_S:
+            continue
+        a = lined.v_s[part] - lined.v_s[part].mean(axis=0)
+        b = lined.v_n[part] - lined.v_n[part].mean(axis=0)
+        u, _, vt = np.linalg.svd(a.T @ b)
+        mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+        turn = (u @ mirror @ vt).T
+        left = b - a @ turn.T
+        found[row] = np.sqrt((left[:, :2] ** 2).sum(axis=1).mean())
+        cosine = float(turn[2] @ -lined.up_s[place])
+        if np.arccos(np.clip(cosine, -1.0, 1.0)) > lined.tilt_rad[place]:
+            found[row] = np.inf
+    return found

@@ -1,0 +1,431 @@
+"""Bias of gyros and accelerometers against data sheets, and of IMUs against each other.
+
+A gyro's bias is what it turns too much between two attitudes that are known: over 5 s an attitude
+known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used. While
+force and field both stand still in the body, nothing turns, and the bias is what the gyro shows: no
+filter that was led astray by it has a part in that.
+"""
+
+import itertools
+
+import numpy as np
+
+from h2nav.evaluation.rows import product
+from h2nav.flightlogs.context import Array, ImuTrack, Span
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.reviews.inertial import (
+    Attitudes,
+    Mask,
+    conjugate,
+    logarithm,
+    means,
+    noise,
+    rotate,
+    thinned,
+    turns,
+    within,
+)
+from h2nav.reviews.tracks import Bias
+
+WINDOW_S = 5.0
+# Parts of a window whose turns are looked at, and the shortest mean of turns that shows a bias.
+PARTS = 20
+LEAST_LEVER = 0.4
+MOST_POINTS = 2000
+# Zero-rate output: BMI088 and ICM-20602 1 deg/s, ICM-42688-P 0.5 deg/s (typical), and 0.01 to
+# 0.03 deg/s/K over 30 K. The MPU-6000's 20 deg/s are taken out at every start.
+GYRO_LIMIT_RAD_S = 2.0 * DEG
+# A jump of this within 10 s is no warming up: a sensor or its calibration has changed.
+STEP_RAD_S = 0.7 * DEG
+# Windows on each side of a jump, over how long, and how much they may differ among themselves.
+SIDE = 3
+LONGEST_SIDES_S = 90.0
+STEADY_SHARE = 0.4
+# Between IMUs of one board: what ArduPilot arms with (5 deg/s while it stands) is ten times what
+# two calibrated gyros show; 2 deg/s are two typical zero-rate outputs.
+GYRO_APART_RAD_S = 2.0 * DEG
+# ARMING_ACCTHRESH 0.75 m/s^2 (ArduPilot), COM_ARM_IMU_ACC 0.7 m/s^2 (PX4).
+FORCE_APART_M_S2 = 0.75
+# Zero-g output: MPU-6000 50 mg (80 mg on z), ICM-20602 25 mg, ICM-42688-P and BMI088 20 mg.
+FORCE_LIMIT_M_S2 = 0.080 * GRAVITY_M_S2
+# At rest: the rate of a sample, less its mean; the spread of the force; for so long.
+REST_RATE_RAD_S = 0.5 * DEG
+REST_FORCE_M_S2 = 0.15
+REST_WINDOW_S = 1.0
+REST_FOR_S = 3.0
+FEWEST_WINDOWS = 3
+# An attitude that is less sure than this says nothing of a bias; its change over a window is surer
+# than itself.
+SURE_RAD = 4.0 * DEG
+# A scale that is off by 1 % is a false bias of a hundredth of the rate.
+FASTEST_TURN_RAD_S = 40.0 * DEG
+LONGEST_GAP_S = 0.1
+# Directions of force and field, means of a fifth of a window, that stand still: over four fifths of
+# it, 0.5 deg/s at worst. In a steady turn the force stands still alone.
+STILL_RAD = 1.0 * DEG
+STILL_PARTS = 5
+# What slow samples of a vibrating gyro may make of a window's mean.
+SHAKEN_RAD_S = 0.3 * DEG
+# What else shows which of two IMUs is wrong that disagree.
+SHOWN_BY = {
+    Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
+    Kind.ACCELEROMETER_APART: (Kind.ACCELEROMETER_BIAS, Kind.VIBRATION, Kind.CLIPPING),
+}
+DEAD = (
+    Kind.IMU_FROZEN,
+    Kind.GYRO_FROZEN,
+    Kind.ACCELEROMETER_FROZEN,
+    Kind.AXIS_STUCK,
+    Kind.CLIPPING,
+)
+
+
+def look_at_biases(
+    tracks: tuple[ImuTrack, ...],
+    best: Attitudes | None,
+    armed: tuple[Span, ...],
+    told: tuple[Finding, ...],
+) -> tuple[tuple[Bias, ...], list[Finding]]:
+    """Biases of all IMUs.
+
+    Args:
+        tracks: samples, in order, all of them numbers.
+        best: the attitude.
+        armed: while the motors could turn.
+        told: findings of the checks in flight; while a sensor did not measure at all, it has no
+            bias.
+    """
+    biases, found = [], []
+    tracks = tuple(_with_live_field(measuring(track, told), told) for track in tracks)
+    for track in tracks:
+        bias, own = _of_imu(track, best, armed)
+        biases.append(bias)
+        found += own
+    return tuple(biases), found + _apart(tracks, (*found, *told))
+
+
+def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+    """The samples without those of a sensor that is known to be frozen, stuck or clipped."""
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    spans = [
+        Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind.value)
+        for f in told
+        if f.sensor == imu and f.kind in DEAD
+    ]
+    good = ~within(track.t_s, spans)
+    return ImuTrack(
+        track.imu,
+        track.source,
+        track.t_s[good],
+        track.stamp_us[good],
+        track.w_b[good],
+        track.f_b[good],
+        track.m_b_ut[good],
+    )
+
+
+def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+    """The samples without the field of a compass that was ever frozen: it stands still at will."""
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    if not any(f.kind is Kind.COMPASS_FROZEN and f.sensor == imu for f in told):
+        return track
+    return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
+
+
+def _of_imu(
+    track: ImuTrack, best: Attitudes | None, armed: tuple[Span, ...]
+) -> tuple[Bias, list[Finding]]:
+    imu = Sensor(SensorKind.IMU, track.imu + 1)
+    centres, bias, rough = _gyro_bias(track, best)
+    rest_s, norms = _rest(track, armed)
+    place = thinned(len(centres), MOST_POINTS)
+    rested = thinned(len(rest_s), MOST_POINTS)
+    shown = Bias(
+        track.imu,
+        centres[place],
+        bias[place],
+        GYRO_LIMIT_RAD_S,
+        rest_s[rested],
+        norms[rested],
+        FORCE_LIMIT_M_S2,
+    )
+    sure = ~rough
+    found = _large(imu, centres[sure], bias[sure])
+    found += _jumps(imu, centres[sure], bias[sure])
+    return shown, found + _force(imu, rest_s, norms)
+
+
+def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
+    """(M,) centres of windows, (M, 3) bias in each, and where it cannot be sure.
+
+    A bias b adds the turn M b to the true one, seen from the body at the window's end, where M is
+    the integral of the turns from then until the end.
+    """
+    nothing = np.zeros(0), np.zeros((0, 3)), np.zeros(0, dtype=bool)
+    if best is None or len(track.t_s) < 2 or track.t_s[-1] - track.t_s[0] < 2.0 * WINDOW_S:
+        return nothing
+    edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S)
+    place = np.clip(np.searchsorted(track.t_s, edges, side="right"), 1, len(track.t_s)) - 1
+    at_s = track.t_s[place]
+    length_s = np.maximum(np.diff(at_s), 0.5 * WINDOW_S)
+    q = best.at(at_s)
+    by_gyro = turns(track.t_s, track.w_b, at_s)
+    by_attitude = product(conjugate(q[:-1]), q[1:])
+    extra = logarithm(product(conjugate(by_attitude), by_gyro))
+    lever = _levers(best, at_s)
+    is_known = np.isfinite(extra.sum(axis=1) + lever.sum(axis=(1, 2)))
+    bias = np.full((len(extra), 3), np.nan)
+    values = np.linalg.svd(np.where(is_known[:, None, None], lever, 0.0), compute_uv=False)
+    is_known &= values[:, -1] > LEAST_LEVER
+    solved = np.linalg.solve(lever[is_known], extra[is_known][:, :, None])[:, :, 0]
+    bias[is_known] = solved / length_s[is_known, None]
+    sigma = best.near(np.hypot(best.sigma_tilt_rad, best.sigma_heading_rad), at_s)
+    gaps = np.diff(track.t_s, append=track.t_s[-1])
+    longest = np.maximum.reduceat(gaps, place)[:-1]
+    turned = np.linalg.norm(track.w_b, axis=1) * np.minimum(gaps, LONGEST_GAP_S)
+    path = np.add.reduceat(turned, place)[:-1]
+    rough = (np.maximum(sigma[:-1], sigma[1:]) > SURE_RAD) | ~is_known
+    rough |= path > FASTEST_TURN_RAD_S * length_s
+    still = _stands_still(track, edges)
+    bias[still] = _between_parts(track, edges)[still]
+    rough &= ~still
+    shaken = np.diff(noise(track.w_b, np.minimum(gaps, LONGEST_GAP_S))[place])
+    rough |= (np.sqrt(shaken) > SHAKEN_RAD_S * length_s) | (longest > LONGEST_GAP_S)
+    return 0.5 * (at_s[1:] + at_s[:-1]), bias, rough
+
+
+def _stands_still(track: ImuTrack, edges: Array) -> Mask:
+    """(M,) windows in which the body does not turn, by its force and its field alone."""
+    has_field = np.isfinite(track.m_b_ut).all(axis=1)
+    if not has_field.any():
+        return np.zeros(len(edges) - 1, dtype=bool)
+    parts = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(STILL_PARTS) / STILL_PARTS
+    inner = np.append(parts.ravel(), edges[-1])
+    shape = (len(edges) - 1, STILL_PARTS, 3)
+    force = means(track.t_s, track.f_b, inner).reshape(shape)
+    field = means(track.t_s[has_field], track.m_b_ut[has_field], inner).reshape(shape)
+    down = force / np.linalg.norm(force, axis=2, keepdims=True)
+    level = field - (field * down).sum(axis=2, keepdims=True) * down
+    level /= np.linalg.norm(level, axis=2, keepdims=True)
+    still = np.ones(len(edges) - 1, dtype=bool)
+    for directions in (down, level):
+        apart = np.linalg.norm(directions - directions.mean(axis=1, keepdims=True), axis=2)
+        still &= (apart < STILL_RAD).all(axis=1)
+    return still
+
+
+def _between_parts(track: ImuTrack, edges: Array) -> Array:
+    """(M, 3) mean rate from the mean direction of the first part of each window to the last's."""
+    place = np.clip(np.searchsorted(edges, track.t_s, side="right"), 1, len(edges) - 1)
+    inside_s = np.minimum(track.t_s - edges[place - 1], edges[place] - track.t_s)
+    weight = np.clip(STILL_PARTS * inside_s / WINDOW_S, 0.0, 1.0)[:, None]
+    summed = means(track.t_s, np.hstack((weight * track.w_b, weight)), edges)
+    rate: Array = summed[:, :3] / summed[:, 3:]
+    return rate
+
+
+def _levers(best: Attitudes, at_s: Array) -> Array:
+    """(M, 3, 3) mean turns from all times of each window to its end."""
+    shares = (np.arange(PARTS) + 0.5) / PARTS
+    inner_s = at_s[:-1, None] + shares * np.diff(at_s)[:, None]
+    inner = best.at(inner_s.ravel())
+    ends = np.repeat(best.at(at_s[1:]), PARTS, axis=0)
+    turn = product(conjugate(ends), inner)
+    columns = [rotate(turn, np.tile(axis, (len(turn), 1))) for axis in np.eye(3)]
+    levers: Array = np.stack(columns, axis=2).reshape(len(at_s) - 1, PARTS, 3, 3).mean(axis=1)
+    return levers
+
+
+def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
+    """Beyond the data sheet for a while."""
+    if len(t_s) < FEWEST_WINDOWS:
+        return []
+    size = np.linalg.norm(bias, axis=1)
+    beyond = np.flatnonzero(size > GYRO_LIMIT_RAD_S)
+    if len(beyond) < FEWEST_WINDOWS:
+        return []
+    b = np.median(bias[beyond], axis=0) / DEG
+    worst = float(np.median(size[beyond])) / DEG
+    return [
+        Finding(
+            Kind.GYRO_BIAS,
+            imu,
+            Severity.WARNING,
+            float(t_s[beyond[0]] - 0.5 * WINDOW_S),
+            float(t_s[beyond[-1]] + 0.5 * WINDOW_S),
+            worst,
+            "deg/s",
+            f"gyro bias {worst:.1f} deg/s",
+            f"({b[0]:+.1f}, {b[1]:+.1f}, {b[2]:+.1f}) deg/s about x, y, z, by the attitude over "
+            f"windows of {WINDOW_S:.0f} s; data sheets admit {GYRO_LIMIT_RAD_S / DEG:.0f}",
+        )
+    ]
+
+
+def _jumps(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
+    """Between the medians of some steady windows before and after one in which the jump may lie."""
+    count = len(t_s) - 2 * SIDE
+    if count < 1:
+        return []
+    sides = np.lib.stride_tricks.sliding_window_view(bias, SIDE, axis=0).transpose(0, 2, 1)
+    before, after = sides[:count], sides[SIDE + 1 : SIDE + 1 + count]
+    middle = np.median(after, axis=1) - np.median(before, axis=1)
+    size = np.linalg.norm(middle, axis=1)
+    spread = np.maximum(np.ptp(before, axis=1).max(axis=1), np.ptp(after, axis=1).max(axis=1))
+    near = t_s[2 * SIDE :] - t_s[:count] < LONGEST_SIDES_S
+    size[(size < STEP_RAD_S) | (spread > STEADY_SHARE * size) | ~near] = 0.0
+    found: list[Finding] = []
+    while size.max() > 0.0:
+        place = int(np.argmax(size))
+        x, y, z = middle[place] / DEG
+        value = float(size[place]) / DEG
+        found.append(
+            Finding(
+                Kind.GYRO_BIAS_STEP,
+                imu,
+                Severity.WARNING,
+                float(t_s[place + SIDE - 1]),
+                float(t_s[place + SIDE + 1]),
+                value,
+                "deg/s",
+                f"gyro bias jumped by {value:.1f} deg/s",
+                f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z, between {SIDE} steady "
+                f"windows of {WINDOW_S:.0f} s before and after",
+            )
+        )
+        size[max(place - SIDE, 0) : place + SIDE + 1] = 0.0
+    return found
+
+
+def _rest(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array]:
+    """Centres of windows at rest, disarmed, and the norm of the mean force in each."""
+    if len(track.t_s) < 2:
+        return np.zeros(0), np.zeros(0)
+    edges = np.arange(track.t_s[0], track.t_s[-1], REST_WINDOW_S)
+    if len(edges) < 2:
+        return np.zeros(0), np.zeros(0)
+    values = np.hstack((track.w_b, track.f_b))
+    mean = means(track.t_s, values, edges)
+    square = means(track.t_s, values**2, edges)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    rate = np.linalg.norm(mean[:, :3], axis=1)
+    still = (spread[:, :3].max(axis=1) < REST_RATE_RAD_S) & (rate < GYRO_LIMIT_RAD_S + STEP_RAD_S)
+    still &= spread[:, 3:].max(axis=1) < REST_FORCE_M_S2
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    # Armed and still may be a gentle hover.
+    still &= ~within(centres, armed) & np.isfinite(mean).all(axis=1)
+    return centres[still], np.linalg.norm(mean[still, 3:], axis=1)
+
+
+def _force(imu: Sensor, t_s: Array, norms: Array) -> list[Finding]:
+    if len(norms) * REST_WINDOW_S < REST_FOR_S:
+        return []
+    norm = float(np.median(norms))
+    apart = norm - GRAVITY_M_S2
+    if abs(apart) < FORCE_LIMIT_M_S2:
+        return []
+    return [
+        Finding(
+            Kind.ACCELEROMETER_BIAS,
+            imu,
+            Severity.WARNING,
+            float(t_s[0]),
+            float(t_s[-1]),
+            abs(apart),
+            "m/s^2",
+            f"accelerometer shows {norm:.2f} m/s^2 at rest",
+            f"gravity is {GRAVITY_M_S2:.2f}: {abs(apart) / GRAVITY_M_S2 * 1e3:.0f} mg of bias, or "
+            f"{apart / GRAVITY_M_S2:+.1%} of scale, over {len(norms)} s at rest; data sheets "
+            f"admit {FORCE_LIMIT_M_S2 / GRAVITY_M_S2 * 1e3:.0f} mg",
+        )
+    ]
+
+
+def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Finding]:
+    """Mean rates and forces of two IMUs over the same windows, which turn and fall together."""
+    ends = [(track.t_s[0], track.t_s[-1]) for track in tracks if len(track.t_s) > 1]
+    if len(ends) < 2:
+        return []
+    edges = np.arange(max(a for a, _ in ends), min(b for _, b in ends), WINDOW_S)
+    if len(edges) < FEWEST_WINDOWS + 1:
+        return []
+    tracks = tuple(track for track in tracks if len(track.t_s) > 1)
+    gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
+    force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
+    imus = [track.imu + 1 for track in tracks]
+    return [
+        *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, GYRO_APART_RAD_S, known),
+        *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, FORCE_APART_M_S2, known),
+    ]
+
+
+def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
+    """Means of windows in which no tenth of the samples is missing; NaN elsewhere."""
+    counts = np.diff(np.searchsorted(t_s, edges))
+    is_whole = counts >= 0.9 * np.median(counts)
+    return np.where(is_whole[:, None], means(t_s, values, edges), np.nan)
+
+
+def _disagreeing(
+    kind: Kind,
+    imus: list[int],
+    edges: Array,
+    values: list[Array],
+    limit: float,
+    known: tuple[Finding, ...],
+) -> list[Finding]:
+    """Pairs that differ; the odd one of three is named, and of two the one that is known as bad."""
+    beyond: dict[tuple[int, int], Array] = {}
+    for one, other in itertools.combinations(range(len(values)), 2):
+        difference = values[one] - values[other]
+        apart = np.linalg.norm(difference, axis=1)
+        places = apart > limit
+        # What vibration makes of slow samples points now here, now there.
+        if (
+            np.count_nonzero(places) >= FEWEST_WINDOWS
+            and np.linalg.norm(difference[places].mean(axis=0)) > limit
+        ):
+            beyond[one, other] = apart
+    blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
+    if len(blamed) > 1:
+        suspected = {f.sensor.number for f in known if f.kind in SHOWN_BY[kind]}
+        shown = [i for i in blamed if imus[i] in suspected]
+        blamed = shown if len(shown) == 1 else blamed
+    found = []
+    for pair, apart in beyond.items():
+        if len(blamed) != 1:
+            found.append(_difference(kind, [imus[i] for i in pair], [], edges, apart, limit))
+        elif not found:
+            others = [imu for i, imu in enumerate(imus) if i != blamed[0]]
+            found.append(_difference(kind, [imus[blamed[0]]], others, edges, apart, limit))
+    return found
+
+
+def _difference(
+    kind: Kind, odd: list[int], others: list[int], edges: Array, apart: Array, limit: float
+) -> Finding:
+    """One finding: of the odd IMU against the others, or of two of which one is wrong."""
+    places = np.flatnonzero(apart > limit)
+    is_gyro = kind is Kind.GYRO_APART
+    sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")
+    one = DEG if is_gyro else 1.0
+    size = float(np.median(apart[places])) / one
+    good = " and ".join(f"IMU {imu}" for imu in others)
+    text, unknown = f"{sensor} differs from {good} by", ""
+    if not others:
+        text, unknown = f"{sensor}s differ by", "; which of the two is wrong is not known from this"
+    return Finding(
+        kind,
+        Sensor(SensorKind.IMU, None, tuple(odd))
+        if len(odd) > 1
+        else Sensor(SensorKind.IMU, odd[0]),
+        Severity.WARNING,
+        float(edges[places[0]]),
+        float(edges[places[-1] + 1]),
+        size,
+        unit,
+        f"{text} {size:.1f} {unit}",
+        f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
+        f"{unknown}",
+    )

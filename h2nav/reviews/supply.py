@@ -1,0 +1,148 @@
+"""Battery and barometer: what the autopilot reported of them, and what their own figures show."""
+
+import re
+
+import numpy as np
+
+from h2nav.flightlogs.context import Array, Battery, Context
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.reviews.inertial import runs, within
+
+# Failsafes act, and are logged, at the moment of arming as well.
+AROUND_S = 5.0
+BATTERY = re.compile(
+    r"low battery|batt\w*.*(low|critical|failsafe|empty|fail|unhealthy)|critical battery",
+    re.IGNORECASE,
+)
+BARO = re.compile(
+    r"baro\w*.*(glitch|unhealthy|fail|timeout|stale|not healthy|no data)|no barometer",
+    re.IGNORECASE,
+)
+# A voltage below the limit that was set, for so long (BATT_LOW_TIMER is 10 s).
+LOW_S, MEASURED_V = 10.0, 1.0
+LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
+# No vehicle moves so far between two values of a barometer, which follow each other closely.
+JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
+
+
+def look_at_supply(context: Context) -> list[Finding]:
+    """Battery and barometer while armed."""
+    return [*_battery(context), *_baro(context)]
+
+
+def _counts(context: Context, t_s: float) -> bool:
+    return any(span.from_s - AROUND_S <= t_s <= span.to_s + 1.0 for span in context.armed)
+
+
+def _reported(
+    context: Context, subsystem: str, pattern: re.Pattern[str]
+) -> list[tuple[float, str]]:
+    """When the autopilot said so, by number or in words."""
+    found = [
+        (fault.t_s, fault.text)
+        for fault in context.faults
+        if fault.subsystem == subsystem and fault.code and _counts(context, fault.t_s)
+    ]
+    found += [
+        (said.t_s, said.text)
+        for said in context.said
+        if pattern.search(said.text)
+        and not said.text.startswith("error: ")
+        and _counts(context, said.t_s)
+    ]
+    return sorted(found)
+
+
+def _battery(context: Context) -> list[Finding]:
+    reports = _reported(context, "battery", BATTERY)
+    low = _below_limit(context)
+    if not reports and low is None:
+        return []
+    volts = _lowest(context)
+    quoted = "; ".join(f"{t_s:.0f} s: {text!r}" for t_s, text in reports[:3])
+    shown = "" if np.isnan(volts) else f"lowest voltage {volts:.1f} V"
+    parts = [part for part in (quoted, "" if low is None else low[2], shown) if part]
+    times = [t_s for t_s, _ in reports] + ([] if low is None else [low[0], low[1]])
+    text = f"the autopilot reported: {reports[0][1]}" if reports else "battery below its limit"
+    return [
+        Finding(
+            Kind.BATTERY,
+            Sensor(SensorKind.BATTERY),
+            Severity.ERROR if reports else Severity.WARNING,
+            float(min(times)),
+            float(max(times)),
+            0.0 if np.isnan(volts) else volts,
+            "V",
+            text,
+            "; ".join(parts),
+        )
+    ]
+
+
+def _measured(battery: Battery) -> Array:
+    return np.where(battery.voltage_v > MEASURED_V, battery.voltage_v, np.nan)
+
+
+def _lowest(context: Context) -> float:
+    values = [
+        volts[within(battery.t_s, context.armed) & np.isfinite(volts)]
+        for battery in context.batteries[:1]
+        for volts in (_measured(battery),)
+    ]
+    return float(values[0].min()) if values and len(values[0]) else float("nan")
+
+
+def _below_limit(context: Context) -> tuple[float, float, str] | None:
+    """The longest time below the voltage at which the autopilot was to act."""
+    name = next((n for n in LIMITS if context.parameters.get(n, 0.0) > MEASURED_V), None)
+    if name is None or not context.batteries:
+        return None
+    battery, limit = context.batteries[0], context.parameters[name]
+    volts = _measured(battery)
+    low = (volts < limit) & within(battery.t_s, context.armed)
+    pieces = [(battery.t_s[a], battery.t_s[b]) for a, b in runs(low)]
+    if not pieces:
+        return None
+    from_s, to_s = max(pieces, key=lambda piece: piece[1] - piece[0])
+    if to_s - from_s < LOW_S:
+        return None
+    return float(from_s), float(to_s), f"below {name} ({limit:.1f} V) for {to_s - from_s:.0f} s"
+
+
+def _baro(context: Context) -> list[Finding]:
+    reports = _reported(context, "barometer", BARO)
+    jumps = _jumps(context)
+    if not reports and jumps is None:
+        return []
+    quoted = "; ".join(f"{t_s:.0f} s: {text!r}" for t_s, text in reports[:3])
+    times = [t_s for t_s, _ in reports] + ([] if jumps is None else [jumps[0], jumps[0]])
+    size = 0.0 if jumps is None else jumps[1]
+    text = f"the autopilot reported: {reports[0][1]}" if reports else f"it jumped by {size:.0f} m"
+    shown = "" if jumps is None else f"jump of {size:.0f} m at {jumps[0]:.1f} s"
+    return [
+        Finding(
+            Kind.BARO,
+            Sensor(SensorKind.BAROMETER),
+            Severity.WARNING,
+            float(min(times)),
+            float(max(times)),
+            size,
+            "m",
+            text,
+            "; ".join(part for part in (quoted, shown) if part),
+        )
+    ]
+
+
+def _jumps(context: Context) -> tuple[float, float] | None:
+    """When the height leapt most, and by how much."""
+    series = context.baro_height_m
+    if series is None or len(series.t_s) < 2:
+        return None
+    step, gap_s = np.abs(np.diff(series.values)), np.diff(series.t_s)
+    leaps = (step > JUMP_M) & (gap_s < CLOSE_S) & (step > JUMP_M_S * gap_s)
+    leaps &= within(series.t_s[1:], context.armed)
+    if not leaps.any():
+        return None
+    place = int(np.argmax(np.where(leaps, step, 0.0)))
+    return float(series.t_s[place + 1]), float(step[place])

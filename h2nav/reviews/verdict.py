@@ -1,0 +1,365 @@
+"""One sentence or three that a pilot would say of a flight, composed of the chain of findings."""
+
+from typing import NamedTuple
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.flightlogs.context import Context
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.maths.units import DEG
+from h2nav.reviews.analysis import Analysis
+from h2nav.reviews.chain import Chain
+from h2nav.reviews.flight import Flight
+from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
+from h2nav.reviews.motors import LIMIT_SHARE
+
+# What is said of a time within so long of it belongs to it.
+NEAR_S = 1.5
+MOST_SENSORS = 3
+FULL_THROTTLE, NO_THROTTLE, SHORTLY_S = 0.97, 0.02, 0.1
+ON_ITS_BACK_RAD = 120.0 * DEG
+SENSORS = (
+    SensorKind.IMU,
+    SensorKind.GYRO,
+    SensorKind.COMPASS,
+    SensorKind.GPS,
+    SensorKind.BAROMETER,
+    SensorKind.BATTERY,
+)
+ESTIMATORS = (
+    Kind.ATTITUDE_RESET,
+    Kind.AUTOPILOT_HEADING,
+    Kind.AUTOPILOT_TILT,
+    Kind.CORES_DIFFER,
+    Kind.ESTIMATOR_SWITCH,
+    Kind.SAID_EKF_FAILED,
+)
+# What is said of each that is concerned.
+OF_EACH = (Kind.MOTOR_FAILED, Kind.GYRO_BIAS, Kind.ACCELEROMETER_SCALE, Kind.COMPASS_DEAD)
+# A log that ends in the air, by the height of its last seconds.
+ON_THE_GROUND = (
+    mavlink.MAV_TYPE_GROUND_ROVER,
+    mavlink.MAV_TYPE_SURFACE_BOAT,
+    mavlink.MAV_TYPE_SUBMARINE,
+)
+HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
+# A crash so soon after it left the ground belongs to the take-off.
+TAKE_OFF_S = 4.0
+# Of how a thing was recorded, and not of the thing.
+RECORDING = (
+    Kind.CLOCK_DRIFT,
+    Kind.IMU_GAPS,
+    Kind.IMU_SLOW,
+    Kind.IMU_TOO_SLOW,
+    Kind.IMU_TWICE,
+    Kind.LATE_BURSTS,
+    Kind.LOG_PAUSED,
+    Kind.VELOCITY_LOST,
+)
+# In words that follow "was" or "had".
+PHRASES: dict[Kind, str] = {
+    Kind.ACCELEROMETER_APART: "the accelerometers disagreed",
+    Kind.ACCELEROMETER_BIAS: "the accelerometer was not calibrated",
+    Kind.ACCELEROMETER_BIAS_STEP: "an accelerometer's bias jumped",
+    Kind.ACCELEROMETER_FROZEN: "an accelerometer froze",
+    Kind.AUTOPILOT_CRASH_CHECK: "the autopilot's crash check was false",
+    Kind.AUTOPILOT_HEADING: "the autopilot's heading was wrong",
+    Kind.AUTOPILOT_TILT: "the autopilot's roll or pitch was wrong",
+    Kind.AXIS_STUCK: "an axis of an IMU was stuck",
+    Kind.BARO: "the barometer failed",
+    Kind.BATTERY: "the battery was low",
+    Kind.CLIPPED_SAMPLES: "the accelerometer clipped",
+    Kind.CLIPPING: "the accelerometer clipped",
+    Kind.COMPASS_FIELD: "the compass was disturbed",
+    Kind.COMPASS_FROZEN: "the compass froze",
+    Kind.COMPASS_HARD_IRON: "the compass was not calibrated",
+    Kind.COMPASS_MOTORS: "the motors disturbed the compass",
+    Kind.COMPASS_SCALE: "the compass was not calibrated",
+    Kind.COMPASS_SOFT_IRON: "the compass was not calibrated",
+    Kind.COMPASS_STEP: "a magnetic disturbance came or went",
+    Kind.CORES_DIFFER: "the autopilot's estimators disagreed",
+    Kind.ESTIMATOR_SWITCH: "the autopilot changed its estimator",
+    Kind.GPS_FROZEN: "the GPS repeated itself",
+    Kind.GPS_JUMP: "the GPS position jumped",
+    Kind.GPS_LOST: "the GPS lost its fix",
+    Kind.GPS_VELOCITY: "the GPS velocity was wrong",
+    Kind.GYRO_APART: "the gyros disagreed",
+    Kind.GYRO_BIAS_STEP: "a gyro's bias jumped",
+    Kind.GYRO_FROZEN: "a gyro froze",
+    Kind.GYRO_SCALE: "a gyro's scale was off",
+    Kind.IMU_FROZEN: "an IMU froze",
+    Kind.SAID_AIDING: "the EKF had no position",
+    Kind.SAID_COMPASS: "the autopilot did not trust its compass",
+    Kind.SAID_CRASH: "the autopilot reported a crash",
+    Kind.SAID_EKF_FAILED: "the EKF failsafe came",
+    Kind.SAID_FAILSAFE: "a failsafe came",
+    Kind.SAID_GPS_GLITCH: "the GPS glitched",
+    Kind.SAID_SENSOR: "the autopilot reported a sensor or attitude fault",
+    Kind.SAID_VIBRATION: "the autopilot reported vibration",
+    Kind.SAID_YAW_RESET: "the EKF reset its heading",
+    Kind.VIBRATION_LEVEL: "the vibration was strong",
+}
+
+
+class Verdict(NamedTuple):
+    """What is said above everything else.
+
+    Attributes:
+        text: one to four sentences.
+        looked_at: what was looked at, one phrase each.
+        missing: what could not be looked at.
+    """
+
+    text: str
+    looked_at: tuple[str, ...]
+    missing: tuple[str, ...]
+
+
+def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
+    """The verdict on a flight.
+
+    Args:
+        flight: what was recorded.
+        analysis: what the whole of it shows.
+        links: the findings, causes before consequences.
+    """
+    looked, missing = _looked_at(flight, analysis)
+    of_vehicle = [one for one in links.findings if one.id not in links.own]
+    crashes = sorted(
+        (one for one in of_vehicle if one.kind is Kind.CRASH), key=lambda one: one.from_s
+    )
+    lost = [one for one in of_vehicle if one.kind is Kind.LOSS_OF_CONTROL and one.cause is None]
+    if crashes:
+        text = _crashed(flight, analysis, crashes, of_vehicle)
+    elif lost:
+        text = _lost(flight.context, lost[0], of_vehicle)
+    else:
+        text = _flown(of_vehicle, _ending(flight.context), looked, missing)
+    return Verdict(text, looked, missing)
+
+
+# --- a crash ------------------------------------------------------------------------------------
+
+
+def _crashed(
+    flight: Flight, analysis: Analysis, crashes: list[Finding], found: list[Finding]
+) -> str:
+    """Where and how it came to lie, how it came to that, and what was wrong before."""
+    context, first = flight.context, crashes[0]
+    before = [_before(context, one, found) for one in crashes]
+    if len(crashes) == 1:
+        when = " on take-off" if _takes_off(context, first.from_s) else ""
+        parts = [f"Crashed{when} at {first.from_s:.0f} s{_lay(first, analysis)}.", before[0]]
+    else:
+        times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
+        parts = [f"Crashed at {times} and {crashes[-1].from_s:.0f} s."]
+        parts += [
+            f"At {one.from_s:.0f} s: {_lower(said)}"
+            for one, said in zip(crashes, before, strict=True)
+            if said
+        ]
+    parts.append(_until(first, found))
+    return " ".join(part for part in parts if part)
+
+
+def _takes_off(context: Context, t_s: float) -> bool:
+    """Whether it stood on the ground shortly before, by the autopilot."""
+    series = context.airborne
+    if series is None or not len(series.t_s):
+        return False
+    place = int(np.searchsorted(series.t_s, t_s - TAKE_OFF_S, side="right")) - 1
+    return bool(np.asarray(series.values)[max(place, 0)] <= 0.5)
+
+
+def _lay(crash: Finding, analysis: Analysis) -> str:
+    """How it came to lie."""
+    tilts = [one.tilt_rad for one in analysis.impacts if one.t_s == crash.from_s]
+    tilt = tilts[0] if tilts else 0.0
+    if tilt > ON_ITS_BACK_RAD:
+        return " and came to lie on its back"
+    return " and came to lie on its side" if tilt > LYING_RAD else ""
+
+
+def _until_blow(context: Context) -> str:
+    return "Until the blow it followed its demand" if context.demand is not None else ""
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
+    """How it came to a crash: control that was lost, a motor, or a blow without either."""
+    causes = {one.id: one for one in found}
+    lost = causes.get(crash.cause or "")
+    if lost is None or lost.kind is Kind.MOTOR_SATURATED:
+        return _state(context, crash.from_s - 1.0, _until_blow(context))
+    if lost.kind is not Kind.LOSS_OF_CONTROL:
+        return _sentence(lost)
+    root = causes.get(lost.cause or "")
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
+    if root is None or root.kind in (Kind.CRASH, Kind.MOTOR_SATURATED):
+        return said
+    return f"{_sentence(root)} {said}"
+
+
+def _at(one: Finding) -> str:
+    return f"{one.from_s:.0f} s"
+
+
+def _state(context: Context, t_s: float, text: str) -> str:
+    """The text, with throttle and motors as they were."""
+    parts = [text] if text else []
+    throttle, motors = context.throttle, context.motors
+    if throttle is not None and len(throttle.t_s):
+        near = np.abs(throttle.t_s - t_s) < NEAR_S
+        if near.any() and float(np.nanmax(throttle.values[near])) >= FULL_THROTTLE:
+            parts.append("throttle at 100 %")
+        elif float(np.interp(t_s - SHORTLY_S, throttle.t_s, throttle.values)) <= NO_THROTTLE:
+            parts.append("throttle at 0 %")
+    if motors is not None and len(motors.t_s):
+        near = (motors.t_s > t_s - NEAR_S) & (motors.t_s < t_s + 0.5)
+        largest = np.nan_to_num(motors.share()[near]).max(axis=0, initial=0.0).tolist()
+        shares = zip(motors.numbers, largest, strict=True)
+        numbers = [number for number, share in shares if share > LIMIT_SHARE]
+        if numbers:
+            whose = "its" if len(numbers) == 1 else "their"
+            parts.append(f"{_motors(numbers)} at {whose} limit")
+    said = ", ".join(parts)
+    return f"{said[:1].upper()}{said[1:]}." if parts else ""
+
+
+def _motors(numbers: list[int]) -> str:
+    if len(numbers) == 1:
+        return f"motor {numbers[0]}"
+    return f"motors {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+
+
+def _until(crash: Finding, found: list[Finding]) -> str:
+    """Which sensors were wrong before, or that all were sound."""
+    before = [
+        one
+        for one in found
+        if one.severity <= Severity.WARNING
+        and one.from_s < crash.from_s - NEAR_S
+        and one.kind not in (*RECORDING, Kind.CRASH, Kind.LOSS_OF_CONTROL, Kind.MOTOR_FAILED)
+    ]
+    sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
+    estimators = [one for one in before if one.kind in ESTIMATORS]
+    motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
+    parts = [_phrase(one) for one in (*motors, *sensors)]
+    if estimators and not sensors:
+        parts += [_phrase(one) for one in estimators]
+    unique = list(dict.fromkeys(parts))[:MOST_SENSORS]
+    if not unique:
+        return "Sensors and estimators were sound until then."
+    return f"Before that, {_listed(unique)}."
+
+
+# --- no crash -----------------------------------------------------------------------------------
+
+
+def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
+    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
+    return f"{said} {_until(lost, found)}"
+
+
+def _flown(
+    found: list[Finding], ending: str, looked: tuple[str, ...], missing: tuple[str, ...]
+) -> str:
+    """The worst, each once; or that nothing was found."""
+    serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
+    serious = [one for one in serious if one.kind not in RECORDING] or serious
+    failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
+    false = next((one for one in found if one.kind is Kind.AUTOPILOT_CRASH_CHECK), None)
+    serious = [one for one in serious if one is not false]
+    if false is not None and not serious:
+        return f"No crash: {PHRASES[false.kind]}."
+    if serious:
+        # Of one kind the first alone, but for motors, which have numbers.
+        firsts = {
+            (one.kind, one.sensor if one.kind in OF_EACH else None): one for one in serious[::-1]
+        }
+        kept = [one for one in serious if one in firsts.values()]
+        parts = list(dict.fromkeys(_phrase(one) for one in kept))
+        shown = _listed(parts[:MOST_SENSORS])
+        more = len(parts) - MOST_SENSORS
+        rest = f", and {more} more" if more > 0 else ""
+        begin = "" if failed or ending else "No crash. "
+        if false is not None:
+            begin = f"No crash: {PHRASES[false.kind]}. "
+        return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"
+    if not looked:
+        return "Nothing was found wrong in what could be looked at."
+    text = f"Nothing was found wrong.{ending}"
+    text += f" Looked at: {', '.join(looked)}."
+    if missing:
+        text += f" Not looked at: {', '.join(missing)}."
+    return text
+
+
+def _ending(context: Context) -> str:
+    """That a log ends in the air; empty where it does not, or nobody knows."""
+    height = context.baro_height_m or context.height_m
+    flies = context.vehicle_type not in ON_THE_GROUND
+    if not flies or height is None or not context.armed or len(height.t_s) < FEWEST_HEIGHTS:
+        return ""
+    end_s = context.duration_s
+    last = height.values[height.t_s > end_s - HEIGHT_S]
+    before = height.values[(height.t_s > end_s - 2.0 * HEIGHT_S) & (height.t_s <= end_s - HEIGHT_S)]
+    driven = driven_at(context, np.array([end_s]))[0]
+    ends_armed = context.armed[-1].to_s > end_s - HEIGHT_S
+    if not ends_armed or not len(last) or not len(before) or not driven > FLYING_SHARE:
+        return ""
+    above_m = float(np.median(last)) - float(np.median(height.values[:FEWEST_HEIGHTS]))
+    sinking = float(np.median(before) - np.median(last)) / HEIGHT_S
+    if above_m < HIGH_M:
+        return ""
+    how = f", sinking at {sinking:.0f} m/s" if sinking > SINKS_M_S else ""
+    return f" The log ends in the air, {above_m:.0f} m above where it began{how}."
+
+
+def _sentence(one: Finding) -> str:
+    phrase = _phrase(one)
+    return f"{phrase[:1].upper()}{phrase[1:]} at {one.from_s:.0f} s."
+
+
+def _phrase(one: Finding) -> str:
+    """Of a finding, for the middle of a sentence."""
+    numbers = ", ".join(map(str, one.sensor.numbers))
+    match one.kind:
+        case Kind.MOTOR_FAILED | Kind.MOTOR_IMBALANCE | Kind.MOTOR_SATURATED | Kind.VIBRATION:
+            return one.text
+        case Kind.GYRO_BIAS:
+            return f"gyro {numbers} turned at {one.size:.0f} deg/s while it stood still"
+        case Kind.ACCELEROMETER_SCALE:
+            return f"accelerometer {numbers} was off by {0.1 * one.size:.0f} % at rest"
+        case Kind.COMPASS_DEAD:
+            return f"compass {numbers} measured nothing"
+        case Kind.HARD_LANDING:
+            return f"it {one.text} at {one.from_s:.0f} s"
+    return PHRASES.get(one.kind, one.text)
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _looked_at(flight: Flight, analysis: Analysis) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What there was to look at, and what was not recorded."""
+    context = flight.context
+    both = {
+        "crash and landing": (bool(context.imus and context.armed), ""),
+        "attitude against its demand": (context.demand is not None, "no demands"),
+        "motors": (context.motors is not None, "no motor outputs"),
+        "IMUs": (bool(context.imus), "no IMU"),
+        "compasses": (bool(analysis.fields or context.compass_rows), "no compass"),
+        "GPS": (any(gps.has_fix.any() for gps in context.gps), "no GPS fix"),
+        "vibration": (bool(analysis.vibrations), ""),
+        "battery": (bool(context.batteries), "no battery"),
+        "the autopilot's estimators": (bool(context.attitudes), "no attitude of the autopilot"),
+    }
+    looked = tuple(name for name, (is_so, _) in both.items() if is_so)
+    missing = tuple(why for is_so, why in both.values() if not is_so and why)
+    return looked, missing

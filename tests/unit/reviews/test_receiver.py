@@ -1,0 +1,139 @@
+"""Receivers with known faults against inertial motion."""
+
+import math
+
+import numpy as np
+import pytest
+from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
+
+from h2nav.integrity.findings import Finding, Severity
+from h2nav.maths.units import DEG
+from h2nav.reviews.analysis import analyse
+from h2nav.reviews.flight import Flight
+from h2nav.sim.vehicle import EARTH_RADIUS_M
+
+
+def found(flown: Flight) -> list[Finding]:
+    return list(analyse(flown).findings)
+
+
+def only(flown: Flight, kind: str) -> Finding:
+    (finding,) = found(flown)
+    assert finding.kind == kind
+    return finding
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize("name", ["flight", "aggressive"])
+def test_the_lag_is_measured(name, lag_s):
+    flown = flight(name)
+    late = gps_track(name, lag_s)
+    flown = flown._replace(context=flown.context._replace(gps=(late,)))
+    analysis = analyse(flown)
+    assert analysis.receivers[0].lag_s == pytest.approx(lag_s, abs=0.02)
+    assert not analysis.findings
+
+
+def test_a_lag_that_no_autopilot_can_wait_for_is_told():
+    flown = flight()._replace()
+    flown = flown._replace(context=flown.context._replace(gps=(gps_track("flight", 0.4),)))
+    finding = only(flown, "gps_lag")
+    assert finding.size == pytest.approx(400.0, abs=20.0)
+    assert finding.severity is Severity.WARNING
+
+
+def test_a_lag_otherwise_than_configured_is_told():
+    flown = flight(parameters={"EKF2_GPS_DELAY": 50.0}, gps=(gps_track("flight", 0.2),))
+    finding = only(flown, "gps_lag")
+    assert finding.severity is Severity.NOTICE
+    assert "50 ms are configured" in finding.evidence
+
+
+def test_a_vehicle_at_rest_shows_no_lag():
+    assert math.isnan(analyse(flight("rest")).receivers[0].lag_s)
+
+
+def test_a_velocity_that_is_spoofed_by_a_step_is_told_with_its_time_and_size():
+    flown = flight()
+    gps = flown.context.gps[0]
+    v_n = gps.v_n + (gps.t_s > 60.0)[:, None] * np.array([5.0, 0.0, 0.0])
+    finding = only(with_gps(flown, v_n=v_n, **moved(flown, v_n)), "gps_velocity")
+    assert finding.from_s == pytest.approx(60.0, abs=1.5)
+    assert finding.size == pytest.approx(5.0, abs=1.0)
+
+
+def test_a_velocity_that_drifts_by_3_m_s2_is_told():
+    flown = flight()
+    gps = flown.context.gps[0]
+    drift = 3.0 * np.clip(gps.t_s - 60.0, 0.0, 10.0)
+    v_n = gps.v_n + drift[:, None] * np.array([0.0, 1.0, 0.0])
+    finding = only(with_gps(flown, v_n=v_n, **moved(flown, v_n)), "gps_velocity")
+    assert 58.0 < finding.from_s < 64.0
+    assert finding.size > 5.0
+
+
+def moved(flown: Flight, v_n: np.ndarray) -> dict[str, np.ndarray]:
+    """Positions that a receiver with these velocities gives."""
+    gps = flown.context.gps[0]
+    north, east = (np.cumsum(v_n[:, axis] - gps.v_n[:, axis]) / GPS_HZ for axis in (0, 1))
+    parallel = np.cos(gps.latitude_deg * DEG)
+    return {
+        "latitude_deg": gps.latitude_deg + north / EARTH_RADIUS_M / DEG,
+        "longitude_deg": gps.longitude_deg + east / (EARTH_RADIUS_M * parallel) / DEG,
+    }
+
+
+def test_a_velocity_that_never_changes_is_told_and_a_fix_that_is_told_twice_is_not():
+    flown = flight()
+    (gps,) = flown.context.gps
+    v_n = gps.v_n.copy()
+    v_n[1::2] = v_n[:-1:2]
+    twice = with_gps(flown, v_n=v_n)
+    assert "gps_frozen" not in {f.kind for f in analyse(twice).findings}
+    place = int(np.flatnonzero(np.linalg.norm(gps.v_n[200:, :2], axis=1) > 1.0)[0]) + 200
+    v_n = gps.v_n.copy()
+    v_n[place : place + 40] = v_n[place]
+    found = {f.kind: f for f in analyse(with_gps(flown, v_n=v_n)).findings}
+    assert found["gps_frozen"].from_s == pytest.approx(gps.t_s[place])
+    assert found["gps_frozen"].size == pytest.approx(39 * 0.2)
+
+
+def test_a_jump_of_the_position_is_told():
+    flown = flight()
+    gps = flown.context.gps[0]
+    jumped = gps.latitude_deg + (gps.t_s > 70.05) * 30.0 / EARTH_RADIUS_M / DEG
+    finding = only(with_gps(flown, latitude_deg=jumped), "gps_jump")
+    assert finding.size == pytest.approx(30.0, abs=1.0)
+    assert finding.from_s == pytest.approx(70.2, abs=0.3)
+
+
+def test_a_lost_fix_is_told_for_as_long_as_it_was_lost():
+    flown = flight()
+    gps = flown.context.gps[0]
+    finding = only(with_gps(flown, has_fix=(gps.t_s < 40.0) | (gps.t_s > 60.0)), "gps_lost")
+    assert finding.size == pytest.approx(20.0, abs=0.5)
+    assert finding.from_s == pytest.approx(40.0, abs=0.5)
+
+
+def test_reports_that_stay_away_are_a_lost_fix_too():
+    flown = flight()
+    gps = flown.context.gps[0]
+    kept = (gps.t_s < 40.0) | (gps.t_s > 43.0)
+    fewer = gps._replace(
+        **{name: getattr(gps, name)[kept] for name in gps._fields if name != "receiver"}
+    )
+    flown = flown._replace(context=flown.context._replace(gps=(fewer,)))
+    assert only(flown, "gps_lost").size == pytest.approx(3.2, abs=0.3)
+
+
+def test_before_the_first_fix_and_on_the_ground_nothing_is_lost():
+    flown = flight("rest", armed=())
+    gps = flown.context.gps[0]
+    assert not found(with_gps(flown, has_fix=gps.t_s > 30.0))
+
+
+def test_few_satellites_and_a_doubtful_velocity_are_told():
+    flown = flight()
+    count = round(DURATION_S * GPS_HZ)
+    poor = with_gps(flown, satellites=np.full(count, 5.0), sigma_m_s=np.full(count, 1.6))
+    assert {f.kind for f in found(poor)} == {"gps_satellites", "gps_accuracy"}

@@ -1,0 +1,125 @@
+"""Biases of known size, against data sheets and against other IMUs."""
+
+import numpy as np
+import pytest
+from reviewed_flights import flight, with_imu
+
+from h2nav.evaluation.rows import product
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG
+from h2nav.reviews.analysis import analyse
+from h2nav.reviews.inertial import exponential
+
+BIAS_DEG_S = np.array([0.1, -0.1, 0.05])
+
+
+@pytest.mark.parametrize("name", ["flight", "aggressive", "hover"])
+def test_the_bias_is_that_of_the_gyro(name):
+    bias = analyse(flight(name)).biases[0]
+    mean = np.nanmedian(bias.gyro_b, axis=0) / DEG
+    np.testing.assert_allclose(mean, BIAS_DEG_S, atol=0.05)
+
+
+def test_a_bias_beyond_the_data_sheet_is_told():
+    flown = flight()
+    more = np.array([0.0, 4.0, 0.0])
+    w_b = flown.context.imus[0].w_b + more * DEG
+    (finding,) = analyse(with_imu(flown, w_b=w_b)).findings
+    assert finding.kind == "gyro_bias"
+    assert finding.size == pytest.approx(np.linalg.norm(BIAS_DEG_S + more), abs=0.1)
+
+
+@pytest.mark.parametrize("step_deg_s", [1.2, -1.8])
+def test_a_step_of_the_bias_has_its_time_and_size(step_deg_s):
+    flown = flight()
+    first = flown.context.imus[0]
+    w_b = first.w_b.copy()
+    w_b[first.t_s > 64.0, 0] += step_deg_s * DEG
+    (finding,) = analyse(with_imu(flown, w_b=w_b)).findings
+    assert finding.kind == "gyro_bias_step"
+    assert finding.size == pytest.approx(abs(step_deg_s), abs=0.15)
+    assert finding.from_s - 10.0 < 64.0 < finding.to_s + 10.0
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_step_on_the_ground_is_told_though_the_attitude_follows_the_gyro(axis):
+    flown = flight("rest")
+    first = flown.context.imus[0]
+    w_b = first.w_b.copy()
+    w_b[first.t_s > 64.0, axis] += 1.2 * DEG
+    # An attitude that turns with the gyro, as that of a filter that believes it.
+    turned = np.zeros((len(first.t_s), 3))
+    turned[:, axis] = 1.2 * DEG * np.maximum(first.t_s - 64.0, 0.0)
+    led = flown.estimates._replace(q_nb=product(flown.estimates.q_nb, exponential(turned)))
+    found = analyse(with_imu(flown._replace(estimates=led), w_b=w_b)).findings
+    (finding,) = [f for f in found if f.kind == "gyro_bias_step"]
+    assert finding.size == pytest.approx(1.2, abs=0.15)
+    assert finding.from_s - 10.0 < 64.0 < finding.to_s + 10.0
+
+
+def test_a_compass_that_stands_still_by_itself_shows_no_bias():
+    flown = flight("aggressive")
+    first = flown.context.imus[0]
+    frozen = Finding(
+        Kind.COMPASS_FROZEN,
+        Sensor(SensorKind.IMU, 1),
+        Severity.WARNING,
+        30.0,
+        60.0,
+        0.0,
+        "",
+        "frozen",
+        "",
+    )
+    still = with_imu(flown, m_b_ut=np.tile(first.m_b_ut[0], (len(first.t_s), 1)))
+    bias = analyse(still._replace(findings=(frozen,))).biases[0]
+    np.testing.assert_allclose(np.nanmedian(bias.gyro_b, axis=0) / DEG, BIAS_DEG_S, atol=0.05)
+
+
+def test_of_three_imus_the_odd_one_is_named():
+    flown = flight(imus=3)
+    tracks = list(flown.context.imus)
+    tracks[1] = tracks[1]._replace(
+        w_b=tracks[1].w_b + 3.0 * DEG * np.array([0.0, 0.0, 1.0]),
+        f_b=tracks[1].f_b + np.array([1.2, 0.0, 0.0]),
+    )
+    flown = flown._replace(context=flown.context._replace(imus=tuple(tracks)))
+    found = {f.kind: f for f in analyse(flown).findings}
+    assert found["gyro_apart"].source == "IMU 2"
+    assert found["gyro_apart"].size == pytest.approx(3.0, abs=0.2)
+    assert found["accelerometer_apart"].source == "IMU 2"
+    assert found["accelerometer_apart"].size == pytest.approx(1.2, abs=0.1)
+
+
+def test_of_two_imus_the_one_with_a_bias_is_named():
+    flown = flight(imus=2)
+    one, other = flown.context.imus
+    more = 3.0 * DEG * np.array([0.0, 0.0, 1.0])
+    one = one._replace(w_b=one.w_b + more, f_b=one.f_b + np.array([1.2, 0.0, 0.0]))
+    flown = flown._replace(context=flown.context._replace(imus=(one, other)))
+    found = {f.kind: f for f in analyse(flown).findings}
+    assert found["gyro_apart"].source == "IMU 1"
+    assert "differs from IMU 2" in found["gyro_apart"].text
+    assert found["accelerometer_apart"].source == "IMU 1 or IMU 2"
+    assert "not known" in found["accelerometer_apart"].evidence
+
+
+def test_a_sensor_that_is_known_to_be_frozen_has_no_bias():
+    flown = flight(imus=2)
+    first = flown.context.imus[0]
+    is_frozen = (first.t_s > 40.0) & (first.t_s < 80.0)
+    w_b = np.where(is_frozen[:, None], 1.0, first.w_b)
+    told = Finding(
+        Kind.GYRO_FROZEN, Sensor(SensorKind.IMU, 1), Severity.ERROR, 40.0, 80.0, 40.0, "s", "", ""
+    )
+    flown = with_imu(flown, w_b=w_b)._replace(findings=(told,))
+    assert not [f for f in analyse(flown).findings if "gyro" in f.kind]
+
+
+def test_an_accelerometer_that_does_not_show_gravity_at_rest_is_told():
+    flown = flight("rest", armed=(), gps=())
+    f_b = 1.12 * flown.context.imus[0].f_b
+    (finding,) = analyse(with_imu(flown, f_b=f_b)).findings
+    assert finding.kind == "accelerometer_scale"
+    assert finding.size == pytest.approx(120.0, abs=10.0)
+    assert not analyse(flight("rest", armed=())).findings

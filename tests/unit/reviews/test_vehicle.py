@@ -1,0 +1,340 @@
+"""What happened to the vehicle: crashes, motors, vibration, sensors at rest, and the chain."""
+
+import numpy as np
+import pytest
+from reviewed_flights import DURATION_S, flight, ideal, with_imu
+
+from h2nav.flightlogs.context import (
+    Battery,
+    ChangedSetting,
+    CompassRows,
+    Context,
+    Fault,
+    ImuTrack,
+    Motors,
+    Said,
+    Series,
+    Span,
+)
+from h2nav.flightlogs.rotations import roll_pitch_heading
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.reviews.analysis import Analysis, analyse
+from h2nav.reviews.causes import first_causes
+from h2nav.reviews.chain import chain
+from h2nav.reviews.flight import Flight
+from h2nav.reviews.verdict import verdict
+
+T_S = ideal("flight").t_us * 1e-6
+HOVER_US = 1550.0
+AGAINST_PATTERN = np.array([[1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
+
+
+def kinds(flown: Flight) -> dict[Kind, Finding]:
+    return {one.kind: one for one in analyse(flown).findings}
+
+
+def said_of(flown: Flight) -> str:
+    analysis = analyse(flown)
+    return verdict(flown, analysis, chain(flown, analysis)).text
+
+
+def motors(extra_us: tuple[float, ...] = (0.0,) * 4, *, seed: int = 1) -> Motors:
+    """Outputs that answer to rates and to the force across, each with something of its own."""
+    truth, random = ideal("flight"), np.random.default_rng(seed)
+    causes = np.column_stack((truth.f_b[:, 0], truth.w_b[:, 0], truth.w_b[:, 2]))
+    answers = 40.0 * causes @ AGAINST_PATTERN
+    noise = random.normal(0.0, 8.0, answers.shape)
+    pwm_us = HOVER_US + answers + noise + np.array(extra_us)
+    pwm_us[T_S < 3.0] = 1000.0
+    return Motors((1, 2, 3, 4), T_S, pwm_us.clip(1000.0, 1950.0), 1000.0, 1950.0)
+
+
+def multirotor(**changes: object) -> Flight:
+    demand = Series(T_S, roll_pitch_heading(ideal("flight").q_nb))
+    return flight(motors=motors(), demand=demand, vehicle_type=2, **changes)
+
+
+def tipped(flown: Flight, at_s: float, axis: int = 0) -> Flight:
+    """Turned over within half a second, struck with 8 g, then on its back until the log ends."""
+    first = flown.context.imus[0]
+    f_b, w_b = first.f_b.copy(), first.w_b.copy()
+    turns = (first.t_s > at_s - 0.5) & (first.t_s <= at_s)
+    w_b[turns, axis] += np.pi / 0.5
+    lies = first.t_s > at_s
+    f_b[lies], w_b[lies] = np.array([0.0, 0.0, GRAVITY_M_S2]), 0.0
+    f_b[np.flatnonzero(lies)[:8]] = np.array([0.0, 20.0, -75.0])
+    kept = first.t_s < at_s + 1.5
+    short = ImuTrack(0, "IMU", *(column[kept] for column in first[2:4]), *(
+        column[kept] for column in (w_b, f_b, first.m_b_ut)
+    ))  # fmt: skip
+    context = flown.context._replace(imus=(short,), armed=(Span(3.0, at_s + 1.5, "armed"),))
+    return flown._replace(context=context)
+
+
+# --- crashes ------------------------------------------------------------------------------------
+
+
+def test_a_multirotor_without_a_fault_gives_no_finding():
+    assert not analyse(multirotor()).findings
+
+
+def test_a_tip_over_is_a_crash_however_short_the_log_is_afterwards():
+    flown = tipped(multirotor(), 60.0)
+    found = kinds(flown)
+    crash = found[Kind.CRASH]
+    assert crash.from_s == pytest.approx(60.0, abs=0.3)
+    assert crash.severity is Severity.CRITICAL
+    assert crash.size > 5.0 * GRAVITY_M_S2
+
+
+@pytest.mark.parametrize("share", [0.05, 0.4])
+def test_who_turns_a_vehicle_over_by_hand_crashes_nothing(share):
+    flown = multirotor()
+    first = flown.context.imus[0]
+    f_b = first.f_b.copy()
+    angle = np.clip((first.t_s - 60.0) / 4.0, 0.0, 1.0) * np.pi
+    f_b[:] = GRAVITY_M_S2 * np.stack((0.0 * angle, np.sin(angle), -np.cos(angle)), axis=1)
+    still = motors()._replace(pwm_us=np.full((len(T_S), 4), 1000.0 + 950.0 * share))
+    flown = with_imu(flown, f_b=f_b, w_b=np.zeros_like(first.w_b))
+    flown = flown._replace(context=flown.context._replace(motors=still))
+    assert Kind.CRASH not in kinds(flown)
+
+
+def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
+    flown = multirotor()
+    first = flown.context.imus[0]
+    f_b, w_b = first.f_b.copy(), first.w_b.copy()
+    down = first.t_s > 100.0
+    f_b[down], w_b[down] = np.array([0.0, 0.0, -GRAVITY_M_S2]), 0.0
+    f_b[np.flatnonzero(down)[:6], 2], w_b[np.flatnonzero(down)[:6], 0] = -80.0, 7.0
+    pwm_us = np.where((T_S > 100.0)[:, None], 1000.0, motors().pwm_us)
+    flown = with_imu(flown, f_b=f_b, w_b=w_b)
+    flown = flown._replace(context=flown.context._replace(motors=motors()._replace(pwm_us=pwm_us)))
+    found = kinds(flown)
+    assert Kind.CRASH not in found
+    assert found[Kind.HARD_LANDING].from_s == pytest.approx(100.0, abs=0.3)
+
+
+def test_a_crash_check_without_a_crash_is_false():
+    fault = Fault(60.0, "crash_check", 1, "crash detected")
+    found = kinds(multirotor(faults=(fault,)))
+    assert found[Kind.AUTOPILOT_CRASH_CHECK].from_s == 60.0
+    crashed = tipped(multirotor(faults=(fault._replace(t_s=61.0),)), 60.0)
+    assert Kind.AUTOPILOT_CRASH_CHECK not in kinds(crashed)
+
+
+# --- motors and control -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("motor", [0, 3])
+def test_one_motor_that_works_harder_is_named(motor):
+    extra = np.full(4, -20.0)
+    extra[motor] = 60.0
+    found = kinds(multirotor()._replace(context=multirotor().context._replace(
+        motors=motors(tuple(extra))
+    )))  # fmt: skip
+    imbalance = found[Kind.MOTOR_IMBALANCE]
+    assert imbalance.sensor == Sensor(SensorKind.MOTOR, motor + 1)
+    assert imbalance.size == pytest.approx(80.0, abs=10.0)
+
+
+@pytest.mark.parametrize("extra", [(30, 30, -30, -30), (40, -40, 0, 0), (15, -5, -5, -5)])
+def test_pairs_loads_and_small_differences_are_no_imbalance(extra):
+    flown = multirotor()
+    flown = flown._replace(context=flown.context._replace(motors=motors(extra)))
+    assert Kind.MOTOR_IMBALANCE not in kinds(flown)
+
+
+def test_a_motor_at_its_limit_is_told_with_how_long():
+    pwm_us = motors().pwm_us
+    pwm_us[(T_S > 50.0) & (T_S < 53.0), 1] = 1950.0
+    flown = multirotor()
+    flown = flown._replace(context=flown.context._replace(motors=motors()._replace(pwm_us=pwm_us)))
+    found = kinds(flown)[Kind.MOTOR_SATURATED]
+    assert (found.sensor.number, found.from_s) == (2, pytest.approx(50.0, abs=0.2))
+    assert "2.9 s" in found.text
+
+
+def test_a_motor_that_is_switched_off_by_a_setting_has_failed():
+    change = ChangedSetting(60.0, "SERVO3_FUNCTION", 35.0, 0.0)
+    found = kinds(multirotor(changes=(change,)))
+    assert found[Kind.MOTOR_FAILED].sensor == Sensor(SensorKind.MOTOR, 3)
+    other = ChangedSetting(60.0, "SERVO9_FUNCTION", 0.0, 70.0)
+    assert Kind.MOTOR_FAILED not in kinds(multirotor(changes=(other,)))
+
+
+def test_a_motor_that_is_asked_in_vain_has_failed_and_is_the_cause():
+    flown = tipped(multirotor(), 60.0)
+    first = flown.context.imus[0]
+    f_b, w_b = first.f_b.copy(), first.w_b.copy()
+    falls = (first.t_s > 58.0) & (first.t_s < 59.9)
+    f_b[falls] *= 0.5
+    w_b[falls, 0] += 4.0
+    pwm_us = motors().pwm_us
+    pwm_us[T_S > 58.4] = np.array([1300.0, 1950.0, 1250.0, 1300.0])
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (len(T_S), 1))
+    turned = np.clip(T_S - 58.0, 0.0, None)
+    q[:, 0], q[:, 1] = np.cos(turned), np.sin(turned)
+    attitude = flown.context.attitudes[0]._replace(t_s=T_S, q_nb=q)
+    demand = Series(T_S, np.zeros((len(T_S), 3)))
+    flown = with_imu(flown, f_b=f_b, w_b=w_b)
+    flown = flown._replace(
+        context=flown.context._replace(
+            motors=motors()._replace(pwm_us=pwm_us), attitudes=(attitude,), demand=demand
+        )
+    )
+    analysis = analyse(flown)
+    links = chain(flown, analysis)
+    assert links.findings[0].kind is Kind.CRASH
+    found = {one.kind: one for one in links.findings}
+    assert found[Kind.MOTOR_FAILED].sensor.number == 2
+    assert found[Kind.LOSS_OF_CONTROL].cause == found[Kind.MOTOR_FAILED].id
+    assert found[Kind.CRASH].cause == found[Kind.LOSS_OF_CONTROL].id
+    assert first_causes(links.findings)[found[Kind.CRASH].id] == found[Kind.MOTOR_FAILED].id
+    text = verdict(flown, analysis, links).text
+    assert text.startswith("Crashed at 60 s and came to lie on its back. Motor 2 gave no thrust at")
+    assert "Control was lost at 58 s: roll" in text
+
+
+# --- sensors ------------------------------------------------------------------------------------
+
+
+def standing(rate_deg_s: tuple[float, ...] = (0.0,) * 3, force: float = GRAVITY_M_S2) -> Flight:
+    """Thirty seconds on the ground, with the noise of a sensor."""
+    random = np.random.default_rng(4)
+    t_s = np.arange(0.0, 30.0, 0.01)
+    w_b = np.array(rate_deg_s) * DEG + random.normal(0.0, 0.1 * DEG, (len(t_s), 3))
+    f_b = np.array([0.0, 0.0, -force]) + random.normal(0.0, 0.02, (len(t_s), 3))
+    track = ImuTrack(
+        0, "IMU", t_s, (t_s * 1e6).astype(np.int64), w_b, f_b, np.full((len(t_s), 3), np.nan)
+    )
+    context = Context(duration_s=30.0, imus=(track,), armed=(Span(0.0, 30.0, "armed"),))
+    return flight()._replace(context=context, estimates=None)
+
+
+@pytest.mark.parametrize("rate", [(2.5, 0.0, 0.0), (-22.0, -23.0, 1.6)])
+def test_a_gyro_that_turns_at_rest_is_found_without_a_compass_and_armed(rate):
+    found = kinds(standing(rate))[Kind.GYRO_BIAS]
+    assert found.size == pytest.approx(np.linalg.norm(rate), abs=0.1)
+    assert (found.severity is Severity.ERROR) == (found.size > 5.0)
+
+
+def test_a_turn_about_the_vertical_may_be_one():
+    assert Kind.GYRO_BIAS not in kinds(standing((0.0, 0.0, 30.0)))
+    assert Kind.GYRO_BIAS not in kinds(standing((1.0, 1.0, 0.5)))
+
+
+@pytest.mark.parametrize(
+    ("force", "kind"),
+    [
+        (7.9, Kind.ACCELEROMETER_SCALE),
+        (3.4, Kind.ACCELEROMETER_SCALE),
+        (10.65, Kind.ACCELEROMETER_BIAS),
+    ],
+)
+def test_an_accelerometer_that_does_not_show_gravity_at_rest(force, kind):
+    assert kind in kinds(standing(force=force))
+    assert not set(kinds(standing(force=9.5))) & {kind}
+
+
+def test_a_dead_compass_is_told_once_and_nothing_is_fitted_to_it():
+    frozen = np.tile([40.0, 3.0, -12.0], (len(T_S), 1))
+    rows = CompassRows(0, 0.0, DURATION_S, 1200, 0, False, True)
+    flown = with_imu(flight(compass_rows=(rows,)), m_b_ut=frozen)
+    analysis = analyse(flown)
+    assert {one.kind for one in analysis.findings} == {Kind.COMPASS_DEAD}
+    assert not analysis.fields
+
+
+@pytest.mark.parametrize(("begins_s", "kind"), [(0.0, "whole flight"), (60.0, "grew")])
+def test_vibration_is_held_against_the_same_flight(begins_s, kind):
+    flown = multirotor()
+    first = flown.context.imus[0]
+    shaken = np.random.default_rng(5).normal(0.0, 6.0, first.f_b.shape)
+    f_b = first.f_b + np.where((first.t_s > begins_s)[:, None], shaken, 0.0)
+    found = kinds(with_imu(flown, f_b=f_b))[Kind.VIBRATION]
+    assert kind in found.text
+    if begins_s:
+        assert found.from_s == pytest.approx(begins_s, abs=2.5)
+
+
+def test_the_battery_is_told_by_number_by_text_and_by_its_voltage():
+    fault = Fault(60.0, "battery", 1, "battery failsafe")
+    assert kinds(multirotor(faults=(fault,)))[Kind.BATTERY].from_s == 60.0
+    said = Said(60.0, Severity.WARNING, "Low battery")
+    assert kinds(multirotor(said=(said,)))[Kind.BATTERY].from_s == 60.0
+    volts = np.where(T_S > 80.0, 10.0, 15.0)
+    unknown = np.full(len(T_S), np.nan)
+    battery = Battery(0, T_S, volts, unknown, unknown)
+    low = multirotor(batteries=(battery,), parameters={"BATT_LOW_VOLT": 10.5})
+    assert kinds(low)[Kind.BATTERY].from_s == pytest.approx(80.0, abs=0.1)
+    assert Kind.BATTERY not in kinds(multirotor(batteries=(battery,)))
+
+
+# --- the verdict --------------------------------------------------------------------------------
+
+
+def test_nothing_wrong_names_what_was_and_was_not_looked_at():
+    text = said_of(flight())
+    assert text.startswith("Nothing was found wrong. Looked at: crash and landing, IMUs")
+    assert "Not looked at: no demands, no motor outputs" in text
+
+
+def test_what_our_own_attitude_says_of_itself_is_no_fault_of_the_vehicle():
+    sensor = Sensor(SensorKind.GPS)
+    own = Finding(
+        Kind.ATTITUDE_VELOCITY, sensor, Severity.ERROR, 50.0, 60.0, 9.0, "deg", "text", "evidence",
+        "attitude_velocity.gps.1",
+    )  # fmt: skip
+    flown = flight()._replace(findings=(own,))
+    links = chain(flown, Analysis())
+    assert links.own == {own.id}
+    assert links.findings[0].severity is Severity.NOTICE
+    assert said_of(flown).startswith("Nothing was found wrong.")
+
+
+def test_what_follows_an_impact_folds_under_it():
+    flown = tipped(multirotor(), 60.0)
+    late = Finding(
+        Kind.CLIPPING, Sensor(SensorKind.IMU, 1), Severity.ERROR, 60.5, 61.0, 9.0, "%", "text", "",
+        "clipping.imu1.1",
+    )  # fmt: skip
+    before = late._replace(kind=Kind.GPS_LOST, sensor=Sensor(SensorKind.GPS), id="b", from_s=20.0)
+    flown = flown._replace(findings=(late, before))
+    links = chain(flown, analyse(flown))
+    found = {one.kind: one for one in links.findings}
+    assert found[Kind.CLIPPING].cause == found[Kind.CRASH].id
+    assert found[Kind.GPS_LOST].cause is None
+
+
+def test_a_log_that_ends_in_the_air_says_so():
+    height = Series(T_S, np.clip(T_S - 20.0, 0.0, 30.0) - np.clip(T_S - 116.0, 0.0, None) * 4.0)
+    flown = multirotor(baro_height_m=height)
+    assert "The log ends in the air, 16 m above where it began, sinking at 4 m/s." in said_of(flown)
+    down = multirotor(baro_height_m=height._replace(values=0.0 * height.values))
+    assert "ends in the air" not in said_of(down)
+
+
+@pytest.mark.parametrize(("left_s", "is_then"), [(58.0, True), (20.0, False)])
+def test_a_crash_on_take_off_is_called_so(left_s, is_then):
+    airborne = Series(np.array([0.0, left_s]), np.array([0.0, 1.0]))
+    text = said_of(tipped(multirotor(airborne=airborne), 60.0))
+    assert text.startswith("Crashed on take-off at 60 s") == is_then
+
+
+def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
+    flown = multirotor()
+    sensors = {
+        Kind.GYRO_BIAS: (Sensor(SensorKind.IMU, 1), 12.0),
+        Kind.LOSS_OF_CONTROL: (Sensor(SensorKind.VEHICLE), 90.0),
+    }
+    some = tuple(
+        Finding(
+            kind, sensor, Severity.ERROR, 50.0, 60.0, size, "deg", "text", "", f"{kind}.1",
+        )
+        for kind, (sensor, size) in sensors.items()
+    )  # fmt: skip
+    links = chain(flown._replace(findings=some), Analysis())
+    lost = next(one for one in links.findings if one.kind is Kind.LOSS_OF_CONTROL)
+    assert (lost.cause, lost.severity) == ("gyro_bias.1", Severity.NOTICE)
