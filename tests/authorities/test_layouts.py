@@ -12,9 +12,8 @@ import pytest
 from mcap.reader import make_reader
 from needs import REPOSITORY, need_package
 
-from h2nav.integrity.findings import Finding
 from h2nav.io.log_schema import record_format
-from h2nav.service.judgement import TOPIC as FINDING_TOPIC
+from h2nav.service.records import FINDING_TOPIC, FindingRecord
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 LAYOUTS = REPOSITORY / "packaging" / "layouts"
@@ -39,7 +38,7 @@ def channels(log):
     with log.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     found = {
-        FINDING_TOPIC: fields(record_format(Finding).schema)
+        FINDING_TOPIC: fields(record_format(FindingRecord).schema)
     }  # nothing was wrong in this flight
     for channel in summary.channels.values():
         schema = summary.schemas.get(channel.schema_id)
