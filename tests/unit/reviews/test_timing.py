@@ -131,8 +131,19 @@ def test_bursts_that_a_link_held_back_are_told_and_are_no_gaps():
 def test_slow_recordings_say_so():
     flown = flight()
     first = flown.context.imus[0]
-    found = analyse(with_imu(flown, **kept(first, np.arange(0, len(first.t_s), 10)))).findings
-    assert [f.kind for f in found if f.kind == "imu_slow"]
+    seldom = with_imu(flown, **kept(first, np.arange(0, len(first.t_s), 10)))
+    kinds = {f.kind for f in analyse(seldom._replace(kind="tlog")).findings}
+    assert "imu_slow" in kinds
+    assert "imu_too_slow" not in kinds
+
+
+def test_an_autopilots_own_log_that_aliases_names_the_setting():
+    flown = flight(parameters={"LOG_BITMASK": 176126.0})
+    first = flown.context.imus[0]
+    seldom = with_imu(flown, **kept(first, np.arange(0, len(first.t_s), 4)))
+    (found,) = [f for f in analyse(seldom).findings if f.kind == "imu_too_slow"]
+    assert found.size == pytest.approx(25.0, abs=0.5)
+    assert "LOG_BITMASK 700414 (now 176126)" in found.evidence
 
 
 def test_the_picture_shows_rate_and_gap():
