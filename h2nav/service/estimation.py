@@ -40,6 +40,8 @@ from h2nav.wire.vehicle import ParameterValue, Vibration
 LOOK_NS = 50_000_000
 # A new epoch reaches every lane within this time.
 EPOCH_NS = 10 * SECOND_NS
+# Two lanes whose attitudes differ.
+APART_RAD = math.radians(2.0)
 
 
 class Outcome(NamedTuple):
@@ -389,12 +391,14 @@ class Estimation:
         """Of two lanes whose gyros agree: the compass of the worse one is what is wrong.
 
         There is nothing else where their forces agree too, or where the same turn agrees with the
-        field of the one and contradicts that of the other.
+        field of the one and contradicts that of the other. Two attitudes that are hardly apart show
+        nothing of a compass.
         """
         (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
         turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
-        return twins.rates_agree and (twins.forces_agree or turns_apart)
+        is_apart = math.hypot(*_apart(worse, lane)) > APART_RAD
+        return is_apart and twins.rates_agree and (twins.forces_agree or turns_apart)
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
         row = lane.imu_message

@@ -74,6 +74,12 @@ def test_a_compass_that_is_turned_is_named_as_the_cause():
     assert not any("stuck" in text for _, text in replayed.notices)
 
 
+def test_a_bias_that_both_gyros_get_is_not_put_on_a_compass():
+    replayed = Replayed(shared_data("flights/bias_steps.tlog"), Configuration())
+    switches = [text for _, text in replayed.notices if "instead of" in text]
+    assert not any("compass" in text for text in switches)
+
+
 def test_a_rover_whose_integers_repeat_has_sound_sensors():
     """deg; EKF3: .17 of tilt."""
     replayed = Replayed(shared_data("flights/rover_raw.tlog"), Configuration())
