@@ -94,7 +94,7 @@ def test_an_hour_at_400_hz_shows_no_drift(tmp_path: Path) -> None:
             reference.start(np.array(start.q_nb, dtype=float))
             table, integers = table[1:], integers[1:]
         results = np.empty((len(table), RESULT_COLUMNS), dtype=np.int32)
-        step.run(memory, gains, integers, results)
+        step.run((memory, gains), integers, results)
         expected = reference.run(table)
         q = results[:, :4] / np.linalg.norm(results[:, :4].astype(float), axis=1)[:, None]
         q *= np.sign(np.sum(q * expected[:, Q], axis=1))[:, None]
