@@ -465,6 +465,9 @@ def _compare(
     shares = tuple((cause, math.exp(one - best) / whole) for cause, one in odds.items())
     x, y, z = _unknowns(gyro, of_rate)[_RATE : _RATE + 3]
     u, v = _unknowns(force, of_force)[_FORCE : _FORCE + 2]
+    if errors.force_density > SHAKING_DENSITY:
+        # Samples of a shaken force do not show its mean: nothing is to be learnt anew from them.
+        x = y = z = u = v = 0.0
     return Explained(max(best - none.likelihood, 0.0), shares, (x, y, z), (u, v, 0.0))
 
 
