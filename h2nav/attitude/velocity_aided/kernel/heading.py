@@ -19,6 +19,7 @@ MODEL_SHARE = 0.02
 MODEL_TIME = 40.0  # s
 # A mean of so long shows an offset: by norm and dip together, in deviations of the calibration's.
 SHOWN_TIME = 2.0  # s
+SLOW_SAMPLE = 0.0225  # s: a tilt that so few samples carry says little of norm and dip
 SHOWN_SIGMAS_2 = 8.0
 OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
 
@@ -69,10 +70,10 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if lost < 0.0 and s.heading_witnessed == 0.0:
         turn_heading(s, w, g, innovation)
         return FIELD_USED
-    in_flight = 0.0
-    if sample.rest_prior == 0.0:
-        in_flight = 1.0
-    measure_heading(s, w, g, innovation, age, in_flight)
+    is_carried = 0.0
+    if sample.rest_prior == 0.0 and sample.dt_s < SLOW_SAMPLE:
+        is_carried = 1.0
+    measure_heading(s, w, g, innovation, age, is_carried)
     return FIELD_USED
 
 
@@ -318,7 +319,7 @@ def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
 
 
 def measure_heading(
-    s: State, w: Workspace, g: Gains, innovation: float, age: float, in_flight: float
+    s: State, w: Workspace, g: Gains, innovation: float, age: float, is_carried: float
 ) -> None:
     """Theta, and the field's offset, from a heading that is seen through the tilt error.
 
@@ -334,7 +335,7 @@ def measure_heading(
         for i in range(3):
             w.doffset[i] = 0.0
         measure_all(s, w, w.jacobian, w.jacobian_accel, 0.0, innovation, noise, 0.0)
-        if s.mag_ref_given > 0.0 and in_flight > 0.0:
+        if s.mag_ref_given > 0.0 and is_carried > 0.0:
             measure_level_field(s, w, age)
             doubt_offset(s, w, g)
         correct_offset(s, w)
