@@ -50,6 +50,8 @@ from h2nav.maths.units import DEG
 
 MG_PER_UT = 10.0
 FEWEST_ROWS = 50
+# More than an offset asks for 15 s of each half of the blocks.
+FEWEST_RICH_ROWS = 75
 # Half a circle of headings shows the middle of it.
 WIDEST_GAP_DEG = 180.0
 # A compass that measures follows the turns: so much of what the earth's field moves in the body.
@@ -263,7 +265,8 @@ def _unseen_ut(subject: Subject, model: Model) -> float:
     found = []
     for half in (0, 1):
         seen, unseen = rows.part(block == half), rows.part(block != half)
-        if min(len(seen.t_s), len(unseen.t_s)) < FEWEST_ROWS // 2:
+        least = FEWEST_ROWS // 2 if model == Model() else FEWEST_RICH_ROWS
+        if min(len(seen.t_s), len(unseen.t_s)) < least:
             return math.inf
         fit = _fit_of(seen, settings, model)
         found.append(_typical_ut(_with_heading(unseen, fit.correction, lever)))

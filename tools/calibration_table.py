@@ -1,0 +1,94 @@
+"""Prints the tables of docs/calibrate.md: offsets that were told and found, and halves of flights.
+
+    python tools/calibration_table.py told DIR
+    python tools/calibration_table.py halves FLIGHT...
+
+DIR holds the recordings of simulators that were told to be wrong. A half: offsets are fitted to the
+first half of a flight; residual and heading are those of the second half, against the simulator's
+truth where there is one, else against the attitude without a compass.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from h2nav.apps.playback import Wishes
+from h2nav.apps.reviewing import evidence_of
+from h2nav.calibration.evidence import Evidence
+from h2nav.calibration.field_fit import COUNT, OFFSET, Correction, FieldRows, fitted
+from h2nav.calibration.field_rows import earth_at, field_rows
+from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
+from h2nav.calibration.vehicle import calibrate
+from h2nav.flightlogs.opening import open_flight
+from h2nav.maths.units import DEG
+from h2nav.reviews.inertial import attitudes, conjugate, rotate
+
+MG_PER_UT = 10.0
+# As every ArduPilot simulator starts.
+DEFAULTS = {"COMPASS_OFS_X": 5.0, "COMPASS_OFS_Y": 13.0, "COMPASS_OFS_Z": -18.0}
+DEFAULTS |= {"COMPASS_EXTERNAL": 1.0, "COMPASS_ORIENT": 0.0}
+TOLD = ("hard_iron_from_boot", "compass_1_turned", "compass_1_hard_iron", "px4_hard_iron")
+
+
+def told(folder: Path) -> None:
+    """What simulators were told stands in the README of the recordings."""
+    for name in TOLD:
+        parameters = {} if name.startswith("px4") else DEFAULTS
+        flight = evidence_of(open_flight(folder / f"{name}.tlog"), Wishes(), parameters)
+        found = calibrate([flight]).outcomes[0]
+        values = ", ".join(f"{change.name} {change.new:.0f}" for change in found.changes)
+        figures = found.figures
+        before, after = figures["residual_before_mg"], figures["residual_after_mg"]
+        print(f"{name}: {values or '; '.join(found.notes)}; residual {before:.0f} -> {after:.0f}")
+
+
+def halves(path: Path) -> None:
+    """All compasses of a flight."""
+    flight = evidence_of(open_flight(path), Wishes(), {})
+    for track in flight.compasses():
+        own = flight.parameters
+        settings = (
+            px4_compass(own, track.compass, track.device_id)
+            if flight.autopilot == "PX4"
+            else ardupilot_compass(own, track.compass)
+        )
+        rows = field_rows(flight, track, settings, 0)
+        if rows is None:
+            continue
+        settings = settings or CompassSettings(track.compass, 0)
+        middle = 0.5 * (rows.t_s[0] + rows.t_s[-1])
+        first, second = rows.part(rows.t_s < middle), rows.part(rows.t_s >= middle)
+        free = np.zeros(COUNT, dtype=bool)
+        free[OFFSET] = True
+        nothing = np.zeros(len(first.t_s))
+        new = fitted(first, settings.correction, free, nothing).correction
+        shown = " -> ".join(_scored(flight, second, each) for each in (settings.correction, new))
+        print(f"{path.stem} compass {track.compass + 1}: {shown}")
+
+
+def _scored(flight: Evidence, rows: FieldRows, correction: Correction) -> str:
+    """Rms of the residual and of the heading that the compass shows."""
+    truth, earth_n = flight.context.truth, earth_at(flight.flight.earth, rows.t_s)
+    expected = rows.earth_ut
+    if truth is not None:
+        q = flight.trim.of_board(attitudes(truth.t_s, truth.q_nb).at(rows.t_s))
+        expected = rotate(conjugate(q), earth_n)
+    good = np.isfinite(expected.sum(axis=1))
+    field = correction.corrected(rows.raw_ut, np.zeros(len(rows.t_s)))[good]
+    expected, down = expected[good], rows.down[good]
+    residual = math.sqrt(float(((field - expected) ** 2).sum(axis=1).mean())) * MG_PER_UT
+    across = (np.cross(expected, field) * down).sum(axis=1)
+    level = (field * expected).sum(axis=1)
+    level -= (field * down).sum(axis=1) * (expected * down).sum(axis=1)
+    heading = math.sqrt(float((np.arctan2(across, level) ** 2).mean())) / DEG
+    return f"{residual:.1f} mG {heading:.2f} deg"
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "told":
+        told(Path(sys.argv[2]))
+    else:
+        for name in sys.argv[2:]:
+            halves(Path(name))
