@@ -57,6 +57,8 @@ MOMENTS = 8  # at which a velocity may have begun to be false
 SHAKEN = 4.0
 SHAKEN_DENSITY = 1e-3
 SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blows
+# Beyond it an error of the heading is no small angle.
+KNOWN_HEADING_RAD = 10.0 * DEG
 # Odds of a decision, and of there being a cause at all: one wrong in a thousand.
 DECIDED = 1000.0
 # A cause that is not the only one takes effect by its probability, from these odds against none on.
@@ -458,6 +460,9 @@ def _compare(
     if errors.force_density > SHAKING_DENSITY:
         # What a blow hides of the force is a velocity that jumps: the noise may have made it.
         odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
+    if first.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
+        # A heading of which so little is known makes of the force whatever a false velocity would.
+        odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
     best = max(odds.values())
     whole = math.exp(min(none.likelihood - best, 0.0)) + sum(
         math.exp(one - best) for one in odds.values()

@@ -72,6 +72,9 @@ CONFIRMED_RAD = 15.0 * DEG
 CONFIRMED_RATIO = 0.5
 # ... and stays so as long as the gyro alone would hold it.
 SHOWN_US = 10_000_000
+# Samples further apart alias what shakes a vehicle (propellers from some 30 Hz on).
+SLOW_US = 15_000.0
+SLOW_SHARE = 0.01
 # A field that went into the heading so recently holds it.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -129,6 +132,7 @@ class Monitor:
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
+        self._sample_us, self._period_us = 0, 0.0
         self._shown_us: int | None = None
         self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
         self.ratios = InnovationRatios()
@@ -161,6 +165,9 @@ class Monitor:
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
         """Takes the sample that was checked last and what the filter has made of it, not led."""
         t_us, _, force, _, clipped = sample
+        apart_us = min(t_us - self._sample_us, 2.0 * SLOW_US)
+        self._period_us += SLOW_SHARE * (apart_us - self._period_us)
+        self._sample_us = t_us
         if clipped or force == NO_FORCE:
             # What its windows would show is known already.
             self.restart()
@@ -293,9 +300,12 @@ class Monitor:
     def velocity_is_false(self) -> bool:
         """Nothing but a false velocity explained the contradiction, and the gyro is not in doubt.
 
-        Such a velocity must not be fused: it would bend the attitude.
+        Such a velocity must not be fused: it would bend the attitude. A heading that velocities
+        alone hold says nothing against them, nor do forces that are sampled too slowly to hold
+        what shakes the vehicle.
         """
-        return self._verdict is Cause.VELOCITY and not self.ratios.of_turn > OPEN_RATIO
+        is_decided = self._verdict is Cause.VELOCITY and not self.ratios.of_turn > OPEN_RATIO
+        return is_decided and self._field_holds and self._period_us < SLOW_US
 
     def _open(self) -> None:
         """Takes the errors that measurements show now."""
@@ -328,9 +338,13 @@ class Monitor:
         on_ground = self._vehicle.on_ground is True
         if on_ground or not self._tests["field"].is_raised or not self.ratios.of_field > 1.0:
             return False
+        return self._field_holds or not self._is_confirmed
+
+    @property
+    def _field_holds(self) -> bool:
+        """A field went into the heading just now."""
         now_us, used_us = self._strapdown.t_us, self._field_used_us
-        holds = now_us is not None and used_us is not None and now_us - used_us < FIELD_HOLDS_US
-        return holds or not self._is_confirmed
+        return now_us is not None and used_us is not None and now_us - used_us < FIELD_HOLDS_US
 
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """What is wrong at this time."""
@@ -354,7 +368,10 @@ class Monitor:
         if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
             return []
         since_s = (t_us - self._contradicted_us) * 1e-6
-        alarm = cause_alarm(self._explained, self._verdict, self._imu, since_s)
+        decided = self._verdict if self._period_us < SLOW_US else None
+        if decided is Cause.VELOCITY and not self.velocity_is_false:
+            decided = None
+        alarm = cause_alarm(self._explained, decided, self._imu, since_s)
         return [] if alarm.kind in told else [alarm]
 
     def _velocity_alarm(self, since_s: float) -> Alarm:
