@@ -15,13 +15,14 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.force_steps import REACH_S, look_at_force_steps
 from h2nav.reviews.gyro_scale import look_at_gyro_scale
 from h2nav.reviews.impacts import Impact, binned, impacts, look_at_crash_checks, look_at_impacts
-from h2nav.reviews.inertial import Mask, best_attitude, slowed
+from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
 from h2nav.reviews.motors import look_at_motors
 from h2nav.reviews.receiver import look_at_receiver, moves_of
+from h2nav.reviews.receiver_fit import fits
 from h2nav.reviews.sensor_bias import look_at_biases, measuring
 from h2nav.reviews.shaking import look_at_shaking
 from h2nav.reviews.spectra import look_at_spectra, look_at_vibration
-from h2nav.reviews.standstill import NEVER, Rest, look_at_rest, rest_of
+from h2nav.reviews.standstill import NEVER, Rest, bias_at_rest, look_at_rest, rest_of
 from h2nav.reviews.supply import look_at_supply
 from h2nav.reviews.timing import look_at_pauses, look_at_slow_log, look_at_timing, pauses
 from h2nav.reviews.tracks import (
@@ -62,8 +63,8 @@ class Analysis(NamedTuple):
         receivers: one per receiver.
         impacts: crashes and hard landings, in order.
         rests: while it stood still, by the number of the IMU, from 0.
-        misjudged: ids of findings of the checks in flight that blame the autopilot where our own
-            attitude is wrong.
+        misjudged: ids of findings of the checks in flight that blame autopilot or receiver where
+            our own attitude is wrong.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -145,7 +146,10 @@ def analyse(flight: Flight) -> Analysis:
         receivers.append(receiver)
         found += own
     found += look_at_estimators(context, first, best, flight.findings, rest)
-    wrong = misjudged(context, first, best, rest, flight.findings)
+    wrong = [
+        *misjudged(context, first, best, rest, flight.findings),
+        *_acquitted(flight, context, first, best, rest),
+    ]
     return analysis._replace(
         findings=tuple(sorted([*analysis.findings, *found], key=lambda f: f.from_s)),
         fields=tuple(fields),
@@ -156,6 +160,22 @@ def analyse(flight: Flight) -> Analysis:
         rests=rests,
         misjudged=frozenset(one.id for one in wrong),
     )
+
+
+def _acquitted(
+    flight: Flight,
+    context: Context,
+    track: ImuTrack | None,
+    best: Attitudes | None,
+    rest: Rest,
+) -> list[Finding]:
+    """Velocities that the checks in flight blame, and that fit with another heading of ours."""
+    blamed = [one for one in flight.findings if one.kind is Kind.GPS_VELOCITY]
+    moves = [moves_of(_fixes(gps)) for gps in context.gps[:1]]
+    if not blamed or track is None or best is None or not moves or len(moves[0].t_s) < 2:
+        return []
+    bias = bias_at_rest(rest)
+    return [one for one in blamed if fits(one, moves[0], track, best, bias, 0.0)]
 
 
 def _of_vehicle(

@@ -86,7 +86,8 @@ def fits(
     if len(known) <= np.count_nonzero(np.isinf(blamed)) or not len(all_known):
         return False
     limit = TIMES * min(float(np.median(all_known)), USUAL_M_S)
-    return bool(known.max() < max(limit, LEAST_M_S, SHARE * one.size))
+    share = SHARE * one.size if one.unit == "m/s" else 0.0
+    return bool(known.max() < max(limit, LEAST_M_S, share))
 
 
 def _spread(wanted: Mask) -> NDArray[np.intp]:

@@ -338,3 +338,16 @@ def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
     links = chain(flown._replace(findings=some), Analysis())
     lost = next(one for one in links.findings if one.kind is Kind.LOSS_OF_CONTROL)
     assert (lost.cause, lost.severity) == ("gyro_bias.1", Severity.NOTICE)
+
+
+@pytest.mark.parametrize("drift_m_s2", [0.0, 3.0])
+def test_a_receiver_that_is_blamed_in_flight_is_acquitted_where_it_fits(drift_m_s2):
+    blame = Finding(
+        Kind.GPS_VELOCITY, Sensor(SensorKind.GPS), Severity.WARNING, 60.0, 75.0, 1.0, "", "text",
+        "", "gps_velocity.gps.1",
+    )  # fmt: skip
+    flown = flight()._replace(findings=(blame,))
+    gps = flown.context.gps[0]
+    v_n = gps.v_n + drift_m_s2 * np.clip(gps.t_s - 60.0, 0.0, 15.0)[:, None]
+    context = flown.context._replace(gps=(gps._replace(v_n=v_n),))
+    assert (blame.id in analyse(flown._replace(context=context)).misjudged) == (drift_m_s2 == 0.0)
