@@ -1,9 +1,9 @@
 """What values others may give us: limits, and complaints about keys and values that break them.
 
 Limits stand in the annotations of settings, ``rate_hz: Annotated[float, Within(1, 1000)]``, where
-the strict loader (`h2nav.io.strict_yaml`) enforces them, or in tables of a section's numbers, which
-`numbers_within` takes. Every complaint names the place, the key and the remedy. All of this lives
-below every room, so that each room can state the limits of its own inputs.
+the strict loader (`h2nav.files.strict_yaml`) enforces them, or in tables of a section's numbers,
+which `numbers_within` takes. Every complaint names the place, the key and the remedy. All of this
+lives below every room, so that each room can state the limits of its own inputs.
 """
 
 import difflib

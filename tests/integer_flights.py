@@ -16,7 +16,7 @@ from h2nav.attitude.samples import (
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 FLYING = VehicleState(on_ground=False)
 GROUND = VehicleState(on_ground=True)

@@ -3,7 +3,7 @@
 import select
 from collections.abc import Iterator
 
-from h2nav.io.links import Link
+from h2nav.links.links import Link
 
 WAIT_S = 5.0  # far beyond any loopback delay; reached only when the test fails anyway
 MS = 1_000_000

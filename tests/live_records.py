@@ -8,12 +8,11 @@ from contextlib import contextmanager
 
 from h2nav.integrity.findings import Severity
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.io.deframer import DeframerCounters
-from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.live_feed import FeedRecord
-from h2nav.io.recorder import RecorderRecord
+from h2nav.links.link_statistics import LinkStatistics
+from h2nav.links.live_feed import FeedRecord
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
+from h2nav.log.recorder import RecorderRecord
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.service.records import (
@@ -25,6 +24,7 @@ from h2nav.service.records import (
     RejectionRecord,
     StatusRecord,
 )
+from h2nav.wire.deframer import DeframerCounters
 
 WAIT_S = 30.0
 UNIX_NS = 1_795_000_000_000_000_000

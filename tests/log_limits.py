@@ -5,7 +5,7 @@ from typing import Any
 
 from h2nav.apps.configuration import LogSettings
 from h2nav.apps.log_contents import log_limits
-from h2nav.io.log_folder import LogLimits
+from h2nav.log.folder import LogLimits
 
 
 def limits(**changes: Any) -> LogLimits:

@@ -5,7 +5,9 @@ import math
 import numpy as np
 from needs import DEG
 
-from h2nav.flightlogs.context import (
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.recordings.context import (
     AttitudeTrack,
     Battery,
     Context,
@@ -17,8 +19,6 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
-from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.ratios import InnovationRatios
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.document import document
 from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios

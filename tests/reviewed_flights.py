@@ -6,7 +6,8 @@ import math
 import numpy as np
 
 from h2nav.evaluation.rows import product
-from h2nav.flightlogs.context import (
+from h2nav.maths.units import DEG
+from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
     Context,
@@ -15,7 +16,6 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
-from h2nav.maths.units import DEG
 from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios
 from h2nav.reviews.inertial import conjugate, exponential, rotate
 from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuModel, Readings, readings

@@ -3,8 +3,8 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import raw_imu
 
-from h2nav.io.deframer import Deframer, Frame
-from h2nav.io.signing import EPOCH_UNIX_NS, NS_PER_STAMP
+from h2nav.wire.deframer import Deframer, Frame
+from h2nav.wire.signing import EPOCH_UNIX_NS, NS_PER_STAMP
 
 KEY = bytes(range(32))
 NOW_STAMP = 37_000_000_000_000  # in 2026

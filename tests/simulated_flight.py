@@ -12,11 +12,9 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.evaluation.reference import ErrorTable, Reference
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.recorder import Recorder
+from h2nav.log.recorder import Recorder
 from h2nav.service.aiding import EarthFieldAt
 from h2nav.service.records import EstimateRecord, HealthRecord, estimate_record
 from h2nav.service.service import Service, Surroundings
@@ -28,6 +26,8 @@ from h2nav.sim.imu_model import MPU_9250, ImuParameters
 from h2nav.sim.personalities import ARDUPILOT, Personality
 from h2nav.sim.scenarios import Scenario, scenario
 from h2nav.sim.streams import Stream
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer, Frame
 
 START_NS = 1_000_000_000_000
 STEP_NS = 1_000_000

@@ -21,7 +21,7 @@ from h2nav.attitude.samples import (
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.maths import quaternion
 
 GAINS = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")

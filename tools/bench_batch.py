@@ -24,7 +24,7 @@ from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 RATE_HZ = 100.0
 LOOPED = 50_000  # samples for what is called one by one

@@ -18,7 +18,7 @@ from h2nav.attitude.samples import ImuSample
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 RATE_HZ = 100
 

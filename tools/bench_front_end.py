@@ -7,9 +7,9 @@ import argparse
 import time
 from pathlib import Path
 
-from h2nav.io.deframer import Deframer
-from h2nav.io.frame_scan import FrameScan
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.frame_scan import FrameScan
 
 ROUNDS = 3
 

@@ -29,12 +29,12 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame
-from h2nav.io.earth_field import earth_field_at
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings, OutputSettings
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.readers import READERS
 
 RAW_IMU = mavlink.MAVLINK_MSG_ID_RAW_IMU

@@ -47,7 +47,7 @@ IN_A_THREAD = """
 import asyncio, sys, threading
 from h2nav.apps import live_view
 from h2nav.cli import main
-from h2nav.io.live_feed import FeedReader
+from h2nav.links.live_feed import FeedReader
 from h2nav.live.viewer import _show
 
 class Thread:

@@ -23,9 +23,9 @@ from pathlib import Path
 
 from h2nav.apps.configuration import LogSettings
 from h2nav.apps.log_contents import log_limits
-from h2nav.io.log_folder import our_logs
-from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import open_recording
+from h2nav.log.folder import our_logs
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.recording import open_recording
 from h2nav.service.records import EstimateRecord, ImuRecord
 
 START_NS = 1_795_260_679_845_863_513
@@ -36,7 +36,7 @@ WRITER = """
 import mmap, struct, sys, time
 from h2nav.apps.configuration import LogSettings
 from h2nav.apps.log_contents import log_limits
-from h2nav.io.recorder import Recorder
+from h2nav.log.recorder import Recorder
 with open(sys.argv[2], "w+b") as mark:
     mark.write(bytes(16)); mark.flush()
     shared = mmap.mmap(mark.fileno(), 16)

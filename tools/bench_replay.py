@@ -15,9 +15,9 @@ from h2nav.apps.playback import Playback, Wishes
 from h2nav.apps.reviewing import review
 from h2nav.attitude.native import backend
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.flightlogs.opening import open_flight
 from h2nav.integrity.findings import Severity
-from h2nav.io.deframer import Frame
+from h2nav.recordings.opening import open_flight
+from h2nav.wire.deframer import Frame
 
 
 class Nobody:

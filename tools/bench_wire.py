@@ -13,8 +13,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import Deframer
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer
 
 PIECE = 4096  # bytes fed at once, about what one read of a busy link brings
 FRAMES = 10_000

@@ -21,8 +21,8 @@ from h2nav.calibration.field_fit import COUNT, OFFSET, Correction, FieldRows, fi
 from h2nav.calibration.field_rows import earth_at, field_rows
 from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
 from h2nav.calibration.vehicle import calibrate
-from h2nav.flightlogs.opening import open_flight
 from h2nav.maths.units import DEG
+from h2nav.recordings.opening import open_flight
 from h2nav.reviews.inertial import attitudes, conjugate, rotate
 
 MG_PER_UT = 10.0

@@ -21,8 +21,8 @@ from integrity_table import ALARM_FLIGHT_S, RECORDINGS, RECOVERY_S, Failure, sim
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
-from h2nav.flightlogs.opening import open_flight
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.recordings.opening import open_flight
 from h2nav.sim.autopilot import AutopilotOptions
 from h2nav.sim.personalities import ARDUPILOT, PX4
 from h2nav.sim.scenarios import SCENARIOS, scenario

@@ -12,9 +12,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.cli import main as h2nav
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -29,17 +29,17 @@ from h2nav.evaluation.flights.truth import Truth, truth_of
 from h2nav.evaluation.parallel import results
 from h2nav.evaluation.rows import from_euler
 from h2nav.evaluation.scoring import BEYOND
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import FAULT_KINDS, parse_fault
 from h2nav.sim.personalities import ARDUPILOT, PX4
 from h2nav.sim.scenarios import SCENARIOS, scenario
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer, Frame
 
 SECOND_NS = 1_000_000_000
 START_NS = 1_000 * SECOND_NS

@@ -53,7 +53,10 @@ ROOMS = {
     "service": Room(
         ("h2nav/service/**/*.py",), ("tests/unit/service", "tests/wire", "tests/scenarios")
     ),
-    "io": Room(("h2nav/io/**/*.py",), ("tests/unit/io", "tests/wire", "tests/unit/apps")),
+    "wire": Room(("h2nav/wire/**/*.py",), ("tests/unit/wire", "tests/wire", "tests/unit/service")),
+    "links": Room(("h2nav/links/**/*.py",), ("tests/unit/links", "tests/wire", "tests/unit/apps")),
+    "log": Room(("h2nav/log/**/*.py",), ("tests/unit/log", "tests/unit/apps")),
+    "recordings": Room(("h2nav/recordings/**/*.py",), ("tests/unit/recordings", "tests/unit/apps")),
     "motion": Room(
         ("h2nav/motion/**/*.py",),
         (

@@ -10,7 +10,7 @@ from typing import Any
 
 from h2nav.attitude.velocity_aided.gains import CRUISE_SPEED, LIMITS, VEHICLE_CLASSES
 from h2nav.attitude.velocity_aided.parameters import PARAMETERS
-from h2nav.io.plain_yaml import read_mapping
+from h2nav.files.plain_yaml import read_mapping
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "gains" / "models"

@@ -27,13 +27,13 @@ from sweep.recordings import FaultyLog, simulated_tlog, write_tlog
 from h2nav.apps.playback import Wishes
 from h2nav.apps.reviewing import review
 from h2nav.evaluation.parallel import results
-from h2nav.flightlogs.autopilot_log import AutopilotLog
-from h2nav.flightlogs.context import Context, Span
-from h2nav.flightlogs.opening import Source, open_flight
-from h2nav.flightlogs.telemetry import read_context
 from h2nav.integrity.findings import Finding, SensorKind, Severity
-from h2nav.io.recordings import Recording
 from h2nav.maths.units import DEG
+from h2nav.recordings.autopilot_log import AutopilotLog
+from h2nav.recordings.context import Context, Span
+from h2nav.recordings.opening import Source, open_flight
+from h2nav.recordings.recording import Recording
+from h2nav.recordings.telemetry import read_context
 
 EARLY_S = 15.0
 # After a take-off, before the end; and how long a vehicle has to stand with its motors armed.

@@ -27,14 +27,14 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.log_contents import open_recorder
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.recorder import Recorder
+from h2nav.links.link_statistics import LinkStatistics
+from h2nav.log.recorder import Recorder
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer, Frame
 
 SECOND_NS = 1_000_000_000
 UNIX_S = 1_795_000_000

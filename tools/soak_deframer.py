@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.deframer import Deframer, DeframerCounters
+from h2nav.wire.deframer import Deframer, DeframerCounters
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from wire_frames import FrameMaker, drop_bytes, flip_bits, highres_imu, raw_imu

@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import Deframer
-from h2nav.io.signing import SignatureChecker, Signer
 from h2nav.sim.autopilot import IDENTITY, FakeAutopilot, Outgoing
 from h2nav.sim.delivery import Delivery
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.signing import SignatureChecker, Signer
 
 LONGEST_CATCH_UP_NS = 500_000_000
 

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from h2nav.apps.reviewing import evidence_of
     from h2nav.calibration.files import Format, format_of, written
     from h2nav.calibration.vehicle import calibrate, document_of
-    from h2nav.flightlogs.opening import open_flight
+    from h2nav.recordings.opening import open_flight
 
     parameters = {} if args.parameters is None else read_parameters(args.parameters)
     evidence = []

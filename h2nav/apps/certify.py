@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _checked(path_or_name: str) -> dict[str, object]:
     """What is to be said of one file; a file that cannot be read counts as not certified."""
-    from h2nav.io import gain_files
+    from h2nav.files import gain_files
     from h2nav.synthesis.kinds import check
 
     try:

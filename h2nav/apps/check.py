@@ -13,7 +13,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
 from h2nav.integrity.preflight import Item
-from h2nav.io.link_urls import FORMS
+from h2nav.links.link_urls import FORMS
 from h2nav.service.service import Service
 from h2nav.service.settings import OutputSettings
 

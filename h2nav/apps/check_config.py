@@ -11,7 +11,7 @@ from h2nav.apps.configuration_schema import configuration_schema
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
-from h2nav.io.signing_keys import read_signing_key
+from h2nav.files.signing_keys import read_signing_key
 
 SCHEMA = "schema.json"
 

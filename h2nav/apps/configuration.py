@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from h2nav.errors import BadInput
-from h2nav.io import plain_yaml, strict_yaml
-from h2nav.io.dialect import LAYOUTS
-from h2nav.io.link_urls import SerialUrl, parse_link_url
-from h2nav.io.listen_address import parse_listen_address
-from h2nav.io.signing import SETUP_SIGNING_ID
+from h2nav.files import plain_yaml, strict_yaml
+from h2nav.links.link_urls import SerialUrl, parse_link_url
+from h2nav.links.listen_address import parse_listen_address
 from h2nav.motion.settings import OdometrySettings, TwistObserverSettings
 from h2nav.service.settings import (
     AidingSettings,
@@ -22,6 +20,8 @@ from h2nav.service.settings import (
     ServiceSettings,
 )
 from h2nav.validation import OneOf, Within
+from h2nav.wire.dialect import LAYOUTS
+from h2nav.wire.signing import SETUP_SIGNING_ID
 
 # Bytes on the wire per message (MAVLink 2, unsigned, as observed), for the bandwidth check.
 HIGHRES_IMU_FRAME_BYTES = 74

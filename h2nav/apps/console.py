@@ -11,10 +11,10 @@ from h2nav.apps.panel import Sight, autopilot_attitude, euler_deg, panel_lines
 from h2nav.apps.terminal_footer import TerminalFooter
 from h2nav.apps.voice import Voice
 from h2nav.attitude.samples import AttitudeEstimate, Quat
+from h2nav.host.host_clock import UnixClock
 from h2nav.integrity.findings import Finding, Phase, Severity, as_mapping
-from h2nav.io.deframer import Frame
-from h2nav.io.host_clock import UnixClock
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord, estimate_record
+from h2nav.wire.deframer import Frame
 
 REFRESH_NS = 200_000_000
 EVENT_NS = 1_000_000_000

@@ -15,10 +15,10 @@ from contextlib import contextmanager
 from types import FrameType
 
 from h2nav.apps.pipeline import Pipeline
+from h2nav.host.host_clock import UnixClock
+from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
-from h2nav.io.host_clock import UnixClock
-from h2nav.io.links import Link
-from h2nav.io.service_manager import ServiceManager
+from h2nav.links.links import Link
 from h2nav.service.effects import Notice
 
 LONGEST_WAIT_NS = 100_000_000

@@ -33,11 +33,11 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.integrity.findings import Severity
-from h2nav.io.deframer import Frame
 from h2nav.service.records import HealthRecord, estimate_record
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.orders import KEYS, key_table
 from h2nav.sim.scenarios import SCENARIOS
+from h2nav.wire.deframer import Frame
 
 DEFAULT_SECONDS = 20.0
 # There is something to look at.

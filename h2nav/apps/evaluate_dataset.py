@@ -16,7 +16,7 @@ from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, SMOOTHED, installed
 from h2nav.evaluation.dataset.scores import Score, Task, score_task, summary
 from h2nav.evaluation.parallel import results
-from h2nav.io.trials import trial_paths
+from h2nav.recordings.trials import trial_paths
 
 _EXAMPLES = """\
 more examples:

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from h2nav import __version__
     from h2nav.attitude.gains.seal import seal
     from h2nav.attitude.record import values
-    from h2nav.io import gain_files
+    from h2nav.files import gain_files
     from h2nav.translate import firmware
 
     path = gain_files.find(args.gains)

@@ -14,12 +14,11 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.parameter_files import read_parameters
 from h2nav.errors import BadInput
-from h2nav.io.link_urls import FORMS
-from h2nav.io.links import Link
-from h2nav.io.server_links import FORMS as SERVER_FORMS
-from h2nav.io.server_links import open_server_link
-from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
-from h2nav.io.signing_keys import read_signing_key
+from h2nav.files.signing_keys import read_signing_key
+from h2nav.links.link_urls import FORMS
+from h2nav.links.links import Link
+from h2nav.links.server_links import FORMS as SERVER_FORMS
+from h2nav.links.server_links import open_server_link
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.calibrations import SOUND, Miscalibration
 from h2nav.sim.faults import parse_fault
@@ -29,6 +28,7 @@ from h2nav.sim.personalities import personality
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.streams import Stream
 from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
+from h2nav.wire.signing import LocalStamp, SignatureChecker, Signer
 
 SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1

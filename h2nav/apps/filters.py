@@ -9,7 +9,7 @@ from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
 from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
-from h2nav.io import gain_files, plain_yaml
+from h2nav.files import gain_files, plain_yaml
 from h2nav.service.autopilot import Identity
 
 FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})

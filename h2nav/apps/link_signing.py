@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav.apps.configuration import SigningSettings
+from h2nav.files.signing_keys import read_signing_key
+from h2nav.files.stamp_file import StampKeeper
 from h2nav.integrity.findings import Severity
-from h2nav.io.deframer import Frame
-from h2nav.io.dialect import LAYOUTS
-from h2nav.io.signing import (
+from h2nav.service.effects import Notice
+from h2nav.wire.deframer import Frame
+from h2nav.wire.dialect import LAYOUTS
+from h2nav.wire.signing import (
     MOST_STREAMS,
     Refusal,
     SignatureChecker,
     Signer,
     without_signature,
 )
-from h2nav.io.signing_keys import read_signing_key
-from h2nav.io.stamp_file import StampKeeper
-from h2nav.service.effects import Notice
 
 TELL_AGAIN_NS = 60_000_000_000
 RECORD_WINDOW_NS = 1_000_000_000

@@ -14,9 +14,9 @@ from pathlib import Path
 from h2nav.apps import extras
 from h2nav.apps.configuration import Configuration
 from h2nav.integrity.findings import Phase, Severity
-from h2nav.io.back_off import BackOff
-from h2nav.io.listen_address import parse_listen_address
-from h2nav.io.live_feed import (
+from h2nav.links.back_off import BackOff
+from h2nav.links.listen_address import parse_listen_address
+from h2nav.links.live_feed import (
     FEED_TOPIC,
     STATUS_TOPIC,
     FeedRecord,

@@ -13,13 +13,13 @@ from h2nav.apps.configuration import Configuration, LogSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude import native
 from h2nav.errors import BadInput
-from h2nav.io import plain_yaml
-from h2nav.io.log_folder import MIB, LogLimits
-from h2nav.io.recorder import Recorder
+from h2nav.files import plain_yaml
+from h2nav.log.folder import MIB, LogLimits
+from h2nav.log.recorder import Recorder
 from h2nav.validation import shown
 
 if TYPE_CHECKING:  # the daemon imports this module, and needs no numpy
-    from h2nav.io.recordings import Recording
+    from h2nav.recordings.recording import Recording
 
 
 CONFIGURATION_NAME = "configuration.yaml"

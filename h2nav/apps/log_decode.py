@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.apps.log_progress import byte_bar
-    from h2nav.io.log_decode import decode_log
+    from h2nav.log.decoding import decode_log
 
     try:
         with byte_bar("decoding") as progress:

@@ -11,7 +11,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.io.channel_tables import ExportResult
+    from h2nav.log.channel_tables import ExportResult
 
 Progress = Callable[[int, int], None]
 
@@ -76,14 +76,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _csv(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
-    from h2nav.io.log_csv import export_csv
+    from h2nav.log.csv_export import export_csv
 
     return _told(export_csv(args.log, args.output, args.topic, progress))
 
 
 def _parquet(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
     extras.require("fleet", "h2nav log export --to parquet", "pyarrow.parquet")
-    from h2nav.flightlogs.log_parquet import export_parquet
+    from h2nav.recordings.log_parquet import export_parquet
 
     return _told(export_parquet(args.log, args.output, args.topic, progress))
 
@@ -100,7 +100,7 @@ def _told(result: "ExportResult") -> tuple[dict[str, Any], list[str]]:
 
 
 def _tum(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
-    from h2nav.io.log_tum import export_tum
+    from h2nav.log.tum_export import export_tum
 
     if len(args.topic) > 1:
         raise BadInput("--topic: one topic at a time can become a trajectory")
@@ -111,7 +111,7 @@ def _tum(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], 
 
 
 def _tlog(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
-    from h2nav.io.log_tlog import export_tlog
+    from h2nav.log.tlog_export import export_tlog
 
     result = export_tlog(args.log, args.output, args.topic, progress)
     line = f"{result.path}: {result.frames} frames, {result.skipped_bytes} other bytes left out"

@@ -10,7 +10,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.io.log_survey import LogSurvey
+    from h2nav.log.survey import LogSurvey
 
 MOST_LISTED = 40
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _surveyed(log: Path) -> "LogSurvey":
     from h2nav.apps.log_progress import byte_bar
-    from h2nav.io.log_survey import survey
+    from h2nav.log.survey import survey
 
     with byte_bar("reading") as progress:
         return survey(log, progress)

@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
-    from h2nav.io.log_repair import recover
-    from h2nav.io.log_survey import require_mcap
+    from h2nav.log.repair import recover
+    from h2nav.log.survey import require_mcap
 
     require_mcap(args.log)
     output = args.output or _default_output(args.log)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Quat
-from h2nav.io.recorder import RecorderRecord
+from h2nav.log.recorder import RecorderRecord
 from h2nav.maths import quaternion
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
 

@@ -10,12 +10,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Finding, Phase, Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer, Frame, PlacedFrame, frame_at
-from h2nav.io.key_blanker import KeyBlanker
-from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.recorder import Recorder
-from h2nav.io.signing import without_signature
+from h2nav.links.link_statistics import LinkStatistics
+from h2nav.log.recorder import Recorder
 from h2nav.service.effects import Effect, Found, Notice, Record, Send, Used
 from h2nav.service.records import (
     FINDING_TOPIC,
@@ -24,11 +20,15 @@ from h2nav.service.records import (
     imu_record,
 )
 from h2nav.service.service import Service
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer, Frame, PlacedFrame, frame_at
+from h2nav.wire.key_blanker import KeyBlanker
 from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
+from h2nav.wire.signing import without_signature
 
 if TYPE_CHECKING:  # loaded where there is a live view
-    from h2nav.io.live_feed import LiveFeed
+    from h2nav.links.live_feed import LiveFeed
 
 LINK_NAME = "autopilot"
 # So many bytes in so long without a frame are no boot text.

@@ -15,15 +15,15 @@ from h2nav.apps.filters import VEHICLE_CLASSES, FilterFactory
 from h2nav.apps.log_contents import RecordedInputs, inputs_of
 from h2nav.apps.pipeline import Observer, Outlets, Pipeline, Watcher
 from h2nav.errors import BadInput
-from h2nav.flightlogs.imported import ImportedLog
-from h2nav.io.arrivals import Arrivals
-from h2nav.io.deframer import DeframerCounters, PlacedFrame
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.frame_scan import FoundFrames, FrameScan
-from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import Recording
+from h2nav.files.earth_field import earth_field_at
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.recording import Recording
 from h2nav.service.lane import FilterFor
 from h2nav.service.service import Service, Surroundings
+from h2nav.wire.arrivals import Arrivals
+from h2nav.wire.deframer import DeframerCounters, PlacedFrame
+from h2nav.wire.frame_scan import FoundFrames, FrameScan
 
 Source = Recording | ImportedLog
 TICK_NS = 100_000_000

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from h2nav.apps.playback import Playback, Wishes, fusing_gps, inputs_for, pipeline_for
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 
 # Ours, by name: fuses the GPS velocity. The first one hears what the autopilot says.
 ESTIMATORS = {"h2nav": True, "h2nav_no_gps": False}

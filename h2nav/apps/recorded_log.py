@@ -8,8 +8,8 @@ from pathlib import Path
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
-from h2nav.io.deframer import Frame
-from h2nav.io.log_reader import is_mcap
+from h2nav.log.reader import is_mcap
+from h2nav.wire.deframer import Frame
 
 Progress = Callable[[int, int], None]
 
@@ -42,8 +42,8 @@ def as_log(path: Path, progress: Progress) -> Iterator[Path]:
 def _replayed(path: Path, log: Path, progress: Progress) -> None:
     from h2nav.apps import playback
     from h2nav.apps.log_contents import attach_inputs
-    from h2nav.flightlogs.opening import open_flight
-    from h2nav.io.recorder import Recorder
+    from h2nav.log.recorder import Recorder
+    from h2nav.recordings.opening import open_flight
 
     recording = open_flight(path)
     inputs = playback.inputs_for(recording, playback.Wishes())

@@ -12,11 +12,11 @@ from h2nav.apps.playback import date_of
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import Listener, trial_of
 from h2nav.evaluation.reference import Reference
-from h2nav.io.deframer import Deframer
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.recordings import Recording, open_recording
-from h2nav.io.trials import RECORDING_SUFFIXES, SUFFIX, Trial, read_trial
+from h2nav.files.earth_field import earth_field_at
+from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.trials import RECORDING_SUFFIXES, SUFFIX, Trial, read_trial
 from h2nav.service.service import Service, Surroundings
+from h2nav.wire.deframer import Deframer
 
 
 class ReadTrial(NamedTuple):

@@ -21,12 +21,12 @@ from h2nav.errors import TaskFailed
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed, smoothed_record
 from h2nav.evaluation.reference import Estimates, Reference
-from h2nav.flightlogs.opening import open_flight
 from h2nav.integrity.findings import Severity, as_mapping
-from h2nav.io.deframer import Frame
-from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import Recording
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.opening import open_flight
+from h2nav.recordings.recording import Recording
 from h2nav.service.records import EstimateRecord, estimate_record
+from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message
 
 ESTIMATE_TOPIC = "/estimate"

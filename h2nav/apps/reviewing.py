@@ -15,11 +15,11 @@ from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.evaluation.dataset.smoothed import smoothed
-from h2nav.flightlogs.autopilot_log import has_enough_samples
-from h2nav.flightlogs.context import Context
-from h2nav.flightlogs.imported import ImportedLog
-from h2nav.flightlogs.opening import Source, open_flight
-from h2nav.flightlogs.telemetry import read_context
+from h2nav.recordings.autopilot_log import has_enough_samples
+from h2nav.recordings.context import Context
+from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.opening import Source, open_flight
+from h2nav.recordings.telemetry import read_context
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.collecting import Collector, EstimateRows, most_trusted
 from h2nav.reviews.document import document

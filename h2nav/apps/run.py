@@ -12,7 +12,7 @@ from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
-from h2nav.io.link_urls import FORMS
+from h2nav.links.link_urls import FORMS
 
 USUAL_ADDRESS = "127.0.0.1:8080"
 

@@ -15,18 +15,18 @@ from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.panel import LogSight, Sight
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
 from h2nav.attitude.native import backend
+from h2nav.files.earth_field import earth_field_at
+from h2nav.host.host_clock import UnixClock
+from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.host_clock import UnixClock
-from h2nav.io.links import open_link
-from h2nav.io.recorder import Recorder
-from h2nav.io.service_manager import ServiceManager
+from h2nav.links.links import open_link
+from h2nav.log.recorder import Recorder
 from h2nav.service.effects import Notice
 from h2nav.service.service import Service, Surroundings
 
 if TYPE_CHECKING:
     from h2nav.apps.live_view import LiveView
-    from h2nav.io.event_socket import EventSocket
+    from h2nav.links.event_socket import EventSocket
 
 CLOSE_WITHIN_S = 1.5
 LET_IN_NS = 100_000_000
@@ -167,7 +167,7 @@ def _event_socket(configuration: Configuration, console: Console) -> "EventSocke
     """Where other programs get the events; None, and nothing is loaded, where nobody wants it."""
     if not configuration.events.socket:
         return None
-    from h2nav.io.event_socket import EventSocket
+    from h2nav.links.event_socket import EventSocket
 
     events = EventSocket(Path(configuration.events.socket))
     console.show_events(events.say)

@@ -15,10 +15,10 @@ from h2nav.apps import configuration as configurations
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import count_bar
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.io import system_unit
-from h2nav.io.link_scan import Hearing, Place, Speaker, scan, serial_place
-from h2nav.io.link_urls import SerialUrl, parse_link_url
-from h2nav.io.serial_ports import PortListing, listed_ports, port_at
+from h2nav.host import system_unit
+from h2nav.links.link_scan import Hearing, Place, Speaker, scan, serial_place
+from h2nav.links.link_urls import SerialUrl, parse_link_url
+from h2nav.links.serial_ports import PortListing, listed_ports, port_at
 from h2nav.service.autopilot import Identity
 from h2nav.wire.readers import message_name
 

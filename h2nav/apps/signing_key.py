@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from h2nav.errors import BadInput
-from h2nav.io.signing_keys import key_of_passphrase, write_signing_key
+from h2nav.files.signing_keys import key_of_passphrase, write_signing_key
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     # cvxpy would go on without a solver, and the gain file without the comparison.
     solvers = map(str.lower, LMI_SOLVERS)
     extras.require("synthesis", "synthesize", "scipy.linalg", "cvxpy", *solvers)
-    from h2nav.io import gain_files
+    from h2nav.files import gain_files
     from h2nav.synthesis.certificate import CertificateError
 
     if not 1.0 <= args.rate <= 4000.0:
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
     """The certified gain file of a model of either kind, and the solvers' times."""
     from h2nav.attitude.gains.envelope import FORMER_KINDS
-    from h2nav.io.plain_yaml import read_mapping
+    from h2nav.files.plain_yaml import read_mapping
     from h2nav.synthesis import sensors, velocity_aided
 
     mapping = read_mapping(path)
@@ -95,8 +95,8 @@ def sensor_model(mapping: dict[str, Any], place: str) -> "SensorModel":
     Raises:
         BadInput: one line per error.
     """
-    from h2nav.io.earth_field import earth_field_at
-    from h2nav.io.strict_yaml import into_record
+    from h2nav.files.earth_field import earth_field_at
+    from h2nav.files.strict_yaml import into_record
     from h2nav.synthesis.model import SensorModel, needs_place, with_field
 
     model = into_record(SensorModel, mapping, place)

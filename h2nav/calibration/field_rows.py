@@ -9,8 +9,8 @@ from h2nav.calibration import rotations
 from h2nav.calibration.evidence import Evidence, series_at
 from h2nav.calibration.field_fit import Array, FieldRows
 from h2nav.calibration.settings import CompassSettings, Lever
-from h2nav.flightlogs.context import CompassTrack
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import CompassTrack
 from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Mask, conjugate, means, rotate, thinned
 

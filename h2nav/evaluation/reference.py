@@ -14,10 +14,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.evaluation.rows import Array, from_euler, wrapped
 from h2nav.evaluation.scoring import errors, honesty, root_mean_square
-from h2nav.io import codec
-from h2nav.io.deframer import Frame
 from h2nav.maths.quaternion import to_euler
+from h2nav.wire import codec
 from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE

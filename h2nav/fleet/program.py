@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 # Code, and what the pages are made with. The compiled kernels are not asked: they give the same
 # bits as the Python ones, and not every worker has them.

@@ -23,9 +23,9 @@ from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityF
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES, velocity_aided_gains
 from h2nav.errors import BadInput
-from h2nav.io import gain_files
-from h2nav.io.trials import usual_rate_hz
+from h2nav.files import gain_files
 from h2nav.maths import frames
+from h2nav.recordings.trials import usual_rate_hz
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -5,10 +5,10 @@ from typing import Any
 
 from h2nav.apps import reviewing
 from h2nav.apps.playback import Wishes
-from h2nav.flightlogs.context import Context
-from h2nav.flightlogs.imported import ImportedLog
-from h2nav.flightlogs.opening import open_flight
-from h2nav.flightlogs.telemetry import read_context
+from h2nav.recordings.context import Context
+from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.opening import open_flight
+from h2nav.recordings.telemetry import read_context
 from h2nav.reviews.document import document
 from h2nav.reviews.page import page
 
@@ -21,7 +21,7 @@ def read_flight(path: Path | str) -> Context:
 
     Returns:
         Series in SI units and radians, body forward-right-down, by the recording's clock; see
-        `h2nav.flightlogs.context.Context`.
+        `h2nav.recordings.context.Context`.
 
     Raises:
         BadInput: it is no recording, or cannot be read.

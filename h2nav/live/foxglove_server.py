@@ -8,10 +8,10 @@ from foxglove import Channel, Context, Parameter, Schema
 from foxglove.websocket import Capability, ChannelView, ServerListener
 
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.io.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
-from h2nav.io.live_feed import FAST_TOPICS, Line
-from h2nav.io.log_schema import RecordFormat, record_format
+from h2nav.links.live_feed import FAST_TOPICS, Line
 from h2nav.live.guard import Guard
+from h2nav.log.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
+from h2nav.log.schema import RecordFormat, record_format
 from h2nav.service import records
 
 # A client that does not read loses the oldest of so many.

@@ -10,7 +10,7 @@ import traceback
 from pathlib import Path
 
 from h2nav.errors import BadInput
-from h2nav.io.live_feed import FeedReader, Greeting, Line, Word
+from h2nav.links.live_feed import FeedReader, Greeting, Line, Word
 from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
@@ -28,7 +28,7 @@ def view(end: socket.socket) -> int:
     """Works until the daemon closes its end.
 
     Args:
-        end: the viewer's of `h2nav.io.live_feed.feed_sockets`.
+        end: the viewer's of `h2nav.links.live_feed.feed_sockets`.
 
     Returns:
         The exit status: 0 at the daemon's end, 1 for a trouble, which the daemon was told.

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Context, GpsTrack, ImuTrack, Span
-from h2nav.flightlogs.spans import without
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
+from h2nav.recordings.context import Context, GpsTrack, ImuTrack, Span
+from h2nav.recordings.spans import without
 from h2nav.reviews.compass import look_at_compass
 from h2nav.reviews.control import look_at_control
 from h2nav.reviews.dead_compass import dead_compasses, look_at_dead

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Span
+from h2nav.recordings.context import Array, Span
 from h2nav.reviews.flight import Flight, Ratios
 
 # What a group of test ratios (`h2nav.integrity.ratios`) compares, by the beginning of their names.

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.flightlogs.context import Span
-from h2nav.flightlogs.spans import spans
 from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.io.deframer import Frame
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Span
+from h2nav.recordings.spans import spans
 from h2nav.reviews.certainty import stretches
 from h2nav.reviews.flight import EarthFields, Estimates, Ratios
 from h2nav.service.records import AidingRecord, HealthRecord, LaneRecord
+from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message
 
 _ROW = 10  # time, attitude 4, bias 3, deviations 2

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, AttitudeTrack
 from h2nav.integrity.witness import BEYOND, QUALITIES, Source
+from h2nav.recordings.context import Array, AttitudeTrack
 from h2nav.reviews.angles import tilt_and_heading
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.inertial import Attitudes, best_attitude

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.flightlogs.context import Array, Context, ImuTrack, Series
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array, Context, ImuTrack, Series
 from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Attitudes, Mask, conjugate, means, rotate, thinned, within
 from h2nav.reviews.tracks import CompassFit, Field

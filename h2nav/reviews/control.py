@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, AttitudeTrack, Context, Series
-from h2nav.flightlogs.rotations import roll_pitch_heading
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array, AttitudeTrack, Context, Series
+from h2nav.recordings.rotations import roll_pitch_heading
 from h2nav.reviews.impacts import TURNED_RAD, Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, runs
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from h2nav.flightlogs.context import CompassRows, Context
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.recordings.context import CompassRows, Context
 
 # The noise of every compass shows in its last digit within moments.
 FEWEST_ROWS, LEAST_S = 50, 5.0

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Span
 from h2nav.integrity.findings import Finding, as_mapping
 from h2nav.integrity.kinds import MEANINGS
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array, Span
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.causes import first_causes
 from h2nav.reviews.certainty import GROUPS, aids, covered_s

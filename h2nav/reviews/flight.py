@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from h2nav.flightlogs.context import Array, Context, Span
 from h2nav.integrity.findings import Finding
+from h2nav.recordings.context import Array, Context, Span
 
 
 class Estimates(NamedTuple):

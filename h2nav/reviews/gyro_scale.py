@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.evaluation.rows import product
-from h2nav.flightlogs.context import Array, ImuTrack, Span
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
 
 WINDOW_S, PARTS = 4.0, 20

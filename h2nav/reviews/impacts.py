@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.evaluation.rows import product
-from h2nav.flightlogs.context import Array, Context, Fault, ImuTrack, Span
-from h2nav.flightlogs.motor_outputs import MULTIROTORS
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.context import Array, Context, Fault, ImuTrack, Span
+from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
 
 BIN_S = 0.1

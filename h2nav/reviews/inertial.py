@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.evaluation.rows import product
-from h2nav.flightlogs.context import Array, ImuTrack, Span
 from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.flight import Estimates, Flight
 
 Mask = NDArray[np.bool_]

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, ChangedSetting, Context, Motors
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.context import Array, ChangedSetting, Context, Motors
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, runs
 

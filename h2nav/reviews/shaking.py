@@ -6,9 +6,9 @@ those of the whole spectrum. Beside it stands what the autopilot measured at the
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Context, ImuTrack
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS
+from h2nav.recordings.context import Array, Context, ImuTrack
 from h2nav.reviews.impacts import Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, means, runs
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import Attitudes, Mask, means, rotate
 
 WINDOW_S, PARTS = 2.5, 5

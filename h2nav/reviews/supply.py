@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Battery, Context
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.recordings.context import Array, Battery, Context
 from h2nav.reviews.inertial import runs, within
 
 # Failsafes act, and are logged, at the moment of arming as well.

@@ -6,8 +6,8 @@ was delayed on the way and is not lost; where both jump, samples are lost.
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Context, ImuTrack, Span
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, runs, within
 from h2nav.reviews.tracks import Timing
 

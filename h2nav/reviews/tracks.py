@@ -1,6 +1,6 @@
 """What the findings of a whole flight were read from, as arrays of bounded length for pictures.
 
-Times `t_s` are those of `h2nav.flightlogs.context`. NaN is where there is no figure.
+Times `t_s` are those of `h2nav.recordings.context`. NaN is where there is no figure.
 """
 
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.flightlogs.context import Array
+from h2nav.recordings.context import Array
 
 
 class Peak(NamedTuple):

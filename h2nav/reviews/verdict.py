@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.flightlogs.context import Context
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.flight import Flight

@@ -12,7 +12,7 @@ from h2nav.attitude.constant_gain.kernel import step as constant_gain_step
 from h2nav.attitude.record import values
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.attitude.velocity_aided.integer.kernel import start as velocity_aided_start
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 
 class Samples(Protocol):

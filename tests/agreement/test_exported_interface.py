@@ -25,7 +25,7 @@ from h2nav.attitude.velocity_aided.integer.filter import (
 )
 from h2nav.attitude.velocity_aided.integer.kernel import place, start, step
 from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.translate.c99 import translate
 from h2nav.translate.source import Refused, Source
 

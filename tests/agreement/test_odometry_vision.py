@@ -9,7 +9,7 @@ from needs import DEG
 from h2nav.attitude.samples import EarthField, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.maths import quaternion
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import InertialSample, PoseSample

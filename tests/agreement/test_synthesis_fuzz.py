@@ -10,8 +10,8 @@ import pytest
 from h2nav.attitude.gains.envelope import parse_gain_file
 from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
-from h2nav.io import gain_files
-from h2nav.io.plain_yaml import read_mapping
+from h2nav.files import gain_files
+from h2nav.files.plain_yaml import read_mapping
 from h2nav.synthesis import kinds
 
 JUNK = (None, "", "abc", -1.0, 0.0, 1e308, float("nan"), True, [], {}, [[1.0]], 3)

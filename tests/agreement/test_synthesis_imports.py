@@ -8,7 +8,7 @@ import sys
 from h2nav.attitude import filter, samples
 from h2nav.attitude.velocity_aided.integer import filter, gains
 from h2nav.attitude.gains import envelope, seal
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 for name in gain_files.shipped():
     gain_files.load(name)
 heavy = {"cvxpy", "scipy", "matplotlib", "numpy", "clarabel", "scs"} & set(sys.modules)

@@ -7,7 +7,7 @@ import pytest
 
 from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
 from h2nav.attitude.gains.envelope import GainFile
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.synthesis import kinds, sensors
 from h2nav.synthesis.certificate import accept
 from h2nav.synthesis.lmi import solve_lmi

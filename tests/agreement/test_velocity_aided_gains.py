@@ -8,8 +8,8 @@ from needs import DEG, REPOSITORY
 
 from h2nav.attitude.velocity_aided.gains import sets_of, velocity_aided_gains
 from h2nav.errors import BadInput
-from h2nav.io import gain_files
-from h2nav.io.plain_yaml import read_mapping
+from h2nav.files import gain_files
+from h2nav.files.plain_yaml import read_mapping
 from h2nav.synthesis.kinds import check
 from h2nav.synthesis.plant import discretise
 from h2nav.synthesis.riccati import solve_riccati

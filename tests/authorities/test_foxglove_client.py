@@ -10,8 +10,8 @@ import pytest
 from daemon_process import daemon, fake_autopilot, free_udp_port
 from needs import REPOSITORY, absent, need_package, need_program
 
-from h2nav.io.foxglove_messages import flat_fields, protobuf_schemas
-from h2nav.io.log_schema import record_format
+from h2nav.log.foxglove_messages import flat_fields, protobuf_schemas
+from h2nav.log.schema import record_format
 from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord, StatusRecord
 
 CLIENT = REPOSITORY / "tests" / "authorities" / "foxglove_client.cjs"

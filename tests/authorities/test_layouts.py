@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from needs import REPOSITORY, need_package
 
-from h2nav.io.log_schema import record_format
+from h2nav.log.schema import record_format
 from h2nav.service.records import FINDING_TOPIC, FindingRecord
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"

@@ -11,12 +11,12 @@ from mcap.reader import make_reader
 from needs import absent, need_package, shared_data
 
 from h2nav.integrity.severity import Severity
-from h2nav.io.log_file import Attachment, LogFile
-from h2nav.io.log_folder import our_logs
-from h2nav.io.log_repair import complete_in_place, recover
-from h2nav.io.log_series import FolderTarget, LogSeries
-from h2nav.io.recorder import RecorderRecord
-from h2nav.io.recordings import open_recording
+from h2nav.log.file import Attachment, LogFile
+from h2nav.log.folder import our_logs
+from h2nav.log.recorder import RecorderRecord
+from h2nav.log.repair import complete_in_place, recover
+from h2nav.log.series import FolderTarget, LogSeries
+from h2nav.recordings.recording import open_recording
 from h2nav.service.records import (
     AidingRecord,
     EstimateRecord,

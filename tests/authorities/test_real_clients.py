@@ -19,10 +19,10 @@ import pytest
 from needs import need_package
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.deframer import Deframer
-from h2nav.io.dialect import LAYOUTS
-from h2nav.io.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC
-from h2nav.io.recordings import open_recording
+from h2nav.log.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC
+from h2nav.recordings.recording import open_recording
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.dialect import LAYOUTS
 
 PATIENCE_S = 60.0
 OUR_COMPONENT = 191

@@ -4,7 +4,7 @@ import resource
 
 from fault_flights import fault_flight
 
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 
 MOST_BYTES = 400_000
 

@@ -6,7 +6,7 @@ from fault_flights import fault_flight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import with_checksum
 
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 
 UNKNOWN_ID = 54_321
 CRC_EXTRA = 77

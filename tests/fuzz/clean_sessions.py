@@ -9,10 +9,10 @@ from simulated_flight import SIMULATED, START_NS, SimulatedFlight
 
 from fuzz.raw_frames import RawFrame, place
 from h2nav.apps.configuration import Configuration, FilterSettings
-from h2nav.io.deframer import Deframer
-from h2nav.io.dialect import LAYOUTS
 from h2nav.service.settings import AidingSettings, MotionSettings, OutputSettings
 from h2nav.sim.vision_streams import vision_stream
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.dialect import LAYOUTS
 
 RECORDED_S = 12.0
 TIME_FIELDS = (("time_usec", 1), ("time_boot_ms", 1000), ("usec", 1))

@@ -16,9 +16,9 @@ from needs import REPOSITORY
 
 from h2nav.attitude.samples import Quat
 from h2nav.cli import main
-from h2nav.io.log_file import Attachment, LogFile
-from h2nav.io.log_records import HEAD
-from h2nav.io.tlog import TlogReader
+from h2nav.log.file import Attachment, LogFile
+from h2nav.log.records import HEAD
+from h2nav.wire.tlog import TlogReader
 
 TLOG = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 TLOG_BYTES = 30_000

@@ -35,7 +35,7 @@ from h2nav.apps.synthesize import sensor_model
 from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
 from h2nav.attitude.gains.seal import check_seal, seal
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.io.plain_yaml import parse_bytes
+from h2nav.files.plain_yaml import parse_bytes
 from h2nav.synthesis.velocity_aided import checked_model
 
 LONGEST_S = 1.0

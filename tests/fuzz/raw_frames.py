@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from fastcrc import crc16
 
-from h2nav.io.dialect import LAYOUTS, SIZES, MessageLayout
+from h2nav.wire.dialect import LAYOUTS, SIZES, MessageLayout
 
 CODES = {
     "char": "B", "uint8_t": "B", "int8_t": "b", "uint16_t": "H", "int16_t": "h", "uint32_t": "I",

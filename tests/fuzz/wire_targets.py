@@ -16,9 +16,9 @@ from fuzz.attacks import Attacker, Session, Written
 from fuzz.clean_sessions import CONFIGURATIONS
 from fuzz.raw_frames import RawFrame, random_payload
 from fuzz.watched_pipeline import InvariantBrokenError, WatchedPipeline
-from h2nav.io import codec
-from h2nav.io.deframer import LONGEST_FRAME, Deframer, DeframerCounters, Frame
-from h2nav.io.dialect import LAYOUTS
+from h2nav.wire import codec
+from h2nav.wire.deframer import LONGEST_FRAME, Deframer, DeframerCounters, Frame
+from h2nav.wire.dialect import LAYOUTS
 
 TARGETS = ("deframer", "codec", "service")
 SESSIONS_WITH_LOG = 5  # every fifth
@@ -185,7 +185,7 @@ def _flipped(rng: random.Random, data: bytes) -> bytes:
 
 
 def check_deframer(data: bytes) -> None:
-    """The rules of `h2nav.io.deframer`, against a search that tries every byte."""
+    """The rules of `h2nav.wire.deframer`, against a search that tries every byte."""
     frames, counters = _deframed([data])
     rng = random.Random(len(data))
     places = sorted(rng.randrange(len(data) + 1) for _ in range(1 + len(data) // 40))

@@ -8,9 +8,9 @@ from needs import shared_data
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.kernel.memory import FORCE_FROZEN, GYRO_FROZEN
 from h2nav.integrity.watch import Watch
-from h2nav.io import codec
-from h2nav.io.frame_scan import FrameScan
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
+from h2nav.wire import codec
+from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES
 
 

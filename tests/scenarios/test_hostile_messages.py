@@ -11,8 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
 
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io.earth_field import earth_field_at
 from h2nav.service.effects import Notice
 from h2nav.sim.personalities import PX4
 

@@ -11,7 +11,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav import cli
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.log_contents import attach_inputs
-from h2nav.io.recorder import Recorder
+from h2nav.log.recorder import Recorder
 from h2nav.service.sensor_delays import butterworth_delay_s
 from h2nav.sim.personalities import ARDUPILOT, PX4
 from h2nav.sim.vehicle import Ages

@@ -3,7 +3,7 @@
 from mcap.reader import make_reader
 from simulated_flight import SimulatedFlight
 
-from h2nav.io.recorder import Recorder
+from h2nav.log.recorder import Recorder
 
 REBOOT_S = 12.0
 NEAR_NS = 1_000_000_000

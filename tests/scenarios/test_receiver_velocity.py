@@ -9,7 +9,7 @@ from motion_flights import altered
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import START_NS, SimulatedFlight
 
-from h2nav.io.recorder import Recorder
+from h2nav.log.recorder import Recorder
 from h2nav.sim.personalities import ARDUPILOT
 from h2nav.sim.scenarios import scenario
 

@@ -15,9 +15,9 @@ from replayed import Replayed, Tamper
 
 from h2nav.apps.configuration import Configuration
 from h2nav.attitude.samples import Trust
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer
 from h2nav.service.settings import AidingSettings
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer
 
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 KEPT = frozenset(

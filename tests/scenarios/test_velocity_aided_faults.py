@@ -12,8 +12,8 @@ from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import samples
 from h2nav.evaluation.rows import enu_from_ned
 from h2nav.evaluation.scoring import Errors, errors
-from h2nav.io import gain_files
-from h2nav.io.trials import Trial, read_trial
+from h2nav.files import gain_files
+from h2nav.recordings.trials import Trial, read_trial
 
 FAULT_S = (110.0, 130.0)
 Fault = Callable[[ImuSample], ImuSample | None]

@@ -8,7 +8,7 @@ from needs import shared_data
 
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.scores import Score, Task, score_task
-from h2nav.io.trials import read_trial
+from h2nav.recordings.trials import read_trial
 
 MAGNETIC_DECLINATION_DEG = 12.69  # of the simulated flights' truth, which points to magnetic north
 

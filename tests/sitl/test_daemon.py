@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
 
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 
 FILTERS = ("name: default", "name: constant_gain, arithmetic: fixed", "arithmetic: fixed")
 

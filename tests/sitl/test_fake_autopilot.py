@@ -13,8 +13,8 @@ from contextlib import contextmanager
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import Deframer
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
 GPS = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT

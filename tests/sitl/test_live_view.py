@@ -16,7 +16,7 @@ from daemon_process import WAIT_S, daemon, fake_autopilot, free_udp_port, the_lo
 from mcap.reader import make_reader
 from needs import need_package
 
-from h2nav.io.recordings import open_recording
+from h2nav.recordings.recording import open_recording
 
 need_package("foxglove")
 from foxglove_client import FoxgloveClient  # noqa: E402

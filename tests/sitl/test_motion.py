@@ -9,8 +9,8 @@ import pytest
 from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
 from needs import DEG
 
-from h2nav.io.recordings import open_recording
 from h2nav.maths import quaternion
+from h2nav.recordings.recording import open_recording
 from h2nav.service.lateness import LATE_NS
 from h2nav.sim.scenarios import scenario
 

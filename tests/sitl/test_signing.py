@@ -9,8 +9,8 @@ import pytest
 from daemon_process import H2NAV, WAIT_S, daemon, fake_autopilot, free_udp_port, the_log
 from signing_peer import Peer
 
-from h2nav.io.recordings import open_recording
-from h2nav.io.signing_keys import read_signing_key
+from h2nav.files.signing_keys import read_signing_key
+from h2nav.recordings.recording import open_recording
 
 FAR_AHEAD = 200_000_000_000_000  # a stamp of 2078
 SECRET = "correct-horse-battery-staple"

@@ -11,7 +11,7 @@ from needs import REPOSITORY
 
 from h2nav.attitude.kernel_files import COMPILED, sources
 from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
-from h2nav.io.plain_yaml import read_mapping
+from h2nav.files.plain_yaml import read_mapping
 
 
 def tool_of(name: str) -> ModuleType:

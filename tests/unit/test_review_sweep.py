@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from needs import REPOSITORY
 
-from h2nav.flightlogs.telemetry import read_context
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.io.recordings import open_recording
 from h2nav.maths.units import DEG
+from h2nav.recordings.recording import open_recording
+from h2nav.recordings.telemetry import read_context
 
 TOOLS = REPOSITORY / "tools"
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"

@@ -8,9 +8,9 @@ from needs import shared_data
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import FrameMaker, drop_bytes, flip_bits, highres_imu, raw_imu, with_checksum
 
-from h2nav.io.codec import decode
-from h2nav.io.deframer import Deframer
-from h2nav.io.dialect import LAYOUTS
+from h2nav.wire.codec import decode
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.dialect import LAYOUTS
 
 COUNT = 4000
 

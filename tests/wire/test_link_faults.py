@@ -20,10 +20,10 @@ from pseudo_devices import PseudoDevice
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import FrameMaker
 
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import LONGEST_FRAME, Deframer
-from h2nav.io.links import Link, open_link
-from h2nav.io.udp import PEER_SILENCE_NS
+from h2nav.links.links import Link, open_link
+from h2nav.links.udp import PEER_SILENCE_NS
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import LONGEST_FRAME, Deframer
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 

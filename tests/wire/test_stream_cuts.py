@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import FrameMaker, highres_imu, raw_imu
 
-from h2nav.io.deframer import LONGEST_FRAME, Deframer, DeframerCounters, Frame
+from h2nav.wire.deframer import LONGEST_FRAME, Deframer, DeframerCounters, Frame
 
 _MAKE = FrameMaker()
 _NUMBERS = st.integers(0, 2**40)

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.evaluation.rows import from_euler, to_euler
-from h2nav.flightlogs.autopilot_log import AutopilotLog, Recorded
-from h2nav.flightlogs.context import AttitudeTrack, GpsTrack, ImuTrack
-from h2nav.flightlogs.imu_series import Readings
-from h2nav.flightlogs.telemetry import MESSAGE_IDS
-from h2nav.io.codec import Encoder
-from h2nav.io.dialect import LAYOUTS
-from h2nav.io.frame_tables import FrameTable, tables
-from h2nav.io.recordings import Recording
 from h2nav.maths.units import DEG
+from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
+from h2nav.recordings.context import AttitudeTrack, GpsTrack, ImuTrack
+from h2nav.recordings.frame_tables import FrameTable, tables
+from h2nav.recordings.imu_series import Readings
+from h2nav.recordings.recording import Recording
+from h2nav.recordings.telemetry import MESSAGE_IDS
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.personalities import ARDUPILOT
 from h2nav.sim.scenarios import scenario
+from h2nav.wire.codec import Encoder
+from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.imu import MILLI_G, UT_PER_GAUSS, UT_PER_MGAUSS
 from h2nav.wire.readers import READERS
 from sweep.faults import EARTH_RADIUS_M, Array, Attitude, Case, Fault, Fixes, Samples

@@ -30,10 +30,10 @@ from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aid
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import TaskFailed
 from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
-from h2nav.io import gain_files
-from h2nav.io.trials import Told, Trial
+from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG
+from h2nav.recordings.trials import Told, Trial
 
 GPS_SIGMA_M_S = 0.1
 # Forward-right-down of forward-left-up, as a factor on rows of vectors.

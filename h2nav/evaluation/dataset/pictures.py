@@ -8,7 +8,7 @@ import numpy as np
 from h2nav.evaluation import pictures
 from h2nav.evaluation.dataset.filters import Track
 from h2nav.evaluation.scoring import Errors
-from h2nav.io.trials import Trial
+from h2nav.recordings.trials import Trial
 
 
 def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:

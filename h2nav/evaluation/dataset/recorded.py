@@ -25,7 +25,7 @@ from h2nav.attitude.samples import (
 from h2nav.errors import BadInput
 from h2nav.evaluation.reference import Pairs, Reference
 from h2nav.evaluation.rows import enu_from_ned, from_euler
-from h2nav.io.trials import Told, ToldOf, Trial, usual_rate_hz
+from h2nav.recordings.trials import Told, ToldOf, Trial, usual_rate_hz
 from h2nav.service.autopilot import Identity
 
 LEAST_SAMPLES = 2

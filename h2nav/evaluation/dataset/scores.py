@@ -10,7 +10,7 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import installed
 from h2nav.evaluation.scoring import Rms, errors, rms
-from h2nav.io.trials import Trial
+from h2nav.recordings.trials import Trial
 
 _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
 

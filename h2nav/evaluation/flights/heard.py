@@ -12,8 +12,8 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.evaluation.reference import ATTITUDE, SIMSTATE, Attitudes
 from h2nav.evaluation.rows import Array
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Frame
+from h2nav.wire import codec
+from h2nav.wire.deframer import Frame
 from h2nav.wire.vehicle import heartbeat, landed_state
 
 AHRS2 = mavlink.MAVLINK_MSG_ID_AHRS2

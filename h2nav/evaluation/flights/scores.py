@@ -19,7 +19,7 @@ from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlig
 from h2nav.evaluation.flights.tracks import Mask, Track, figures, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import truth_of
 from h2nav.evaluation.rows import Array
-from h2nav.io.trials import RECORDING_SUFFIXES
+from h2nav.recordings.trials import RECORDING_SUFFIXES
 
 SETTLED_S = 60.0
 MOST = 0.98  # of the estimates; where fewer have a truth, that is told

@@ -11,11 +11,11 @@ import numpy as np
 
 from h2nav.errors import BadInput
 from h2nav.evaluation.odometry.tracks import Increments, TimedPose, Track, of_track
-from h2nav.io.codec import decode
-from h2nav.io.deframer import Deframer
-from h2nav.io.recordings import open_recording
 from h2nav.maths import frames, quaternion
 from h2nav.motion.samples import WheelSample
+from h2nav.recordings.recording import open_recording
+from h2nav.wire.codec import decode
+from h2nav.wire.deframer import Deframer
 
 WHEEL_DISTANCE = 9000
 ATTITUDE = 30

@@ -21,7 +21,7 @@ from h2nav.evaluation import imufusion
 from h2nav.evaluation.paper.euler_ekf import EulerEkf
 from h2nav.evaluation.paper.filter import PaperFilter, paper_gain
 from h2nav.evaluation.rows import to_euler, wrapped
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.imu_model import (

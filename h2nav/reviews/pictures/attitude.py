@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array
 from h2nav.integrity.witness import BEYOND
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array
 from h2nav.reviews.angles import euler
 from h2nav.reviews.certainty import GROUPS, ratio_of
 from h2nav.reviews.comparison import Difference, differences

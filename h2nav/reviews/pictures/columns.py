@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.flightlogs.context import Array
+from h2nav.recordings.context import Array
 
 # Of pictures in which details matter, and of those that change slowly: two points in each column.
 FINE, COARSE = 3000, 1000

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.flightlogs.context import Array, Span
+from h2nav.recordings.context import Array, Span
 
 Points = NDArray[np.float32]
 

@@ -1,7 +1,7 @@
 """What was when, as rows of bars: modes, armed, states, sensors in use, aids, findings."""
 
-from h2nav.flightlogs.context import Span
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.recordings.context import Span
 from h2nav.reviews.certainty import GROUPS, aids
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures import colours

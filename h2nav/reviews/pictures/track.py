@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, GpsTrack
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.recordings.context import Array, GpsTrack
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import escape
 from h2nav.reviews.pictures import colours

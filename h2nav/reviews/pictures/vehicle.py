@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from h2nav.flightlogs.context import Array, Context, Series
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array, Context, Series
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns

@@ -15,7 +15,7 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.configuration_schema import configuration_schema
 from h2nav.cli import main
 from h2nav.errors import BadInput
-from h2nav.io.strict_yaml import into_record
+from h2nav.files.strict_yaml import into_record
 
 CONFIGS = REPOSITORY / "configs"
 SCHEMA = configuration_schema()

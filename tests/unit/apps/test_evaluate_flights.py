@@ -114,7 +114,7 @@ def test_two_recordings_of_one_name_keep_their_suffixes(tmp_path, capsys):
 
 
 def open_frames(path: Path):
-    from h2nav.io.recordings import open_recording
+    from h2nav.recordings.recording import open_recording
 
     return list(open_recording(path).received())
 

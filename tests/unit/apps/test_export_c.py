@@ -13,7 +13,7 @@ from h2nav.attitude.gains.seal import seal
 from h2nav.attitude.record import rows
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.cli import main
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 FILES = {"h2nav_filter.c", "h2nav_filter.h", "example.c", "check_vectors.c", "h2nav_vectors.h"}
 

@@ -6,7 +6,7 @@ from h2nav.apps.configuration import ARITHMETICS, FilterSettings, build
 from h2nav.apps.filters import FilterFactory, algorithm
 from h2nav.attitude.gains.envelope import parse_gain_file
 from h2nav.errors import BadInput
-from h2nav.io import gain_files, plain_yaml
+from h2nav.files import gain_files, plain_yaml
 from h2nav.service.autopilot import Identity
 
 COPTER = Identity(1, 1, 3, 2)

@@ -16,18 +16,18 @@ from h2nav.apps.link_signing import RECORDED_PER_WINDOW, LinkSigning
 from h2nav.apps.log_contents import attach_inputs
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.cli import main
+from h2nav.files.earth_field import earth_field_at
+from h2nav.files.signing_keys import write_signing_key
 from h2nav.integrity.findings import Severity
-from h2nav.io.deframer import Deframer
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC, Recorder
-from h2nav.io.recordings import open_recording
-from h2nav.io.signing import LocalStamp, SignatureChecker, Signer
-from h2nav.io.signing_keys import write_signing_key
+from h2nav.links.link_statistics import LinkStatistics
+from h2nav.log.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC, Recorder
+from h2nav.recordings.recording import open_recording
 from h2nav.service.service import Service, Surroundings
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.personalities import ARDUPILOT
 from h2nav.sim.scenarios import scenario
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.signing import LocalStamp, SignatureChecker, Signer
 
 START_NS = 1_000_000_000_000
 STEP_NS = 2_000_000

@@ -13,7 +13,7 @@ from h2nav.apps.configuration import Configuration, LiveSettings, build, warning
 from h2nav.apps.live_view import LOOK_NS, MOST_REFUSED, LiveView
 from h2nav.errors import BadInput
 from h2nav.integrity.findings import Alarm, Findings, Kind, Sensor, SensorKind, Severity
-from h2nav.io.live_feed import FeedReader, Word
+from h2nav.links.live_feed import FeedReader, Word
 
 need_package("foxglove")
 S = 1_000_000_000

@@ -19,10 +19,10 @@ from replayed import rewritten
 
 from h2nav.cli import main
 from h2nav.integrity.severity import Severity
-from h2nav.io.log_file import Attachment, LogFile
-from h2nav.io.log_reader import LogScan
-from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import open_recording
+from h2nav.log.file import Attachment, LogFile
+from h2nav.log.reader import LogScan
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.recording import open_recording
 from h2nav.service.records import (
     ComparisonRecord,
     EstimateRecord,

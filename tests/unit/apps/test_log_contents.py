@@ -13,8 +13,8 @@ from h2nav.apps.configuration import Configuration, LogSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude import native
 from h2nav.integrity.severity import Severity
-from h2nav.io.recorder import Recorder
-from h2nav.io.recordings import open_recording
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.recording import open_recording
 
 
 @pytest.mark.parametrize("wish", ["forbid", ""])

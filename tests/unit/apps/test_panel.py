@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from h2nav.apps.panel import LogSight, Sight, panel_lines
-from h2nav.io.recorder import RecorderRecord
+from h2nav.log.recorder import RecorderRecord
 from h2nav.maths import quaternion
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
 

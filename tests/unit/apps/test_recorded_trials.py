@@ -14,7 +14,7 @@ from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.filters import Conditions, run_velocity_aided
 from h2nav.evaluation.scoring import errors, rms
-from h2nav.io.trials import Trial
+from h2nav.recordings.trials import Trial
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from log_limits import limits
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
-from h2nav.io.earth_field import earth_field_at
-from h2nav.io.link_statistics import LinkStatistics
-from h2nav.io.recorder import Recorder
+from h2nav.links.link_statistics import LinkStatistics
+from h2nav.log.recorder import Recorder
 from h2nav.service.service import Service, Surroundings
 
 

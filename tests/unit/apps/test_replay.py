@@ -14,8 +14,8 @@ from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.log_contents import inputs_of
 from h2nav.apps.playback import Wishes, inputs_for
 from h2nav.cli import main
-from h2nav.io.recordings import open_recording
 from h2nav.maths import quaternion
+from h2nav.recordings.recording import open_recording
 
 FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 LARGEST_BYTES = 50_000

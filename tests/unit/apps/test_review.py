@@ -13,7 +13,7 @@ from h2nav.apps.playback import Wishes
 from h2nav.apps.review import SOMETHING_SERIOUS, page_names
 from h2nav.attitude.samples import Trust
 from h2nav.cli import BAD_INPUT, SUCCESS, main
-from h2nav.flightlogs.opening import open_flight
+from h2nav.recordings.opening import open_flight
 
 
 @pytest.fixture(scope="module")

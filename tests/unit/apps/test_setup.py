@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps import configuration, setup
 from h2nav.apps.setup import Choice, configuration_text
 from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
-from h2nav.io import link_scan
-from h2nav.io.link_scan import Hearing, Place, Speaker
-from h2nav.io.system_unit import unit_text
+from h2nav.host.system_unit import unit_text
+from h2nav.links import link_scan
+from h2nav.links.link_scan import Hearing, Place, Speaker
 from h2nav.wire.vehicle import Firmware, Heartbeat
 
 ARDUPILOT = Heartbeat(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False)

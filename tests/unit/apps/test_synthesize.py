@@ -7,7 +7,7 @@ import pytest
 from needs import REPOSITORY
 
 from h2nav.cli import main
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 MODEL = REPOSITORY / "gains" / "models" / "mpu9250.yaml"
 

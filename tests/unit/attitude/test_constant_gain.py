@@ -14,7 +14,7 @@ from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.integer import motion, triad
 from h2nav.attitude.record import assign, rows, values
 from h2nav.attitude.samples import EarthField, ImuSample, Trust
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.maths.quaternion import angle, conjugate, from_euler, rotate
 
 FIELD = EarthField(50.0, 60.0 * DEG, 0.0)

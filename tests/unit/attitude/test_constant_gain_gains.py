@@ -15,7 +15,7 @@ from h2nav.attitude.constant_gain.gains import (
 from h2nav.attitude.gains.densities import SensorDensities, information
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.synthesis.constant_gain import fixed_point_section, spectral_radius
 
 FIELD = EarthField(50.0, math.radians(63.0), 0.0)

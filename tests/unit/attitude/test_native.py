@@ -13,7 +13,7 @@ from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, Velocity
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 Maker = Callable[[CompiledStep | None], AttitudeFilter]
 

@@ -27,7 +27,7 @@ from h2nav.attitude.samples import (
 from h2nav.attitude.smoothing import Given, smooth
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter, forward_speed_m_s
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.maths import quaternion
 
 TOLD = ((0, FLYING), (0, FIELD))

@@ -9,7 +9,7 @@ from h2nav.attitude.samples import VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.memory import State
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 SWAY_RAD_S, YAW_RAD_S, LATE_US = 2.0 * math.pi / 8.0, 0.3, 200_000
 

@@ -31,7 +31,7 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     Sample,
     State,
 )
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 
 MODULES = (
     triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, place, start, step

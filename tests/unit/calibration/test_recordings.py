@@ -8,7 +8,7 @@ import pytest
 from h2nav.apps.playback import Wishes
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.vehicle import calibrate
-from h2nav.flightlogs.opening import open_flight
+from h2nav.recordings.opening import open_flight
 from tests.needs import shared_data
 
 # What every ArduPilot simulator's parameters say unless they are told otherwise.

@@ -15,12 +15,12 @@ from h2nav.apps.playback import Wishes
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.files import Format, written
 from h2nav.calibration.vehicle import calibrate
-from h2nav.flightlogs.opening import open_flight
-from h2nav.io.codec import Encoder
 from h2nav.maths.units import DEG
+from h2nav.recordings.opening import open_flight
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.calibrations import Miscalibration
 from h2nav.sim.scenarios import scenario
+from h2nav.wire.codec import Encoder
 
 UNIX_NS = 1_790_000_000_000_000_000
 RATES_HZ = {

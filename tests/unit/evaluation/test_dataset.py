@@ -22,9 +22,9 @@ from h2nav.evaluation.dataset.filters import (
 )
 from h2nav.evaluation.dataset.peers import SMOOTHED, installed
 from h2nav.evaluation.dataset.recorded import Listener
-from h2nav.io import gain_files
-from h2nav.io.trials import Told, Trial, read_trial
+from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
+from h2nav.recordings.trials import Told, Trial, read_trial
 from h2nav.service.autopilot import Identity
 
 

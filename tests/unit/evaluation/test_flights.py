@@ -22,9 +22,9 @@ from h2nav.evaluation.flights.scores import (
 )
 from h2nav.evaluation.flights.truth import read_truth
 from h2nav.integrity.findings import Severity
-from h2nav.io import codec
-from h2nav.io.deframer import Deframer
 from h2nav.maths import quaternion
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer
 
 START_S = 1_000.0
 BOOT_S = 20.0  # the autopilot's time at the start of the recording

@@ -8,13 +8,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav import cli
 from h2nav.evaluation.odometry.tracks import TimedPose, increments
-from h2nav.io.codec import Encoder
-from h2nav.io.plain_yaml import parse_mapping
-from h2nav.io.strict_yaml import into_record
+from h2nav.files.plain_yaml import parse_mapping
+from h2nav.files.strict_yaml import into_record
 from h2nav.maths import se2
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
 from h2nav.motion.wheels import DifferentialDrive, OmniDrive
+from h2nav.wire.codec import Encoder
 
 SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
 DIFF = "phi_left_rad,phi_right_rad,dx_m,dy_m,dtheta_rad"

@@ -16,8 +16,8 @@ from h2nav.evaluation.dataset.filters import (
     run_velocity_aided,
     smooth_velocity_aided,
 )
-from h2nav.io.trials import Trial, read_trial
 from h2nav.maths.units import DEG
+from h2nav.recordings.trials import Trial, read_trial
 
 RATE_HZ = 100.0
 

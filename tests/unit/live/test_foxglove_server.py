@@ -11,9 +11,9 @@ from needs import need_package
 
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
-from h2nav.io.foxglove_messages import flat_fields, protobuf_schemas
-from h2nav.io.live_feed import Line
-from h2nav.io.log_schema import record_format
+from h2nav.links.live_feed import Line
+from h2nav.log.foxglove_messages import flat_fields, protobuf_schemas
+from h2nav.log.schema import record_format
 from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord
 
 need_package("foxglove")

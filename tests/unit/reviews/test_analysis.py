@@ -5,7 +5,7 @@ import pytest
 from reviewed_flights import flight, ideal
 
 from h2nav.evaluation.rows import product
-from h2nav.flightlogs.context import Context
+from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.gathering import all_findings
 from h2nav.reviews.inertial import exponential, turns

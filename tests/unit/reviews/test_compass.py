@@ -11,8 +11,8 @@ from reviewed_flights import (
     with_imu,
 )
 
-from h2nav.flightlogs.context import Array
 from h2nav.integrity.findings import Severity
+from h2nav.recordings.context import Array
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.flight import Flight
 

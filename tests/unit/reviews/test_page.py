@@ -16,9 +16,9 @@ from made_flight import (
     page_of,
 )
 
-from h2nav.flightlogs.context import Context, Said, Span
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS
+from h2nav.recordings.context import Context, Said, Span
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.document import document
 from h2nav.reviews.flight import EarthFields, Flight, Ratios

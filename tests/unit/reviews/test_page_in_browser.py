@@ -7,8 +7,8 @@ from browsers import headless_browser, wait_until
 from made_flight import FINDINGS, MAGNET_S, made_analysis, made_crash, made_flight, page_of
 from needs import need_package
 
-from h2nav.flightlogs.context import Said, Span
 from h2nav.integrity.findings import Severity
+from h2nav.recordings.context import Said, Span
 
 SHOWN = "return [window.review.shown.from, window.review.shown.to]"
 AXES = "return window.review.timed.map((plot) => [plot.scales.x.min, plot.scales.x.max])"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reviewed_flights import flight, with_imu
 
-from h2nav.flightlogs.context import Burst
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.recordings.context import Burst
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.spectra import vibe
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reviewed_flights import flight, with_imu
 
-from h2nav.flightlogs.context import ImuTrack
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.recordings.context import ImuTrack
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 

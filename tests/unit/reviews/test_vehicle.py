@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from reviewed_flights import DURATION_S, flight, ideal, with_imu
 
-from h2nav.flightlogs.context import (
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.context import (
     Battery,
     ChangedSetting,
     CompassRows,
@@ -16,9 +18,7 @@ from h2nav.flightlogs.context import (
     Series,
     Span,
 )
-from h2nav.flightlogs.rotations import roll_pitch_heading
-from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.rotations import roll_pitch_heading
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.causes import first_causes
 from h2nav.reviews.chain import chain

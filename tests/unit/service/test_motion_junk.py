@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
-from h2nav.io.codec import Encoder
 from h2nav.service.autopilot import Autopilot, Heard
 from h2nav.service.effects import Record, Send
 from h2nav.service.motion import motion_for
@@ -19,6 +18,7 @@ from h2nav.service.settings import (
     OutputSettings,
     ServiceSettings,
 )
+from h2nav.wire.codec import Encoder
 from h2nav.wire.readers import READERS, Envelope
 from h2nav.wire.refused import Refused
 from h2nav.wire.vehicle import Heartbeat

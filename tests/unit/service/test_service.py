@@ -4,7 +4,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.io.earth_field import earth_field_at
+from h2nav.files.earth_field import earth_field_at
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service, Surroundings

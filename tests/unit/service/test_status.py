@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SimulatedFlight
 
 from h2nav.apps.configuration import Configuration
-from h2nav.io.log_schema import record_format
+from h2nav.log.schema import record_format
 from h2nav.maths import quaternion
 from h2nav.service.records import StatusRecord
 from h2nav.service.settings import AutopilotSettings

@@ -8,7 +8,7 @@ from needs import DEG
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes
-from h2nav.io.earth_field import earth_field_at
+from h2nav.files.earth_field import earth_field_at
 from h2nav.maths import quaternion
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault

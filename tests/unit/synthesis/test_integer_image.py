@@ -10,7 +10,7 @@ from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.memory import Gains
 from h2nav.errors import BadInput
-from h2nav.io import gain_files
+from h2nav.files import gain_files
 from h2nav.synthesis import kinds, velocity_aided
 from h2nav.synthesis.certificate import CertificateError
 from h2nav.synthesis.gain_certificate import certified

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import Deframer
 from h2nav.maths.quaternion import exp, from_euler, multiply, to_euler
 from h2nav.motion.samples import OdometryRecord, PoseFrame
 from h2nav.wire import outbound
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer
 
 YAW_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 ZERO = (0.0, 0.0, 0.0)

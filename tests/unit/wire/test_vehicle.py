@@ -4,8 +4,8 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.io.codec import Encoder, decode
-from h2nav.io.deframer import Deframer
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
 from h2nav.wire.vehicle import Vibration
 

@@ -1,0 +1,1 @@
+"""Files that others wrote, read strictly and at a bounded cost; gain files, keys, settings."""

@@ -1,0 +1,151 @@
+"""The signing time stamp on disk, so that stamps grow over restarts whatever the host's clock says.
+
+The specification wants it stored at least once a minute. It is stored every `SAVE_EVERY_S`, on a
+thread of its own because a disk may take its time, and at the end.
+"""
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.wire.signing import LARGEST_STAMP, STAMPS_PER_S, LocalStamp, stamp_at
+
+SAVE_EVERY_S = 10.0
+NEW_SUFFIX = ".new"
+
+_LONGEST_FILE = 64
+
+
+class StampFile:
+    """One decimal number and a line feed, replaced as a whole.
+
+    Args:
+        path: for one process and one key.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def load(self) -> int:
+        """The stored stamp; 0 where none was stored yet.
+
+        Raises:
+            OSError: the file is there and cannot be read.
+            ValueError: it holds no stamp.
+        """
+        try:
+            with self.path.open("rb") as stream:
+                text = stream.read(_LONGEST_FILE)
+        except FileNotFoundError:
+            return 0
+        stamp = int(text)
+        if not 0 <= stamp <= LARGEST_STAMP:
+            raise ValueError("no 48-bit number")
+        return stamp
+
+    def save(self, stamp: int) -> None:
+        """Stores a stamp; after a power cut the file holds it, or the one before.
+
+        Raises:
+            OSError: it cannot be stored; the one before stays.
+        """
+        new = self.path.with_name(self.path.name + NEW_SUFFIX)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
+        with open(os.open(new, flags, 0o600), "wb") as stream:
+            stream.write(b"%d\n" % stamp)
+            stream.flush()
+            os.fsync(stream.fileno())
+        new.replace(self.path)
+        folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+class StampNotice(NamedTuple):
+    """Something about the file that has to be reported, once.
+
+    Attributes:
+        is_error: the stamp is not safe on disk.
+        text: one line.
+    """
+
+    is_error: bool
+    text: str
+
+
+class StampKeeper:
+    """Keeps the local stamp on disk from now until `close`.
+
+    Attributes:
+        stamp: the local stamp, behind nothing that was stored.
+
+    Args:
+        path: of the file.
+        unix_ns: reads the host's clock.
+    """
+
+    def __init__(self, path: Path, unix_ns: Callable[[], int]) -> None:
+        self._file = StampFile(path)
+        self._trouble = ""
+        self._notices: deque[StampNotice] = deque()
+        self.stamp = LocalStamp(unix_ns, self._start(unix_ns()))
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="h2nav-signing", daemon=True)
+        self._thread.start()
+
+    def notices(self) -> list[StampNotice]:
+        """What has happened since the last call; trouble appears when it begins or changes."""
+        return [self._notices.popleft() for _ in range(len(self._notices))]
+
+    def close(self, timeout_s: float | None = None) -> None:
+        """Stores the stamp a last time; a disk that hangs is given up after `timeout_s`."""
+        self._closing.set()
+        self._thread.join(timeout_s)
+
+    def _start(self, now_unix_ns: int) -> int:
+        """The stamp to begin behind: the stored one, and what may have been used after it.
+
+        A clock that is behind the stored stamp is wrong. Then stamps that were given out after
+        the last save would come again, so as many as a save interval has are left out.
+        """
+        try:
+            stored = self._file.load()
+        except (OSError, ValueError) as error:
+            self._tell(
+                True, f"cannot be read: {error}; it starts from the host's clock, right or wrong"
+            )
+            return 0
+        if not stored or stamp_at(now_unix_ns) >= stored:
+            return stored
+        return min(stored + round(SAVE_EVERY_S * STAMPS_PER_S), LARGEST_STAMP)
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            self.save()
+            self._closing.wait(SAVE_EVERY_S)
+        self.save()
+
+    def save(self) -> None:
+        """Stores the stamp now; the keeper's own thread does so by itself."""
+        trouble = ""
+        try:
+            self._file.save(self.stamp.latest)
+        except OSError as error:
+            trouble = str(error)
+        if trouble and trouble != self._trouble:
+            self._tell(
+                True, f"cannot be stored: {trouble}; signing goes on, make its folder writable"
+            )
+        elif self._trouble and not trouble:
+            self._tell(False, "is stored again")
+        self._trouble = trouble
+
+    def _tell(self, is_error: bool, text: str) -> None:
+        self._notices.append(
+            StampNotice(is_error, f"{self._file.path}: the signing time stamp {text}")
+        )

@@ -1,1 +1,0 @@
-"""Everything that opens something: wire, links, logs, files."""

@@ -1,0 +1,1 @@
+"""Links to autopilots and to programs beside us: UDP, TCP, serial ports, local sockets."""

@@ -1,0 +1,253 @@
+"""Who speaks MAVLink where: listens at many ports at once, at each usual baud rate in turn.
+
+A port counts as MAVLink once frames pass their checksum. A serial line that carries bytes and no
+frame is tried at the next baud rate; one that carries nothing is silent at every baud rate. We send
+nothing but, where an autopilot was heard, a request for its version; and to a silent USB autopilot
+a heartbeat, which is what wakes PX4's port.
+"""
+
+import select
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.links.links import Link, open_link
+from h2nav.wire import outbound, vehicle
+from h2nav.wire.codec import Encoder, decode
+from h2nav.wire.deframer import Deframer, Frame
+from h2nav.wire.vehicle import Firmware, Heartbeat
+
+# The usual ones first: ArduPilot's and PX4's defaults of telemetry and companion ports.
+BAUDS = (57600, 115200, 921600, 460800, 230400, 500000, 1500000, 38400)
+# A heartbeat comes once a second; a slow port may open late.
+LISTEN_S = 1.6
+# Rates are counted, and the version is waited for, so long after the first frame.
+MEASURE_S = 3.0
+ASK_AGAIN_S = 1.0
+TURN_S = 0.05
+NS = 1_000_000_000
+COMPONENT_ID = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+# Frames of a known id whose 16-bit checksum fits by chance are rare, but junk is long.
+LEAST_FRAMES = 2
+
+Address = tuple[int, int]
+
+
+class Place(NamedTuple):
+    """Where to listen.
+
+    Attributes:
+        name: for people: the device's path, or the URL.
+        urls: to try in turn: one per baud rate, or the only one.
+        is_usb_autopilot: a port that may have to be woken by a heartbeat.
+    """
+
+    name: str
+    urls: tuple[str, ...]
+    is_usb_autopilot: bool = False
+
+
+class Speaker(NamedTuple):
+    """An autopilot that was heard.
+
+    Attributes:
+        address: system and component id.
+        heartbeat: what it says it is.
+        firmware: its version; None where it did not answer.
+        rates_hz: message id -> how often it came.
+    """
+
+    address: Address
+    heartbeat: Heartbeat
+    firmware: Firmware | None
+    rates_hz: dict[int, float]
+
+
+class Hearing(NamedTuple):
+    """What was heard at one place.
+
+    Attributes:
+        place: where.
+        url: at which frames came, or the last one that was tried.
+        speakers: autopilots, in the order of their addresses.
+        frames: that passed their checksum.
+        bytes_in: at all baud rates.
+        error: why the port could not be opened; empty otherwise.
+    """
+
+    place: Place
+    url: str
+    speakers: tuple[Speaker, ...]
+    frames: int
+    bytes_in: int
+    error: str
+
+    @property
+    def is_junk(self) -> bool:
+        """Bytes came, at every baud rate that was tried, and no frame."""
+        return self.bytes_in > 0 and self.frames == 0
+
+
+def serial_place(path: str, baud: int | None = None) -> Place:
+    """A serial port, at one baud rate or at each of `BAUDS`."""
+    bauds = BAUDS if baud is None else (baud,)
+    return Place(path, tuple(f"serial:{path}:{rate}" for rate in bauds), "ttyACM" in path)
+
+
+def scan(
+    places: Sequence[Place], progress: Callable[[int, int], object] = lambda done, total: None
+) -> list[Hearing]:
+    """Listens at all places at once.
+
+    Args:
+        places: where.
+        progress: is called with the places that are done, and their number.
+
+    Returns:
+        One result per place, in their order.
+    """
+    ears = [_Ear(place) for place in places]
+    try:
+        while waiting := [ear for ear in ears if not ear.is_done]:
+            progress(len(ears) - len(waiting), len(ears))
+            for ear in waiting:
+                ear.turn(time.monotonic_ns())
+            descriptors = list(_descriptors(waiting))
+            select.select(descriptors, [], [], TURN_S)
+    finally:
+        for ear in ears:
+            ear.close()
+    progress(len(ears), len(ears))
+    return [ear.hearing() for ear in ears]
+
+
+def _descriptors(ears: Sequence["_Ear"]) -> Iterator[int]:
+    for ear in ears:
+        descriptor = ear.fileno()
+        if descriptor is not None:
+            yield descriptor
+
+
+class _Ear:
+    """Listens at one place."""
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+        self._urls = iter(place.urls)
+        self._link: Link | None = None
+        self._deframer = Deframer()
+        self._url = ""
+        self._since_ns = 0
+        self._heard_ns: int | None = None
+        self._asked_ns = 0
+        self._bytes_in = 0
+        self._frames = 0
+        self._is_woken = False
+        self._error = ""
+        self._heartbeats: dict[Address, Heartbeat] = {}
+        self._firmware: dict[Address, Firmware] = {}
+        self._counts: Counter[tuple[Address, int]] = Counter()
+        self._measured_s = MEASURE_S
+        self.is_done = False
+
+    def fileno(self) -> int | None:
+        """What to wait for."""
+        return None if self._link is None else self._link.fileno()
+
+    def turn(self, now_ns: int) -> None:
+        """Takes what has come; goes on to the next baud rate, or ends, when it is time."""
+        if self._link is None:
+            self._next(now_ns)
+            return
+        self._link.maintain(now_ns)
+        for data, _ in self._link.read():
+            self._bytes_in += len(data)
+            for frame in self._deframer.feed(data):
+                self._take(frame, now_ns)
+        if self._heard_ns is None:
+            if now_ns - self._since_ns > LISTEN_S * NS:
+                self._give_up(now_ns)
+        elif now_ns - self._heard_ns > MEASURE_S * NS:
+            self._measured_s = (now_ns - self._heard_ns) / NS
+            self.close()
+        else:
+            self._ask(now_ns)
+
+    def close(self) -> None:
+        """Ends the listening."""
+        if self._link is not None:
+            self._link.close()
+        self._link = None
+        self.is_done = True
+
+    def hearing(self) -> Hearing:
+        """What was heard."""
+        speakers = tuple(
+            Speaker(
+                address,
+                heartbeat,
+                self._firmware.get(address),
+                {
+                    message_id: count / self._measured_s
+                    for (sender, message_id), count in sorted(self._counts.items())
+                    if sender == address
+                },
+            )
+            for address, heartbeat in sorted(self._heartbeats.items())
+        )
+        return Hearing(self._place, self._url, speakers, self._frames, self._bytes_in, self._error)
+
+    def _next(self, now_ns: int) -> None:
+        url = next(self._urls, None)
+        if url is None:
+            self.close()
+            return
+        self._url, self._since_ns = url, now_ns
+        self._deframer, self._frames = Deframer(), 0
+        self._counts.clear()
+        self._link = open_link(url)
+        self._link.maintain(now_ns)
+
+    def _give_up(self, now_ns: int) -> None:
+        """Nothing came that is MAVLink: another baud rate, where that can help."""
+        assert self._link is not None
+        if not self._link.is_up:
+            self._error = self._link.last_error.removeprefix(f"{self._url}: ")
+        elif self._bytes_in == 0 and self._place.is_usb_autopilot and not self._is_woken:
+            self._is_woken = True
+            self._since_ns = now_ns
+            waking = outbound.heartbeat(mavlink.MAV_STATE_BOOT)
+            self._link.write(Encoder(1, COMPONENT_ID).encode(waking))
+            return
+        self._link.close()
+        self._link = None
+        self.is_done = bool(self._error) or self._bytes_in == 0
+
+    def _take(self, frame: Frame, now_ns: int) -> None:
+        self._frames += 1
+        sender = (frame.sysid, frame.compid)
+        self._counts[sender, frame.msg_id] += 1
+        if frame.msg_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            heard = vehicle.heartbeat(decode(frame))
+            if heard.is_of_autopilot and 0 not in sender:
+                self._heartbeats[sender] = heard
+        elif frame.msg_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            self._firmware[sender] = vehicle.firmware(decode(frame))
+        if self._heard_ns is None and (self._heartbeats or self._frames >= LEAST_FRAMES):
+            self._heard_ns = now_ns
+
+    def _ask(self, now_ns: int) -> None:
+        """Asks every autopilot for its version until it has answered."""
+        assert self._link is not None
+        if now_ns - self._asked_ns < ASK_AGAIN_S * NS:
+            return
+        self._asked_ns = now_ns
+        for address in self._heartbeats:
+            if address not in self._firmware:
+                question = outbound.request_message(
+                    address, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+                )
+                self._link.write(Encoder(address[0], COMPONENT_ID).encode(question))

@@ -1,0 +1,1 @@
+"""Our MCAP logs: written, repaired, read, exported."""

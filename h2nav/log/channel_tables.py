@@ -1,0 +1,288 @@
+"""A log's channels as tables: a table per channel, and one per message type for link bytes.
+
+What becomes of a table (CSV, Parquet) is up to who is given the rows.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import orjson
+from mcap.opcode import Opcode
+from mcap.records import Channel
+
+from h2nav.errors import BadInput
+from h2nav.log.file import RAW_ENCODING
+from h2nav.log.foxglove_messages import flat_fields
+from h2nav.log.message_schema import field_units
+from h2nav.log.reader import Directory, LogScan, records_of
+from h2nav.log.records import StoredMessage, message
+from h2nav.log.schema import time_from_object, unit_of
+from h2nav.log.survey import Progress, require_mcap
+from h2nav.wire.codec import decode
+from h2nav.wire.deframer import Deframer
+from h2nav.wire.dialect import LAYOUTS
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    Attributes:
+        name: of the field.
+        unit: of its values; empty where none is known.
+        kind: of a value: ``time`` (UNIX ns), ``number``, ``integer``, ``boolean``, ``text``,
+            ``anything`` (whatever JSON has), or a type of the dialect, such as ``uint16_t``.
+        length: elements of an array; 0 for one value.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    length: int = 0
+
+
+class Table(Protocol):
+    """Takes the rows of one table."""
+
+    path: Path
+    rows: int
+
+    def add(self, log_ns: int, publish_ns: int, values: Sequence[Any]) -> None:
+        """Takes a row.
+
+        Raises:
+            ValueError: a value, of this row or of an earlier one, is not what its column says.
+        """
+
+    def finish(self) -> None:
+        """Writes what is left; ValueError as in `add`."""
+
+
+OpenTable = Callable[[Path, Sequence[Column]], Table]
+"""Opens the table of a file; FileExistsError where there is one."""
+
+
+class ExportedFile(NamedTuple):
+    """One file."""
+
+    path: Path
+    rows: int
+
+
+class ExportResult(NamedTuple):
+    """What was written, and what could not be.
+
+    Attributes:
+        files: in the order in which they were begun.
+        skipped: topic -> why it has no file, or not all of its messages.
+        damaged_records: damaged places of the log that were passed over.
+    """
+
+    files: list[ExportedFile]
+    skipped: dict[str, str]
+    damaged_records: int
+
+
+class Destination(NamedTuple):
+    """Where tables go.
+
+    Attributes:
+        folder: made when missing; existing files are not overwritten.
+        suffix: of the files, such as ``.csv``.
+        open_table: opens each.
+    """
+
+    folder: Path
+    suffix: str
+    open_table: OpenTable
+
+
+def export_tables(
+    path: Path, destination: Destination, topics: Collection[str], progress: Progress
+) -> ExportResult:
+    """Gives the channels of a log to tables.
+
+    Args:
+        path: an MCAP log, closed, cut off or damaged.
+        destination: of the tables.
+        topics: only these; all when empty.
+        progress: called with the bytes done and in all.
+
+    Raises:
+        BadInput: no log, a file exists, or none of `topics` is in the log.
+    """
+    require_mcap(path)
+    directory = Directory(path)
+    with path.open("rb") as stream:
+        tables = _Tables(destination)
+        channels: dict[int, _ChannelRows | None] = {}
+        seen: set[str] = set()
+        scan = LogScan(stream)
+        for entry in scan.entries():
+            progress(scan.position, scan.size)
+            for opcode, body in records_of(entry):
+                if opcode != Opcode.MESSAGE:
+                    directory.note(opcode, body)
+                    continue
+                stored = message(body)
+                if stored.channel_id not in channels:
+                    channel = directory.channel(stored.channel_id)
+                    seen.add(channel.topic if channel else "")
+                    wanted = channel is not None and (not topics or channel.topic in topics)
+                    channels[stored.channel_id] = (
+                        _ChannelRows(channel, directory, tables) if channel and wanted else None
+                    )
+                rows = channels[stored.channel_id]
+                if rows is not None:
+                    rows.take(stored)
+    require_topics(path, topics, seen)
+    skipped = tables.finish()
+    skipped |= {rows.topic: rows.problem for rows in channels.values() if rows and rows.problem}
+    return ExportResult(tables.written(), skipped, scan.damaged_records)
+
+
+def require_topics(path: Path, topics: Collection[str], seen: Collection[str]) -> None:
+    """BadInput unless all the `topics` are among the `seen`."""
+    absent = sorted(set(topics) - set(seen))
+    if absent:
+        known = ", ".join(sorted(set(seen) - {""})) or "none"
+        raise BadInput(f"{path}: no topic {', '.join(absent)}; the log has {known}")
+
+
+class _Tables:
+    """The tables by name."""
+
+    def __init__(self, destination: Destination) -> None:
+        destination.folder.mkdir(parents=True, exist_ok=True)
+        self._destination = destination
+        self._tables: dict[str, Table] = {}
+
+    def table(self, name: str, columns: Callable[[], Sequence[Column]]) -> Table:
+        if name not in self._tables:
+            # A topic of a foreign log must not lead out of the folder.
+            file_name = "".join(c if c.isalnum() or c in "-." else "_" for c in name).strip("_.")
+            folder, suffix, open_table = self._destination
+            path = folder / f"{file_name or 'channel'}{suffix}"
+            try:
+                self._tables[name] = open_table(path, columns())
+            except FileExistsError:
+                raise BadInput(f"{path}: exists; name another folder with -o") from None
+        return self._tables[name]
+
+    def finish(self) -> dict[str, str]:
+        """Writes what is left; name -> why that could not be done."""
+        problems: dict[str, str] = {}
+        for name, table in self._tables.items():
+            try:
+                table.finish()
+            except ValueError as error:
+                problems[name] = str(error)
+        return problems
+
+    def written(self) -> list[ExportedFile]:
+        return [ExportedFile(table.path, table.rows) for table in self._tables.values()]
+
+
+class _ChannelRows:
+    """Turns one channel's messages into rows.
+
+    Attributes:
+        topic: the channel's name.
+        problem: why its messages could not be exported; empty while they can.
+    """
+
+    def __init__(self, channel: Channel, directory: Directory, tables: _Tables) -> None:
+        self.topic = channel.topic
+        self.problem = ""
+        schema = directory.schema(channel)
+        self._schema_name = schema.name if schema else ""
+        self._tables = tables
+        self._deframer = Deframer()
+        self._columns: list[Column] = []
+        takers = {RAW_ENCODING: self._take_raw, "json": self._take_json}
+        self._take = takers.get(channel.message_encoding, self._take_protobuf)
+        if channel.message_encoding == "json" and schema is not None:
+            self._columns = _schema_columns(schema.data)
+
+    def take(self, stored: StoredMessage) -> None:
+        """Writes the rows of one message."""
+        if self.problem:
+            return
+        try:
+            self._take(stored)
+        except ValueError as error:
+            self.problem = str(error)
+
+    def _take_raw(self, stored: StoredMessage) -> None:
+        for frame in self._deframer.feed(stored.data):
+            fields = decode(frame)
+            name = f"{self.topic}/{type(fields).__name__}"
+            table = self._tables.table(name, partial(_dialect_columns, frame.msg_id))
+            table.add(stored.log_ns, stored.publish_ns, [frame.sysid, frame.compid, *fields])
+
+    def _take_json(self, stored: StoredMessage) -> None:
+        values = orjson.loads(stored.data)
+        if not isinstance(values, dict):
+            raise ValueError("messages are no JSON objects")
+        if not self._columns:
+            self._columns = [Column(name, unit_of(name), "anything") for name in values]
+        columns = self._columns
+        table = self._tables.table(self.topic, lambda: columns)
+        row = [time_from_object(values.get(column.name)) for column in columns]
+        table.add(stored.log_ns, stored.publish_ns, row)
+
+    def _take_protobuf(self, stored: StoredMessage) -> None:
+        values = flat_fields(self._schema_name, stored.data)
+        if values is None:
+            raise ValueError(f"no export of {self._schema_name or 'this encoding'}")
+        table = self._tables.table(self.topic, lambda: _value_columns(values))
+        table.add(stored.log_ns, stored.publish_ns, list(values.values()))
+
+
+def _schema_columns(schema: bytes) -> list[Column]:
+    """The properties of a JSON schema; none when it is not one, and the first message decides."""
+    try:
+        document = orjson.loads(schema)
+    except ValueError:
+        return []
+    properties = document.get("properties") if isinstance(document, dict) else None
+    if not isinstance(properties, dict):
+        return []
+    return [_schema_column(name, found) for name, found in properties.items()]
+
+
+_KINDS = {"number": "number", "integer": "integer", "boolean": "boolean", "string": "text"}
+
+
+def _schema_column(name: str, found: Any) -> Column:
+    told = found if isinstance(found, dict) else {}
+    members = told.get("properties")
+    if isinstance(members, dict) and members.keys() == {"sec", "nsec"}:
+        return Column(name, unit_of(name), "time")
+    json_type = told.get("type")
+    kind = _KINDS.get(json_type, "anything") if isinstance(json_type, str) else "anything"
+    return Column(name, unit_of(name), kind)
+
+
+def _value_columns(values: dict[str, Any]) -> list[Column]:
+    return [
+        Column(name, "", "text" if isinstance(value, str) else "number")
+        for name, value in values.items()
+    ]
+
+
+def _dialect_columns(msg_id: int) -> list[Column]:
+    layout = LAYOUTS[msg_id]
+    units = field_units(msg_id)
+    wire = {field.name: field for field in layout.wire_fields}
+    fields = [
+        Column(
+            name,
+            units.get(name, ""),
+            "text" if wire[name].type_name == "char" else wire[name].type_name,
+            0 if wire[name].type_name == "char" else wire[name].length,
+        )
+        for name in layout.field_names
+    ]
+    return [Column("sysid", "", "uint8_t"), Column("compid", "", "uint8_t"), *fields]

@@ -1,0 +1,246 @@
+"""Reading MCAP files front to back whatever happened to them: cut off, damaged, never closed.
+
+The index of a file is not used, because it is missing exactly when a log matters most. After a
+damaged record the scan looks for the next intact one (`log_records` says what that is).
+"""
+
+import os
+import re
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from h2nav.log.records import (
+    HEAD,
+    LARGEST_RECORD,
+    StoredMessage,
+    inner_records,
+    intact_content,
+    message,
+    parse,
+)
+
+_FOOTER = struct.Struct("<BQQQI")
+_SEARCH_BLOCK = 1 << 20
+# A record as it may follow damage: an opcode of the data section and a length below 16 MiB.
+_FIND_HEAD = re.compile(rb"[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7}", re.DOTALL).finditer
+_LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
+
+
+class Entry(NamedTuple):
+    """An intact record of the data section.
+
+    Attributes:
+        offset: where it begins in the file.
+        opcode: what it is.
+        size: bytes of the whole record.
+        body: the record without opcode and length.
+        content: for a chunk, the records in it, decompressed; else empty.
+    """
+
+    offset: int
+    opcode: int
+    size: int
+    body: bytes
+    content: bytes
+
+
+class LogScan:
+    """One pass over a file.
+
+    Args:
+        stream: the file, opened for reading and seekable.
+        outline: give chunks and message indexes unread, with an empty body, which is much faster.
+
+    Attributes:
+        size: bytes of the file.
+        position: bytes seen so far.
+        damaged_records: runs of bytes that hold no intact record.
+        skipped_bytes: their length together; a cut-off last record is among them.
+        ended: the data section came to its regular end.
+    """
+
+    def __init__(self, stream: BinaryIO, *, outline: bool = False) -> None:
+        self._stream = stream
+        self._passed_over = (Opcode.CHUNK, Opcode.MESSAGE_INDEX) if outline else ()
+        self.size = os.fstat(stream.fileno()).st_size
+        self.position = 0
+        self.damaged_records = self.skipped_bytes = 0
+        self.ended = False
+
+    def entries(self) -> Iterator[Entry]:
+        """All intact records in the order of the file, up to the end of the data section."""
+        self._stream.seek(0)
+        offset = len(MCAP0_MAGIC)
+        if self._stream.read(offset) != MCAP0_MAGIC:
+            self._skip(0, min(offset, self.size))
+        while offset < self.size and not self.ended:
+            entry = self._entry_at(offset)
+            if entry is None:
+                found = self._entry_behind(offset)
+                self._skip(offset, found.offset if found else self.size)
+                if found is None:
+                    break
+                entry = found
+            offset = entry.offset + entry.size
+            self.position = offset
+            self.ended = entry.opcode == Opcode.DATA_END
+            yield entry
+        self.position = self.size
+
+    def _skip(self, start: int, end: int) -> None:
+        self.damaged_records += 1
+        self.skipped_bytes += end - start
+
+    def _entry_at(self, offset: int) -> Entry | None:
+        self._stream.seek(offset)
+        head = self._stream.read(HEAD.size)
+        if len(head) < HEAD.size:
+            return None
+        opcode, length = HEAD.unpack(head)
+        end = offset + HEAD.size + length
+        if not _LOWEST <= opcode <= _HIGHEST or length > LARGEST_RECORD or end > self.size:
+            return None
+        if opcode in self._passed_over:
+            return Entry(offset, opcode, HEAD.size + length, b"", b"")
+        body = self._stream.read(length)
+        content = intact_content(opcode, body) if len(body) == length else None
+        if content is None:
+            return None
+        return Entry(offset, opcode, HEAD.size + length, body, content)
+
+    def _entry_behind(self, damaged: int) -> Entry | None:
+        """The first intact record behind a damaged one; its length is used if that works."""
+        self._stream.seek(damaged)
+        head = self._stream.read(HEAD.size)
+        if len(head) == HEAD.size:
+            follower = damaged + HEAD.size + HEAD.unpack(head)[1]
+            entry = self._entry_at(follower) if follower < self.size else None
+            if entry is not None:
+                return entry
+        start = damaged + 1
+        while start < self.size:
+            self._stream.seek(start)
+            block = self._stream.read(_SEARCH_BLOCK + HEAD.size - 1)
+            for match in _FIND_HEAD(block):
+                entry = self._entry_at(start + match.start())
+                if entry is not None:
+                    return entry
+            start += _SEARCH_BLOCK
+        return None
+
+
+def is_mcap(path: Path) -> bool:
+    """Whether the file begins like an MCAP file; two damaged bytes are forgiven."""
+    with path.open("rb") as stream:
+        start = stream.read(len(MCAP0_MAGIC))
+    equal = sum(a == b for a, b in zip(start, MCAP0_MAGIC, strict=False))
+    return equal >= len(MCAP0_MAGIC) - 2
+
+
+def is_closed(path: Path) -> bool:
+    """Whether the file ends as a closed MCAP file does."""
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, size - len(MCAP0_MAGIC)))
+        return size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
+
+
+class Directory:
+    """Which schemas and channels a log has, as far as they have been seen.
+
+    A channel is described only once, inside the first chunk; when that is damaged, the summary at
+    the end of a closed file still knows it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self._path = path
+        self._summary_read = False
+
+    def note(self, opcode: int, body: bytes) -> None:
+        """Takes a schema or channel record; others are ignored."""
+        if opcode == Opcode.SCHEMA:
+            schema = parse(Schema.read, body)
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = parse(Channel.read, body)
+            self.channels[channel.id] = channel
+
+    def channel(self, channel_id: int) -> Channel | None:
+        """The channel, or None when the file does not describe it (any more)."""
+        if channel_id not in self.channels and not self._summary_read:
+            self._read_summary()
+        return self.channels.get(channel_id)
+
+    def schema(self, channel: Channel) -> Schema | None:
+        """The channel's schema; None when it has none."""
+        if channel.schema_id and channel.schema_id not in self.schemas and not self._summary_read:
+            self._read_summary()
+        return self.schemas.get(channel.schema_id)
+
+    def _read_summary(self) -> None:
+        self._summary_read = True
+        for opcode, body in inner_records(_summary(self._path)):
+            if opcode == Opcode.SCHEMA and intact_content(opcode, body) is not None:
+                schema = parse(Schema.read, body)
+                self.schemas.setdefault(schema.id, schema)
+            elif opcode == Opcode.CHANNEL and intact_content(opcode, body) is not None:
+                channel = parse(Channel.read, body)
+                self.channels.setdefault(channel.id, channel)
+
+
+def _summary(path: Path) -> bytes:
+    """The records between the data section and the footer; none where the file has no sound end."""
+    if not is_closed(path):
+        return b""
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        footer = size - len(MCAP0_MAGIC) - _FOOTER.size
+        if footer < len(MCAP0_MAGIC):
+            return b""
+        stream.seek(footer)
+        opcode, _, start, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
+        if opcode != Opcode.FOOTER or not start or not 0 < footer - start <= LARGEST_RECORD:
+            return b""
+        stream.seek(start)
+        return stream.read(footer - start)
+
+
+def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
+    """The records that an entry stands for: those in a chunk, else itself."""
+    if entry.opcode == Opcode.CHUNK:
+        return inner_records(entry.content)
+    return iter(((entry.opcode, entry.body),))
+
+
+def messages_of(
+    path: Path, progress: Callable[[int, int], None]
+) -> Iterator[tuple[Channel, StoredMessage]]:
+    """All messages of a log in the order of the file, with their channels.
+
+    Messages whose channel is not known any more are passed over.
+
+    Args:
+        path: an MCAP log, closed, cut off or damaged.
+        progress: called with the bytes done and in all.
+    """
+    directory = Directory(path)
+    with path.open("rb") as stream:
+        scan = LogScan(stream)
+        for entry in scan.entries():
+            progress(scan.position, scan.size)
+            for opcode, body in records_of(entry):
+                if opcode != Opcode.MESSAGE:
+                    directory.note(opcode, body)
+                    continue
+                stored = message(body)
+                channel = directory.channel(stored.channel_id)
+                if channel is not None:
+                    yield channel, stored

@@ -1,0 +1,134 @@
+"""Giving a log that was cut off its index, and saving what is left of a damaged one."""
+
+import fcntl
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+
+from h2nav.errors import BadInput, TaskFailed
+from h2nav.log.copying import LogCopy, Recovery, restrict
+from h2nav.log.folder import final_name
+from h2nav.log.reader import LogScan
+from h2nav.log.records import HEAD
+from h2nav.log.summary import LogSummary
+
+
+class DamagedLog(Exception):
+    """The log is damaged inside, not only cut off."""
+
+
+def _no_pause() -> None:
+    """For a caller that has no more urgent work."""
+
+
+def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
+    """Ends a log that was cut off: removes the fragment of a record, appends the index, renames.
+
+    The records before are not touched, so an interruption at any moment costs nothing.
+
+    Args:
+        path: ``<log>.active``.
+        pause: called after each chunk, by a caller whose other threads come first.
+
+    Returns:
+        The log's final name.
+
+    Raises:
+        DamagedLog: the damage is not (only) at the end; nothing has been changed.
+        BlockingIOError: the log is being written by another process.
+        OSError: no room for the index, for example.
+    """
+    with path.open("r+b") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        restrict(stream)
+        end, tail, summary = _walk(stream, pause)
+        stream.seek(end)
+        stream.truncate()
+        stream.write(tail)
+        stream.write(summary.ending(end + len(tail)))
+        stream.flush()
+        os.fsync(stream.fileno())
+    final = final_name(path)
+    if final.exists():
+        raise FileExistsError(17, "the finished log exists already", str(final))
+    return path.rename(final)
+
+
+def _walk(stream: BinaryIO, pause: Callable[[], None]) -> tuple[int, bytes, LogSummary]:
+    """Where the good part ends, which message indexes must follow, and the summary."""
+    scan, summary = LogScan(stream), LogSummary()
+    end, missing = 0, b""
+    for entry in scan.entries():
+        if scan.damaged_records:
+            raise DamagedLog
+        if entry.opcode == Opcode.MESSAGE_INDEX:
+            record = HEAD.pack(entry.opcode, len(entry.body)) + entry.body
+            if not missing.startswith(record):
+                raise DamagedLog
+            missing = missing[len(record) :]
+        elif missing or entry.opcode == Opcode.DATA_END:
+            if missing and entry.opcode != Opcode.DATA_END:
+                raise DamagedLog
+            break
+        else:
+            missing = summary.add(entry, entry.offset)
+        end = entry.offset + entry.size
+        if entry.opcode == Opcode.CHUNK:
+            pause()
+    if end == 0:
+        raise DamagedLog
+    return end, missing, summary
+
+
+def replace_damaged(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
+    """Writes what is left of ``<log>.active`` to ``<log>``, then removes the damaged file.
+
+    Raises:
+        OSError: the copy could not be written, or nothing was left to copy; `path` stays, unless
+            it is empty.
+    """
+    final = final_name(path)
+    try:
+        recover(path, final, pause)
+    except TaskFailed as error:
+        if path.stat().st_size <= len(MCAP0_MAGIC):
+            path.unlink()
+            raise OSError("empty, removed") from error
+        raise OSError(str(error)) from error
+    except BadInput as error:
+        raise FileExistsError(17, str(error)) from error
+    path.unlink()
+    return final
+
+
+def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -> Recovery:
+    """Copies all intact records into a new, complete log. The source is only read.
+
+    Raises:
+        BadInput: `output` exists (the source itself included) or cannot be made.
+        TaskFailed: nothing could be recovered; no output is left.
+        OSError: the output could not be written; none is left.
+    """
+    try:
+        stream = output.open("xb")
+    except FileExistsError:
+        raise BadInput(f"{output}: exists; name another output with -o") from None
+    except OSError as error:
+        raise BadInput(f"{output}: {error.strerror}; name another output with -o") from error
+    try:
+        with stream, source.open("rb") as damaged:
+            restrict(stream)
+            copy = LogCopy(source, stream, "h2nav log recover")
+            recovery = copy.run(LogScan(damaged), pause)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if recovery.messages == 0 and recovery.attachments == 0:
+            raise TaskFailed(f"{source}: nothing could be recovered")
+    except BaseException:
+        output.unlink(missing_ok=True)
+        raise
+    return recovery

@@ -1,0 +1,341 @@
+"""One log file after another: rotation, retries after a failing disk, repair of old files."""
+
+import contextlib
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav import __version__
+from h2nav.integrity.severity import Severity
+from h2nav.log.file import LogFile
+from h2nav.log.folder import (
+    RUN_FILES,
+    LogLimits,
+    final_name,
+    left_over_logs,
+    make_room,
+    next_log_path,
+    our_logs,
+    run_budget,
+    trim_run,
+)
+from h2nav.log.repair import DamagedLog, complete_in_place, replace_damaged
+
+SYNC_S = 0.75  # with one poll of the recorder and a slow fsync, below the promised second
+RETRY_FIRST_S = 1.0
+RETRY_LAST_S = 30.0
+SOUND_AGE_S = 60.0  # a file that failed after this time is followed by another at once
+REPAIR_PAUSE_S = 0.002
+
+Write = Callable[[LogFile], None]
+
+
+class Notice(NamedTuple):
+    """Something about the recording that has to be reported, once.
+
+    Attributes:
+        severity: of it.
+        text: one line.
+        cause: stays the same while names and figures in the text change; the text by default.
+    """
+
+    severity: Severity
+    text: str
+    cause: str = ""
+
+
+class FolderTarget:
+    """New names in a folder, within limits."""
+
+    retries = True
+
+    def __init__(self, folder: Path, limits: LogLimits) -> None:
+        self.folder = folder
+        self.limits = limits
+        self._run: set[Path] = set()  # final names
+        self._budget = 0
+
+    def left_over(self) -> list[Path]:
+        """Logs that an earlier run could not close."""
+        try:
+            return left_over_logs(self.folder)
+        except OSError:
+            return []  # no folder yet, or an unreadable one: opening a log will say so
+
+    def open(self) -> LogFile:
+        """The next log; OSError when it cannot be made."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._budget = self._budget or run_budget(self.folder, self.limits)
+        make_room(self.folder, self.limits, None)
+        file = LogFile(next_log_path(self.folder, time.time_ns()))
+        self._run.add(file.path)
+        return file
+
+    def is_full(self, file: LogFile, age_s: float) -> bool:
+        """Whether another file is due."""
+        largest = min(self.limits.file_bytes, self._budget // RUN_FILES)
+        return file.size >= largest or age_s >= self.limits.file_age_s
+
+    def check_room(self, file: LogFile) -> None:
+        """Keeps run and disk within the limits; OSError when that is not possible."""
+        run = [path for path in our_logs(self.folder) if final_name(path) in self._run]
+        # What the run has too much it gives up itself; only then earlier runs give way.
+        trim_run(run, file.active_path, self._budget)
+        make_room(self.folder, self.limits, file.active_path)
+
+
+class SingleTarget:
+    """One file of a given name, without limits."""
+
+    retries = False
+
+    def __init__(self, path: Path) -> None:
+        self.folder = path.parent
+        self._path = path
+
+    def left_over(self) -> list[Path]:
+        """Other files are not ours to touch."""
+        return []
+
+    def open(self) -> LogFile:
+        """The log; OSError when it cannot be made."""
+        return LogFile(self._path)
+
+    def is_full(self, file: LogFile, age_s: float) -> bool:
+        """Never."""
+        return False
+
+    def check_room(self, file: LogFile) -> None:
+        """No other file is ours to delete."""
+
+
+class LogSeries:
+    """The files of one run. Lives on the recorder's thread, except for what the notes name.
+
+    Args:
+        target: where the files are made.
+        unix_offset_ns: written into each file for its readers.
+        monotonic_s: the clock of flushes, rotation and retries.
+
+    Attributes:
+        trouble: why nothing is being recorded, None while all is well (read from any thread).
+        notices: events for the operator, oldest first (taken from any thread).
+        path: the name that the present (or last) file has once it is closed.
+        repairing: the thread that repairs left-over files; None when there were none.
+    """
+
+    def __init__(
+        self,
+        target: FolderTarget | SingleTarget,
+        unix_offset_ns: int,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.trouble: str | None = None
+        self.notices: deque[Notice] = deque(maxlen=100)
+        self.path: Path | None = None
+        self.repairing: threading.Thread | None = None
+        self.opened = self.lost = self.rejected = 0
+        self._written_before = 0
+        self._target = target
+        self._monotonic_s = monotonic_s
+        self._unix_offset_ns = unix_offset_ns
+        self._name = ""
+        self._file: LogFile | None = None
+        self._opened_at_s = self._sync_due_s = self._retry_at_s = 0.0
+        self._retry_s = RETRY_FIRST_S
+        self._headers: dict[tuple[str, str], Write] = {}
+        self._new_headers: deque[tuple[tuple[str, str], Write]] = deque()
+        self._told: set[str] = set()
+        self._stop_repair = threading.Event()
+
+    @property
+    def written(self) -> int:
+        """Messages in the files of this run."""
+        return self._written_before + (self._file.written if self._file else 0)
+
+    @property
+    def file_bytes(self) -> int:
+        """Size of the present file on disk."""
+        return self._file.size if self._file else 0
+
+    def keep(self, kind: str, name: str, write: Write) -> None:
+        """Called from any thread: `write` goes into this file and the start of every later one."""
+        self._new_headers.append(((kind, name), write))
+
+    def begin(self) -> None:
+        """Opens the first file and starts the repair of files left over from earlier runs."""
+        left_over = self._target.left_over()
+        self._open()
+        if left_over:
+            self.repairing = threading.Thread(
+                target=self._repair, args=(left_over,), name="h2nav-log-repair", daemon=True
+            )
+            self.repairing.start()
+
+    def write(self, write: Write) -> None:
+        """Writes one message, or counts why it could not be written."""
+        if self._new_headers:
+            self._adopt_headers()
+        if self._file is None:
+            self.lost += 1
+            return
+        try:
+            write(self._file)
+        except OSError as error:
+            self._fail(error)
+        except Exception as error:  # a message must never end the recording of the others
+            self.rejected += 1
+            self._tell_once(f"not recorded: {type(error).__name__}: {error}")
+
+    def tend(self) -> None:
+        """What is due by time: new attachments, flush to the disk, rotation, another try."""
+        now_s = self._monotonic_s()
+        if self._new_headers:
+            self._adopt_headers()
+        if self._file is None:
+            if self._target.retries and now_s >= self._retry_at_s:
+                self._open()
+        elif now_s >= self._sync_due_s:
+            self._sync(now_s)
+        if self._file is not None and self._target.is_full(self._file, now_s - self._opened_at_s):
+            self._close()
+            self._open()
+
+    def end(self) -> None:
+        """Closes the present file."""
+        self._stop_repair.set()
+        self._close()
+
+    def give_up(self, error: Exception) -> None:
+        """Says that nothing more will be recorded."""
+        self.trouble = f"{type(error).__name__}: {error}"
+        self.notices.append(Notice(Severity.ERROR, f"recording ended: {self.trouble}"))
+
+    def _open(self) -> None:
+        now_s = self._monotonic_s()
+        try:
+            file = self._target.open()
+        except OSError as error:
+            self._suffer(error)
+            return
+        self._file, self.path = file, file.path
+        self._opened_at_s, self._sync_due_s = now_s, now_s + SYNC_S
+        self.opened += 1
+        self._name = self._name or file.path.stem
+        about = {
+            "h2nav_version": __version__,
+            "unix_offset_ns": str(self._unix_offset_ns),
+            "series": self._name,
+            "part": str(self.opened),
+        }
+        self._try(lambda opened: opened.describe("recording", about))
+        for header in self._headers.values():
+            self._try(header)
+        self._try(LogFile.sync)
+
+    def _try(self, write: Write) -> None:
+        if self._file is not None:
+            try:
+                write(self._file)
+            except OSError as error:
+                self._fail(error)
+
+    def _adopt_headers(self) -> None:
+        while self._new_headers:
+            key, write = self._new_headers.popleft()
+            self._headers[key] = write
+            self._try(write)
+        self._try(LogFile.sync)
+
+    def _sync(self, now_s: float) -> None:
+        file = self._file
+        if file is None:
+            return
+        self._sync_due_s = now_s + SYNC_S
+        try:
+            file.sync()
+        except OSError as error:
+            self._fail(error)
+            return
+        if self.trouble is not None:
+            self.trouble = None
+            lost = f"{self.lost} messages lost so far"
+            text = f"recording again to {file.path}; {lost}"
+            self.notices.append(Notice(Severity.NOTICE, text, "recording again"))
+        try:
+            self._target.check_room(file)
+        except OSError as error:
+            self._close()
+            self._suffer(error)
+
+    def _close(self) -> None:
+        file = self._file
+        if file is None:
+            return
+        try:
+            file.close()
+        except OSError as error:
+            self._fail(error)
+            return
+        self._written_before += file.written
+        self._file = None
+
+    def _fail(self, error: OSError) -> None:
+        """The present file cannot be written any more: leave it readable, try another."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        file.abandon()
+        self.lost += file.unsaved
+        self._written_before += file.written - file.unsaved
+        # Without room for an index streaming readers still read it, and the next start repairs it.
+        with contextlib.suppress(OSError, DamagedLog):
+            complete_in_place(file.active_path)
+        if self._monotonic_s() - self._opened_at_s >= SOUND_AGE_S:
+            self._retry_s = 0.0
+        self._suffer(error)
+
+    def _suffer(self, error: OSError) -> None:
+        self._retry_at_s = self._monotonic_s() + self._retry_s
+        self._retry_s = min(max(2 * self._retry_s, RETRY_FIRST_S), RETRY_LAST_S)
+        place = error.filename or self._target.folder
+        text = f"{place}: {error.strerror or error}"
+        if self.trouble is None:
+            again = "trying again" if self._target.retries else "giving up"
+            stopped = f"recording stopped: {text}; {again}"
+            cause = f"recording stopped: {error.strerror or error}"
+            self.notices.append(Notice(Severity.ERROR, stopped, cause))
+        self.trouble = text
+
+    def _tell_once(self, text: str) -> None:
+        if text not in self._told and len(self._told) < 100:
+            self._told.add(text)
+            self.notices.append(Notice(Severity.WARNING, text))
+
+    def _repair(self, paths: list[Path]) -> None:
+        """On a thread of its own, slowly: attitude and the new log come first."""
+
+        def pause() -> None:
+            if self._stop_repair.wait(REPAIR_PAUSE_S):
+                raise InterruptedError("recording ended")
+
+        for path in paths:
+            try:
+                try:
+                    final = complete_in_place(path, pause)
+                except DamagedLog:
+                    final = replace_damaged(path, pause)
+            except BlockingIOError:
+                continue  # another process is writing it
+            except InterruptedError:
+                return
+            except OSError as error:
+                self.notices.append(Notice(Severity.WARNING, f"{path}: not repaired: {error}"))
+                continue
+            self.notices.append(
+                Notice(Severity.NOTICE, f"{os.fspath(final)}: repaired", "log repaired")
+            )

@@ -1,0 +1,231 @@
+"""What a log holds: one pass over the file, intact or not."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Metadata
+
+from h2nav.errors import BadInput
+from h2nav.log.account import Account, Difference, LogAccount, StateSpan
+from h2nav.log.reader import Directory, LogScan, is_closed, is_mcap, records_of
+from h2nav.log.recorder import RECEIVED_TOPIC
+from h2nav.log.records import StoredMessage, message, parse
+
+GAP_NS = 1_000_000_000
+MOST_GAPS = 100
+NS_PER_S = 1e9
+
+Progress = Callable[[int, int], None]
+
+
+class TopicSurvey(NamedTuple):
+    """One channel.
+
+    Attributes:
+        topic: its name.
+        encoding: of its messages.
+        schema: its schema's name, empty without one.
+        messages: how many.
+        data_bytes: their length together, uncompressed.
+        rate_hz: mean rate between its first and its last message; 0 for fewer than two.
+        longest_gap_s: longest time between two messages.
+    """
+
+    topic: str
+    encoding: str
+    schema: str
+    messages: int
+    data_bytes: int
+    rate_hz: float
+    longest_gap_s: float
+
+
+class Gap(NamedTuple):
+    """A time without bytes from a link, longer than a second.
+
+    Attributes:
+        topic: the link's channel.
+        after_s: where it begins, from the start of the log.
+        length_s: how long it lasts.
+    """
+
+    topic: str
+    after_s: float
+    length_s: float
+
+
+class LogSurvey(NamedTuple):
+    """A whole log.
+
+    Attributes:
+        path: the file.
+        file_bytes: its size.
+        closed: it was ended regularly and has an index.
+        start_unix_ns: first message; 0 without messages.
+        duration_s: from the first to the last message.
+        topics: the channels, by name.
+        gaps: at most `MOST_GAPS`.
+        attachments: name -> bytes.
+        metadata: name -> texts.
+        damaged_records: runs of bytes that hold no intact record, a cut-off end included.
+        lost_bytes: their length together.
+        states: of the service, in their order.
+        refusals: reason -> how many samples or messages.
+        findings: what the service found to be wrong; see `LogAccount`.
+        differences: the largest ones to the autopilot's attitudes.
+    """
+
+    path: str
+    file_bytes: int
+    closed: bool
+    start_unix_ns: int
+    duration_s: float
+    topics: list[TopicSurvey]
+    gaps: list[Gap]
+    attachments: dict[str, int]
+    metadata: dict[str, dict[str, str]]
+    damaged_records: int
+    lost_bytes: int
+    states: list[StateSpan]
+    refusals: dict[str, int]
+    findings: list[dict[str, Any]]
+    differences: list[Difference]
+
+
+class _Tally:
+    """Counts one channel's messages."""
+
+    def __init__(self) -> None:
+        self.messages = self.data_bytes = self.longest_gap_ns = 0
+        self.first_ns = self.last_ns = 0
+        self.gaps: list[tuple[int, int]] = []
+
+    def take(self, stored: StoredMessage) -> None:
+        if self.messages == 0:
+            self.first_ns = self.last_ns = stored.log_ns
+        gap_ns = stored.log_ns - self.last_ns
+        if gap_ns > GAP_NS and len(self.gaps) < MOST_GAPS:
+            self.gaps.append((self.last_ns, gap_ns))
+        self.longest_gap_ns = max(self.longest_gap_ns, gap_ns)
+        self.last_ns = max(self.last_ns, stored.log_ns)
+        self.messages += 1
+        self.data_bytes += len(stored.data)
+
+    @property
+    def rate_hz(self) -> float:
+        span_s = (self.last_ns - self.first_ns) / NS_PER_S
+        return (self.messages - 1) / span_s if span_s > 0 else 0.0
+
+
+class _Told:
+    """Gives the service's records to the account, by channel."""
+
+    def __init__(self, directory: Directory) -> None:
+        self._directory = directory
+        self._account = Account()
+        self._topics: dict[int, str | None] = {}
+
+    def take(self, stored: StoredMessage) -> None:
+        number = stored.channel_id
+        if number not in self._topics:
+            channel = self._directory.channel(number)
+            topic = channel.topic if channel and channel.message_encoding == "json" else None
+            self._topics[number] = topic if topic in self._account.topics else None
+        topic = self._topics[number]
+        if topic is not None:
+            self._account.take(topic, stored.log_ns, stored.data)
+
+    def result(self, start_ns: int) -> LogAccount:
+        return self._account.result(start_ns)
+
+
+def require_mcap(path: Path) -> None:
+    """BadInput unless the file can be read and is an MCAP log."""
+    try:
+        known = is_mcap(path)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; expected an MCAP log") from error
+    if not known:
+        raise BadInput(
+            f"{path}: not an MCAP log; expected a file that h2nav has recorded "
+            "(other recordings: h2nav replay makes one of them)"
+        )
+
+
+def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurvey:
+    """Looks through a log.
+
+    Args:
+        path: an MCAP file, closed, cut off or damaged.
+        progress: called with the bytes done and in all.
+
+    Raises:
+        BadInput: no such file, or not an MCAP file.
+    """
+    require_mcap(path)
+    directory = Directory(path)
+    tallies: dict[int, _Tally] = {}
+    told = _Told(directory)
+    attachments: dict[str, int] = {}
+    metadata: dict[str, dict[str, str]] = {}
+    with path.open("rb") as stream:
+        scan = LogScan(stream)
+        for entry in scan.entries():
+            progress(scan.position, scan.size)
+            if entry.opcode == Opcode.ATTACHMENT:
+                attachment = parse(Attachment.read, entry.body)
+                attachments[attachment.name] = len(attachment.data)
+            elif entry.opcode == Opcode.METADATA:
+                texts = parse(Metadata.read, entry.body)
+                metadata[texts.name] = texts.metadata
+            for opcode, body in records_of(entry):
+                if opcode == Opcode.MESSAGE:
+                    stored = message(body)
+                    tallies.setdefault(stored.channel_id, _Tally()).take(stored)
+                    told.take(stored)
+                else:
+                    directory.note(opcode, body)
+        damaged, lost = scan.damaged_records, scan.skipped_bytes
+    start_ns = min((tally.first_ns for tally in tallies.values()), default=0)
+    end_ns = max((tally.last_ns for tally in tallies.values()), default=0)
+    topics = {number: _topic(directory, number, tally) for number, tally in tallies.items()}
+    return LogSurvey(
+        path=str(path),
+        file_bytes=path.stat().st_size,
+        closed=is_closed(path),
+        start_unix_ns=start_ns,
+        duration_s=(end_ns - start_ns) / NS_PER_S,
+        topics=sorted(topics.values()),
+        gaps=_gaps(topics, tallies, start_ns),
+        attachments=attachments,
+        metadata=metadata,
+        damaged_records=damaged,
+        lost_bytes=lost,
+        **told.result(start_ns)._asdict(),
+    )
+
+
+def _topic(directory: Directory, number: int, tally: _Tally) -> TopicSurvey:
+    channel = directory.channel(number)
+    schema = directory.schema(channel) if channel else None
+    return TopicSurvey(
+        topic=channel.topic if channel else f"(lost channel {number})",
+        encoding=channel.message_encoding if channel else "",
+        schema=schema.name if schema else "",
+        messages=tally.messages,
+        data_bytes=tally.data_bytes,
+        rate_hz=tally.rate_hz,
+        longest_gap_s=tally.longest_gap_ns / NS_PER_S,
+    )
+
+
+def _gaps(topics: dict[int, TopicSurvey], tallies: dict[int, _Tally], start_ns: int) -> list[Gap]:
+    gaps = [
+        Gap(topics[number].topic, (at_ns - start_ns) / NS_PER_S, length_ns / NS_PER_S)
+        for number, tally in tallies.items()
+        for at_ns, length_ns in tally.gaps
+        if topics[number].topic.startswith(RECEIVED_TOPIC)
+    ]
+    return sorted(gaps, key=lambda gap: gap.after_s)[:MOST_GAPS]

@@ -1,0 +1,370 @@
+"""A log that an autopilot wrote itself, as events of the service: whatever its format.
+
+The importers of the formats (`dataflash`, `ulog`) say what was recorded, as arrays; here it becomes
+the typed records that the service would have been told in flight, in the order of their times.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from itertools import repeat
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.recordings.context import (
+    Array,
+    AttitudeTrack,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Series,
+)
+from h2nav.recordings.imported import Event, ImportedLog
+from h2nav.recordings.imu_series import LEAST_HZ, Readings, Samples, Times
+from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.imu import RECORDED_IMU, ImuReading
+from h2nav.wire.position import GpsFix, NoFix, Origin, Place
+from h2nav.wire.readers import Envelope, Message
+from h2nav.wire.vehicle import (
+    EARLIEST_UNIX_S,
+    LATEST_UNIX_S,
+    Airspeed,
+    Heartbeat,
+    LandedState,
+    ParameterValue,
+    StatusText,
+    SystemTime,
+)
+
+SENDER = (1, 1)
+SECOND_US = 1_000_000
+# Events are made for so long at a time: of few that exist at once the collector sees little.
+BLOCK_US = SECOND_US
+# The service compares ten attitudes a second.
+ATTITUDE_STEP_US = 50_000
+
+
+class Setting(NamedTuple):
+    """A parameter of the autopilot from a time on."""
+
+    t_us: int
+    name: str
+    value: float
+
+
+class Recorded(NamedTuple):
+    """What a log says.
+
+    Attributes:
+        context: for the review.
+        autopilot: MAV_AUTOPILOT.
+        vehicle_type: MAV_TYPE.
+        start_us: the autopilot's time at which the context's begins.
+        readings: of the IMUs.
+        receiver: number of the GPS receiver whose fixes are used.
+        fix_us: (N,) when its fixes were measured, on the autopilot's clock.
+        flown: attitude that the autopilot flew by.
+        second: attitude of its second estimator, as AHRS2 tells it.
+        airspeed_m_s: (N,) along the nose; None without.
+        settings: parameters, in order.
+        origin: where it started; None where it is not said.
+    """
+
+    context: Context
+    autopilot: int
+    vehicle_type: int
+    start_us: int
+    readings: tuple[Readings, ...] = ()
+    receiver: int = 0
+    fix_us: Times = np.empty(0, np.int64)
+    flown: AttitudeTrack | None = None
+    second: AttitudeTrack | None = None
+    airspeed_m_s: Series | None = None
+    settings: tuple[Setting, ...] = ()
+    origin: Place | None = None
+
+
+class _Stream(NamedTuple):
+    """Messages of one kind.
+
+    Attributes:
+        t_us: (N,) their times, in order.
+        message_id: of the MAVLink message that tells the same.
+        make: gives those of a part of them.
+    """
+
+    t_us: Times
+    message_id: int
+    make: Callable[[slice], Iterable[Message]]
+
+
+class AutopilotLog(ImportedLog):
+    """A log that is read as a whole when it is opened.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BadInput: the file cannot be read, or is none of its kind.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._recorded = self._read()
+        context = self._recorded.context
+        self.notes = context.notes
+        if context.start_unix_s is not None:
+            self.unix_start_ns = round(context.start_unix_s * 1e9)
+            self.unix_offset_ns = self.unix_start_ns - self._recorded.start_us * 1000
+
+    @abstractmethod
+    def _read(self) -> Recorded:
+        """What the file says."""
+
+    def context(self) -> Context:
+        """Everything else."""
+        return self._recorded.context
+
+    def events(self) -> Iterator[Event]:
+        """What the service would have been told in flight; `t_ns` never decreases."""
+        streams = [stream for stream in _streams(self._recorded) if len(stream.t_us)]
+        size = self.progress[1]
+        start_us = self._recorded.start_us
+        length_us = max(1, max((int(s.t_us[-1]) for s in streams), default=0) - start_us)
+        places = [0] * len(streams)
+        while heads := [
+            int(s.t_us[i]) for s, i in zip(streams, places, strict=True) if i < len(s.t_us)
+        ]:
+            end_us = min(heads) + BLOCK_US
+            times, block = [], list[Event]()
+            for number, stream in enumerate(streams):
+                part = slice(places[number], int(np.searchsorted(stream.t_us, end_us)))
+                places[number] = part.stop
+                times.append(stream.t_us[part])
+                block += zip(
+                    _envelopes(times[-1], stream.message_id), stream.make(part), strict=False
+                )
+            # What is of one time stays in the order of the streams.
+            order = np.argsort(np.concatenate(times), kind="stable")
+            yield from map(block.__getitem__, order.tolist())
+            self.progress = (min(size, size * (end_us - start_us) // length_us), size)
+        self.progress = (size, size)
+
+
+def _envelopes(t_us: Times, message_id: int) -> Iterator[Envelope]:
+    """How messages of these times came: at once."""
+    t_ns = (t_us * 1000).tolist()
+    return map(Envelope._make, zip(t_ns, t_ns, repeat(SENDER), repeat(message_id), strict=False))
+
+
+def _streams(recorded: Recorded) -> list[_Stream]:
+    """All that the service is told; of one time, the earlier ones come first."""
+    context = recorded.context
+    seconds = _seconds(recorded)
+    streams = [_heartbeats(recorded, seconds), _settings(recorded)]
+    if context.start_unix_s is not None:
+        streams.append(_dates(seconds, recorded.start_us, context.start_unix_s))
+    if context.airborne is not None:
+        streams.append(_landed(seconds, recorded.start_us, context.airborne))
+    if recorded.origin is not None:
+        origin = Origin(recorded.origin)
+        message_id = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+        streams.append(_Stream(seconds[:1], message_id, lambda part: repeat(origin)))
+    for receiver in context.gps:
+        if receiver.receiver == recorded.receiver:
+            streams.append(_fixes(recorded, receiver))
+    if recorded.airspeed_m_s is not None:
+        streams.append(_airspeeds(recorded, recorded.airspeed_m_s))
+    for track, is_second in ((recorded.flown, False), (recorded.second, True)):
+        if track is not None:
+            streams.append(_attitudes(recorded.start_us, track, is_second=is_second))
+    streams.append(_texts(recorded))
+    streams += [_readings(readings, recorded.start_us) for readings in recorded.readings]
+    return streams
+
+
+def _boot_us(start_us: int, t_s: Array) -> Times:
+    """Times of the context on the autopilot's clock."""
+    return start_us + np.round(t_s * 1e6).astype(np.int64)
+
+
+def _seconds(recorded: Recorded) -> Times:
+    length_us = round(recorded.context.duration_s * 1e6)
+    return recorded.start_us + np.arange(0, length_us + 1, SECOND_US, dtype=np.int64)
+
+
+def _heartbeats(recorded: Recorded, t_us: Times) -> _Stream:
+    """Once a second, as on the wire; the service listens to who sends them."""
+    t_s = (t_us - recorded.start_us) * 1e-6
+    armed = np.zeros(len(t_us), np.bool_)
+    for span in recorded.context.armed:
+        armed |= (t_s >= span.from_s) & (t_s < span.to_s)
+    make, kind = recorded.autopilot, recorded.vehicle_type
+    beats = {is_armed: Heartbeat(make, kind, is_armed) for is_armed in (False, True)}
+    return _Stream(
+        t_us,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        lambda part: map(beats.__getitem__, armed[part].tolist()),
+    )
+
+
+def _settings(recorded: Recorded) -> _Stream:
+    settings = recorded.settings
+    t_us = np.array([max(setting.t_us, recorded.start_us) for setting in settings], np.int64)
+    return _Stream(
+        t_us,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        lambda part: (ParameterValue(name, value) for _, name, value in settings[part]),
+    )
+
+
+def _dates(t_us: Times, start_us: int, start_unix_s: float) -> _Stream:
+    unix_s = start_unix_s + (t_us - start_us) * 1e-6
+    good = (unix_s >= EARLIEST_UNIX_S) & (unix_s < LATEST_UNIX_S)
+    return _Stream(
+        t_us[good],
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        lambda part: map(SystemTime, unix_s[good][part].tolist()),
+    )
+
+
+def _landed(t_us: Times, start_us: int, airborne: Series) -> _Stream:
+    place = np.searchsorted(airborne.t_s, (t_us - start_us) * 1e-6, side="right") - 1
+    landed = np.asarray(airborne.values)[np.maximum(place, 0)] < 0.5
+    return _Stream(
+        t_us,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        lambda part: map(LandedState, landed[part].tolist()),
+    )
+
+
+def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:
+    def make(part: slice) -> Iterator[Message]:
+        rows = zip(
+            track.has_fix[part].tolist(),
+            recorded.fix_us[part].tolist(),
+            track.latitude_deg[part].tolist(),
+            track.longitude_deg[part].tolist(),
+            track.altitude_m[part].tolist(),
+            _vectors(track.v_n[part]),
+            track.sigma_m_s[part].tolist(),
+            strict=True,
+        )
+        for has_fix, stamp_us, latitude, longitude, altitude, v_n, sigma in rows:
+            if not has_fix:
+                yield NoFix()
+                continue
+            is_known = v_n[0] == v_n[0] and v_n[1] == v_n[1]
+            place = Place(latitude, longitude, altitude)
+            yield GpsFix(stamp_us, place, v_n if is_known else None, sigma)
+
+    t_us = _boot_us(recorded.start_us, track.t_s)
+    return _Stream(t_us, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, make)
+
+
+def _airspeeds(recorded: Recorded, airspeed: Series) -> _Stream:
+    values = airspeed.values
+    return _Stream(
+        _boot_us(recorded.start_us, airspeed.t_s),
+        mavlink.MAVLINK_MSG_ID_VFR_HUD,
+        lambda part: (Airspeed(v if v > 0.0 else None) for v in values[part].tolist()),
+    )
+
+
+def _attitudes(start_us: int, track: AttitudeTrack, *, is_second: bool) -> _Stream:
+    """No more of them than are looked at."""
+    t_us = _boot_us(start_us, track.t_s)
+    step = (t_us - start_us) // ATTITUDE_STEP_US
+    kept = np.diff(step, prepend=-1) > 0
+    t_us, q_nb = t_us[kept], track.q_nb[kept]
+
+    def make(part: slice) -> Iterator[Message]:
+        times_ms = [None] * len(t_us[part]) if is_second else (t_us[part] // 1000).tolist()
+        return (
+            ReportedAttitude(is_second, time_ms, tuple(q))
+            for time_ms, q in zip(times_ms, q_nb[part].tolist(), strict=True)
+        )
+
+    message_id = mavlink.MAVLINK_MSG_ID_AHRS2 if is_second else mavlink.MAVLINK_MSG_ID_ATTITUDE
+    return _Stream(t_us, message_id, make)
+
+
+def _texts(recorded: Recorded) -> _Stream:
+    said = recorded.context.said
+    t_s = np.array([text.t_s for text in said], np.float64)
+    return _Stream(
+        _boot_us(recorded.start_us, t_s),
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        lambda part: (StatusText(text.text) for text in said[part]),
+    )
+
+
+def _readings(recorded: Readings, start_us: int) -> _Stream:
+    """What was measured before the log's first time is left out: nobody is heard before it."""
+    first = int(np.searchsorted(recorded.t_us, start_us))
+    readings = Readings(
+        recorded.imu,
+        recorded.t_us[first:],
+        recorded.w_b[first:],
+        recorded.f_b[first:],
+        recorded.m_b_ut[first:],
+        recorded.clipped[first:],
+    )
+    has_field = ~np.isnan(readings.m_b_ut[:, 0])
+
+    def make(part: slice) -> Iterator[Message]:
+        fields = zip(has_field[part].tolist(), _vectors(readings.m_b_ut[part]), strict=True)
+        rows = zip(
+            readings.t_us[part].tolist(),
+            _vectors(readings.w_b[part]),
+            _vectors(readings.f_b[part]),
+            (field if has else None for has, field in fields),
+            readings.clipped[part].tolist(),
+            repeat(readings.imu),
+            strict=False,
+        )
+        return map(ImuReading._make, rows)
+
+    return _Stream(readings.t_us, RECORDED_IMU, make)
+
+
+def _vectors(values: Array) -> Iterator[tuple[float, ...]]:
+    """(N, k) as tuples; columns first, because that makes no lists between."""
+    return zip(*values.T.tolist(), strict=True)
+
+
+def vehicle_name(vehicle_type: int) -> str:
+    """Of a MAV_TYPE, for people."""
+    entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
+    if entry is None or not vehicle_type:
+        return ""
+    return str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()
+
+
+def has_enough_samples(context: Context) -> bool:
+    """Whether an attitude can be made of the recording."""
+    return max(map(imu_rate_hz, context.imus), default=0.0) >= LEAST_HZ
+
+
+def imu_rate_hz(track: ImuTrack) -> float:
+    """Samples a second, by the usual time between two."""
+    return Samples(track.stamp_us, track.w_b, track.f_b).rate_hz
+
+
+def what_sensors_lack(context: Context) -> tuple[str, ...]:
+    """What sensors should have told for a better review, one phrase each."""
+    rates_hz = [imu_rate_hz(track) for track in context.imus]
+    fixes = [track for track in context.gps if track.has_fix.any()]
+    no_velocity = not any(np.isfinite(track.v_n[track.has_fix, 0]).any() for track in fixes)
+    lacks = {
+        "no IMU samples": not context.imus,
+        f"IMU samples only {max(rates_hz, default=0.0):.0f} times a second": bool(rates_hz)
+        and max(rates_hz) < LEAST_HZ,
+        "no compass": not any(np.isfinite(track.m_b_ut[:, 0]).any() for track in context.imus),
+        "no GPS fix": not fixes,
+        "no GPS velocity": bool(fixes) and no_velocity,
+        "no date": context.start_unix_s is None,
+    }
+    return tuple(text for text, is_so in lacks.items() if is_so)

@@ -1,0 +1,764 @@
+"""ArduPilot's dataflash logs as events of the service, and what else they say.
+
+Messages and columns have changed since 2014: a second IMU was IMU2 and is IMU with a number now;
+times were milliseconds; angles were hundredths of degrees. The reader gives physical values, and
+here every spelling is looked for.
+
+Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2014 to 2026.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.integrity.findings import Severity
+from h2nav.maths import quaternion
+from h2nav.recordings import dataflash_controls as controls
+from h2nav.recordings import imu_series
+from h2nav.recordings.autopilot_log import (
+    AutopilotLog,
+    Recorded,
+    Setting,
+    vehicle_name,
+    what_sensors_lack,
+)
+from h2nav.recordings.context import (
+    Array,
+    AttitudeTrack,
+    Burst,
+    CompassTrack,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Said,
+    Series,
+    Span,
+)
+from h2nav.recordings.dataflash_errors import said_of_error
+from h2nav.recordings.dataflash_rows import Log, Rows
+from h2nav.recordings.dataflash_tables import read_dataflash
+from h2nav.recordings.imu_series import Fields, Mask, Samples, Times
+from h2nav.recordings.rotations import quaternions
+from h2nav.recordings.row_tables import LogTables
+from h2nav.recordings.spans import spans
+from h2nav.wire.imu import MOST_IMUS, UT_PER_MGAUSS
+from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place
+
+GPS_EPOCH_UNIX_S = 315_964_800.0
+WEEK_S = 604_800.0
+# Since 2017; one more than in 2015, which matters to nobody who asks for a field model.
+LEAP_S = 18.0
+# The first weeks are what a receiver counts that does not know the date.
+LEAST_WEEK = 1_500
+MOST_RECEIVERS = 2
+FIX_3D = 3
+FIX_AGE_US = 1_000_000
+SAME_FIX_US = 100_000
+ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
+# Raw values come in blocks; beyond so many periods another one begins.
+BURST_PAUSE = 5.0
+LEAST_BURST = 64
+BURST_KINDS = {0: "accelerometer", 1: "gyro"}
+MOST_BURSTS = 2_000
+# An error and its text follow each other at once.
+IN_WORDS_S = 0.5
+# What FRAME_CLASS says of a copter, as MAV_TYPE; 0 and 1 are quadrotors.
+COPTERS = {
+    2: mavlink.MAV_TYPE_HEXAROTOR,
+    3: mavlink.MAV_TYPE_OCTOROTOR,
+    4: mavlink.MAV_TYPE_OCTOROTOR,
+    5: mavlink.MAV_TYPE_HEXAROTOR,
+    6: mavlink.MAV_TYPE_HELICOPTER,
+    7: mavlink.MAV_TYPE_TRICOPTER,
+    8: mavlink.MAV_TYPE_COAXIAL,
+    11: mavlink.MAV_TYPE_HELICOPTER,
+    12: mavlink.MAV_TYPE_DODECAROTOR,
+    13: mavlink.MAV_TYPE_HELICOPTER,
+    14: mavlink.MAV_TYPE_DECAROTOR,
+}
+
+
+ANGLES = ("Roll", "Pitch", "Yaw")
+QUATERNION = ("Q1", "Q2", "Q3", "Q4")
+UNIT_WITHIN = 0.05
+SECOND = "AHRS2"
+LARGEST_TRIM_RAD = 0.5
+# A message, its columns, and the messages that told further cores before cores had numbers.
+Source = tuple[str, tuple[str, ...], dict[int, str]]
+CORES: dict[str, tuple[Source, ...]] = {
+    "EKF3": (
+        ("XKQ", QUATERNION, {0: "XKQ1", 1: "XKQ2", 2: "XKQ3"}),
+        ("XKF1", ANGLES, {1: "XKF6", 2: "XKF11"}),
+    ),
+    "EKF2": (
+        ("NKQ", QUATERNION, {0: "NKQ1", 1: "NKQ2", 2: "NKQ3"}),
+        ("NKF1", ANGLES, {1: "NKF6", 2: "NKF11"}),
+    ),
+    "EKF1": (("EKF1", ANGLES, {}),),
+}
+
+
+class Kind(NamedTuple):
+    """A vehicle's firmware: how its texts and its parameters show it.
+
+    Attributes:
+        names: what its version begins with.
+        parameters: that it alone has, in some year.
+        vehicle_type: MAV_TYPE.
+        modes: number -> name.
+    """
+
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    vehicle_type: int
+    modes: dict[int, str]
+
+
+COPTER = Kind(
+    ("ArduCopter", "APM:Copter", "Copter"),
+    ("MOT_SPIN_ARM", "MOT_SPIN_ARMED", "MOT_THST_HOVER", "THR_MID", "WPNAV_SPEED", "WPNAV_RADIUS"),
+    mavlink.MAV_TYPE_QUADROTOR,
+    mavutil.mode_mapping_acm,
+)
+KINDS = (
+    Kind(
+        ("ArduSub",),
+        ("JS_GAIN_DEFAULT", "SURFACE_DEPTH"),
+        mavlink.MAV_TYPE_SUBMARINE,
+        mavutil.mode_mapping_sub,
+    ),
+    Kind(
+        ("ArduRover", "APMrover2", "APM:Rover", "Rover"),
+        ("CRUISE_SPEED", "STEER2SRV_P"),
+        mavlink.MAV_TYPE_GROUND_ROVER,
+        mavutil.mode_mapping_rover,
+    ),
+    Kind(
+        ("ArduPlane", "APM:Plane", "Plane"),
+        ("TECS_CLMB_MAX", "RLL2SRV_P", "RLL2SRV_TCONST", "TRIM_ARSPD_CM", "AIRSPEED_CRUISE"),
+        mavlink.MAV_TYPE_FIXED_WING,
+        mavutil.mode_mapping_apm,
+    ),
+    Kind(
+        ("AntennaTracker", "ArduTracker"),
+        ("PITCH_SRV_RATE",),
+        mavlink.MAV_TYPE_ANTENNA_TRACKER,
+        mavutil.mode_mapping_tracker,
+    ),
+    COPTER,
+)
+UNKNOWN = Kind((), (), mavlink.MAV_TYPE_GENERIC, {})
+
+
+class DataflashLog(AutopilotLog):
+    """A ``.bin`` file, or its text form ``.log``."""
+
+    kind = "dataflash"
+
+    def _read(self) -> Recorded:
+        return recorded(read_dataflash(self.path))
+
+
+def open_dataflash(path: Path) -> DataflashLog:
+    """Opens a log of ArduPilot.
+
+    Raises:
+        BadInput: it cannot be opened.
+    """
+    return DataflashLog(path)
+
+
+class Trim:
+    """What turns the autopilot's board into the vehicle's body: AHRS_TRIM, some degrees.
+
+    IMU, compass and the estimators' quaternions are logged in the axes of the board, ATT and all
+    angles in those of the body (`AP_AHRS::get_rotation_autopilot_body_to_vehicle_body`). Here all
+    is of the body.
+
+    Args:
+        parameters: of the autopilot.
+    """
+
+    def __init__(self, parameters: dict[str, float]) -> None:
+        angles = [parameters.get(f"AHRS_TRIM_{axis}", 0.0) for axis in "XYZ"]
+        if max(map(abs, angles)) > LARGEST_TRIM_RAD:
+            angles = [0.0, 0.0, 0.0]
+        self.is_known = any(angles)
+        self._q = quaternion.from_euler(*angles)
+        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        # Row i is where axis i comes to lie: vectors are rows as well.
+        self._turn = np.array([quaternion.rotate(self._q, axis) for axis in axes])
+        units = [tuple(unit) for unit in np.eye(4)]
+        back = quaternion.conjugate(self._q)
+        self._back = np.array([quaternion.multiply(unit, back) for unit in units])
+        self._forth = np.array([quaternion.multiply(unit, self._q) for unit in units])
+
+    def vectors(self, v: Array) -> Array:
+        """(N, 3) of the board to those of the body."""
+        return v @ self._turn if self.is_known else v
+
+    def of_board(self, q: Array) -> Array:
+        """(N, 4) attitudes of the body to those of the board."""
+        return q @ self._forth if self.is_known else q
+
+    def attitudes(self, q: Array) -> Array:
+        """(N, 4) of the board to those of the body."""
+        return q @ self._back if self.is_known else q
+
+
+NO_TRIM = Trim({})
+
+
+def recorded(tables: LogTables) -> Recorded:
+    """What the tables of a log say."""
+    log = Log(tables)
+    settings = _settings(log)
+    parameters = {setting.name: setting.value for setting in settings}
+    said = _said(log)
+    firmware = _firmware(log, said)
+    kind = _kind_of(firmware, parameters)
+    vehicle_type = _vehicle_type(kind, parameters)
+    trim = Trim(parameters)
+    imus, readings = _imus(log, trim)
+    gps, fix_us, receiver = _gps(log)
+    attitudes = _attitudes(log, parameters, trim)
+    modes, armed = _modes(log, kind), _armed(log)
+    context = Context(
+        firmware=firmware,
+        vehicle=vehicle_name(vehicle_type),
+        start_unix_s=_start_unix_s(log),
+        duration_s=log.duration_s,
+        imus=imus,
+        compasses=tuple(_compass_tracks(log)),
+        bursts=_bursts(log),
+        attitudes=attitudes,
+        truth=_truth(log),
+        gps=gps,
+        modes=modes,
+        # Without a word of it nothing may be taken for standing still.
+        armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
+        primary=_primary(log),
+        said=said,
+        parameters=parameters,
+        throttle=_throttle(log),
+        current_a=_current(log),
+        wind_n_m_s=_wind(log),
+        vehicle_type=vehicle_type,
+        demand=controls.demand(log),
+        demanded_rates=controls.demanded_rates(log),
+        motors=controls.motors(log, _first_values(settings), vehicle_type),
+        height_m=controls.height(log, "Alt"),
+        height_demand_m=controls.height(log, "DAlt"),
+        climb_m_s=controls.climb(log),
+        baro_height_m=controls.baro_height(log),
+        batteries=controls.batteries(log),
+        board_v=controls.board(log),
+        vibrations=controls.vibrations(log),
+        escs=controls.escs(log),
+        compass_rows=controls.compasses(log, parameters),
+        faults=controls.faults(log),
+        occurrences=controls.occurrences(log),
+        airborne=_airborne(log),
+        changes=controls.changes(_times_of(log, settings)),
+    )
+    context = context._replace(
+        missing=_missing(log, context, has_armed=armed is not None), notes=log.notes
+    )
+    return Recorded(
+        context,
+        mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        vehicle_type,
+        log.clock.start_us,
+        readings,
+        receiver,
+        fix_us,
+        next((track for track in attitudes if not track.name.startswith(SECOND)), None),
+        next((track for track in attitudes if track.name == SECOND), None),
+        _airspeed(log),
+        settings,
+        _origin(log),
+    )
+
+
+# --- inertial sensors and compasses -----------------------------------------------------------
+
+
+def _imus(log: Log, trim: Trim) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
+    compasses = _compasses(log, trim)
+    tracks, readings = [], []
+    axes = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
+    for rows in log.instances("IMU", *axes[0], *axes[1]):
+        samples = Samples(rows.t_us, rows.table.numbers(*axes[0]), rows.table.numbers(*axes[1]))
+        name = f"IMU {rows.number + 1}"
+        good = _healthy(log, rows, name)
+        is_usable = imu_series.usable(samples)
+        log.note(f"values of {name} that cannot be", int(np.count_nonzero(good & ~is_usable)))
+        samples = samples.only(good & is_usable)
+        samples = Samples(samples.t_us, trim.vectors(samples.w_b), trim.vectors(samples.f_b))
+        if not len(samples.t_us) or rows.number >= MOST_IMUS:
+            continue
+        own = compasses.get(rows.number)
+        t_s = log.since_start(samples.t_us)
+        tracks.append(imu_series.track_of(rows.number, "IMU", t_s, samples, own))
+        if samples.rate_hz >= imu_series.LEAST_HZ:
+            field = own if own is not None else compasses.get(0)
+            readings.append(imu_series.readings_of(rows.number, samples, field))
+    return tuple(tracks), tuple(readings)
+
+
+def _healthy(log: Log, rows: Rows, name: str) -> Mask:
+    """(N,) whether the autopilot itself takes gyro and accelerometer for good."""
+    good = np.ones(len(rows.t_us), np.bool_)
+    for column in ("GH", "AH"):
+        if column in rows.table:
+            good &= rows.table.integers(column) != 0
+    log.note(f"samples of {name} that the autopilot calls unhealthy", int((~good).sum()))
+    return good
+
+
+def _new_fields(log: Log) -> Iterator[Rows]:
+    """The fields that a compass measured, each once, as the autopilot uses them, in milligauss.
+
+    Offsets, scale and motor compensation are in them already (`Compass::get_field`); OfsX and the
+    like say what was added.
+    """
+    for rows in log.instances("MAG", "MagX", "MagY", "MagZ"):
+        good = np.ones(len(rows.t_us), np.bool_)
+        if "Health" in rows.table:
+            good &= rows.table.integers("Health") != 0
+        if "S" in rows.table:  # when it was measured: the same again is no new field
+            good &= np.diff(rows.table.integers("S"), prepend=-1) != 0
+        yield rows.where(good)
+
+
+def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+    """What a calibration asks for: the fields in the axes of the board, and what is in them."""
+    for rows in _new_fields(log):
+        values = rows.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
+        good = imu_series.can_be_fields(values)
+        offset = _optional(rows, ("OfsX", "OfsY", "OfsZ")) * UT_PER_MGAUSS
+        names = ("MOX", "MOY", "MOZ") if "MOX" in rows.table else ("MOfsX", "MOfsY", "MOfsZ")
+        motor = _optional(rows, names) * UT_PER_MGAUSS
+        if good.any():
+            yield CompassTrack(
+                rows.number, 0, rows.t_s[good], values[good], offset[good], motor[good]
+            )
+
+
+def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
+    """(N, k) of columns that there may be; NaN where there are none."""
+    if all(name in rows.table for name in names):
+        return rows.table.numbers(*names)
+    return np.full((len(rows.t_us), len(names)), np.nan)
+
+
+def _compasses(log: Log, trim: Trim) -> dict[int, Fields]:
+    """By number, in the axes of the body."""
+    found = {}
+    for new in _new_fields(log):
+        values = new.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
+        fields = imu_series.usable_fields(Fields(new.t_us, trim.vectors(values)))
+        if len(fields.t_us):
+            found[new.number] = fields
+    return found
+
+
+def _bursts(log: Log) -> tuple[Burst, ...]:
+    """Values at the sensor's own rate: batches, and raw rows."""
+    found = [*_batches(log)]
+    for name, sensor, columns in (
+        ("GYR", "gyro", ("GyrX", "GyrY", "GyrZ")),
+        ("ACC", "accelerometer", ("AccX", "AccY", "AccZ")),
+    ):
+        instances = list(log.instances(name, *columns))
+        # Before 4.1: GYR1 to GYR3.
+        numbered = (log.find(f"{name}{i + 1}", *columns) for i in range(MOST_IMUS))
+        instances += [
+            rows._replace(number=i) for i, rows in enumerate(numbered) if rows is not None
+        ]
+        for rows in instances:
+            found += _raw(log, rows, sensor, rows.table.numbers(*columns))
+    return tuple(found[:MOST_BURSTS])
+
+
+def _raw(log: Log, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
+    """Rows without pauses between them."""
+    stamps = rows.table.integers("SampleUS") if "SampleUS" in rows.table else rows.t_us
+    steps = np.diff(stamps)
+    if len(steps) < LEAST_BURST or (usual := float(np.median(steps))) <= 0.0:
+        return
+    ends = np.flatnonzero((steps <= 0) | (steps > BURST_PAUSE * usual)) + 1
+    edges = [0, *ends.tolist(), len(stamps)]
+    for first, last in pairwise(edges):
+        part = values[first:last]
+        if last - first >= LEAST_BURST and np.isfinite(part).all():
+            rate_hz = (last - first - 1) * 1e6 / float(stamps[last - 1] - stamps[first])
+            yield Burst(rows.number, sensor, float(rows.t_s[first]), rate_hz, part)
+
+
+def _batches(log: Log) -> Iterator[Burst]:
+    """ISBH tells of a batch, and the rows of ISBD with its number hold 32 values each."""
+    heads = log.find("ISBH", "N", "type", "instance", "mul", "smp_cnt", "smp_rate")
+    data = log.find("ISBD", "N", "seqno", "x", "y", "z")
+    if heads is None or data is None or data.table.kind("x") == "S":
+        return
+    numbers, values = data.table.integers("N"), data.table.numbers("x", "y", "z")
+    # (N, 3, 32) to (N, 32, 3)
+    values = values.transpose(0, 2, 1)
+    columns = ("N", "type", "instance", "mul", "smp_cnt", "smp_rate")
+    for row, t_s in zip(heads.table.numbers(*columns).tolist(), heads.t_s.tolist(), strict=True):
+        number, kind, imu, factor, count, rate_hz = row
+        first, last = np.searchsorted(numbers, (number, number + 1))
+        part = values[first:last].reshape(-1, 3)[: int(count)]
+        if kind in BURST_KINDS and factor and rate_hz > 0.0 and len(part) >= LEAST_BURST:
+            yield Burst(int(imu), BURST_KINDS[int(kind)], t_s, rate_hz, part / factor)
+
+
+# --- position and time ------------------------------------------------------------------------
+
+
+def _gps(log: Log) -> tuple[tuple[GpsTrack, ...], Times, int]:
+    """Receivers; times at which the one measured that is used, and its number."""
+    accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
+    tracks, stamps, uses = [], {}, {}
+    for rows in log.instances("GPS", "Status", "Lat", "Lng", "Alt", "Spd", "GCrs"):
+        if rows.number >= MOST_RECEIVERS:
+            continue
+        track, stamp_us = _receiver(rows, accuracies.get(rows.number))
+        tracks.append(track)
+        stamps[rows.number] = stamp_us
+        used = rows.table.integers("U") != 0 if "U" in rows.table else np.ones(len(rows.t_us))
+        uses[rows.number] = np.count_nonzero(track.has_fix & used.astype(np.bool_))
+    if not tracks:
+        return (), np.empty(0, np.int64), 0
+    receiver = max(uses, key=lambda number: uses[number])
+    return tuple(tracks), stamps[receiver], receiver
+
+
+def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
+    """The fixes of one receiver, and when each was measured."""
+    table, count = rows.table, len(rows.t_us)
+    speed, course = table.numbers("Spd"), np.radians(table.numbers("GCrs"))
+    # Down, as the name does not say; without a measurement of it, 0 is no value.
+    down = table.numbers("VZ") if "VZ" in table else np.full(count, np.nan)
+    sigma, stamp_us = np.full(count, DEFAULT_SIGMA_M_S), rows.t_us
+    if accuracy is not None:
+        place = np.searchsorted(accuracy.t_us, rows.t_us).clip(max=len(accuracy.t_us) - 1)
+        same = np.abs(accuracy.t_us[place] - rows.t_us) <= SAME_FIX_US
+        stated = accuracy.table.numbers("SAcc")[place]
+        sigma = np.where(same & (stated > 0.0), stated, sigma)
+        if "VV" in accuracy.table:
+            has_down = accuracy.table.integers("VV")[place] != 0
+            down = np.where(same & ~has_down, np.nan, down)
+        if "SMS" in accuracy.table:
+            measured_us = accuracy.table.integers("SMS")[place] * 1000
+            age_us = rows.t_us - measured_us
+            is_age = same & (age_us >= 0) & (age_us <= FIX_AGE_US)
+            stamp_us = np.where(is_age, measured_us, stamp_us)
+    v_n = np.stack((speed * np.cos(course), speed * np.sin(course), down), axis=1)
+    with np.errstate(invalid="ignore"):
+        v_n[~(np.abs(v_n[:, :2]) <= FASTEST_M_S).all(axis=1)] = np.nan
+        v_n[~(np.abs(v_n[:, 2]) <= FASTEST_M_S), 2] = np.nan
+    latitude, longitude = table.numbers("Lat"), table.numbers("Lng")
+    on_earth = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
+    satellites = table.numbers("NSats") if "NSats" in table else np.full(count, np.nan)
+    track = GpsTrack(
+        rows.number,
+        rows.t_s,
+        (table.integers("Status") >= FIX_3D) & on_earth,
+        latitude,
+        longitude,
+        table.numbers("Alt"),
+        v_n,
+        sigma,
+        satellites,
+    )
+    return track, stamp_us
+
+
+def _start_unix_s(log: Log) -> float | None:
+    """From the receiver's week and its time in it, at the first fix."""
+    for week, time_ms in (("GWk", "GMS"), ("Week", "TimeMS")):
+        rows = log.find("GPS", "Status", week, time_ms)
+        if rows is None:
+            continue
+        good = rows.table.integers("Status") >= FIX_3D
+        good &= rows.table.integers(week) >= LEAST_WEEK
+        if good.any():
+            weeks, times_ms = rows.table.numbers(week)[good], rows.table.numbers(time_ms)[good]
+            unix_s = GPS_EPOCH_UNIX_S + WEEK_S * weeks + 1e-3 * times_ms - LEAP_S
+            return float(np.median(unix_s - rows.t_s[good]))
+    return None
+
+
+def _origin(log: Log) -> Place | None:
+    rows = log.find("ORGN", "Lat", "Lng", "Alt")
+    if rows is None:
+        return None
+    latitude, longitude, altitude = rows.table.numbers("Lat", "Lng", "Alt")[0].tolist()
+    on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
+    return Place(latitude, longitude, altitude) if on_earth else None
+
+
+def _airspeed(log: Log) -> Series | None:
+    for name in ("ARSP", "ASP"):
+        for rows in log.instances(name, "Airspeed"):
+            values = rows.table.numbers("Airspeed")
+            good = np.abs(np.nan_to_num(values, nan=np.inf)) <= FASTEST_M_S
+            if "U" in rows.table:  # the autopilot uses it
+                good &= rows.table.integers("U") != 0
+            if good.any():
+                return Series(rows.t_s[good], values[good])
+    return None
+
+
+# --- attitudes ----------------------------------------------------------------------------------
+
+
+def _attitudes(log: Log, parameters: dict[str, float], trim: Trim) -> tuple[AttitudeTrack, ...]:
+    """What it flew by, the second one, and every core of its estimators."""
+    found = [_angles(_flown_by(parameters), log.find("ATT", *ANGLES))]
+    for name, sources in CORES.items():
+        found += _cores(log, name, sources, trim)
+    found.append(_angles(SECOND, log.find("AHR2", *ANGLES)))
+    return tuple(track for track in found if track is not None and len(track.t_s))
+
+
+def _flown_by(parameters: dict[str, float]) -> str:
+    """Name of the estimator behind ATT, as far as the parameters say."""
+    chosen = parameters.get("AHRS_EKF_TYPE")
+    if chosen is not None:
+        return {0: "DCM", 1: "EKF1", 2: "EKF2", 3: "EKF3"}.get(int(chosen), "autopilot")
+    uses = parameters.get("AHRS_EKF_USE")
+    return "autopilot" if uses is None else ("EKF1" if uses else "DCM")
+
+
+def _cores(
+    log: Log, name: str, sources: tuple[Source, ...], trim: Trim
+) -> list[AttitudeTrack | None]:
+    """The cores of an estimator, from the first message that tells them."""
+    for message, columns, others in sources:
+        cores = list(log.instances(message, *columns))
+        more = ((number, log.find(other, *columns)) for number, other in others.items())
+        cores += [rows._replace(number=number) for number, rows in more if rows is not None]
+        if cores:
+            names = [f"{name} core {rows.number + 1}" if others else name for rows in cores]
+            pairs = zip(names, cores, strict=True)
+            if columns is ANGLES:
+                return [_angles(*pair) for pair in pairs]
+            return [_quaternions(*pair, trim) for pair in pairs]
+    return []
+
+
+def _angles(name: str, rows: Rows | None) -> AttitudeTrack | None:
+    """Angles in degrees."""
+    if rows is None:
+        return None
+    angles = np.radians(rows.table.numbers(*ANGLES))
+    good = np.isfinite(angles).all(axis=1)
+    return AttitudeTrack(name, rows.t_s[good], quaternions(angles[good]))
+
+
+def _quaternions(name: str, rows: Rows, trim: Trim = NO_TRIM) -> AttitudeTrack:
+    """Quaternions from NED to the axes of the board."""
+    q_nb = rows.table.numbers(*QUATERNION)
+    norms = np.linalg.norm(q_nb, axis=1)
+    with np.errstate(invalid="ignore"):
+        good = np.abs(norms - 1.0) < UNIT_WITHIN
+    return AttitudeTrack(name, rows.t_s[good], trim.attitudes(q_nb[good] / norms[good, None]))
+
+
+def _truth(log: Log) -> AttitudeTrack | None:
+    """The simulator's."""
+    rows = log.find("SIM", *QUATERNION)
+    if rows is not None:
+        return _quaternions("truth", rows)
+    return _angles("truth", log.find("SIM", *ANGLES))
+
+
+def _primary(log: Log) -> tuple[Span, ...]:
+    """Which core was in use, by the first core that says so."""
+    for message, name in (("XKF4", "EKF3"), ("NKF4", "EKF2")):
+        for rows in log.instances(message, "PI"):
+            numbers = rows.table.integers("PI").tolist()
+            names = (f"{name} core {number + 1}" if number >= 0 else "" for number in numbers)
+            return spans(rows.t_s.tolist(), names, log.duration_s)
+    return ()
+
+
+# --- the vehicle --------------------------------------------------------------------------------
+
+
+def _settings(log: Log) -> tuple[Setting, ...]:
+    rows = log.told("PARM", "Name", "Value")
+    if rows is None:
+        return ()
+    values = rows.table.numbers("Value")
+    triples = zip(rows.t_us.tolist(), rows.table.texts("Name"), values.tolist(), strict=True)
+    return tuple(Setting(*triple) for triple in triples if math.isfinite(triple[2]))
+
+
+def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
+    """As they were at the beginning."""
+    return {setting.name: setting.value for setting in reversed(settings)}
+
+
+def _times_of(log: Log, settings: tuple[Setting, ...]) -> Iterator[tuple[float, str, float]]:
+    start_us = log.clock.start_us
+    return ((1e-6 * (t_us - start_us), name, value) for t_us, name, value in settings)
+
+
+def _said(log: Log) -> tuple[Said, ...]:
+    """Texts and errors; the log does not say how severe they are."""
+    said = []
+    rows = log.told("MSG", "Message")
+    if rows is not None:
+        pairs = zip(rows.t_s.tolist(), rows.table.texts("Message"), strict=True)
+        said = [Said(t_s, Severity.INFO, text) for t_s, text in pairs if text]
+    return tuple(sorted(said + _errors(log, said), key=lambda one: one.t_s))
+
+
+def _errors(log: Log, said: list[Said]) -> list[Said]:
+    """What ERR tells by numbers, where the autopilot did not say it in words as well."""
+    rows = log.told("ERR", "Subsys", "ECode")
+    if rows is None:
+        return []
+    table = rows.table
+    pairs = zip(table.integers("Subsys").tolist(), table.integers("ECode").tolist(), strict=True)
+    in_words = np.array([one.t_s for one in said if one.t_s > 0.0])
+    return [
+        Said(t_s, Severity.INFO, f"error: {text}")
+        for t_s, text in zip(
+            rows.t_s.tolist(), (said_of_error(*pair) for pair in pairs), strict=True
+        )
+        if text and not (np.abs(in_words - t_s) < IN_WORDS_S).any()
+    ]
+
+
+def _firmware(log: Log, said: tuple[Said, ...]) -> str:
+    """Such as ``ArduCopter V4.0.4 (93ffdf4b)``."""
+    rows = log.told("VER", "FWS")
+    if rows is not None:
+        return rows.table.texts("FWS")[0]
+    names = tuple(name for kind in KINDS for name in kind.names)
+    return next((text.text for text in said if text.text.startswith(names)), "")
+
+
+def _kind_of(firmware: str, parameters: dict[str, float]) -> Kind:
+    for kind in KINDS:
+        if firmware.startswith(kind.names):
+            return kind
+    for kind in KINDS:
+        if any(name in parameters for name in kind.parameters):
+            return kind
+    return UNKNOWN
+
+
+def _vehicle_type(kind: Kind, parameters: dict[str, float]) -> int:
+    """MAV_TYPE as its heartbeat would say it."""
+    if kind is not COPTER:
+        return kind.vehicle_type
+    return int(COPTERS.get(int(parameters.get("FRAME_CLASS", 0.0)), kind.vehicle_type))
+
+
+def _modes(log: Log, kind: Kind) -> tuple[Span, ...]:
+    rows = log.told("MODE", "Mode")
+    if rows is None:
+        return ()
+    if rows.table.kind("Mode") == "S":
+        names = rows.table.texts("Mode")
+    else:
+        numbers = rows.table.integers("Mode").tolist()
+        names = [str(kind.modes.get(number, f"mode {number}")) for number in numbers]
+    return spans(rows.t_s.tolist(), names, log.duration_s)
+
+
+def _armed(log: Log) -> tuple[Span, ...] | None:
+    """While it was armed; None where nothing says so."""
+    changes: list[tuple[float, bool]] = []
+    rows = log.told("ARM", "ArmState")
+    if rows is not None:
+        states = rows.table.integers("ArmState") != 0
+        changes = list(zip(rows.t_s.tolist(), states.tolist(), strict=True))
+    if not changes:
+        changes = _changes(log, ARMED, DISARMED)
+    if not changes:
+        return None
+    # Before the first change it was the other way.
+    changes.insert(0, (0.0, not changes[0][1]))
+    names = ("armed" if is_armed else "" for _, is_armed in changes)
+    return spans([t_s for t_s, _ in changes], names, log.duration_s)
+
+
+def _airborne(log: Log) -> Series | None:
+    """1 while a copter has left the ground."""
+    changes = _changes(log, NOT_LANDED, LAND_COMPLETE)
+    if not changes:
+        return None
+    changes.insert(0, (0.0, not changes[0][1]))
+    t_s, flies = zip(*changes, strict=True)
+    return Series(np.array(t_s), np.array(flies, np.float64))
+
+
+def _changes(log: Log, begins: int, ends: int) -> list[tuple[float, bool]]:
+    """When something began (True) and ended (False), by the events of the log."""
+    found = []
+    for number, is_begin in ((begins, True), (ends, False)):
+        rows = log.told("EV", "Id", begins=is_begin)
+        if rows is not None:
+            are_so = rows.table.integers("Id") == number
+            found += [(t_s, is_begin) for t_s in rows.t_s[are_so].tolist()]
+    return sorted(found)
+
+
+def _throttle(log: Log) -> Series | None:
+    """0 to 1; it has been stored as a share, in percent and in thousandths."""
+    for column in ("ThO", "ThrOut", "ThrO"):
+        rows = log.find("CTUN", column)
+        if rows is None:
+            continue
+        values = rows.table.numbers(column)
+        good = np.isfinite(values)
+        largest = float(np.abs(values[good]).max(initial=0.0))
+        unit = 1.0 if largest <= 1.5 else 100.0 if largest <= 100.0 else 1000.0
+        return Series(rows.t_s[good], values[good] / unit)
+    return None
+
+
+def _current(log: Log) -> Series | None:
+    """Of the first battery."""
+    for name in ("BAT", "CURR"):
+        for rows in log.instances(name, "Curr"):
+            values = rows.table.numbers("Curr")
+            # Until 2015 hundredths of amperes, without saying so.
+            unit = 1.0 if rows.table.kind("Curr") == "f" or rows.table.is_scaled("Curr") else 100.0
+            good = np.isfinite(values)
+            return Series(rows.t_s[good], values[good] / unit)
+    return None
+
+
+def _wind(log: Log) -> Series | None:
+    """By the first core of the estimator."""
+    for name in ("XKF2", "NKF2", "EKF2"):
+        for rows in log.instances(name, "VWN", "VWE"):
+            values = rows.table.numbers("VWN", "VWE")
+            good = np.isfinite(values).all(axis=1) & (np.abs(values) <= FASTEST_M_S).all(axis=1)
+            return Series(rows.t_s[good], values[good])
+    return None
+
+
+def _missing(log: Log, context: Context, *, has_armed: bool) -> tuple[str, ...]:
+    """What would have made a better review."""
+    lacks = {
+        "no row of the log has a time": not log.clock.end_us,
+        "no autopilot's attitude to compare with": not context.attitudes,
+        "no word of when the motors were armed": not has_armed,
+        "no version of the firmware": not context.firmware,
+    }
+    return (*what_sensors_lack(context), *(text for text, is_so in lacks.items() if is_so))

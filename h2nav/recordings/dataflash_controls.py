@@ -1,0 +1,255 @@
+"""What ArduPilot's logs say of vehicle and control: demands, outputs, height, supply, faults.
+
+Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2014 to 2026;
+`LogEvent` of AP_Logger.h.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from h2nav.maths.units import DEG
+from h2nav.recordings.compass_rows import compass_rows
+from h2nav.recordings.context import (
+    Battery,
+    ChangedSetting,
+    CompassRows,
+    Esc,
+    Fault,
+    Motors,
+    Occurrence,
+    Series,
+    VibrationTrack,
+)
+from h2nav.recordings.dataflash_errors import said_of_error, subsystem_of
+from h2nav.recordings.dataflash_rows import Log, Rows
+from h2nav.recordings.motor_outputs import ardupilot_channels, ardupilot_range, motors_of
+from h2nav.wire.imu import MOST_IMUS
+
+MOST_OUTPUTS = 16
+HIGHEST_M = 50_000.0
+# Widths of the ranges in which old logs stored volts without saying so.
+MOST_VOLTS, MOST_BOARD_VOLTS = 100.0, 10.0
+# Statistics, which count by themselves.
+COUNTERS = "STAT_"
+OCCURRENCES = {
+    10: "armed",
+    11: "disarmed",
+    15: "auto armed",
+    17: "maybe landed",
+    18: "landed",
+    19: "GPS lost",
+    21: "flip began",
+    22: "flip ended",
+    25: "home set",
+    28: "took off",
+    30: "autotune began",
+    33: "autotune succeeded",
+    34: "autotune failed",
+    41: "fence on",
+    42: "fence off",
+    51: "parachute released",
+    54: "motors stopped in an emergency",
+    55: "emergency stop over",
+    56: "motors interlocked",
+    57: "motors released",
+    60: "EKF height reset",
+    61: "landing cancelled by the pilot",
+    62: "EKF heading reset",
+    67: "other GPS in use",
+}
+
+
+def demand(log: Log) -> Series | None:
+    """Roll, pitch and heading that the controllers were asked for."""
+    rows = log.find("ATT", "DesRoll", "DesPitch")
+    if rows is None:
+        return None
+    values = np.full((len(rows.t_s), 3), np.nan)
+    values[:, :2] = rows.table.numbers("DesRoll", "DesPitch") * DEG
+    if "DesYaw" in rows.table:
+        values[:, 2] = rows.table.numbers("DesYaw") * DEG
+    return Series(rows.t_s, values)
+
+
+def demanded_rates(log: Log) -> Series | None:
+    """Body rates that the controllers were asked for."""
+    for columns in (("RDes", "PDes", "YDes"), ("RllDes", "PitDes", "YawDes")):
+        rows = log.find("RATE", *columns)
+        if rows is not None:
+            return Series(rows.t_s, rows.table.numbers(*columns) * DEG)
+    return None
+
+
+def motors(log: Log, parameters: Mapping[str, float], vehicle_type: int) -> Motors | None:
+    """Outputs to the motors of a multirotor.
+
+    Args:
+        log: the tables.
+        parameters: as they were at the beginning: what is changed in flight renames no motor.
+        vehicle_type: MAV_TYPE.
+    """
+    for prefix in ("C", "Ch", "Chan"):
+        rows = log.find("RCOU", f"{prefix}1")
+        if rows is None:
+            continue
+        names = [f"{prefix}{i + 1}" for i in range(MOST_OUTPUTS)]
+        outputs = np.stack([rows.table.numbers(n) for n in names if n in rows.table], axis=1)
+        channels = ardupilot_channels(parameters, vehicle_type, outputs)
+        return motors_of(channels, rows.t_s, outputs, ardupilot_range(parameters))
+    return None
+
+
+def height(log: Log, column: str) -> Series | None:
+    """Of CTUN: ``Alt`` as it is estimated, ``DAlt`` as it is asked for; m."""
+    rows = log.find("CTUN", column)
+    return None if rows is None else _heights(rows, column)
+
+
+def climb(log: Log) -> Series | None:
+    """Positive up; until 2017 centimetres a second."""
+    rows = log.find("CTUN", "CRt")
+    if rows is None:
+        return None
+    values = rows.table.numbers("CRt")
+    is_whole = rows.table.kind("CRt") != "f" and not rows.table.is_scaled("CRt")
+    return Series(rows.t_s, values * 0.01 if is_whole else values)
+
+
+def baro_height(log: Log) -> Series | None:
+    """Of the first barometer."""
+    for rows in log.instances("BARO", "Alt"):
+        return _heights(rows, "Alt")
+    return None
+
+
+def _heights(rows: Rows, column: str) -> Series:
+    values = rows.table.numbers(column)
+    with np.errstate(invalid="ignore"):
+        good = np.abs(values) < HIGHEST_M
+    return Series(rows.t_s[good], values[good])
+
+
+def batteries(log: Log) -> tuple[Battery, ...]:
+    """BAT, and CURR of until 2018."""
+    for name in ("BAT", "CURR"):
+        found = [_battery(rows) for rows in log.instances(name, "Volt")]
+        if found:
+            return tuple(found)
+    return ()
+
+
+def _battery(rows: Rows) -> Battery:
+    nothing = np.full(len(rows.t_s), np.nan)
+    remaining = nothing
+    if "RemPct" in rows.table:
+        remaining = 0.01 * rows.table.numbers("RemPct")
+        remaining[(remaining < 0.0) | (remaining > 1.0)] = np.nan
+    current = _hundredths(rows, "Curr") if "Curr" in rows.table else nothing
+    return Battery(rows.number, rows.t_s, _hundredths(rows, "Volt"), current, remaining)
+
+
+def _hundredths(rows: Rows, column: str) -> np.ndarray:
+    """Whole numbers were hundredths until 2015, without saying so."""
+    table = rows.table
+    unit = 1.0 if table.kind(column) == "f" or table.is_scaled(column) else 0.01
+    return table.numbers(column) * unit
+
+
+def board(log: Log) -> Series | None:
+    """Supply of the autopilot; it has been stored as volts and as millivolts."""
+    for name in ("POWR", "CURR"):
+        rows = log.find(name, "Vcc")
+        if rows is None:
+            continue
+        values = rows.table.numbers("Vcc")
+        if not len(values) or float(np.nanmax(values)) <= 0.0:
+            continue
+        unit = 1e-3 if float(np.nanmedian(values)) > MOST_BOARD_VOLTS else 1.0
+        return Series(rows.t_s, values * unit)
+    return None
+
+
+def vibrations(log: Log) -> tuple[VibrationTrack, ...]:
+    """VIBE: of each IMU; until 2020 of one, with the clips of all."""
+    axes = ("VibeX", "VibeY", "VibeZ")
+    found = [
+        VibrationTrack(rows.number, rows.t_s, rows.table.numbers(*axes), rows.table.numbers("Clip"))
+        for rows in log.instances("VIBE", *axes, "Clip")
+    ]
+    if found:
+        return tuple(found)
+    rows = log.find("VIBE", *axes, "Clip0")
+    if rows is None:
+        return ()
+    level, table = rows.table.numbers(*axes), rows.table
+    clips = [(i, f"Clip{i}") for i in range(MOST_IMUS) if f"Clip{i}" in table]
+    unknown = np.full_like(level, np.nan)
+    return tuple(
+        VibrationTrack(i, rows.t_s, unknown if i else level, table.numbers(name))
+        for i, name in clips
+    )
+
+
+def escs(log: Log) -> tuple[Esc, ...]:
+    """Telemetry of the motors' controllers; until 2020 a message for each."""
+    numbered = ((i, log.find(f"ESC{i}", "RPM")) for i in range(1, MOST_OUTPUTS + 1))
+    found = [(i, rows) for i, rows in numbered if rows is not None]
+    found += [(rows.number + 1, rows) for rows in log.instances("ESC", "RPM")]
+    return tuple(_esc(number, rows) for number, rows in found)
+
+
+def _esc(number: int, rows: Rows) -> Esc:
+    columns = [
+        rows.table.numbers(name) if name in rows.table else np.full(len(rows.t_s), np.nan)
+        for name in ("RPM", "Curr", "Temp")
+    ]
+    return Esc(number, rows.t_s, *columns)
+
+
+def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
+    """MAG of each compass."""
+    axes = ("MagX", "MagY", "MagZ")
+    return tuple(
+        compass_rows(rows.number, rows.t_s, rows.table.numbers(*axes), parameters)
+        for rows in log.instances("MAG", *axes)
+    )
+
+
+def faults(log: Log) -> tuple[Fault, ...]:
+    """ERR, all subsystems."""
+    rows = log.told("ERR", "Subsys", "ECode")
+    if rows is None:
+        return ()
+    subsystems = rows.table.integers("Subsys").tolist()
+    codes = rows.table.integers("ECode").tolist()
+    return tuple(
+        Fault(t_s, subsystem_of(subsystem), code, said_of_error(subsystem, code))
+        for t_s, subsystem, code in zip(rows.t_s.tolist(), subsystems, codes, strict=True)
+        if said_of_error(subsystem, code)
+    )
+
+
+def occurrences(log: Log) -> tuple[Occurrence, ...]:
+    """EV, with those of no name left out."""
+    rows = log.told("EV", "Id")
+    if rows is None:
+        return ()
+    pairs = zip(rows.t_s.tolist(), rows.table.integers("Id").tolist(), strict=True)
+    return tuple(Occurrence(t_s, n, OCCURRENCES[n]) for t_s, n in pairs if n in OCCURRENCES)
+
+
+def changes(settings: Iterable[tuple[float, str, float]]) -> tuple[ChangedSetting, ...]:
+    """Parameters that got another value.
+
+    Args:
+        settings: time, name and value of every parameter that was logged, in order.
+    """
+    known: dict[str, float] = {}
+    found = []
+    for t_s, name, value in settings:
+        before = known.get(name, value)
+        known[name] = value
+        if before != value and not name.startswith(COUNTERS):
+            found.append(ChangedSetting(t_s, name, before, value))
+    return tuple(found)

@@ -1,0 +1,176 @@
+"""Samples of IMUs and compasses of a log: the usable ones, thinned out, each with its field."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.recordings.context import Array, ImuTrack
+from h2nav.wire.imu import (
+    CLIPPED_FORCE_M_S2,
+    CLIPPED_RATE_RAD_S,
+    LARGEST_FORCE_M_S2,
+    LARGEST_RATE_RAD_S,
+)
+
+Times = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+# A slower stream is none that an attitude could be made of.
+LEAST_HZ = 20.0
+# The filters' gains are made for 50 to 200 Hz, and a faster stream brings them nothing: the means
+# hold all that was turned and accelerated.
+FASTEST_HZ = 255.0
+THINNED_HZ = 200.0
+# A group of samples does not reach over a pause of so many periods.
+PAUSE_PERIODS = 3.0
+# A field that no sample follows so soon is lost.
+FIELD_WAITS_US = 200_000
+# A field of the earth or of a magnet, not of a broken row.
+LARGEST_FIELD_UT = 1e6
+
+
+class Samples(NamedTuple):
+    """Inertial samples of one IMU, in order.
+
+    Attributes:
+        t_us: (N,) the autopilot's time.
+        w_b: (N, 3) rad/s.
+        f_b: (N, 3) m/s^2.
+    """
+
+    t_us: Times
+    w_b: Array
+    f_b: Array
+
+    def only(self, wanted: Mask) -> "Samples":
+        """The samples that are wanted."""
+        if wanted.all():
+            return self
+        return Samples(self.t_us[wanted], self.w_b[wanted], self.f_b[wanted])
+
+    @property
+    def period_us(self) -> float:
+        """The usual time between two samples; infinite where there are not two."""
+        steps = np.diff(self.t_us)
+        steps = steps[steps > 0]
+        return float(np.median(steps)) if len(steps) else np.inf
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second, by the usual time between two."""
+        return 1e6 / self.period_us
+
+
+class Fields(NamedTuple):
+    """Values of one compass, in order.
+
+    Attributes:
+        t_us: (M,) when each was measured.
+        m_b_ut: (M, 3) microtesla, body frame.
+    """
+
+    t_us: Times
+    m_b_ut: Array
+
+
+class Readings(NamedTuple):
+    """What the service is told of one IMU.
+
+    Attributes:
+        imu: its number, from 0.
+        t_us: (N,) times, of the events and of the values.
+        w_b: (N, 3) rad/s.
+        f_b: (N, 3) m/s^2.
+        m_b_ut: (N, 3) microtesla; NaN where a sample has no new field.
+        clipped: (N,) a value stands at the end of a usual sensor's range.
+    """
+
+    imu: int
+    t_us: Times
+    w_b: Array
+    f_b: Array
+    m_b_ut: Array
+    clipped: Mask
+
+
+def track_of(
+    imu: int, source: str, t_s: Array, samples: Samples, fields: Fields | None
+) -> ImuTrack:
+    """Samples and the fields of their own compass, for the review: as narrow as logs have them."""
+    return ImuTrack(
+        imu,
+        source,
+        t_s,
+        samples.t_us,
+        samples.w_b.astype(np.float32),
+        samples.f_b.astype(np.float32),
+        with_fields(samples.t_us, fields).astype(np.float32),
+    )
+
+
+def usable(samples: Samples) -> Mask:
+    """(N,) which samples are within physical bounds, as the wire boundary has them."""
+    with np.errstate(invalid="ignore"):
+        rates: Any = (np.abs(samples.w_b) <= LARGEST_RATE_RAD_S).all(axis=1)
+        forces = (np.abs(samples.f_b) <= LARGEST_FORCE_M_S2).all(axis=1)
+    good: Mask = rates & forces & samples.f_b.any(axis=1)
+    return good
+
+
+def usable_fields(fields: Fields) -> Fields:
+    """The fields that can be some."""
+    good = can_be_fields(fields.m_b_ut)
+    return Fields(fields.t_us[good], fields.m_b_ut[good])
+
+
+def can_be_fields(m_b_ut: Array) -> Mask:
+    """(N,) which of (N, 3) are numbers that a compass can give."""
+    with np.errstate(invalid="ignore"):
+        good: Any = (np.abs(m_b_ut) <= LARGEST_FIELD_UT).all(axis=1) & m_b_ut.any(axis=1)
+    return np.asarray(good, np.bool_)
+
+
+def with_fields(t_us: Times, fields: Fields | None) -> Array:
+    """(N, 3) the field that each sample brings: one that was measured since the one before it."""
+    found = np.full((len(t_us), 3), np.nan)
+    if fields is None or not len(t_us):
+        return found
+    place = np.searchsorted(t_us, fields.t_us)
+    has_sample = place < len(t_us)
+    waits_us = t_us[np.minimum(place, len(t_us) - 1)] - fields.t_us
+    kept = has_sample & (waits_us <= FIELD_WAITS_US)
+    found[place[kept]] = fields.m_b_ut[kept]
+    return found
+
+
+def readings_of(imu: int, samples: Samples, fields: Fields | None) -> Readings:
+    """What the service is told, at most about 200 times a second.
+
+    Where there are more samples, it is told their means: of rates and forces, which is what a
+    filter takes a sample for, and of their times. With the time of the last one the mean would be
+    older than a single value; with their mean time it is exactly as old, and what
+    `service.sensor_delays` knows of the autopilot holds.
+    """
+    size = np.ceil(samples.rate_hz / THINNED_HZ) if samples.rate_hz > FASTEST_HZ else 1
+    large_rate = np.abs(samples.w_b) >= CLIPPED_RATE_RAD_S
+    large_force = np.abs(samples.f_b) >= CLIPPED_FORCE_M_S2
+    clipped: Any = (large_rate | large_force).any(axis=1)
+    if size > 1:
+        starts = _groups(samples, int(size))
+        counts = np.diff(starts, append=len(samples.t_us))
+        first_us = samples.t_us[0]
+        t_us = first_us + np.add.reduceat(samples.t_us - first_us, starts) // counts
+        w_b = np.add.reduceat(samples.w_b, starts) / counts[:, None]
+        f_b = np.add.reduceat(samples.f_b, starts) / counts[:, None]
+        samples = Samples(t_us, w_b, f_b)
+        clipped = np.logical_or.reduceat(clipped, starts)
+    return Readings(imu, *samples, with_fields(samples.t_us, fields), np.asarray(clipped, np.bool_))
+
+
+def _groups(samples: Samples, size: int) -> NDArray[np.intp]:
+    """Where groups of so many samples begin, none of them over a pause."""
+    number = np.arange(len(samples.t_us))
+    pauses = np.diff(samples.t_us, prepend=samples.t_us[0]) > PAUSE_PERIODS * samples.period_us
+    since_pause = number - np.maximum.accumulate(np.where(pauses, number, 0))
+    return np.flatnonzero(since_pause % size == 0)

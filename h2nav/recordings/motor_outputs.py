@@ -1,0 +1,99 @@
+"""Which of an autopilot's outputs drive motors, and over which range.
+
+Sources: ArduPilot's SRV_Channel.h (functions 33 to 40 and 82 to 85) and AP_MotorsMulticopter.cpp
+(`output_to_pwm`, MOT_SPIN_MAX; 2015 MOT_THST_MAX; before, MOT_TCRV_MAXPCT); PX4's output functions
+(101 to 112).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.recordings.context import Array, Motors
+
+# MAV_TYPE of the vehicles that motors alone hold in the air: how many they have.
+MULTIROTORS = {
+    mavlink.MAV_TYPE_TRICOPTER: 3,
+    mavlink.MAV_TYPE_QUADROTOR: 4,
+    mavlink.MAV_TYPE_HEXAROTOR: 6,
+    mavlink.MAV_TYPE_OCTOROTOR: 8,
+    mavlink.MAV_TYPE_DECAROTOR: 10,
+    mavlink.MAV_TYPE_DODECAROTOR: 12,
+}
+ARDUPILOT_MOTORS = {**{33 + i: 1 + i for i in range(8)}, **{82 + i: 9 + i for i in range(4)}}
+PX4_MOTORS = {101 + i: 1 + i for i in range(12)}
+# A width that a motor's controller understands; what a channel without an output shows is none.
+NARROWEST_US, WIDEST_US = 800.0, 2300.0
+# Unused channels of old logs hold whatever was in memory, and stand still.
+MOVING_US = 5.0
+
+
+def ardupilot_channels(
+    parameters: Mapping[str, float], vehicle_type: int, pwm_us: Array
+) -> dict[int, int]:
+    """Column of the outputs, from 0 -> number of its motor, from 1; empty for other vehicles.
+
+    Args:
+        parameters: as they were at the beginning.
+        vehicle_type: MAV_TYPE.
+        pwm_us: (N, k) all outputs.
+    """
+    count = MULTIROTORS.get(vehicle_type, 0)
+    if not count:
+        return {}
+    functions = {i: parameters.get(f"SERVO{i + 1}_FUNCTION") for i in range(pwm_us.shape[1])}
+    if any(function is not None for function in functions.values()):
+        pairs = ((i, int(value)) for i, value in functions.items() if value is not None)
+        return {i: ARDUPILOT_MOTORS[value] for i, value in pairs if value in ARDUPILOT_MOTORS}
+    # Until 2016 motors had the first channels, and the firmware alone knew how many.
+    free = [i for i in range(count, 8) if not parameters.get(f"RC{i + 1}_FUNCTION", 0.0)]
+    more = [i for i in free if i < pwm_us.shape[1] and _drives_a_motor(pwm_us[:, i])]
+    known = range(min(count, pwm_us.shape[1]))
+    return {i: i + 1 for i in (*known, *(more if len(more) in (2, 4) else ()))}
+
+
+def _drives_a_motor(pwm_us: Array) -> bool:
+    is_width = (pwm_us >= NARROWEST_US) & (pwm_us <= WIDEST_US)
+    return bool(is_width.all() and len(pwm_us) and np.std(pwm_us) > MOVING_US)
+
+
+def px4_channels(parameters: Mapping[str, float], vehicle_type: int) -> dict[int, int]:
+    """The same of PX4's first outputs."""
+    for bank in ("PWM_MAIN_FUNC", "PWM_AUX_FUNC", "HIL_ACT_FUNC"):
+        functions = {i: int(parameters.get(f"{bank}{i + 1}", 0.0)) for i in range(16)}
+        found = {i: PX4_MOTORS[f] for i, f in functions.items() if f in PX4_MOTORS}
+        if found:
+            return found
+    return {i: i + 1 for i in range(MULTIROTORS.get(vehicle_type, 0))}
+
+
+def ardupilot_range(parameters: Mapping[str, float]) -> tuple[float, float]:
+    """Width of a motor that stands still and the widest that is ever sent, microseconds."""
+    least = parameters.get("MOT_PWM_MIN") or parameters.get("RC3_MIN") or 1000.0
+    most = parameters.get("MOT_PWM_MAX") or parameters.get("RC3_MAX") or 2000.0
+    share = parameters.get("MOT_SPIN_MAX") or parameters.get("MOT_THST_MAX", 0.0)
+    if not share and parameters.get("MOT_TCRV_ENABLE"):
+        percent = parameters.get("MOT_TCRV_MXPCT") or parameters.get("MOT_TCRV_MAXPCT", 100.0)
+        share = 0.01 * percent
+    share = share if 0.5 <= share <= 1.0 else 1.0
+    return least, least + share * (most - least)
+
+
+def motors_of(
+    channels: Mapping[int, int], t_s: Array, pwm_us: Array, ends_us: tuple[float, float]
+) -> Motors | None:
+    """The columns that are motors, in the order of their numbers; None without any.
+
+    Args:
+        channels: column -> number of the motor.
+        t_s: (N,) times.
+        pwm_us: (N, k) all outputs.
+        ends_us: of the range.
+    """
+    chosen = sorted((n, i) for i, n in channels.items() if i < pwm_us.shape[1])
+    if not chosen or not len(t_s):
+        return None
+    values = pwm_us[:, [i for _, i in chosen]].astype(np.float64)
+    values[~((values >= 1.0) & (values <= WIDEST_US))] = np.nan
+    return Motors(tuple(n for n, _ in chosen), t_s, values, *ends_us)

@@ -1,0 +1,36 @@
+"""Any flight recording, opened by what it holds and not by its name."""
+
+from pathlib import Path
+
+from h2nav.errors import BadInput
+from h2nav.recordings.dataflash import open_dataflash
+from h2nav.recordings.dataflash_tables import is_dataflash
+from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.ulog import open_ulog
+from h2nav.recordings.ulog_tables import is_ulog
+
+PROBE_BYTES = 4096
+
+Source = Recording | ImportedLog
+
+
+def open_flight(path: Path | str) -> Source:
+    """Telemetry logs, raw MAVLink, our own logs, and the logs that autopilots write themselves.
+
+    Raises:
+        BadInput: there is no such file, it cannot be read, or it is none of these.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"{path}: is no file; expected a recording")
+        with path.open("rb") as stream:
+            start = stream.read(PROBE_BYTES)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    if is_dataflash(start):
+        return open_dataflash(path)
+    if is_ulog(start):
+        return open_ulog(path)
+    return open_recording(path)

@@ -1,0 +1,454 @@
+"""The context of recorded telemetry: what MAVLink messages say beside the service's events.
+
+Sources: the MAVLink common and ardupilotmega message definitions.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.integrity.findings import Severity
+from h2nav.recordings import telemetry_controls as controls
+from h2nav.recordings.autopilot_log import vehicle_name, what_sensors_lack
+from h2nav.recordings.compass_rows import compass_rows
+from h2nav.recordings.context import (
+    Array,
+    AttitudeTrack,
+    CompassRows,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Said,
+    Series,
+    Span,
+)
+from h2nav.recordings.frame_tables import FrameTable, TableMaker
+from h2nav.recordings.recording import Recording
+from h2nav.recordings.rotations import quaternions
+from h2nav.recordings.spans import spans
+from h2nav.service.imu_choice import preference
+from h2nav.wire.frame_scan import FrameScan
+from h2nav.wire.imu import (
+    ABSURD_FIELD_UT,
+    HIGHRES_FIELD_FAULT,
+    HIGHRES_MAG_BITS,
+    IMU_MESSAGES,
+    MILLI_G,
+    MOST_IMUS,
+    UT_PER_GAUSS,
+    UT_PER_MGAUSS,
+)
+from h2nav.wire.position import DEFAULT_SIGMA_M_S, UNKNOWN_UINT16
+
+HIGHRES_IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
+HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+RECEIVERS = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW)
+CENTI = 1e-2
+PERCENT = 1e-2
+
+MESSAGE_IDS = frozenset(
+    {
+        *(row.message_id for row in IMU_MESSAGES.values() if row.read is not None),
+        *RECEIVERS,
+        HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_AHRS2,
+        mavlink.MAVLINK_MSG_ID_SIMSTATE,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_WIND,
+        mavlink.MAVLINK_MSG_ID_WIND_COV,
+        *controls.MESSAGE_IDS,
+    }
+)
+"""What `context_of` reads."""
+
+Tables = Mapping[int, FrameTable]
+
+
+def read_context(recording: Recording) -> Context:
+    """What a recording says, in a pass of its own."""
+    maker, scan = TableMaker(MESSAGE_IDS), FrameScan()
+    start_ns: int | None = None
+    end_ns = 0
+    for arrivals in recording.batches():
+        maker.add(scan.frames_of(arrivals))
+        if len(arrivals.t_ns):
+            start_ns = int(arrivals.t_ns[0]) if start_ns is None else start_ns
+            end_ns = int(arrivals.t_ns[-1])
+    offset_ns = 0 if recording.times_are_synthetic else recording.unix_offset_ns
+    return context_of(maker.tables(), start_ns or 0, end_ns, offset_ns, dict(recording.notes))
+
+
+def context_of(
+    tables: Tables, start_ns: int, end_ns: int, unix_offset_ns: int, notes: dict[str, int]
+) -> Context:
+    """What the frames of `MESSAGE_IDS` say.
+
+    Args:
+        tables: message id -> its frames, of all senders.
+        start_ns: arrival of the first bytes of the recording.
+        end_ns: of the last.
+        unix_offset_ns: UNIX time minus the times of arrival; 0 where nobody knows.
+        notes: what was damaged or skipped in the file.
+    """
+    beats = _heartbeats(tables)
+    own = _of_sender(tables, beats)
+    clock = _Clock(own, start_ns)
+    kind = (0, 0) if beats is None else _usual_kind(beats)
+    duration_s = (end_ns - start_ns) * 1e-9
+    imus = _imus(clock, kind[0])
+    parameters = _parameters(clock, kind[0])
+    start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
+    context = Context(
+        vehicle=vehicle_name(kind[1]),
+        start_unix_s=start_unix_s,
+        duration_s=duration_s,
+        imus=imus,
+        attitudes=_attitudes(clock),
+        truth=_truth(clock),
+        gps=_receivers(clock),
+        modes=_modes(clock, kind, duration_s),
+        armed=_armed(clock, duration_s),
+        said=_said(clock),
+        parameters=parameters,
+        throttle=_throttle(clock),
+        current_a=_current(clock),
+        wind_n_m_s=_wind(clock),
+        vehicle_type=kind[1],
+        demand=controls.demand(clock.find),
+        demanded_rates=controls.demanded_rates(clock.find),
+        motors=controls.motors(clock.find, parameters, *kind),
+        height_m=controls.height(clock.find),
+        climb_m_s=controls.climb(clock.find),
+        batteries=controls.batteries(clock.find),
+        board_v=controls.board(clock.find),
+        vibrations=controls.vibrations(clock.find),
+        escs=controls.escs(clock.find),
+        compass_rows=_compass_rows(imus, parameters),
+        faults=controls.faults(clock.find),
+        airborne=controls.airborne(clock.find),
+        notes=notes,
+    )
+    firmware = _firmware(context.said)
+    return context._replace(firmware=firmware, missing=_missing(context, beats is not None))
+
+
+class _Clock:
+    """Tables of one sender by message id, with times since the recording's start."""
+
+    def __init__(self, tables: Tables, start_ns: int) -> None:
+        self._tables = tables
+        self._start_ns = start_ns
+
+    def __getitem__(self, message_id: int) -> "FrameTable | None":
+        table = self._tables.get(message_id)
+        return None if table is None or not len(table.t_ns) else table
+
+    def find(self, message_id: int) -> tuple[FrameTable, Array] | None:
+        """Frames and their times; None without any."""
+        table = self[message_id]
+        return None if table is None else (table, self.t_s(table))
+
+    def t_s(self, table: FrameTable) -> Array:
+        """(N,) arrival, s since the start."""
+        return np.asarray((table.t_ns - self._start_ns) * 1e-9)
+
+
+def _heartbeats(tables: Tables) -> FrameTable | None:
+    """Those of the autopilot that sent most of them."""
+    table = tables.get(HEARTBEAT)
+    if table is None:
+        return None
+    table = _where(table, table.fields["autopilot"] != mavlink.MAV_AUTOPILOT_INVALID)
+    if not len(table.t_ns):
+        return None
+    addresses = table.senders[:, 0].astype(np.int64) << 8 | table.senders[:, 1]
+    usual = np.bincount(addresses).argmax()
+    return _where(table, addresses == usual)
+
+
+def _of_sender(tables: Tables, beats: FrameTable | None) -> Tables:
+    """What the autopilot sent; everything where none said that it is one."""
+    if beats is None:
+        return tables
+    sender = beats.senders[0]
+    return {
+        message_id: _where(table, (table.senders == sender).all(axis=1))
+        for message_id, table in tables.items()
+    }
+
+
+def _where(table: FrameTable, mask: NDArray[np.bool_]) -> FrameTable:
+    return FrameTable(table.t_ns[mask], table.senders[mask], table.fields[mask])
+
+
+def _usual_kind(beats: FrameTable) -> tuple[int, int]:
+    """MAV_AUTOPILOT and MAV_TYPE."""
+    make, kind = beats.fields["autopilot"], beats.fields["type"]
+    return int(np.bincount(make).argmax()), int(np.bincount(kind).argmax())
+
+
+# --- inertial sensors -------------------------------------------------------------------------
+
+
+def _imus(clock: _Clock, autopilot: int) -> tuple[ImuTrack, ...]:
+    """One per IMU: of its messages the one that the service prefers, unless it hardly comes."""
+    ranked = preference(autopilot, "auto")
+    found = []
+    for imu in range(MOST_IMUS):
+        tracks = [track for i in ranked if (track := _imu_of(clock, i, imu)) is not None]
+        if tracks:
+            most = max(len(track.t_s) for track in tracks)
+            found.append(next(track for track in tracks if 2 * len(track.t_s) >= most))
+    return tuple(found)
+
+
+def _imu_of(clock: _Clock, message_id: int, imu: int) -> ImuTrack | None:
+    table = clock[message_id]
+    if table is None:
+        return None
+    row = IMU_MESSAGES[message_id]
+    if message_id == HIGHRES_IMU:
+        table = _where(table, table.fields["id"] == imu)
+        return _highres_track(clock, table, imu) if len(table.t_ns) else None
+    return _integer_track(clock, table, message_id) if row.imu == imu else None
+
+
+def _integer_track(clock: _Clock, table: FrameTable, message_id: int) -> ImuTrack:
+    row = IMU_MESSAGES[message_id]
+    stamp = "time_usec" if row.time_unit_us == 1 else "time_boot_ms"
+    m_b_ut = _columns(table, "xmag", "ymag", "zmag") * UT_PER_MGAUSS
+    m_b_ut[~m_b_ut.any(axis=1)] = np.nan
+    return ImuTrack(
+        row.imu,
+        row.name,
+        clock.t_s(table),
+        table.fields[stamp].astype(np.int64) * row.time_unit_us,
+        _columns(table, "xgyro", "ygyro", "zgyro") * 1e-3,
+        _columns(table, "xacc", "yacc", "zacc") * MILLI_G,
+        m_b_ut,
+    )
+
+
+def _highres_track(clock: _Clock, table: FrameTable, imu: int) -> ImuTrack:
+    m_b_ut = _columns(table, "xmag", "ymag", "zmag") * UT_PER_GAUSS
+    with np.errstate(over="ignore", invalid="ignore"):
+        m_b_ut[np.linalg.norm(m_b_ut, axis=1) > ABSURD_FIELD_UT] /= HIGHRES_FIELD_FAULT
+    is_new = (table.fields["fields_updated"] & HIGHRES_MAG_BITS) != 0
+    m_b_ut[~(is_new & m_b_ut.any(axis=1) & np.isfinite(m_b_ut).all(axis=1))] = np.nan
+    return ImuTrack(
+        imu,
+        IMU_MESSAGES[HIGHRES_IMU].name,
+        clock.t_s(table),
+        table.fields["time_usec"].astype(np.int64),
+        _columns(table, "xgyro", "ygyro", "zgyro"),
+        _columns(table, "xacc", "yacc", "zacc"),
+        m_b_ut,
+    )
+
+
+def _compass_rows(
+    imus: tuple[ImuTrack, ...], parameters: dict[str, float]
+) -> tuple[CompassRows, ...]:
+    """Of the messages of the IMUs, in which a compass that is not there shows nothing."""
+    found = []
+    for track in imus:
+        has_field = np.isfinite(track.m_b_ut[:, 0])
+        if has_field.any():
+            fields = track.m_b_ut[has_field]
+            found.append(compass_rows(track.imu, track.t_s[has_field], fields, parameters))
+    return tuple(found)
+
+
+def _columns(table: FrameTable, *names: str) -> Array:
+    return np.stack([table.fields[name].astype(np.float64) for name in names], axis=1)
+
+
+# --- attitudes and positions ------------------------------------------------------------------
+
+
+def _attitudes(clock: _Clock) -> tuple[AttitudeTrack, ...]:
+    named = {
+        "autopilot": mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        "autopilot's second (AHRS2)": mavlink.MAVLINK_MSG_ID_AHRS2,
+    }
+    found = (_attitude(clock, name, message_id) for name, message_id in named.items())
+    return tuple(track for track in found if track is not None)
+
+
+def _truth(clock: _Clock) -> AttitudeTrack | None:
+    return _attitude(clock, "truth", mavlink.MAVLINK_MSG_ID_SIMSTATE)
+
+
+def _attitude(clock: _Clock, name: str, message_id: int) -> AttitudeTrack | None:
+    table = clock[message_id]
+    if table is None:
+        return None
+    angles = _columns(table, "roll", "pitch", "yaw")
+    good = np.isfinite(angles).all(axis=1)
+    return AttitudeTrack(name, clock.t_s(table)[good], quaternions(angles[good]))
+
+
+def _receivers(clock: _Clock) -> tuple[GpsTrack, ...]:
+    tables = ((number, clock[i]) for number, i in enumerate(RECEIVERS))
+    return tuple(_receiver(clock, number, found) for number, found in tables if found is not None)
+
+
+def _receiver(clock: _Clock, number: int, table: FrameTable) -> GpsTrack:
+    fields = table.fields
+    speed, course = fields["vel"], fields["cog"]
+    speed_m_s, course_rad = speed * CENTI, np.radians(course * CENTI)
+    v_n = np.stack(
+        (
+            speed_m_s * np.cos(course_rad),
+            speed_m_s * np.sin(course_rad),
+            np.full(len(speed), np.nan),
+        ),
+        axis=1,
+    )
+    v_n[(speed == UNKNOWN_UINT16) | (course == UNKNOWN_UINT16)] = np.nan
+    sigma_m_s = fields["vel_acc"] * 1e-3 if "vel_acc" in (fields.dtype.names or ()) else 0.0
+    satellites = fields["satellites_visible"].astype(np.float64)
+    return GpsTrack(
+        number,
+        clock.t_s(table),
+        np.asarray(fields["fix_type"] >= mavlink.GPS_FIX_TYPE_3D_FIX),
+        fields["lat"] * 1e-7,
+        fields["lon"] * 1e-7,
+        fields["alt"] * 1e-3,
+        v_n,
+        np.where(sigma_m_s == 0.0, DEFAULT_SIGMA_M_S, sigma_m_s) * np.ones(len(speed)),
+        np.where(satellites == 255, np.nan, satellites),
+    )
+
+
+# --- the vehicle ------------------------------------------------------------------------------
+
+
+def _modes(clock: _Clock, kind: tuple[int, int], duration_s: float) -> tuple[Span, ...]:
+    beats = clock[HEARTBEAT]
+    if beats is None:
+        return ()
+    name_of = _mode_names(*kind)
+    pairs = zip(
+        beats.fields["base_mode"].tolist(), beats.fields["custom_mode"].tolist(), strict=True
+    )
+    return spans(clock.t_s(beats).tolist(), (name_of(*pair) for pair in pairs), duration_s)
+
+
+def _mode_names(autopilot: int, vehicle_type: int) -> Callable[[int, int], str]:
+    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        return lambda base, custom: str(mavutil.interpret_px4_mode(base, custom))
+    known = mavutil.mode_mapping_bynumber(vehicle_type) or {}
+    return lambda _, custom: str(known.get(custom, f"mode {custom}"))
+
+
+def _armed(clock: _Clock, duration_s: float) -> tuple[Span, ...]:
+    beats = clock[HEARTBEAT]
+    if beats is None:
+        return ()
+    armed = (beats.fields["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED) != 0
+    names = ("armed" if is_armed else "" for is_armed in armed.tolist())
+    return spans(clock.t_s(beats).tolist(), names, duration_s)
+
+
+def _said(clock: _Clock) -> tuple[Said, ...]:
+    """Whole texts: MAVLink 2 sends longer ones in pieces of one id, and identical ones once."""
+    table = clock[mavlink.MAVLINK_MSG_ID_STATUSTEXT]
+    if table is None:
+        return ()
+    found: list[tuple[float, Severity, bytes]] = []
+    last_id = 0
+    for t_s, row in zip(clock.t_s(table).tolist(), table.fields, strict=True):
+        text = bytes(row["text"]).split(b"\0", 1)[0]
+        number, piece = int(row["id"]), int(row["chunk_seq"])
+        if number and number == last_id and piece and found:
+            began_s, level, before = found[-1]
+            found[-1] = began_s, level, before + text
+        else:
+            level = Severity(min(max(int(row["severity"]), Severity.CRITICAL), Severity.INFO))
+            found.append((t_s, level, text))
+        last_id = number
+    # Chunks of 50 bytes may have cut a character in two.
+    return tuple(Said(t_s, level, text.decode(errors="replace")) for t_s, level, text in found)
+
+
+def _firmware(said: Iterable[Said]) -> str:
+    names = ("ArduCopter", "ArduPlane", "ArduRover", "Rover", "ArduSub", "Blimp", "AntennaTracker")
+    return next((each.text for each in said if each.text.startswith(names)), "")
+
+
+def _parameters(clock: _Clock, autopilot: int) -> dict[str, float]:
+    """PX4 sends the bits of its integers in place of the float."""
+    table = clock[mavlink.MAVLINK_MSG_ID_PARAM_VALUE]
+    if table is None:
+        return {}
+    names = (
+        bytes(name).split(b"\0", 1)[0].decode("ascii", "replace")
+        for name in table.fields["param_id"]
+    )
+    values = table.fields["param_value"].copy()
+    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        is_integer = table.fields["param_type"] < mavlink.MAV_PARAM_TYPE_REAL32
+        values = np.where(is_integer, values.view(np.int32), values.astype(np.float64))
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _throttle(clock: _Clock) -> Series | None:
+    table = clock[mavlink.MAVLINK_MSG_ID_VFR_HUD]
+    if table is None:
+        return None
+    return Series(clock.t_s(table), table.fields["throttle"] * PERCENT)
+
+
+def _current(clock: _Clock) -> Series | None:
+    table = clock[mavlink.MAVLINK_MSG_ID_SYS_STATUS]
+    if table is None:
+        return None
+    is_known = table.fields["current_battery"] >= 0
+    if not is_known.any():
+        return None
+    return Series(clock.t_s(table)[is_known], table.fields["current_battery"][is_known] * CENTI)
+
+
+def _wind(clock: _Clock) -> Series | None:
+    table = clock[mavlink.MAVLINK_MSG_ID_WIND]
+    if table is not None:
+        from_rad = np.radians(table.fields["direction"].astype(np.float64))
+        speed = table.fields["speed"].astype(np.float64)
+        towards = -np.stack((speed * np.cos(from_rad), speed * np.sin(from_rad)), axis=1)
+        return Series(clock.t_s(table), towards)
+    table = clock[mavlink.MAVLINK_MSG_ID_WIND_COV]
+    if table is None:
+        return None
+    return Series(clock.t_s(table), _columns(table, "wind_x", "wind_y"))
+
+
+def _date(clock: _Clock) -> float | None:
+    """UNIX time of the start, by the autopilot's own clock."""
+    table = clock[mavlink.MAVLINK_MSG_ID_SYSTEM_TIME]
+    if table is None:
+        return None
+    unix_s: NDArray[np.float64] = table.fields["time_unix_usec"] * 1e-6
+    known = unix_s > 0.0
+    if not known.any():
+        return None
+    return float(np.median((unix_s - clock.t_s(table))[known]))
+
+
+def _missing(context: Context, has_autopilot: bool) -> tuple[str, ...]:
+    """What the recording lacks for a better review."""
+    lacks = {
+        "no heartbeats of an autopilot, so that nobody knows what flew": not has_autopilot,
+        "no attitude of the autopilot": not context.attitudes,
+        "no throttle": context.throttle is None,
+    }
+    more = tuple(phrase for phrase, is_missing in lacks.items() if is_missing)
+    return what_sensors_lack(context) + more

@@ -1,0 +1,636 @@
+"""PX4's ULog files as events of the service, and what else they say.
+
+Topics and fields have changed since 2016: sensor_combined held the magnetometer too, receivers
+were vehicle_gps_position, and since 1.11 every IMU has its vehicle_imu, which the default set of
+topics logs twice a second, so that only sensor_combined can be used then.
+
+Sources: PX4's msg/*.msg, 2016 to 2026.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.integrity.findings import Severity
+from h2nav.recordings import imu_series
+from h2nav.recordings import ulog_controls as controls
+from h2nav.recordings.autopilot_log import (
+    AutopilotLog,
+    Recorded,
+    Setting,
+    vehicle_name,
+    what_sensors_lack,
+)
+from h2nav.recordings.context import (
+    Array,
+    AttitudeTrack,
+    Burst,
+    CompassTrack,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Said,
+    Series,
+    Span,
+)
+from h2nav.recordings.dataflash_controls import changes
+from h2nav.recordings.imu_series import Fields, Samples, Times
+from h2nav.recordings.log_clock import in_order
+from h2nav.recordings.spans import spans
+from h2nav.recordings.ulog_rows import FIX_AGE_US, MOST_INSTANCES, Log, Rows
+from h2nav.recordings.ulog_tables import ULogFile, read_ulog
+from h2nav.service.sensor_delays import PX4_FIELD_S, PX4_RATES_S
+from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS
+from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
+from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
+
+MOST_RECEIVERS = 2
+FIX_3D = 3
+ARMED = 2
+UNIT_WITHIN = 0.05
+# Longest time over which a sample can be a mean.
+LONGEST_MEAN_US = 100_000
+MOST_BURSTS = 2_000
+FIFO_VALUES = 32
+MODES = {
+    0: "MANUAL",
+    1: "ALTCTL",
+    2: "POSCTL",
+    3: "AUTO_MISSION",
+    4: "AUTO_LOITER",
+    5: "AUTO_RTL",
+    6: "POSITION_SLOW",
+    8: "ALTITUDE_CRUISE",
+    10: "ACRO",
+    12: "DESCEND",
+    13: "TERMINATION",
+    14: "OFFBOARD",
+    15: "STAB",
+    16: "RATTITUDE",
+    17: "AUTO_TAKEOFF",
+    18: "AUTO_LAND",
+    19: "AUTO_FOLLOW_TARGET",
+    20: "AUTO_PRECLAND",
+    21: "ORBIT",
+    22: "AUTO_VTOL_TAKEOFF",
+    **{23 + number: f"EXTERNAL{number + 1}" for number in range(8)},
+}
+# vehicle_status.vehicle_type, where no MAV_TYPE is known.
+VEHICLE_TYPES = {
+    1: mavlink.MAV_TYPE_QUADROTOR,
+    2: mavlink.MAV_TYPE_FIXED_WING,
+    3: mavlink.MAV_TYPE_GROUND_ROVER,
+    4: mavlink.MAV_TYPE_AIRSHIP,
+}
+SEVERITIES = (
+    Severity.CRITICAL,
+    Severity.CRITICAL,
+    Severity.CRITICAL,
+    Severity.ERROR,
+    Severity.WARNING,
+    Severity.NOTICE,
+    Severity.INFO,
+    Severity.INFO,
+)
+QUATERNION = ("q[0]", "q[1]", "q[2]", "q[3]")
+# Which estimator SYS_MC_EST_GROUP chose, while there was a choice.
+EKF2_GROUP = 2.0
+
+
+class ULog(AutopilotLog):
+    """A ``.ulg`` file."""
+
+    kind = "ulog"
+
+    def _read(self) -> Recorded:
+        return recorded(read_ulog(self.path))
+
+
+def open_ulog(path: Path) -> ULog:
+    """Opens a log of PX4.
+
+    Raises:
+        BadInput: it cannot be opened, or is none.
+    """
+    return ULog(path)
+
+
+def recorded(file: ULogFile) -> Recorded:
+    """What a file says."""
+    log = Log(file)
+    settings = _settings(log)
+    parameters = {setting.name: setting.value for setting in settings}
+    vehicle_type = _vehicle_type(log, parameters)
+    imus, readings = _imus(log)
+    gps, fix_us, receiver = _gps(log)
+    attitudes = _attitudes(log, parameters)
+    armed = _armed(log)
+    context = Context(
+        firmware=_firmware(log),
+        vehicle=vehicle_name(vehicle_type),
+        start_unix_s=_start_unix_s(log),
+        duration_s=log.duration_s,
+        imus=imus,
+        compasses=tuple(_compass_tracks(log)),
+        bursts=_bursts(log),
+        attitudes=attitudes,
+        truth=_attitude("truth", log.find("vehicle_attitude_groundtruth", *QUATERNION)),
+        gps=gps,
+        modes=_modes(log),
+        # Without a word of it nothing may be taken for standing still.
+        armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
+        primary=_primary(log),
+        said=_said(log),
+        parameters=parameters,
+        throttle=_throttle(log),
+        current_a=_current(log),
+        wind_n_m_s=_wind(log),
+        vehicle_type=vehicle_type,
+        demand=controls.demand(log),
+        demanded_rates=controls.demanded_rates(log),
+        motors=controls.motors(log, parameters, vehicle_type),
+        height_m=controls.local_position(log, "z", -1.0),
+        height_demand_m=controls.height_demand(log),
+        climb_m_s=controls.local_position(log, "vz", -1.0),
+        baro_height_m=controls.baro_height(log),
+        batteries=controls.batteries(log),
+        board_v=controls.board(log),
+        vibrations=controls.vibrations(log),
+        escs=controls.escs(log),
+        compass_rows=controls.compasses(log, parameters),
+        faults=controls.faults(log),
+        airborne=_airborne(log),
+        changes=changes((1e-6 * (t_us - log.clock.start_us), n, v) for t_us, n, v in settings),
+    )
+    lacks = {
+        "no topic has a time": not log.clock.end_us,
+        "no autopilot's attitude to compare with": not attitudes,
+        "no word of when the motors were armed": armed is None,
+        "only one IMU, because the others were logged too seldom": _hides_imus(log, context),
+    }
+    missing = (*what_sensors_lack(context), *(text for text, is_so in lacks.items() if is_so))
+    return Recorded(
+        context._replace(missing=missing, notes=log.notes),
+        mavlink.MAV_AUTOPILOT_PX4,
+        vehicle_type,
+        log.clock.start_us,
+        readings,
+        receiver,
+        fix_us,
+        flown=attitudes[0] if attitudes else None,
+        airspeed_m_s=_airspeed(log),
+        settings=settings,
+    )
+
+
+# --- inertial sensors and compasses -----------------------------------------------------------
+
+
+class Means(NamedTuple):
+    """Samples that are means over the time before them.
+
+    Attributes:
+        imu: number of the IMU, from 0.
+        source: the topic.
+        samples: with the times at which the means end.
+        length_us: (N,) over how long each is a mean.
+    """
+
+    imu: int
+    source: str
+    samples: Samples
+    length_us: Array
+
+
+def _imus(log: Log) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
+    compasses = _compasses(log)
+    tracks, readings = [], []
+    for imu, source, every, lengths_us in _means(log):
+        good = imu_series.usable(every)
+        log.note(f"values of IMU {imu + 1} that cannot be", int((~good).sum()))
+        good[good] = in_order(every.t_us[good])
+        samples, length_us = every.only(good), lengths_us[good]
+        if not len(samples.t_us):
+            continue
+        own = compasses.get(imu)
+        t_s = log.since_start(samples.t_us)
+        tracks.append(imu_series.track_of(imu, source, t_s, samples, own))
+        if samples.rate_hz >= imu_series.LEAST_HZ:
+            lent = own if own is not None else compasses.get(0)
+            readings.append(imu_series.readings_of(imu, *_as_sent(samples, length_us, lent)))
+    return tuple(tracks), tuple(readings)
+
+
+def _as_sent(
+    samples: Samples, length_us: Array, fields: Fields | None
+) -> tuple[Samples, Fields | None]:
+    """Samples and fields as late as the service takes those of PX4's messages for.
+
+    A log says when each value was true, and the service subtracts the ages that
+    `service.sensor_delays` knows. So the stamps are those with these ages, whatever the rate at
+    which this autopilot integrates.
+    """
+    late_us = np.round(1e6 * PX4_RATES_S - 0.5 * length_us).astype(np.int64)
+    t_us = np.maximum.accumulate(samples.t_us + late_us)
+    if fields is not None:
+        fields = Fields(fields.t_us + round(1e6 * PX4_FIELD_S), fields.m_b_ut)
+    return Samples(t_us, samples.w_b, samples.f_b), fields
+
+
+def _means(log: Log) -> list[Means]:
+    """Of every IMU, by the first topic that tells them often enough."""
+    choices = (
+        [_delta(rows) for rows in log.instances("vehicle_imu", *DELTAS, "delta_angle_dt")],
+        _combined(log),
+        _single_sensors(log),
+    )
+    fast = [
+        [means for means in found if means.samples.rate_hz >= imu_series.LEAST_HZ]
+        for found in choices
+    ]
+    found = next((means for means in (*fast, *choices) if means), [])
+    return [means for means in found if means.imu < MOST_IMUS]
+
+
+DELTAS = tuple(f"{name}[{axis}]" for name in ("delta_angle", "delta_velocity") for axis in range(3))
+
+
+def _delta(rows: Rows) -> Means:
+    """vehicle_imu: angles and velocities over times in us."""
+    table = rows.table
+    angle_us, velocity_us = (
+        table.numbers(column) if column in table else table.numbers("delta_angle_dt")
+        for column in ("delta_angle_dt", "delta_velocity_dt")
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        w_b = table.numbers(*DELTAS[:3]) / (1e-6 * angle_us[:, None])
+        f_b = table.numbers(*DELTAS[3:]) / (1e-6 * velocity_us[:, None])
+    samples = Samples(rows.sample_us, w_b, f_b)
+    return Means(rows.number, "vehicle_imu", samples, _length(angle_us))
+
+
+def _combined(log: Log) -> list[Means]:
+    """sensor_combined: the IMU that is in use; its times of integration were seconds once."""
+    gyro, force = _axes("gyro_rad"), _axes("accelerometer_m_s2")
+    rows = log.find("sensor_combined", *gyro, *force)
+    if rows is None:
+        return []
+    table = rows.table
+    length_us: Array = np.zeros(len(rows.t_us))
+    if "gyro_integral_dt" in table:
+        unit_us = 1e6 if table.kind("gyro_integral_dt") == "f" else 1.0
+        length_us = _length(table.numbers("gyro_integral_dt") * unit_us)
+    samples = Samples(rows.t_us, table.numbers(*gyro), table.numbers(*force))
+    return [Means(0, "sensor_combined", samples, length_us)]
+
+
+def _single_sensors(log: Log) -> list[Means]:
+    """sensor_gyro and sensor_accel of the same number, with the newest force at each rate."""
+    found = []
+    for gyro in log.instances("sensor_gyro", "x", "y", "z"):
+        accel = log.find("sensor_accel", "x", "y", "z", number=gyro.number)
+        if accel is None:
+            continue
+        place = np.searchsorted(accel.sample_us, gyro.sample_us, side="right") - 1
+        has_force = place >= 0
+        rates = gyro.table.numbers("x", "y", "z")[has_force]
+        forces = accel.table.numbers("x", "y", "z")[place[has_force]]
+        samples = Samples(gyro.sample_us[has_force], rates, forces)
+        found.append(Means(gyro.number, "sensor_gyro", samples, np.zeros(len(rates))))
+    return found
+
+
+def _length(length_us: Array) -> Array:
+    """Times of integration; 0 where they cannot be."""
+    good = (length_us > 0.0) & (length_us <= LONGEST_MEAN_US)
+    return np.where(good, length_us, 0.0)
+
+
+def _axes(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}[{axis}]" for axis in range(3))
+
+
+def _hides_imus(log: Log, context: Context) -> bool:
+    """Whether there is a second IMU of which too few samples were logged."""
+    others = [rows.number for rows in log.instances("vehicle_imu", "delta_angle_dt")]
+    return len(others) > 1 and [track.source for track in context.imus] == ["sensor_combined"]
+
+
+def _compasses(log: Log) -> dict[int, Fields]:
+    """By number: calibrated fields; those of sensor_mag are not, and of no use."""
+    found = {}
+    field = _axes("magnetometer_ga")
+    for rows in log.instances("vehicle_magnetometer", *field):
+        found[rows.number] = _fields(rows.sample_us, rows.table.numbers(*field))
+    relative = "magnetometer_timestamp_relative"
+    combined = log.find("sensor_combined", *field, relative) if not found else None
+    if combined is not None:  # until 2017
+        late_us = combined.table.integers(relative)
+        # The largest int32 says that there is none.
+        is_new = np.abs(late_us) <= FIX_AGE_US
+        t_us = (combined.t_us + late_us)[is_new]
+        values = combined.table.numbers(*field)[is_new]
+        is_new = np.diff(t_us, prepend=-1) > 0
+        found[0] = _fields(t_us[is_new], values[is_new])
+    return {number: fields for number, fields in found.items() if len(fields.t_us)}
+
+
+def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+    """What a calibration asks for; which compass it is stands beside its values."""
+    field = _axes("magnetometer_ga")
+    for rows in log.instances("vehicle_magnetometer", *field):
+        values = rows.table.numbers(*field) * UT_PER_GAUSS
+        t_us = rows.sample_us
+        good = imu_series.can_be_fields(values) & in_order(t_us)
+        device_id = 0
+        if "device_id" in rows.table and good.any():
+            ids = rows.table.integers("device_id")
+            found, counts = np.unique(ids[good], return_counts=True)
+            device_id = int(found[counts.argmax()])
+            good &= ids == device_id
+        if good.any():
+            unknown = np.full((int(good.sum()), 3), np.nan)
+            t_s = log.since_start(t_us[good])
+            yield CompassTrack(rows.number, device_id, t_s, values[good], unknown, unknown)
+
+
+def _fields(t_us: Times, gauss: Array) -> Fields:
+    in_time = in_order(t_us)
+    return imu_series.usable_fields(Fields(t_us[in_time], gauss[in_time] * UT_PER_GAUSS))
+
+
+def _bursts(log: Log) -> tuple[Burst, ...]:
+    """What the sensors' own buffers held: up to 32 raw values per message, of about 1 ms each."""
+    found: list[Burst] = []
+    for topic, sensor in (
+        ("sensor_gyro_fifo", "gyro"),
+        ("sensor_accel_fifo", "accelerometer"),
+    ):
+        for rows in log.instances(topic, "samples", "dt", "scale", "x[0]", "y[0]", "z[0]"):
+            found += _fifo(log, rows, sensor)
+    return tuple(found[:MOST_BURSTS])
+
+
+def _fifo(log: Log, rows: Rows, sensor: str) -> Iterator[Burst]:
+    """Messages that follow each other without a gap are one burst."""
+    table = rows.table
+    size = min(FIFO_VALUES, sum(f"x[{number}]" in table for number in range(FIFO_VALUES)))
+    # (N, size, 3)
+    values = np.stack(
+        [table.numbers(*(f"{axis}[{number}]" for axis in "xyz")) for number in range(size)], axis=1
+    )
+    counts = table.integers("samples").clip(0, size)
+    dt_us, scale = table.numbers("dt"), table.numbers("scale")
+    usual_us = float(np.median(dt_us))
+    if not usual_us > 0.0:
+        return
+    ends = rows.sample_us
+    gaps = np.abs(np.diff(ends) - counts[1:] * usual_us) > 0.5 * counts[1:] * usual_us
+    edges = [0, *(np.flatnonzero(gaps) + 1).tolist(), len(ends)]
+    for first, last in pairwise(edges):
+        valid = np.arange(size) < counts[first:last, None]
+        part = (values[first:last] * scale[first:last, None, None])[valid]
+        if len(part) >= 2 * FIFO_VALUES and np.isfinite(part).all():
+            t_s = float(log.since_start(ends[first : first + 1])[0])
+            yield Burst(rows.number, sensor, t_s, 1e6 / usual_us, part)
+
+
+# --- position and time ------------------------------------------------------------------------
+
+
+def _gps(log: Log) -> tuple[tuple[GpsTrack, ...], Times, int]:
+    """Receivers; times at which the one measured that is used, and its number."""
+    velocity = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    # sensor_gps has one instance per receiver; vehicle_gps_position is what is flown by, and was
+    # the receiver itself until 1.11.
+    found = []
+    for topic in ("sensor_gps", "vehicle_gps_position"):
+        found = [*log.instances(topic, "fix_type", *velocity)][:MOST_RECEIVERS]
+        if found:
+            break
+    tracks = tuple(track for rows in found if (track := _receiver(rows, velocity)) is not None)
+    if not tracks:
+        return (), np.empty(0, np.int64), 0
+    receiver = max(tracks, key=lambda track: int(track.has_fix.sum())).receiver
+    stamps = next(rows.sample_us for rows in found if rows.number == receiver)
+    return tracks, stamps, receiver
+
+
+def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
+    table, count = rows.table, len(rows.t_us)
+    if "latitude_deg" in table and "longitude_deg" in table:
+        latitude, longitude = table.numbers("latitude_deg"), table.numbers("longitude_deg")
+    elif "lat" in table and "lon" in table:
+        latitude, longitude = table.numbers("lat") * 1e-7, table.numbers("lon") * 1e-7
+    else:
+        return None
+    altitude = np.zeros(count)
+    if "altitude_msl_m" in table:
+        altitude = table.numbers("altitude_msl_m")
+    elif "alt" in table:
+        altitude = table.numbers("alt") * 1e-3
+    v_n = table.numbers(*velocity)
+    known = (np.abs(np.nan_to_num(v_n, nan=np.inf)) <= FASTEST_M_S).all(axis=1)
+    if "vel_ned_valid" in table:
+        known &= table.integers("vel_ned_valid") != 0
+    v_n[~known] = np.nan
+    sigma = table.numbers("s_variance_m_s") if "s_variance_m_s" in table else np.zeros(count)
+    is_on_earth = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
+    satellites = "satellites_used" in table
+    return GpsTrack(
+        rows.number,
+        rows.t_s,
+        (table.integers("fix_type") >= FIX_3D) & is_on_earth & np.isfinite(altitude),
+        latitude,
+        longitude,
+        altitude,
+        v_n,
+        np.where(sigma > 0.0, sigma, DEFAULT_SIGMA_M_S),
+        table.numbers("satellites_used") if satellites else np.full(count, np.nan),
+    )
+
+
+def _start_unix_s(log: Log) -> float | None:
+    """By the receiver's date."""
+    for topic in ("sensor_gps", "vehicle_gps_position"):
+        for rows in log.instances(topic, "time_utc_usec"):
+            unix_s = rows.table.numbers("time_utc_usec") * 1e-6
+            good = (unix_s >= EARLIEST_UNIX_S) & (unix_s < LATEST_UNIX_S)
+            if good.any():
+                return float(np.median(unix_s[good] - rows.t_s[good]))
+    return None
+
+
+def _airspeed(log: Log) -> Series | None:
+    found = log.first(
+        ("airspeed_validated", "true_airspeed_m_s"),
+        ("airspeed", "true_airspeed_m_s"),
+        ("airspeed", "indicated_airspeed_m_s"),
+    )
+    return None if found is None else _series(*found)
+
+
+def _series(rows: Rows, column: str) -> Series:
+    """The numbers of a column."""
+    values = rows.table.numbers(column)
+    good = np.isfinite(values) & (np.abs(values) <= FASTEST_M_S)
+    return Series(rows.t_s[good], values[good])
+
+
+# --- attitudes --------------------------------------------------------------------------------
+
+
+def _attitudes(log: Log, parameters: dict[str, float]) -> tuple[AttitudeTrack, ...]:
+    """What it flew by, and every instance of its estimator."""
+    chosen = parameters.get("SYS_MC_EST_GROUP", EKF2_GROUP)
+    name = "EKF2" if chosen == EKF2_GROUP else "attitude_estimator_q"
+    found = [_attitude(name, log.find("vehicle_attitude", *QUATERNION))]
+    for rows in log.instances("estimator_attitude", *QUATERNION):
+        found.append(_attitude(f"EKF2 instance {rows.number + 1}", rows))
+    return tuple(track for track in found if track is not None)
+
+
+def _attitude(name: str, rows: Rows | None) -> AttitudeTrack | None:
+    """At the time of the samples that it was made from."""
+    if rows is None:
+        return None
+    q_nb = rows.table.numbers(*QUATERNION)
+    norms = np.linalg.norm(q_nb, axis=1)
+    good = np.abs(np.nan_to_num(norms) - 1.0) < UNIT_WITHIN
+    t_us = rows.sample_us
+    good[good] = in_order(t_us[good])
+    if not good.any():
+        return None
+    return AttitudeTrack(name, log_time(rows, t_us)[good], q_nb[good] / norms[good, None])
+
+
+def log_time(rows: Rows, t_us: Times) -> Array:
+    """Other times of the same rows since the log began."""
+    return np.asarray(np.maximum(rows.t_s - (rows.t_us - t_us) * 1e-6, 0.0))
+
+
+def _primary(log: Log) -> tuple[Span, ...]:
+    """Which instance of the estimator was in use."""
+    rows = log.find("estimator_selector_status", "primary_instance")
+    if rows is None:
+        return ()
+    numbers = rows.table.integers("primary_instance").tolist()
+    names = (f"EKF2 instance {n + 1}" if n < MOST_INSTANCES else "" for n in numbers)
+    return spans(rows.t_s.tolist(), names, log.duration_s)
+
+
+# --- the vehicle ------------------------------------------------------------------------------
+
+
+def _settings(log: Log) -> tuple[Setting, ...]:
+    """Parameters; a change has the time of the data around it."""
+    told = log.file.parameters
+    times = log.clock.at(np.array([place for place, _, _ in told], np.int64)).tolist()
+    return tuple(
+        Setting(t_us, name, value) for t_us, (_, name, value) in zip(times, told, strict=True)
+    )
+
+
+def _vehicle_type(log: Log, parameters: dict[str, float]) -> int:
+    """MAV_TYPE: by the parameter, by the status of old logs, else of the same class."""
+    for value in (parameters.get("MAV_TYPE"), _usual(log, "system_type")):
+        if value in mavlink.enums["MAV_TYPE"] and value:
+            return int(value)
+    return int(VEHICLE_TYPES.get(_usual(log, "vehicle_type"), mavlink.MAV_TYPE_GENERIC))
+
+
+def _usual(log: Log, column: str) -> int:
+    """The most frequent value in vehicle_status; 0 where there is none."""
+    rows = log.find("vehicle_status", column)
+    return (
+        0 if rows is None else int(np.bincount(rows.table.integers(column).clip(0, 255)).argmax())
+    )
+
+
+def _firmware(log: Log) -> str:
+    """Such as ``PX4 v1.14.3``: four bytes, of which the last one tells releases from others."""
+    info = log.file.info
+    name, release = info.get("sys_name", ""), info.get("ver_sw_release", 0.0)
+    if isinstance(release, float) and release > 0.0:
+        number = int(release)
+        version = f"v{number >> 24 & 255}.{number >> 16 & 255}.{number >> 8 & 255}"
+    else:
+        version = str(info.get("ver_sw", ""))[:8]
+    return f"{name} {version}".strip()
+
+
+def _modes(log: Log) -> tuple[Span, ...]:
+    rows = log.find("vehicle_status", "nav_state")
+    if rows is None:
+        return ()
+    numbers = rows.table.integers("nav_state").tolist()
+    names = (MODES.get(number, f"mode {number}") for number in numbers)
+    return spans(rows.t_s.tolist(), names, log.duration_s)
+
+
+def _armed(log: Log) -> tuple[Span, ...] | None:
+    """While it was armed; None where nothing says so."""
+    rows = log.find("vehicle_status", "arming_state")
+    if rows is not None:
+        armed = rows.table.integers("arming_state") == ARMED
+    else:
+        rows = log.find("actuator_armed", "armed")
+        if rows is None:
+            return None
+        armed = rows.table.integers("armed") != 0
+    names = ("armed" if is_armed else "" for is_armed in armed.tolist())
+    return spans(rows.t_s.tolist(), names, log.duration_s)
+
+
+def _airborne(log: Log) -> Series | None:
+    rows = log.find("vehicle_land_detected", "landed")
+    if rows is None:
+        return None
+    return Series(rows.t_s, (rows.table.integers("landed") == 0).astype(np.float64))
+
+
+def _said(log: Log) -> tuple[Said, ...]:
+    clock = log.clock
+    texts = sorted(
+        (min(max(said.t_us, clock.start_us), clock.end_us), number, said)
+        for number, said in enumerate(log.file.texts)
+    )
+    return tuple(
+        Said((t_us - clock.start_us) * 1e-6, SEVERITIES[said.level], said.text)
+        for t_us, _, said in texts
+    )
+
+
+def _throttle(log: Log) -> Series | None:
+    """0 to 1: what the controller asks for; else the mean of the motors."""
+    found = log.first(
+        ("vehicle_thrust_setpoint", "xyz[2]"),
+        ("actuator_controls_0", "control[3]"),
+        ("actuator_motors", "control[0]"),
+    )
+    if found is None:
+        return None
+    series = _series(*found)
+    # Thrust points up, which is negative.
+    return series._replace(values=np.abs(series.values))
+
+
+def _current(log: Log) -> Series | None:
+    found = log.first(("battery_status", "current_a"))
+    return None if found is None else _series(*found)
+
+
+def _wind(log: Log) -> Series | None:
+    """Where the air moves to."""
+    for topic in ("wind", "wind_estimate", "estimator_wind"):
+        rows = log.find(topic, "windspeed_north", "windspeed_east")
+        if rows is not None:
+            values = rows.table.numbers("windspeed_north", "windspeed_east")
+            good = (np.abs(np.nan_to_num(values, nan=math.inf)) <= FASTEST_M_S).all(axis=1)
+            return Series(rows.t_s[good], values[good])
+    return None

@@ -1,0 +1,425 @@
+"""PX4's ULog files as tables of columns, parameters and texts.
+
+A file is a chain of messages: two bytes of size, one of type. Formats name the fields of a topic
+(fields may be topics again), subscriptions give a topic's instance a number, and data messages
+carry that number. As with dataflash logs, the chain is followed once and the columns are taken out
+with numpy afterwards; tests hold them to those of pyulog, value for value, which needs ten times as
+long.
+
+A data message has the size that its format says, so that damage shows at once. The reader then
+goes on where three messages follow each other again.
+"""
+
+import math
+import re
+import struct
+from array import array
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.errors import BadInput
+from h2nav.recordings.row_tables import LogTables, Source
+
+MAGIC = b"ULog\x01\x12\x35"
+FILE_HEADER = struct.Struct("<7sBQ")
+HEADER_BYTES = 3
+# Of a data message: size, type, number of the subscription.
+DATA_HEADER_BYTES = 5
+DATA, FORMAT, SUBSCRIPTION, PARAMETER, INFO, TEXT, TAGGED_TEXT, DROPOUT, FLAGS = b"DFAPILCOB"
+# Least and largest size of a message after its header, by type; all others are none. Texts and
+# values are short: what is longer is damage.
+SIZES: dict[int, tuple[int, int]] = {
+    DATA: (3, 65_535),
+    FORMAT: (3, 4_096),
+    SUBSCRIPTION: (4, 512),
+    PARAMETER: (6, 512),
+    INFO: (2, 4_096),
+    TEXT: (9, 4_096),
+    TAGGED_TEXT: (11, 4_096),
+    DROPOUT: (2, 2),
+    FLAGS: (40, 512),
+    ord("M"): (3, 4_096),
+    ord("Q"): (7, 512),
+    ord("R"): (2, 2),
+    ord("S"): (8, 8),
+}
+TYPES = {
+    "int8_t": "i1",
+    "uint8_t": "u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+    "bool": "u1",
+    "char": "S1",
+}
+FIELD = re.compile(r"(\w+)(?:\[(\d{1,5})\])? (\w+)")
+PADDING = "_padding"
+# Topics in topics: PX4 uses one level.
+DEEPEST = 8
+MOST_COLUMNS = 4_096
+LARGEST_ROW = 65_533
+APPENDED = 1  # flag: data were appended, at the places that are told
+FLAGS_BODY = struct.Struct("<8x8s3Q")
+# After damage so many bytes are looked at together, at first and at last.
+LEAST_SEARCH, MOST_SEARCH = 1 << 13, 1 << 18
+NUMBERS = 1 << 16
+Bytes = NDArray[np.uint8]
+
+
+class Field(NamedTuple):
+    """One field of a format: `length` is None where it is no array."""
+
+    kind: str
+    length: int | None
+    name: str
+
+
+class ParameterSet(NamedTuple):
+    """A parameter's value from a place of the file on."""
+
+    place: int
+    name: str
+    value: float
+
+
+class LoggedText(NamedTuple):
+    """A text: `level` is that of syslog, 0 to 7."""
+
+    t_us: int
+    level: int
+    text: str
+
+
+class ULogFile(NamedTuple):
+    """All that a file says.
+
+    Attributes:
+        start_us: when logging began.
+        tables: of the topics; the name of a table is that of `instance`.
+        parameters: in the order in which they were set.
+        texts: of the autopilot.
+        info: such as ``sys_name``; texts and numbers.
+    """
+
+    start_us: int
+    tables: LogTables
+    parameters: list[ParameterSet]
+    texts: list[LoggedText]
+    info: dict[str, str | float]
+
+
+def instance(topic: str, number: int) -> str:
+    """Name of the table of an instance of a topic."""
+    return f"{topic}/{number}"
+
+
+def is_ulog(start: bytes) -> bool:
+    """Whether a file that begins so is a ULog."""
+    return start.startswith(MAGIC)
+
+
+def read_ulog(path: Path) -> ULogFile:
+    """What a file says, as far as it can be read.
+
+    Raises:
+        BadInput: the file cannot be opened, or is none.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
+    if not is_ulog(data) or len(data) < FILE_HEADER.size:
+        raise BadInput(f"{path}: no ULog file; expected one that begins with ULog and a header")
+    return _Chain(data).follow()
+
+
+class _Formats:
+    """The formats of a file, which may lie: nothing of them is unfolded before it is asked for."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, tuple[Field, ...]] = {}
+        self._padding: dict[str, int] = {}
+        self._sizes: dict[str, int | None] = {}
+
+    def add(self, text: str) -> bool:
+        """Takes ``name:type field;type[n] field;``; False if it is none."""
+        name, _, rest = text.partition(":")
+        matches = [FIELD.fullmatch(part) for part in rest.split(";") if part]
+        fields = [Field(m[1], int(m[2]) if m[2] else None, m[3]) for m in matches if m is not None]
+        if not name or not fields or len(fields) != len(matches):
+            return False
+        padding = 0
+        while fields and fields[-1].name.startswith(PADDING):
+            padding += fields.pop().length or 1
+        if name not in self._fields:
+            self._fields[name], self._padding[name] = tuple(fields), padding
+        return True
+
+    def padding(self, name: str) -> int:
+        """Bytes at the end of a row that some writers leave out."""
+        return self._padding[name]
+
+    def size(self, name: str, depth: int = 0) -> int | None:
+        """Bytes of a row without the padding at its end; None where the format is no good."""
+        if name in TYPES:
+            return np.dtype(TYPES[name]).itemsize
+        if name not in self._sizes and depth < DEEPEST:
+            self._sizes[name] = None  # also while it is asked for: a topic inside itself
+            self._sizes[name] = self._size(name, depth)
+        return self._sizes.get(name)
+
+    def _size(self, name: str, depth: int) -> int | None:
+        total = 0
+        for field in self._fields.get(name, ()):
+            size = self.size(field.kind, depth + 1)
+            if size is None:
+                return None
+            total += size * (1 if field.length is None else field.length)
+        return total if 0 < total <= LARGEST_ROW else None
+
+    def row(self, name: str) -> np.dtype[np.void] | None:
+        """A data message with its header; None where the format has too many columns."""
+        columns: list[tuple[str, str, int]] = []
+        size = self.size(name)
+        if size is None or not self._unfold(name, "", DATA_HEADER_BYTES, columns):
+            return None
+        names, types, offsets = zip(*columns, strict=True)
+        if len(set(names)) != len(names):
+            return None
+        return np.dtype(
+            {
+                "names": names,
+                "formats": types,
+                "offsets": offsets,
+                "itemsize": DATA_HEADER_BYTES + size,
+            }
+        )
+
+    def _unfold(
+        self, name: str, prefix: str, offset: int, columns: list[tuple[str, str, int]]
+    ) -> bool:
+        """Adds the columns of a topic; False as soon as they are too many."""
+        for field in self._fields[name]:
+            size = self.size(field.kind) or 0
+            if field.kind == "char" and field.length:
+                columns.append((prefix + field.name, f"S{field.length}", offset))
+                offset += field.length
+                continue
+            for number in range(1 if field.length is None else field.length):
+                whole = prefix + field.name + ("" if field.length is None else f"[{number}]")
+                if field.kind in TYPES:
+                    columns.append((whole, TYPES[field.kind], offset))
+                elif not self._unfold(field.kind, whole + ".", offset, columns):
+                    return False
+                offset += size
+                if len(columns) > MOST_COLUMNS:
+                    return False
+        return True
+
+
+class _Subscription(NamedTuple):
+    """A number of data messages: of which topic, of which size, and where they stand."""
+
+    table: str
+    topic: str
+    least: int
+    most: int
+    places: "array[int]"
+
+
+class _Chain:
+    """Follows the messages of a file.
+
+    Args:
+        data: of the file.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._formats = _Formats()
+        self._subscriptions: dict[int, _Subscription] = {}
+        self._notes: Counter[str] = Counter()
+        self._file = ULogFile(FILE_HEADER.unpack_from(data)[2], LogTables({}, {}), [], [], {})
+        self._handlers = {
+            FORMAT: self._on_format,
+            SUBSCRIPTION: self._on_subscription,
+            PARAMETER: self._on_parameter,
+            INFO: self._on_info,
+            TEXT: lambda _place, body: self._on_text(body, 1),
+            TAGGED_TEXT: lambda _place, body: self._on_text(body, 3),
+            DROPOUT: self._on_dropout,
+        }
+
+    def follow(self) -> ULogFile:
+        """What the file says."""
+        place = FILE_HEADER.size
+        # Data that were appended begin at places of their own, whatever was cut off before them.
+        for end in (*self._appended(), len(self._data)):
+            self._stretch(place, end)
+            place = end
+        tables = LogTables(self._sources(), dict(self._notes))
+        return self._file._replace(tables=tables)
+
+    def _appended(self) -> list[int]:
+        """Where data begin that were appended; the flags are the first message, if there are."""
+        data, place = self._data, FILE_HEADER.size
+        body = data[place + HEADER_BYTES : place + HEADER_BYTES + FLAGS_BODY.size]
+        if len(body) < FLAGS_BODY.size or data[place + 2] != FLAGS:
+            return []
+        flags, *places = FLAGS_BODY.unpack(body)
+        if flags[0] & ~APPENDED or any(flags[1:]):
+            self._notes["the file asks for a newer reader"] += 1
+        if not flags[0] & APPENDED:
+            return []
+        return [found for found in sorted(places) if place < found < len(data)]
+
+    def _stretch(self, place: int, end: int) -> None:
+        """Follows the chain between two places."""
+        data, subscriptions, handlers = self._data, self._subscriptions, self._handlers
+        last = end - HEADER_BYTES
+        while place <= last:
+            size, kind = data[place] | data[place + 1] << 8, data[place + 2]
+            following = place + HEADER_BYTES + size
+            if kind == DATA:
+                if size > 2 and following <= end:
+                    topic = subscriptions.get(data[place + 3] | data[place + 4] << 8)
+                    if topic is not None and topic.least <= size <= topic.most:
+                        topic.places.append(place)
+                        place = following
+                        continue
+            elif kind in SIZES and SIZES[kind][0] <= size <= SIZES[kind][1] and following <= end:
+                handler = handlers.get(kind)
+                if handler is not None:
+                    handler(place, data[place + HEADER_BYTES : following])
+                place = following
+                continue
+            found = self._next_message(place, end)
+            is_cut_off = found == end and following > end and self._may_be_message(place)
+            what = "a message is cut off at the end" if is_cut_off else "bytes that are no message"
+            self._notes[what] += 1 if is_cut_off else found - place
+            place = found
+        if place < end:
+            self._notes["bytes that are no message"] += end - place
+
+    def _may_be_message(self, place: int) -> bool:
+        data = self._data
+        size, kind = data[place] | data[place + 1] << 8, data[place + 2]
+        least, most = SIZES.get(kind, (1, 0))
+        return least <= size <= most
+
+    def _next_message(self, place: int, end: int) -> int:
+        """The next place where a message begins that two others follow, or the end."""
+        place += 1
+        step = LEAST_SEARCH
+        while place < end:
+            # The last ones of a block may have followers beyond it; the next block has them first.
+            block = np.frombuffer(self._data, np.uint8, min(2 * step, end - place), place)
+            begins = self._beginnings(block, is_last=place + len(block) == end)[:step]
+            if begins.any():
+                return place + int(begins.argmax())
+            place += step
+            step = min(4 * step, MOST_SEARCH)
+        return end
+
+    def _beginnings(self, block: Bytes, *, is_last: bool) -> NDArray[np.bool_]:
+        """Where in a block messages begin that two others follow."""
+        count = len(block) - DATA_HEADER_BYTES + 1
+        if count <= 0:
+            return np.zeros(0, np.bool_)
+        wide = block.astype(np.int64)
+        size, kind = wide[:count] | wide[1 : count + 1] << 8, wide[2 : count + 2]
+        number = wide[3 : count + 3] | wide[4 : count + 4] << 8
+        least, most = self._limits()
+        is_data = kind == DATA
+        place = np.where(is_data, number, NUMBERS + kind)
+        good = (size >= least[place]) & (size <= most[place])
+        following = np.arange(count) + HEADER_BYTES + size
+        # The end of the file follows as well as a message does.
+        at_end = following >= len(block) - DATA_HEADER_BYTES + 1
+        ends_well = at_end & (following == len(block)) & is_last
+        following = np.where(at_end, 0, following)
+        for _ in range(2):
+            good = good & (ends_well | (~at_end & good[following]))
+        return good
+
+    def _limits(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Least and largest sizes: of data by their number, then of other messages by type."""
+        least = np.ones(NUMBERS + 256, np.int64)
+        most = np.zeros(NUMBERS + 256, np.int64)
+        for number, topic in self._subscriptions.items():
+            least[number], most[number] = topic.least, topic.most
+        for kind, (shortest, longest) in SIZES.items():
+            least[NUMBERS + kind], most[NUMBERS + kind] = shortest, longest
+        return least, most
+
+    # --- messages that are no data --------------------------------------------------------------
+
+    def _on_format(self, _place: int, body: bytes) -> None:
+        if not self._formats.add(body.decode("utf-8", "replace")):
+            self._notes["a topic is defined with a contradiction"] += 1
+
+    def _on_subscription(self, _place: int, body: bytes) -> None:
+        number, topic = body[1] | body[2] << 8, body[3:].decode("utf-8", "replace")
+        size = self._formats.size(topic)
+        if size is None or number in self._subscriptions:
+            self._notes["a subscription makes no sense"] += 1
+            return
+        padding = self._formats.padding(topic)
+        self._subscriptions[number] = _Subscription(
+            instance(topic, body[0]), topic, size + 2, size + padding + 2, array("q")
+        )
+
+    def _on_parameter(self, place: int, body: bytes) -> None:
+        name, value = _keyed(body)
+        if isinstance(value, float) and math.isfinite(value):
+            self._file.parameters.append(ParameterSet(place, name, value))
+
+    def _on_info(self, _place: int, body: bytes) -> None:
+        name, value = _keyed(body)
+        if value is not None:
+            self._file.info.setdefault(name, value)
+
+    def _on_text(self, body: bytes, start: int) -> None:
+        """A text; its level is a digit."""
+        t_us = int.from_bytes(body[start : start + 8], "little")
+        text = body[start + 8 :].decode("utf-8", "replace").rstrip("\0")
+        self._file.texts.append(LoggedText(t_us, (body[0] - ord("0")) & 7, text))
+
+    def _on_dropout(self, _place: int, _body: bytes) -> None:
+        self._notes["dropouts of the autopilot's logger"] += 1
+
+    def _sources(self) -> dict[str, Source]:
+        """How to make the table of each topic that occurs."""
+        sources: dict[str, Source] = {}
+        for topic in self._subscriptions.values():
+            known = sources.get(topic.table)
+            if not topic.places or (known and len(known.places) >= len(topic.places)):
+                continue
+            places = np.array(topic.places, np.int64)
+            sources[topic.table] = Source(
+                self._data, places, partial(self._formats.row, topic.topic), {}
+            )
+        return sources
+
+
+def _keyed(body: bytes) -> tuple[str, str | float | None]:
+    """Name and value of an information or a parameter; None where it is of no use here."""
+    key = body[1 : 1 + body[0]].decode("utf-8", "replace")
+    kind, _, name = key.partition(" ")
+    value = body[1 + body[0] :]
+    if kind.startswith("char["):
+        return name, value.decode("utf-8", "replace").rstrip("\0")
+    form = TYPES.get(kind)
+    if form is None or np.dtype(form).itemsize != len(value) or kind == "char":
+        return name, None
+    return name, float(np.frombuffer(value, form)[0])

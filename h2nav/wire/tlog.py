@@ -1,0 +1,214 @@
+"""Telemetry logs (`.tlog`): entries of big-endian UNIX microseconds and a raw MAVLink frame.
+
+An entry carries no checksum of its own time, and its length follows from the frame's header. So an
+entry counts as sound when another one, or the end of the file, follows it where it should. After
+damage the bytes up to the next sound entry are passed on with the last good time: the deframer
+finds the intact frames among them.
+"""
+
+import sys
+from collections.abc import Iterator
+from typing import BinaryIO
+
+import numpy as np
+
+from h2nav.wire.arrivals import BATCH_BYTES, Arrivals, Integers
+from h2nav.wire.byte_views import MARKER_2, marker_places, values_at
+from h2nav.wire.deframer import LONGEST_FRAME, SIGNATURE_SIZE, SIGNED_FLAG
+
+TIME_SIZE = 8
+NS_PER_US = 1_000
+_NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
+_LEAST_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
+_EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
+
+
+class TlogReader:
+    """Reads entries front to back with bounded memory.
+
+    Attributes:
+        position: bytes given out so far.
+        damaged_bytes: bytes that were not part of a sound entry.
+        damaged_stretches: how many runs of such bytes there were.
+        corrected_times: times that did not fit between their neighbours' and were replaced.
+        clock_steps_back: times at which the recorder's clock was set back; it stands still there.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._buffer = b""
+        self._at = 0
+        self._ended = False
+        self._last_us = 0
+        self._shift_us = 0
+        self.position = 0
+        self.damaged_bytes = self.damaged_stretches = 0
+        self.corrected_times = self.clock_steps_back = 0
+
+    def batches(self) -> Iterator[Arrivals]:
+        """All entries in the order of the file; those of one block of the file at a time.
+
+        An arrival is the frame of a sound entry, or what stood there instead. Its time is the
+        recorder's UNIX time.
+        """
+        while self._fill():
+            start = self._at
+            arrivals = self._block()
+            self.position += self._at - start
+            yield arrivals
+
+    def _fill(self) -> bool:
+        """Keeps two whole entries in the buffer; False at the end of the file."""
+        if self._is_short() and not self._ended:
+            more = self._stream.read(BATCH_BYTES)
+            self._ended = len(more) < BATCH_BYTES
+            self._buffer = self._buffer[self._at :] + more
+            self._at = 0
+        return self._at < len(self._buffer)
+
+    def _is_short(self) -> bool:
+        return len(self._buffer) - self._at < _NEED
+
+    def _block(self) -> Arrivals:
+        """What the buffer holds, up to what cannot be judged before more is read."""
+        seen = _Seen(self._buffer, self._ended)
+        starts: list[Integers] = []
+        ends: list[Integers] = []
+        times: list[Integers] = []
+        while self._at < len(self._buffer) and (self._ended or not self._is_short()):
+            run = seen.run(self._at, self._last_us - self._shift_us)
+            if run.stop > run.start:
+                starts.append(seen.at[run] + TIME_SIZE)
+                ends.append(seen.ends[run])
+                times.append(seen.times_us[run] + self._shift_us)
+                self._at, self._last_us = int(ends[-1][-1]), int(times[-1][-1])
+            else:
+                start, end, unix_us = self._entry(seen)
+                starts.append(np.array([start]))
+                ends.append(np.array([end]))
+                times.append(np.array([unix_us]))
+                self._at = end
+        t_ns = np.concatenate(times) * NS_PER_US
+        return Arrivals(self._buffer, np.concatenate(starts), np.concatenate(ends), t_ns, True)
+
+    def _entry(self, seen: "_Seen") -> tuple[int, int, int]:
+        """Any entry or damaged stretch: where its bytes begin and end, and its time, us."""
+        at = self._at
+        end = seen.end_of_sound(at)
+        if end:
+            return at + TIME_SIZE, end, self._time(end)
+        self.damaged_stretches += 1
+        known = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
+        end = min(seen.next_sound(at), max(known, at + 1))
+        self.damaged_bytes += end - at
+        return at, end, self._last_us
+
+    def _time(self, follower: int) -> int:
+        """The entry's time on a scale that never runs backwards."""
+        unix_us = _raw_time(self._buffer, self._at) + self._shift_us
+        if self._last_us == 0:
+            self._last_us = unix_us
+            return unix_us
+        if follower < len(self._buffer):
+            next_us = _raw_time(self._buffer, follower) + self._shift_us
+            outside = not self._last_us <= unix_us <= next_us
+            if outside and next_us >= self._last_us:
+                self.corrected_times += 1
+                return self._last_us
+        if unix_us < self._last_us:
+            self.clock_steps_back += 1
+            self._shift_us += self._last_us - unix_us
+            unix_us = self._last_us
+        self._last_us = unix_us
+        return unix_us
+
+
+class _Seen:
+    """All that looks like an entry in a block of a file, and where one is followed by the next.
+
+    Args:
+        buffer: the block.
+        ended: the file ends with it.
+
+    Attributes:
+        at: (N,) where each begins.
+        ends: (N,) where the next one should begin.
+        times_us: (N,) their times as they stand there.
+    """
+
+    def __init__(self, buffer: bytes, ended: bool) -> None:
+        data = np.frombuffer(buffer, dtype=np.uint8)
+        at = marker_places(data[TIME_SIZE:])
+        at = at[at <= len(data) - _LEAST_SEEN]
+        times_us = values_at(buffer, at, ">u8")
+        marker, length, flags = (data[at + TIME_SIZE + place] for place in range(3))
+        is_v2 = marker == MARKER_2
+        likely = (times_us >= _EARLIEST_US) & (times_us <= _LATEST_US)
+        likely &= ~is_v2 | (flags <= SIGNED_FLAG)
+        sizes = np.where(is_v2, 12 + SIGNATURE_SIZE * flags.astype(np.int64), 8) + length
+        self.at = at[likely]
+        self.ends = self.at + TIME_SIZE + sizes[likely]
+        self.times_us = times_us[likely].astype(np.int64)
+        follower = np.minimum(np.searchsorted(self.at, self.ends), len(self.at) - 1)
+        sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
+        self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
+        goes_on = (self.ends[:-1] == self.at[1:]) & (self.times_us[:-1] <= self.times_us[1:])
+        self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
+        # Behind this there may be an entry that cannot be judged yet.
+        last = len(data) if ended else len(data) - _NEED
+        self._judged = int(np.searchsorted(self.at, last, "right"))
+
+    def run(self, at: int, last_us: int) -> slice:
+        """The entries from `at` on that follow each other in place and time.
+
+        Args:
+            at: where the first one has to begin.
+            last_us: time of the one before, as it stands in the file.
+        """
+        first = int(np.searchsorted(self.at, at))
+        if first == len(self.at) or self.at[first] != at or self.times_us[first] < last_us:
+            return slice(0, 0)
+        end = int(self._breaks[np.searchsorted(self._breaks, first)])
+        return slice(first, min(end, self._judged))
+
+    def end_of_sound(self, at: int) -> int:
+        """Where the entry at `at` ends; 0 where no sound one begins."""
+        place = int(np.searchsorted(self._sound_at, at))
+        is_sound = place < len(self._sound_at) and self._sound_at[place] == at
+        return int(self._sound_ends[place]) if is_sound else 0
+
+    def next_sound(self, at: int) -> int:
+        """Where the first sound entry behind `at` begins; beyond the buffer without one."""
+        place = int(np.searchsorted(self._sound_at, at, "right"))
+        return int(self._sound_at[place]) if place < len(self._sound_at) else sys.maxsize
+
+
+def looks_like_tlog(start: bytes) -> bool:
+    """Whether a file that begins so holds time stamps between its frames.
+
+    Args:
+        start: the first bytes of the file, a few thousand of them.
+    """
+    for at in range(len(start)):
+        size = _entry_size(start, at)
+        follower = at + size
+        if size and (follower == len(start) or _entry_size(start, follower)):
+            return True
+    return False
+
+
+def _raw_time(buffer: bytes, at: int) -> int:
+    return int.from_bytes(buffer[at : at + TIME_SIZE], "big")
+
+
+def _entry_size(buffer: bytes, at: int) -> int:
+    """Bytes of the entry that begins at `at`; 0 when none can begin there or be recognised."""
+    frame = at + TIME_SIZE
+    if frame + 3 > len(buffer) or not _EARLIEST_US <= _raw_time(buffer, at) <= _LATEST_US:
+        return 0
+    marker, length, flags = buffer[frame], buffer[frame + 1], buffer[frame + 2]
+    if marker == 0xFE:
+        return TIME_SIZE + 8 + length
+    if marker == 0xFD and flags <= SIGNED_FLAG:
+        return TIME_SIZE + 12 + length + (SIGNATURE_SIZE if flags & SIGNED_FLAG else 0)
+    return 0

@@ -1,0 +1,199 @@
+"""Dataflash logs: value for value what pymavlink reads, and as far as a damaged one can be read."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_logs import DataflashWriter, dataflash, made_flight
+from needs import shared_data
+from pymavlink.DFReader import DFReader_binary
+
+from h2nav.errors import BadInput
+from h2nav.recordings.dataflash_tables import FMT_BYTES, HEAD, is_dataflash, read_dataflash
+from h2nav.recordings.row_tables import LogTables
+
+ROWS = 200
+
+
+def read(tmp_path: Path, data: bytes) -> LogTables:
+    path = tmp_path / "log"
+    path.write_bytes(data)
+    return read_dataflash(path)
+
+
+def writer(rows: int = ROWS) -> DataflashWriter:
+    """Columns of every letter that ArduPilot uses."""
+    made = DataflashWriter()
+    t_us = np.arange(rows, dtype=np.int64) * 1000
+    number = np.arange(rows)
+    made.add(
+        "ABC",
+        "QbBhHiIf",
+        "TimeUS,A,B,C,D,E,F,G",
+        t_us,
+        *(number % 100, number % 250, -number, number, -number, number, number * 0.1),
+    )
+    letters, columns = "QdncCeELMqNZ", "TimeUS,D,N,c1,c2,e1,e2,Lat,Mode,q1,Text,Long"
+    made.add(
+        "XYZ",
+        letters,
+        columns,
+        t_us,
+        *(number * 1e-9, b"abcd", -1.23, 359.99, -1.5, 7.25, -35.3632621, 5, -(2**40)),
+        *(b"sixteen letters!", b"text"),
+    )
+    return made
+
+
+def reference(path: Path) -> dict[str, list[Any]]:
+    reader = DFReader_binary(str(path))
+    found: dict[str, list[Any]] = defaultdict(list)
+    while (message := reader.recv_msg()) is not None:
+        found[message.get_type()].append(message)
+    del found["FMT"]
+    return found
+
+
+def assert_same(path: Path) -> None:
+    tables, others = read_dataflash(path), reference(path)
+    assert tables.names == set(others)
+    for name, messages in others.items():
+        table = tables.find(name)
+        assert table is not None
+        assert len(table) == len(messages)
+        for column in table.columns:
+            values = [getattr(message, column) for message in messages]
+            if table.kind(column) == "S":
+                assert table.texts(column) == values, (name, column)
+            elif not isinstance(values[0], str):  # pymavlink names the modes
+                np.testing.assert_array_equal(table.numbers(column), np.array(values, float))
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_a_made_log_is_read_as_by_pymavlink(tmp_path: Path, old: bool) -> None:
+    path = tmp_path / "made.bin"
+    path.write_bytes(dataflash(made_flight(duration_s=3.0), old=old, extra=writer()))
+    assert_same(path)
+
+
+def test_a_real_log_is_read_as_by_pymavlink() -> None:
+    assert_same(shared_data("imu/ardupilot_spark404_log.bin"))
+
+
+def test_arrays_come_as_rows_of_values(tmp_path: Path) -> None:
+    made = DataflashWriter()
+    values = np.arange(96).reshape(3, 32)
+    made.add("ISBD", "QHHa", "TimeUS,N,seqno,x", np.arange(3), 0, 0, values)
+    table = read(tmp_path, made.bytes()).find("ISBD")
+    assert table is not None
+    np.testing.assert_array_equal(table.numbers("x"), values)
+
+
+def test_every_cut_is_read_up_to_it(tmp_path: Path) -> None:
+    data = writer(40).bytes()
+    whole = read(tmp_path, data)
+    table = whole.find("ABC")
+    assert table is not None
+    ends = table.places + 3 + 8 + 18
+    for size in range(3 * FMT_BYTES, len(data), 7):
+        cut = read(tmp_path, data[:size])
+        assert cut.rows("ABC") == np.count_nonzero(ends <= size)
+
+
+def test_bytes_between_records_are_passed_over_and_counted(tmp_path: Path) -> None:
+    data = writer(40).bytes()
+    table = read(tmp_path, data).find("XYZ")
+    assert table is not None
+    place = int(table.places[20])
+    garbage = b"\x00" + HEAD + b"\x81" + bytes(range(200))
+    found = read(tmp_path, data[:place] + garbage + data[place:])
+    assert found.rows("XYZ") == found.rows("ABC") == 40
+    assert found.notes == {"bytes that are no record": len(garbage)}
+
+
+def test_a_definition_that_lies_costs_its_own_rows_only(tmp_path: Path) -> None:
+    data = bytearray(writer().bytes())
+    letters = data.index(b"QbBhHiIf")
+    data[letters] = ord("f")  # another length than it says
+    found = read(tmp_path, bytes(data))
+    assert found.names == {"XYZ"}
+    assert found.rows("XYZ") == ROWS
+    assert found.notes == {"a message type is defined with a contradiction": 1}
+
+
+def test_many_definitions_cost_no_more_than_their_bytes(tmp_path: Path) -> None:
+    data = writer(1).bytes()
+    other = bytearray(data[FMT_BYTES : 2 * FMT_BYTES])
+    other[5:9] = b"EVIL"
+    found = read(tmp_path, data[: 3 * FMT_BYTES] + bytes(other) * 20_000 + data[3 * FMT_BYTES :])
+    assert found.names == {"ABC", "XYZ"}
+    assert found.notes == {"a message type is defined twice, differently": 20_000}
+
+
+@settings(max_examples=60, deadline=None)
+@given(draws=st.data())
+def test_damage_never_raises_and_never_makes_rows(
+    draws: st.DataObject, tmp_path_factory: Any
+) -> None:
+    made = bytearray(writer(60).bytes())
+    for _ in range(draws.draw(st.integers(1, 40))):
+        place = draws.draw(st.integers(0, len(made) - 1))
+        made[place] ^= 1 << draws.draw(st.integers(0, 7))
+    found = read(tmp_path_factory.mktemp("damage"), bytes(made))
+    for name in found.names:
+        table = found.find(name)
+        assert table is not None
+        for column in table.columns:
+            if table.kind(column) == "S":
+                assert len(table.texts(column)) == len(table)
+            else:
+                table.numbers(column)
+    assert sum(found.rows(name) for name in found.names) <= 60 + 60 + 20
+
+
+@pytest.mark.parametrize("data", [b"", b"\xa3", HEAD, HEAD * 5000, bytes(100_000)])
+def test_what_is_no_log_has_no_messages(tmp_path: Path, data: bytes) -> None:
+    assert not read(tmp_path, data).names
+    assert not is_dataflash(data)
+
+
+def test_a_text_says_the_same_as_the_binary(tmp_path: Path) -> None:
+    text = b"""FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns
+FMT, 130, 35, ATT, QccC, TimeUS,Roll,Pitch,Yaw
+FMT, 131, 35, MODE, QMBB, TimeUS,Mode,ModeNum,Rsn
+FMT, 132, 35, MSG, QZ, TimeUS,Message
+ATT, 1000, -1.25, 2.5, 359.9
+ATT, 2000, 1.5
+ATT, 3000, x, 2.5, 359.9
+ATT, 4000, -1.5, 2.25, 0.1
+MODE, 5000, LOITER, 5, 1
+MSG, 6000, text, with a comma
+BROKEN
+"""
+    assert is_dataflash(text)
+    found = read(tmp_path, text)
+    attitude, mode, said = (found.find(name) for name in ("ATT", "MODE", "MSG"))
+    assert attitude is not None
+    assert mode is not None
+    assert said is not None
+    np.testing.assert_array_equal(attitude.integers("TimeUS"), [1000, 4000])
+    np.testing.assert_array_equal(attitude.numbers("Roll", "Yaw"), [[-1.25, 359.9], [-1.5, 0.1]])
+    assert mode.texts("Mode") == ["LOITER"]
+    assert said.texts("Message") == ["text, with a comma"]
+    assert found.notes == {"lines that are no record": 3}
+
+
+def test_a_log_is_known_by_its_content() -> None:
+    data = writer(1).bytes()
+    assert is_dataflash(data[:4096])
+    assert is_dataflash(b"\0" * 10 + data[:4000])
+    assert not is_dataflash(b"ULog" + bytes(4000))
+
+
+def test_a_file_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_dataflash(tmp_path / "none.bin")

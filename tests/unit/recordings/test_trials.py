@@ -1,0 +1,119 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from h2nav.errors import BadInput
+from h2nav.recordings.trials import read_trial, trial_paths
+
+
+def arrays(count: int = 20) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(1)
+    mag = rng.normal(size=(count, 3))
+    mag[1::2] = np.nan
+    q = np.zeros((count, 4))
+    q[:, 0] = 1.0
+    return {
+        "fs": np.array(50.0),
+        "gyr": rng.normal(size=(count, 3)).astype(np.float32),
+        "acc": rng.normal(size=(count, 3)).astype(np.float32),
+        "mag": mag,
+        "q": q,
+        "mask": np.arange(count) > 4,
+        "heading_fixed": np.array(False),
+    }
+
+
+def write(folder: Path, name: str = "trial", **changes: object) -> Path:
+    content = {k: v for k, v in (arrays() | changes).items() if v is not None}
+    path = folder / f"{name}.npz"
+    np.savez(path, **content)
+    return path
+
+
+def test_reads_every_key(tmp_path: Path) -> None:
+    trial = read_trial(write(tmp_path))
+    assert trial.name == "trial"
+    assert trial.rate_hz == 50.0
+    assert trial.t_us[:3].tolist() == [0, 20_000, 40_000]
+    assert trial.m_s is not None
+    assert np.isnan(trial.m_s[1]).all()
+    assert trial.mask.sum() == 15
+    assert not trial.heading_fixed
+    assert trial.gps is None
+
+
+def test_true_times_win_over_the_rate(tmp_path: Path) -> None:
+    t = 100.0 + np.cumsum(np.tile([0.01, 0.03], 10))
+    gps = np.array([[100.5, 3.0, 90.0, 12.0]])
+    trial = read_trial(write(tmp_path, t=t, gps=gps))
+    assert np.diff(trial.t_us).tolist()[:2] == [30_000, 10_000]
+    assert trial.gps is not None
+    assert trial.gps[0, 0] == pytest.approx(100.5 - t[0])
+
+
+def test_what_is_optional_may_be_absent(tmp_path: Path) -> None:
+    path = write(tmp_path, mag=None, q=None, mask=None, heading_fixed=None)
+    trial = read_trial(path)
+    assert trial.m_s is None
+    assert trial.q_es is None
+    assert trial.mask.all()
+    assert trial.heading_fixed
+    assert trial.declination_rad == 0.0
+
+
+def test_truth_that_is_not_finite_is_not_scored(tmp_path: Path) -> None:
+    q = arrays()["q"]
+    q[10] = np.nan
+    assert not read_trial(write(tmp_path, q=q)).mask[10]
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"gyr": None}, "gyr: missing"),
+        ({"fs": None}, "fs: missing"),
+        ({"fs": np.array(0.0)}, "fs: expected one rate"),
+        ({"fs": np.array([1.0, 2.0])}, "fs: expected one rate"),
+        ({"acc": np.zeros((3, 3))}, "acc: expected numbers of shape"),
+        ({"q": np.zeros((20, 3))}, "q: expected numbers of shape"),
+        ({"mask": np.array(["a"] * 20)}, "mask: expected numbers"),
+        ({"t": np.zeros(20)}, "t: expected finite times"),
+        ({"gps": np.zeros(4)}, "gps: expected an array"),
+        ({"gyr": np.zeros(3)}, "gyr: expected an array"),
+    ],
+)
+def test_names_file_and_key_of_an_error(
+    tmp_path: Path, changes: dict[str, object], expected: str
+) -> None:
+    path = write(tmp_path, **changes)
+    with pytest.raises(BadInput) as caught:
+        read_trial(path)
+    assert expected in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 and then nothing"])
+def test_a_file_that_is_no_archive(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "broken.npz"
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match="not a readable"):
+        read_trial(path)
+
+
+def test_an_archive_that_would_run_code_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "objects.npz"
+    np.savez(path, gyr=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(BadInput, match="gyr: expected numbers, found object"):
+        read_trial(path)
+
+
+def test_folders(tmp_path: Path) -> None:
+    one, two = write(tmp_path, "b"), write(tmp_path, "a")
+    assert trial_paths(tmp_path) == [two, one]
+    assert trial_paths(one) == [one]
+    with pytest.raises(BadInput, match="no such file or folder"):
+        trial_paths(tmp_path / "absent")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BadInput, match="no trials in this folder"):
+        trial_paths(tmp_path / "empty")
