@@ -78,6 +78,8 @@ AIR_TILT_SIGMA_RAD = 20.0 * DEG
 # doubted: any iron may be in the field. Of the regression so many of its own deviations count.
 DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
 WIDE_OFFSET = 0.1  # of the field's norm
+# A gyro is doubted anew where the variance of its bias becomes so many times what it was.
+NEWS = 4.0
 
 _FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
@@ -204,6 +206,10 @@ class VelocityAidedFilter:
         """Learns anew what was shown to be wrong; see `AttitudeFilter`."""
         s, g = self._state, self._g
         x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
+        known = (s.p_xx, s.p_yy, s.p_zz)
+        if any(new > NEWS * old for new, old in zip((x, y, z), known, strict=True)):
+            # The velocity felt until now was bent by a gyro that nobody doubted.
+            self._witness.clear()
         s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
         if s.aided > 0.0 and g.accel_variance > 0.0:
             x, y = (min((sigma / g.gravity) ** 2, MOST_ACCEL_BIAS_G**2) for sigma in doubt.force_b)

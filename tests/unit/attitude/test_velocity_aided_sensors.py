@@ -20,7 +20,7 @@ from velocity_flights import (
     with_samples,
 )
 
-from h2nav.attitude.samples import ImuSample, Trust, Vec3, VehicleState
+from h2nav.attitude.samples import ImuSample, SensorDoubt, Trust, Vec3, VehicleState
 from h2nav.maths import quaternion
 
 FORCE_BIAS = (0.3, -0.3)
@@ -202,3 +202,20 @@ def test_a_rate_that_stands_still_hides_up_to_one_of_its_steps(noise_rad_s, hide
         assert max(deviations) < 0.8e-3
     else:
         assert max(deviations) < 0.4e-3
+
+
+# --- doubt --------------------------------------------------------------------------------------
+
+
+def test_a_heading_felt_with_a_gyro_that_is_doubted_now_counts_no_more() -> None:
+    drive = accelerating(40.0, 23)
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, part(drive, 0, 3000))
+    assert filter_.kernel_state.heading_witnessed == 1.0
+    known = math.sqrt(filter_.kernel_state.p_xx)
+    filter_.doubt(SensorDoubt(rate_b=(1.5 * known, 0.0, 0.0)))
+    follow(filter_, part(drive, 3000, 3100))
+    assert filter_.kernel_state.heading_witnessed == 1.0
+    filter_.doubt(SensorDoubt(rate_b=(0.0, 1.0 * DEG, 0.0)))
+    follow(filter_, part(drive, 3100, 3121))
+    assert filter_.kernel_state.heading_witnessed == 0.0
