@@ -28,6 +28,7 @@ SLIM = [
     "--dpkgopt=force-unsafe-io",
     '--aptopt=Acquire::Languages "none"',
 ]
+PACK = "dpkg-deb --root-owner-group -Zxz --build"
 # What the build reads; the rest of a checkout (.git, .venv, logs) stays outside.
 SOURCES = (
     *("h2nav", "configs", "gains", "native", "packaging", "docs", "tests", "tools", ".ci"),
@@ -92,7 +93,8 @@ def build(arguments: argparse.Namespace) -> Path:
             f"--include={NEEDED}",
             f"--customize-hook=mkdir -p $1/src && tar -xf {archive} -C $1/src",
             "--customize-hook=chroot $1 sh /src/packaging/debian/make",
-            f"--customize-hook=copy-out /h2nav.deb {folder}",
+            # Outside, where xz is no emulated program.
+            f"--customize-hook={PACK} $1/package {folder}/h2nav.deb",
         )
         target = arguments.output / name
         target.write_bytes((Path(folder) / "h2nav.deb").read_bytes())
