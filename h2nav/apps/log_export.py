@@ -30,10 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DEST",
-        help="folder for the files of csv and parquet, name of the file for tum and tlog",
+        help="folder for the files of csv, parquet and rosbag2, name of the file for tum and tlog",
     )
     parser.add_argument(
-        "--to", choices=tuple(_EXPORTS), default="csv", help="format (default: csv)"
+        "--to",
+        "--format",
+        choices=tuple(_EXPORTS),
+        default="csv",
+        help="format (default: csv)",
     )
     parser.add_argument(
         "--topic",
@@ -48,7 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "become one file per message. tum: the attitude (/estimate, /smoothed) or the pose "
         "(/twist, /pose_measured) as a trajectory text, as evo reads it. tlog: the MAVLink frames "
         "that were received, with their times; --topic chooses other links, such as "
-        "/mavlink/tx/autopilot. Another recording is replayed first, and exported with its "
+        "/mavlink/tx/autopilot. rosbag2: a bag of ROS 2, ENU and FLU: /imu/data (attitude with its "
+        "covariance), /imu/data_raw, /imu/mag, /velocity, /diagnostics (what was found) and /tf; "
+        "--topic chooses among these. Another recording is replayed first, and exported with its "
         "estimates; what an autopilot wrote itself has no MAVLink frames."
     )
 
@@ -118,4 +124,12 @@ def _tlog(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any],
     return {**result._asdict(), "path": str(result.path)}, [line]
 
 
-_EXPORTS = {"csv": _csv, "parquet": _parquet, "tum": _tum, "tlog": _tlog}
+def _rosbag2(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    from h2nav.log.rosbag2_export import TYPES, export_rosbag2
+
+    result = export_rosbag2(args.log, args.output, args.topic, progress)
+    lines = [f"{topic}: {count} of {TYPES[topic]}" for topic, count in result.messages.items()]
+    return {**result._asdict(), "path": str(result.path)}, [f"{result.path}:", *lines]
+
+
+_EXPORTS = {"csv": _csv, "parquet": _parquet, "tum": _tum, "tlog": _tlog, "rosbag2": _rosbag2}

@@ -14,8 +14,11 @@ import jsonschema
 import pytest
 from needs import REPOSITORY, need_package
 
+from h2nav.cli import main
+
 PATIENCE_S = 90.0
 PAGE = (REPOSITORY / "docs" / "integrate.md").read_text(encoding="utf-8")
+FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 FAULT = ("--fault", "gyro-frozen@14")
 
 
@@ -119,6 +122,19 @@ def test_mavsdk_receives_a_finding(tmp_path):
         script = example("mavsdk_texts.py", tmp_path)
         with running(script, f"udpin://127.0.0.1:{ground}", stdout=subprocess.PIPE) as client:
             until(client, "h2nav: degraded: IMU 1: gyro is frozen")
+
+
+def test_a_bag_is_read_without_ros(tmp_path):
+    need_package("rosbags.highlevel")
+    bag = tmp_path / "bag"
+    words = ["log", "export", str(FLIGHT), "--format", "rosbag2", "-o", str(bag)]
+    assert main(words) == 0
+    script = example("bag_findings.py", tmp_path)
+    said = subprocess.run(
+        [sys.executable, script, bag], check=True, capture_output=True, text=True
+    ).stdout.splitlines()
+    assert len([line for line in said if " roll " in line]) >= 40
+    assert [line for line in said if line.endswith(" OK h2nav: attitude active")]
 
 
 @pytest.mark.parametrize("name", re.findall(r"`(\S+)`:\n\n```python", PAGE))
