@@ -68,12 +68,16 @@ class FieldOfTheEarth:
         self._settings = settings
         self._field_at = field_at
         self._place: Steady[Place] | None = None
-        self.unix_s = unix_s
+        self._unix_s = unix_s
 
     @property
     def is_known(self) -> bool:
         """Whether the model has been asked."""
         return self._place is not None
+
+    def use_date(self, unix_s: float) -> None:
+        """The autopilot has told the date."""
+        self._unix_s = unix_s
 
     def at(self, t_ns: int, place: Place) -> EarthField | None:
         """The field where it is new or changed; None otherwise."""
@@ -83,7 +87,7 @@ class FieldOfTheEarth:
             self._place = Steady(place, FAR_PLACE_NS, _is_near)
         elif not self._place.hears(t_ns, place):
             return None
-        field = self._field_at(*place, self.unix_s)
+        field = self._field_at(*place, self._unix_s)
         if field is None or self._settings.declination == "wmm":
             return field
         fixed = self._settings.declination == "fixed"
@@ -165,7 +169,7 @@ class Aiding:
     def on_system_time(self, time: SystemTime) -> list[Effect]:
         """The date for the field model."""
         if time.unix_s is not None:
-            self._field.unix_s = time.unix_s
+            self._field.use_date(time.unix_s)
         return []
 
     def on_place(self, t_ns: int, place: Place) -> list[Effect]:

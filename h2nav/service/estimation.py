@@ -26,6 +26,7 @@ from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
+from h2nav.service.intake import Need
 from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import CLEARLY, Cause, Condition, LaneSelection, Switch
 from h2nav.service.limits import SECOND_NS
@@ -69,16 +70,18 @@ class Estimation:
     Args:
         filter_for: makes the filters for a vehicle once it is known.
         settings: the messages to use, and what is known of their delays.
+        before_arming: looks at the samples of every IMU as well.
 
     Attributes:
-        rejected: readings that could not be used, by reason; those of other lanes than the first
-            do not count, because they are optional.
         used: samples of the lanes that were sent.
     """
 
-    def __init__(self, filter_for: FilterFor, settings: AutopilotSettings) -> None:
+    def __init__(
+        self, filter_for: FilterFor, settings: AutopilotSettings, before_arming: BeforeArming
+    ) -> None:
         self._filter_for = filter_for
         self._settings = settings
+        self._before_arming = before_arming
         self._lanes: tuple[Lane, ...] = ()
         self._sent: Lane | None = None
         self._field: EarthField | None = None
@@ -92,9 +95,9 @@ class Estimation:
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
+        self._takers: list[tuple[Lane, Need]] = []
+        self._rejected: Counter[str] = Counter()
         self.used = 0
-        self.rejected: Counter[str] = Counter()
-        self.before_arming: BeforeArming | None = None
 
     def begin(self, identity: Identity) -> None:
         """The vehicle is known (or is another one now): its filters and its messages."""
@@ -104,7 +107,7 @@ class Estimation:
                 self._filter_for(identity),
                 identity,
                 self._settings,
-                Counter() if number else self.rejected,
+                _uncounted if number else self.reject,
             )
             for number, messages in enumerate(lanes_wanted(identity.autopilot, self._settings))
         )
@@ -119,6 +122,7 @@ class Estimation:
         self._begin_epoch()
         self._compasses = Compasses()
         self._compasses.reference = self._field
+        self._takers = []
         for lane in self._lanes:
             if self._field is not None:
                 lane.use_field(self._field)
@@ -145,7 +149,7 @@ class Estimation:
     @property
     def is_independent(self) -> bool:
         """Nothing of the autopilot's own estimator has gone into the estimate."""
-        return self._sent is None or self._sent.is_independent
+        return self._sent is None or not self._sent.dependent_source
 
     @property
     def dependent_source(self) -> str:
@@ -199,30 +203,42 @@ class Estimation:
 
     # --- readings -----------------------------------------------------------------------------
 
+    @property
+    def rejected(self) -> Counter[str]:
+        """Readings that could not be used, by reason.
+
+        Those of other lanes than the first do not count, because they are optional.
+        """
+        return self._rejected
+
+    def reject(self, reason: str) -> None:
+        """Counts a reading that cannot be used."""
+        self._rejected[reason] += 1
+
     def considers(self, t_ns: int, message_id: int) -> bool:
-        """Whether this message could be of use now, before it is even read."""
-        for lane in self._lanes:  # noqa: SIM110 - a generator costs more than what it asks
-            if lane.considers(t_ns, message_id):
-                return True
-        return False
+        """Asks the lanes whether this message could be of use now, before it is even read.
+
+        The answer holds for the `take` or `refuse` that follows.
+        """
+        needs = [(lane, lane.need(t_ns, message_id)) for lane in self._lanes]
+        self._takers = [taker for taker in needs if taker[1]]
+        return bool(self._takers)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
-        """Takes a reading of the bound autopilot that is considered."""
+        """Takes a reading of the bound autopilot that was considered just now."""
         steps: dict[int, Step] = {}
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
             for lane in self._lanes:
-                lane.resumed_ns = t_ns
+                lane.resume(t_ns)
         self._heard_ns = t_ns
         goes_on = self._newest if self._has_sent else None
-        for lane in self._lanes:
-            if lane.considers(t_ns, message_id):
-                step = lane.take(t_ns, message_id, reading, goes_on)
-                if step.sample is not None:
-                    steps[lane.imu] = step
-                    if self.before_arming is not None:
-                        self.before_arming.on_sample(lane.imu, t_ns, step.sample)
+        for lane, need in self._takers:
+            step = lane.take(t_ns, message_id, reading, need, goes_on)
+            if step.sample is not None:
+                steps[lane.imu] = step
+                self._before_arming.on_sample(lane.imu, t_ns, step.sample)
         told = ""
         if self._twins:
             self._find_twins(t_ns)
@@ -230,17 +246,15 @@ class Estimation:
                 told = self._look(t_ns)
         return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), told)
 
-    def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
-        """Counts a reading that cannot be used."""
-        for lane in self._lanes:
-            if lane.considers(t_ns, message_id):
-                lane.refuse(t_ns, reason)
-                if lane.is_refused and lane is not self._sent:
-                    lane.rest(t_ns)
-                return
+    def refuse(self, t_ns: int, reason: str) -> None:
+        """Counts a reading that was considered just now and cannot be used."""
+        for lane, _ in self._takers[:1]:
+            lane.refuse(t_ns, reason)
+            if lane.is_refused and lane is not self._sent:
+                lane.rest(t_ns)
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time a message that is not considered now will not be, either.
+        """Before this host time a message that is not needed now will not be, either.
 
         It holds until the next `begin`.
         """
@@ -248,9 +262,9 @@ class Estimation:
 
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field on, now and to any later filter."""
-        self._field = self._compasses.reference = field
-        if self.before_arming is not None:
-            self.before_arming.on_earth(field)
+        self._field = field
+        self._compasses.reference = field
+        self._before_arming.on_earth(field)
         for lane in self._lanes:
             lane.use_field(field)
 
@@ -287,7 +301,7 @@ class Estimation:
         (sample, unled, of_step), lane = step, self._lane
         if sample is None:
             return Outcome(switched=switched)
-        event, lane.event = lane.event, None
+        event = lane.pop_event()
         if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
             event = None if of_step is None else event
         if event is not None:
@@ -338,11 +352,10 @@ class Estimation:
 
     def _find_twins(self, t_ns: int) -> None:
         for one, other, twins in self._twins:
-            if one.newest is not None and other.newest is not None:
-                twins.compare(one.newest, other.newest)
-                if twins.are_one:
-                    twins.are_one = False
-                    (one if other is self._sent else other).rest(t_ns)
+            if one.newest is None or other.newest is None:
+                continue
+            if twins.compare(one.newest, other.newest):
+                (one if other is self._sent else other).rest(t_ns)
 
     def _compare_compasses(self, t_ns: int) -> None:
         """Fields of all IMUs through one attitude: one that velocities have shown, or the sent."""
@@ -363,14 +376,16 @@ class Estimation:
         compasses.look(t_ns // 1000, fields, turned, fits)
         for lane in self._lanes:
             lane.use_verdict(lane.imu in compasses.wrong, compasses.doubt_rad(lane.imu))
-            if lane.heading_is_wrong and lane is not self._lane:
-                lane.is_spoilt, lane.heading_is_wrong = True, False
+            if lane is not self._lane:
+                lane.drop_heading()
 
     def _help_spoilt(self, t_ns: int) -> None:
         sent = self._lane
         for lane in self._lanes:
             if lane is not sent and lane.may_begin_anew(t_ns):
-                is_sound = not sent.is_bad and not sent.is_spoilt and not sent.is_silent(t_ns)
+                is_sound = (
+                    not sent.sensor_is_bad and not sent.is_spoilt and not sent.is_silent(t_ns)
+                )
                 lane.begin_as(sent if is_sound else None)
 
     def _switched(self, switch: Switch) -> str:
@@ -421,6 +436,10 @@ _REASONS = {
     Cause.NOISE: "it vibrates",
     Cause.COMPASS: "its compass is off",
 }
+
+
+def _uncounted(_reason: str) -> None:
+    """Takes what is not counted."""
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:

@@ -130,11 +130,11 @@ class Outputs:
     Attributes:
         sent: attitude messages, since start.
         are_held: nothing is due, because the estimates are late.
-        assess: says what is thought of the newest estimate; asked where that is to be sent.
 
     Args:
         settings: the rates; 0 switches a message off.
         odometry_rate_hz: of ODOMETRY; None = motion is not estimated.
+        assess: says what is thought of the newest estimate; asked where that is to be sent.
         has_listener: somebody gets the messages; else those of attitudes are counted, not made.
     """
 
@@ -143,6 +143,7 @@ class Outputs:
         settings: OutputSettings,
         odometry_rate_hz: float | None = None,
         *,
+        assess: Callable[[], Assessment] = Assessment,
         has_listener: bool = True,
     ) -> None:
         self._has_listener = has_listener
@@ -161,11 +162,11 @@ class Outputs:
         }
         self._assessments: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Output(
-                lambda estimate: _status(estimate, self.assess()),
+                lambda estimate: _status(estimate, assess()),
                 settings.estimator_status_rate_hz,
             ),
             mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(
-                lambda _: _differences(self.assess().difference),
+                lambda _: _differences(assess().difference),
                 settings.difference_rate_hz,
             ),
         }
@@ -184,7 +185,6 @@ class Outputs:
         self._after_us = self._before_us = 0.0
         self.sent = 0
         self.are_held = False
-        self.assess: Callable[[], Assessment] = Assessment
 
     def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
         """The messages to send for this attitude."""
@@ -218,6 +218,10 @@ class Outputs:
             return () if motion is None else self._odometry.make(motion)
         output = self._attitudes.get(message_id) or self._assessments[message_id]
         return () if self._latest is None else output.make(self._latest)
+
+    def hold(self, are_late: bool) -> None:
+        """Keeps messages back while the estimates are late."""
+        self.are_held = are_late
 
     def forget(self) -> None:
         """The latest estimates are stale: they must not be sent any more."""

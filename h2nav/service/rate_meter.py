@@ -44,21 +44,21 @@ class _Snapshot(NamedTuple):
 
 
 class RateMeter:
-    """Looks at the counts of messages ten times a second.
-
-    Attributes:
-        counts: message id -> how many have come; whoever hears one counts it.
-    """
+    """Counts messages, and looks at the counts ten times a second."""
 
     def __init__(self) -> None:
-        self.counts: Counter[int] = Counter()
+        self._counts: Counter[int] = Counter()
         self._snapshots: list[_Snapshot] = []
         self._times_ns: list[int] = []  # of the snapshots, to find one quickly
         self._first_ns: dict[int, int] = {}
 
+    def arrived(self, message_id: int) -> None:
+        """A message has come."""
+        self._counts[message_id] += 1
+
     def restart(self) -> None:
         """Forgets all that came."""
-        self.counts.clear()
+        self._counts.clear()
         self._snapshots.clear()
         self._times_ns.clear()
         self._first_ns.clear()
@@ -67,9 +67,9 @@ class RateMeter:
         """Notes the counts at host time `t_ns`; False where that is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
-        for message_id in self.counts.keys() - self._first_ns.keys():
+        for message_id in self._counts.keys() - self._first_ns.keys():
             self._first_ns[message_id] = t_ns
-        self._snapshots.append(_Snapshot(t_ns, dict(self.counts)))
+        self._snapshots.append(_Snapshot(t_ns, dict(self._counts)))
         self._times_ns.append(t_ns)
         old = bisect_left(self._times_ns, t_ns - LONGEST_SPAN_NS)
         del self._snapshots[:old], self._times_ns[:old]

@@ -69,23 +69,18 @@ class SensorTiming:
 
     Args:
         settings: may give the ages.
+        identity: of the autopilot, of which only its make is known.
     """
 
-    def __init__(self, settings: AutopilotSettings) -> None:
+    def __init__(self, settings: AutopilotSettings, identity: Identity) -> None:
         self._settings = settings
-        self._identity: Identity | None = None
+        self._identity = identity
         self._filter_age_s: float | None = None
         self._newest_us: int | None = None
         self._period_s: float | None = None
         self._ages: Ages | None = None  # as `sampled` has used them last
         self._field_is_raw = False
         self.delays = SensorDelays()
-
-    def begin(self, identity: Identity) -> None:
-        """Another autopilot, of which only its make is known."""
-        self._identity = identity
-        self._filter_age_s = self._ages = None
-        self.restart()
 
     def restart(self) -> None:
         """The samples' time starts again."""
@@ -95,7 +90,7 @@ class SensorTiming:
     @property
     def parameter(self) -> str:
         """Name of the autopilot's parameter that tells more; empty where none does."""
-        is_asked = self._make == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        is_asked = self._identity.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         return GYRO_FILTER if is_asked and self._settings.gyro_delay_s == "auto" else ""
 
     def hears(self, parameter: ParameterValue) -> bool:
@@ -151,16 +146,11 @@ class SensorTiming:
         self.delays = SensorDelays(gyro_s, field_s)
         return True
 
-    @property
-    def _make(self) -> int | None:
-        return None if self._identity is None else self._identity.autopilot
-
     def _known(self, field_is_raw: bool) -> Ages:
-        if self._make == mavlink.MAV_AUTOPILOT_PX4:
+        if self._identity.autopilot == mavlink.MAV_AUTOPILOT_PX4:
             return Ages(PX4_RATES_S, PX4_RAW_FIELD_S if field_is_raw else PX4_FIELD_S)
-        if self._make != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        if self._identity.autopilot != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
             return Ages(None, None)
-        assert self._identity is not None
         if self._filter_age_s is not None:
             return Ages(self._filter_age_s, ARDUPILOT_FIELD_S)
         drives = self._identity.vehicle_type in DRIVING_TYPES

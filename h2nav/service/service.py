@@ -133,19 +133,20 @@ class Service:
     def __init__(self, settings: ServiceSettings, surroundings: Surroundings) -> None:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
-        self._estimation = Estimation(surroundings.filter_for, settings.autopilot)
+        self._notices = Notices(settings.output.status_text)
+        self._before_arming = BeforeArming(self._notices.tell)
+        self._estimation = Estimation(
+            surroundings.filter_for, settings.autopilot, self._before_arming
+        )
         self._outputs = Outputs(
             settings.output,
             odometry_rate_hz(settings),
+            assess=self._assessment,
             has_listener=surroundings.has_listener,
         )
-        self._notices = Notices(settings.output.status_text)
-        self._before_arming = BeforeArming(self._notices.tell)
-        self._estimation.before_arming = self._before_arming
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
         self._lateness = Lateness()
-        self._outputs.assess = self._assessment
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -163,9 +164,8 @@ class Service:
         self.time_sync = TimeSync()
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
-        self._arrivals: Counter[int] = Counter()  # of the bound autopilot's messages
         self._bound_address: Sender | None = None
-        self._idle_until_ns: dict[int, int] = {}  # likewise
+        self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
         self._parameter = ParameterRequest()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
@@ -319,14 +319,14 @@ class Service:
             sender: system and component id.
             message_id: one of `message_ids`.
         """
-        if sender == self._bound_address:
-            self._arrivals[message_id] += 1
+        if self._streams is not None and sender == self._bound_address:
+            self._streams.arrived(message_id)
             if t_ns < self._idle_until_ns.get(message_id, 0):
                 return False
             return self._heeds_own(t_ns, message_id)
         if message_id in IMU_MESSAGES:
             bound = self._autopilot.identity is not None
-            self._estimation.rejected["other_sender" if bound else "before_binding"] += 1
+            self._estimation.reject("other_sender" if bound else "before_binding")
             return False
         return message_id not in comparing.MESSAGES and message_id in READERS
 
@@ -349,7 +349,7 @@ class Service:
         return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
-        """A message that the service uses arrived."""
+        """A message arrived that the service, asked just before, heeds."""
         if isinstance(message, ImuReading):
             return self._on_imu(envelope, message)
         if isinstance(message, Heartbeat):
@@ -380,12 +380,12 @@ class Service:
         return is_for_us and self._autopilot.owns(sender)
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """A message that the service uses was refused at the wire boundary."""
+        """A message that the service heeds was refused at the wire boundary."""
         if envelope.message_id in self.motion.message_ids:
             return self.motion.on_refusal(envelope, reason)
         if self._autopilot.owns(envelope.sender):
             if envelope.message_id in IMU_MESSAGES:
-                self._estimation.refuse(envelope.t_ns, envelope.message_id, reason)
+                self._estimation.refuse(envelope.t_ns, reason)
             else:
                 self._refused[reason] += 1
         return []
@@ -470,7 +470,6 @@ class Service:
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
-        self._arrivals = self._streams.arrivals
         self._bound_address = identity.address
         self._idle_until_ns.clear()
         self._parameter = ParameterRequest(self._estimation.timing.parameter)
@@ -489,7 +488,7 @@ class Service:
         if sample is None:
             return effects
         self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
-        self._outputs.are_held = self._lateness.is_late
+        self._outputs.hold(self._lateness.is_late)
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
         # The attitude leaves before anything is written down.
         if estimate is not None:

@@ -7,14 +7,14 @@ COMMAND_ACK does not say which message it is about; measure; ask again with grow
 `MOST_PER_MINUTE` times; nothing at all while the autopilot is silent. REQUEST_DATA_STREAM is the
 way where the command is not answered or not known.
 
-What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, a count in
-`arrivals` for each other message, `acknowledged` at its answers, `measure` and `next_request` ten
-times a second, `restart` when its time starts again; and it reports the `notices`.
+What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at
+each other message, `acknowledged` at its answers, `measure` and `next_request` ten times a second,
+`restart` when its time starts again; and it reports the `notices`.
 """
 
 import math
 import re
-from collections import Counter, deque
+from collections import deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -103,10 +103,9 @@ class StreamRequests:
 
     # --- what comes ---------------------------------------------------------------------------
 
-    @property
-    def arrivals(self) -> Counter[int]:
-        """Counts the autopilot's messages by their ids; whoever hears one adds it."""
-        return self._meter.counts
+    def arrived(self, message_id: int) -> None:
+        """A message of the autopilot came, whoever asked for it."""
+        self._meter.arrived(message_id)
 
     def heard(self, t_ns: int) -> None:
         """A heartbeat of the autopilot came; the first one after a silence restarts all."""

@@ -17,17 +17,12 @@ FORCE_APART_M_S2 = 0.4
 
 
 class Twins:
-    """Compares the samples of two streams.
-
-    Attributes:
-        are_one: both are one sensor.
-    """
+    """Compares the samples of two streams."""
 
     def __init__(self) -> None:
         self._counted: ImuSample | None = None
         self._repeated = 0
         self._apart = [0.0] * 6
-        self.are_one = False
 
     @property
     def rates_agree(self) -> bool:
@@ -39,20 +34,20 @@ class Twins:
         """The accelerometers do."""
         return max(map(abs, self._apart[3:])) < FORCE_APART_M_S2
 
-    def compare(self, one: ImuSample, other: ImuSample) -> None:
-        """Takes the newest sample of each."""
+    def compare(self, one: ImuSample, other: ImuSample) -> bool:
+        """Takes the newest sample of each; whether this shows that both are one sensor."""
         if abs(one.t_us - other.t_us) > SAME_TIME_US:
-            return
+            return False
         pairs = zip((*one.w_b, *one.f_b), (*other.w_b, *other.f_b), strict=True)
         for i, (a, b) in enumerate(pairs):
             self._apart[i] += (a - b - self._apart[i]) / MEAN_OF
         if _differ(one, other, 1.0):
             self._repeated = 0
-            self.are_one = False
         elif self._counted is None or _differ(one, self._counted, CHANGE_COUNTS):
             self._counted = one
             self._repeated += 1
-            self.are_one = self._repeated >= REPEATED
+            return self._repeated >= REPEATED
+        return False
 
 
 def _differ(one: ImuSample, other: ImuSample, counts: float) -> bool:

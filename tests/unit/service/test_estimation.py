@@ -10,7 +10,9 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude.samples import VehicleState
 from h2nav.service.autopilot import Identity
+from h2nav.service.before_arming import BeforeArming
 from h2nav.service.estimation import Estimation
+from h2nav.service.notices import Notices
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IDS_BY_NAME, ImuReading
 
@@ -33,7 +35,11 @@ class Flight:
     """
 
     def __init__(self, lanes="auto", sends=(HIGHRES, RAW, SECOND)):
-        self.estimation = Estimation(FILTERS.filter_for, AutopilotSettings(lanes=lanes))
+        self.estimation = Estimation(
+            FILTERS.filter_for,
+            AutopilotSettings(lanes=lanes),
+            BeforeArming(Notices(as_status_text=False).tell),
+        )
         self.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
         self.estimation.use_vehicle(VehicleState(on_ground=False))
         self.sends = sends
@@ -216,7 +222,7 @@ def test_a_stream_of_zeros_is_given_up_and_does_not_count():
     for number in range(150):
         t_ns = 2_000_000_000 + number * 10_000_000
         if flight.estimation.considers(t_ns, THIRD):
-            flight.estimation.refuse(t_ns, THIRD, "zero_force")
+            flight.estimation.refuse(t_ns, "zero_force")
     assert not flight.estimation.considers(t_ns, THIRD)
     assert flight.estimation.rejected == {}
 

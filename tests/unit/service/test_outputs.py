@@ -59,10 +59,10 @@ def test_nothing_stale_is_handed_out():
 
 def test_late_estimates_are_held_back_and_not_handed_out():
     outputs = Outputs(OutputSettings(attitude_rate_hz=100.0))
-    outputs.are_held = True
+    outputs.hold(are_late=True)
     assert list(outputs.due(estimate(0))) == []
     assert not outputs.latest(mavlink.MAVLINK_MSG_ID_ATTITUDE)
-    outputs.are_held = False
+    outputs.hold(are_late=False)
     assert [m.get_type() for m in outputs.due(estimate(10_000))] == ["ATTITUDE"]
     assert outputs.sent == 1
 
@@ -74,8 +74,7 @@ def test_rates_follow_time_over_an_epoch_change():
 
 
 def status(trust, **assessment):
-    outputs = Outputs(OutputSettings())
-    outputs.assess = lambda: Assessment(**assessment)
+    outputs = Outputs(OutputSettings(), assess=lambda: Assessment(**assessment))
     (message,) = [
         message
         for message in outputs.due(estimate(0)._replace(trust=trust))
@@ -116,11 +115,13 @@ def test_the_status_carries_the_ratios_at_one_hertz():
 
 
 def test_the_differences_go_out_when_there_are_any():
-    outputs = Outputs(OutputSettings(difference_rate_hz=10.0))
+    found = Assessment()
+    outputs = Outputs(OutputSettings(difference_rate_hz=10.0), assess=lambda: found)
     list(outputs.due(estimate(0)))
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT) == ()
-    found = Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
-    outputs.assess = lambda: Assessment(difference=found)
+    found = Assessment(
+        difference=Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
+    )
     tilt, heading = outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT)
     assert (tilt.name, tilt.value) == ("h2_tiltdif", pytest.approx(math.degrees(0.1)))
     assert (heading.name, heading.value) == ("h2_yaw_dif", pytest.approx(-math.degrees(0.2)))

@@ -1,0 +1,164 @@
+"""What reaches a lane: which messages feed it, on which clock, and whose field they carry."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from h2nav.attitude.samples import ImuSample
+from h2nav.service.field_source import CALIBRATED_ID, FieldSource
+from h2nav.service.health import Objection
+from h2nav.service.imu_choice import ImuChoice, LaneMessages
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
+
+# Two clocks under one identity are an objection for so long.
+CONTESTED_NS = 5 * SECOND_NS
+NEW_EPOCHS = (Verdict.REBOOT, Verdict.NEW_EPOCH)
+
+
+class Need(IntEnum):
+    """What a lane needs a message for; what it does not need is not even read."""
+
+    NONE = 0
+    FIELD = 1
+    SAMPLE = 2
+
+
+class Arrived(NamedTuple):
+    """What became of a reading.
+
+    Attributes:
+        verdict: on its time; None where only its field was of use.
+        sample: in the time of the lane; None where the reading cannot be used.
+    """
+
+    verdict: Verdict | None = None
+    sample: ImuSample | None = None
+
+
+FIELD_ONLY = Arrived()
+
+
+class Intake:
+    """Turns readings of several messages into the samples of one IMU.
+
+    Args:
+        messages: that may feed the lane.
+        autopilot: MAV_AUTOPILOT of its heartbeat.
+        lends: the field of another message may be taken.
+
+    Attributes:
+        newest_us: time of the newest sample of this epoch; None before the first.
+    """
+
+    def __init__(self, messages: LaneMessages, autopilot: int, *, lends: bool) -> None:
+        self._imu, message_ids, self._takes_others = messages
+        self._autopilot = autopilot
+        self._choice = ImuChoice(message_ids)
+        self._ids = {*message_ids, CALIBRATED_ID}
+        self._fields = FieldSource(autopilot, lends=lends)
+        self._clock: SampleClock | None = None
+        self._clock_of: int | None = None
+        self._newest_ns: int | None = None
+        self._contested_line: int | None = None
+        self._contested_ns: int | None = None
+        self.newest_us: int | None = None
+
+    @property
+    def message(self) -> ImuMessage | None:
+        """The message in use."""
+        return self._choice.chosen
+
+    @property
+    def field_is_raw(self) -> bool:
+        """The latest field is that of the sensor, not calibrated."""
+        return self._fields.is_raw
+
+    @property
+    def has_lent(self) -> bool:
+        """A sample has taken the field of another message."""
+        return self._fields.has_lent
+
+    @property
+    def bias_is_removed(self) -> bool:
+        """The autopilot's estimator has taken its bias out of the message in use."""
+        row = self.message
+        return row is not None and self._autopilot in row.bias_removed_by
+
+    def objections(self, t_ns: int) -> tuple[Objection, ...]:
+        """Lasting objections to the clock of the samples."""
+        if self._contested_ns is None or t_ns - self._contested_ns >= CONTESTED_NS:
+            return ()
+        return (Objection("two senders", "two senders use the autopilot's identity"),)
+
+    def need(self, t_ns: int, message_id: int) -> Need:
+        """What a message is needed for now."""
+        if message_id not in self._ids:
+            return Need.NONE
+        if self._choice.considers(message_id, t_ns):
+            return Need.SAMPLE
+        lends = message_id == CALIBRATED_ID and self._fields.is_wanted(self._choice.chosen)
+        return Need.FIELD if lends else Need.NONE
+
+    def idle_until_ns(self, message_id: int) -> int:
+        """Before this host time a message that is not needed now will not be, either."""
+        if message_id == CALIBRATED_ID and not self._choice.is_settled:
+            return 0  # a message that borrows its field may come into use
+        return self._choice.idle_until_ns(message_id)
+
+    def take(
+        self,
+        t_ns: int,
+        message_id: int,
+        reading: ImuReading,
+        need: Need,
+        goes_on: tuple[int, int] | None,
+    ) -> Arrived:
+        """Takes a reading that is needed.
+
+        Args:
+            t_ns: host time.
+            message_id: of its message.
+            reading: what it says.
+            need: as `need` has answered.
+            goes_on: time of the newest sample that was sent and of its arrival, us and host ns.
+        """
+        if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
+            self._fields.hears(t_ns, reading.m_b_ut)
+            return FIELD_ONLY
+        self._choice.takes(message_id, t_ns)
+        verdict, t_us = self._clock_for(message_id, goes_on).advance(t_ns, reading.time)
+        self._note_contest(t_ns, verdict)
+        if verdict in NEW_EPOCHS:
+            self.restart()
+        elif verdict is not Verdict.NEXT:
+            return Arrived(verdict)
+        self.newest_us, self._newest_ns = t_us, t_ns
+        _, w_b, f_b, m_b_ut, clipped, _ = self._fields.choose(
+            t_ns, IMU_MESSAGES[message_id], reading
+        )
+        return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
+
+    def restart(self) -> None:
+        """The autopilot's time starts again, or the filter does."""
+        self.newest_us = None
+        self._fields.restart()
+
+    def _clock_for(self, message_id: int, goes_on: tuple[int, int] | None) -> SampleClock:
+        if self._clock is None or self._clock_of != message_id:
+            newest_us, newest_ns = self.newest_us, self._newest_ns
+            if newest_us is None and goes_on is not None:
+                newest_us, newest_ns = goes_on
+            self._clock = SampleClock(IMU_MESSAGES[message_id].time_unit_us, newest_us, newest_ns)
+            self._clock_of = message_id
+        return self._clock
+
+    def _note_contest(self, t_ns: int, verdict: Verdict) -> None:
+        """Two senders speak where the first goes on; otherwise it was one, held up."""
+        assert self._clock is not None
+        if verdict is Verdict.SECOND_SENDER:
+            self._contested_line = self._clock.line
+        elif verdict is Verdict.NEXT or verdict in NEW_EPOCHS:
+            if verdict is Verdict.NEXT and self._contested_line == self._clock.line:
+                self._contested_ns = t_ns
+            self._contested_line = None

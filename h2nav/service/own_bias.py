@@ -1,0 +1,42 @@
+"""The gyro bias of a lane whose filter has taken the memory of another lane's filter."""
+
+from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Vec3
+from h2nav.service.limits import SECOND_NS
+
+# The bias counts as known that was there so long before anything was seen to be wrong.
+BIAS_NS = 5 * SECOND_NS
+NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
+
+
+class OwnBias:
+    """Takes what a gyro has more of bias than the filter's memory knows out of its rates."""
+
+    def __init__(self) -> None:
+        self._offset = NO_OFFSET
+        self._known: list[tuple[int, Vec3]] = []
+
+    def learn(self, t_ns: int, bias_b: Vec3) -> None:
+        """Takes the bias that the lane has while nothing is wrong, rad/s."""
+        self._known.append((t_ns, bias_b))
+        while len(self._known) > 1 and self._known[1][0] <= t_ns - BIAS_NS:
+            del self._known[0]
+
+    def take_over(self, other: "OwnBias", bias_b: Vec3) -> None:
+        """The filter has the memory of another lane, whose bias is `bias_b`."""
+        self._offset = NO_OFFSET
+        if self._known:
+            (x, y, z), (u, v, w) = self._known[0][1], bias_b
+            a, b, c = other._offset
+            self._offset = (x - u + a, y - v + b, z - w + c)
+
+    def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
+        """The filter's estimate for a sample, with the bias of this lane's gyro."""
+        if self._offset == NO_OFFSET:
+            return chosen.update(sample)
+        (x, y, z), (a, b, c) = sample.w_b, self._offset
+        unled = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
+        if unled is None:
+            return None
+        u, v, w = unled.bias_b
+        return unled._replace(bias_b=(u + a, v + b, w + c))

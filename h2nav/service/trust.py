@@ -1,0 +1,124 @@
+"""Whether a lane can be relied on: its readings refused, its filter spoilt, its stream at rest."""
+
+from collections.abc import Callable
+
+from h2nav.service.health import Objection
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.sample_clock import Verdict
+
+# Why no sample comes, by what became of the readings of the last moments.
+REFUSAL_TEXTS = {
+    "non_finite": "IMU messages hold NaN or infinity",
+    "frozen": "the gyro repeats its values: it is frozen",
+    "zero_force": "the accelerometer reads exactly zero",
+    "rate_out_of_range": "the gyro's values are beyond any gyro's range",
+    "force_out_of_range": "the accelerometer's values are beyond any accelerometer's range",
+    "time_out_of_range": "the time stamps of the IMU messages are no times",
+    Verdict.DUPLICATE.value: "the time stamps of the IMU messages stand still",
+    Verdict.LATE.value: "the time stamps of the IMU messages run backwards",
+    Verdict.STRAY.value: "the time stamps of the IMU messages jump",
+}
+RECENT_NS = SECOND_NS
+# A filter that was fed with bad samples for so long has no attitude of its own any more.
+SPOILT_NS = SECOND_NS
+# So long its sensors have to be good again before it gets another one.
+GOOD_AGAIN_NS = SECOND_NS
+# Readings refused one after the other, after which the stream is no lane for a while.
+REFUSALS = 100
+REST_NS = 60 * SECOND_NS
+
+
+class Trust:
+    """What is thought of one lane.
+
+    Args:
+        count: counts a reading that cannot be used, by reason.
+
+    Attributes:
+        sensor_is_bad: a sensor is known to be bad.
+        is_spoilt: the filter has to begin anew, with the attitude of another where there is one.
+    """
+
+    def __init__(self, count: Callable[[str], object]) -> None:
+        self._count = count
+        self._refusal, self._refused_ns, self._refusals = "", 0, 0
+        self._rests_until_ns: int | None = None
+        self._bad_ns: int | None = None
+        self._good_ns: int | None = None
+        self.sensor_is_bad = False
+        self.is_spoilt = False
+
+    # --- readings that are refused ------------------------------------------------------------
+
+    def refuse(self, t_ns: int, reason: str) -> None:
+        """Counts a reading that cannot be used."""
+        self._count(reason)
+        self._refusal, self._refused_ns = reason, t_ns
+        self._refusals += 1
+
+    def fault(self, reason: str) -> None:
+        """Counts a fault of the filter, of which the stream is not guilty."""
+        self._count(reason)
+
+    def accept(self) -> None:
+        """A reading was used."""
+        self._refusals = 0
+
+    @property
+    def is_refused(self) -> bool:
+        """Nothing of its stream can be used."""
+        return self._refusals >= REFUSALS
+
+    def why_no_samples(self, t_ns: int) -> Objection | None:
+        """What is wrong with the latest readings; None where none came."""
+        if not self._refusal or t_ns - self._refused_ns > RECENT_NS:
+            return None
+        return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
+
+    # --- a stream that rests ------------------------------------------------------------------
+
+    @property
+    def rests_until_ns(self) -> int | None:
+        """Until when the stream is no lane; None where it is one."""
+        return self._rests_until_ns
+
+    def rest(self, t_ns: int) -> None:
+        """The stream is no lane for a while: it repeats another one, or nothing of it is used."""
+        self._rests_until_ns = t_ns + REST_NS
+
+    def rests(self, t_ns: int) -> bool:
+        """Whether the stream is no lane at present; after its rest its filter begins anew."""
+        if self._rests_until_ns is None:
+            return False
+        if t_ns < self._rests_until_ns:
+            return True
+        self._rests_until_ns, self._refusals, self.is_spoilt = None, 0, True
+        return False
+
+    # --- a filter that is spoilt --------------------------------------------------------------
+
+    def judge(self, t_ns: int, *, sensor_is_bad: bool) -> None:
+        """Follows for how long the sensors have been good or bad."""
+        self.sensor_is_bad = sensor_is_bad
+        if sensor_is_bad:
+            self._good_ns = None
+            if self._bad_ns is None:
+                self._bad_ns = t_ns
+            self.is_spoilt |= t_ns - self._bad_ns > SPOILT_NS
+            return
+        self._bad_ns = None
+        if self._good_ns is None:
+            self._good_ns = t_ns
+
+    def spoil(self) -> None:
+        """The filter holds something wrong that it does not lose by itself."""
+        self.is_spoilt = True
+
+    def renew(self) -> None:
+        """The filter begins anew."""
+        self.is_spoilt = False
+
+    def is_good_again(self, t_ns: int) -> bool:
+        """The filter is spoilt, and its sensors have been good again for a while."""
+        since_ns = self._good_ns
+        return self.is_spoilt and since_ns is not None and t_ns - since_ns >= GOOD_AGAIN_NS
