@@ -10,10 +10,10 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
 from h2nav.recordings.recording import open_recording
+from h2nav.recordings.reference import ErrorTable, Reference
 from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.deframer import Deframer, Frame

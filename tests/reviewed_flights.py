@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from h2nav.evaluation.rows import product
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import (
     Array,

@@ -28,8 +28,8 @@ from h2nav.attitude.velocity_aided.heading_witness import HeadingWitness
 from h2nav.attitude.velocity_aided.memory import SETS, Gains
 from h2nav.evaluation.dataset.filters import Conditions, run_with_gains
 from h2nav.evaluation.flights.scores import SETTLED_S
-from h2nav.evaluation.scoring import Rms, errors, rms
 from h2nav.files import gain_files
+from h2nav.maths.attitude_errors import Rms, errors, rms
 from h2nav.recordings.trials import Told, Trial
 
 Change = Callable[[Gains], None]

@@ -27,10 +27,10 @@ from h2nav.evaluation.flights.heard import FromAutopilot, FromService
 from h2nav.evaluation.flights.tracks import Mask, Track, figures, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import Truth, truth_of
 from h2nav.evaluation.parallel import results
-from h2nav.evaluation.rows import from_euler
-from h2nav.evaluation.scoring import BEYOND
 from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
+from h2nav.maths.attitude_errors import BEYOND
+from h2nav.maths.rows import from_euler
 from h2nav.recordings.recording import open_recording
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings

@@ -63,7 +63,7 @@ ROOMS = {
             "tests/unit/motion",
             "tests/unit/service",
             "tests/unit/evaluation/test_observer.py",
-            "tests/unit/evaluation/test_odometry.py",
+            "tests/unit/calibration/test_odometry.py",
             "tests/scenarios/test_motion_twist.py",
             "tests/scenarios/test_motion_wheels.py",
             "tests/agreement/test_odometry_paths.py",

@@ -31,8 +31,8 @@ from h2nav.apps.run import add_live_argument
 from h2nav.apps.session import Session
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.evaluation.reference import ErrorTable, Reference
 from h2nav.integrity.findings import Severity
+from h2nav.recordings.reference import ErrorTable, Reference
 from h2nav.service.records import HealthRecord, estimate_record
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.orders import KEYS, key_table

@@ -13,10 +13,10 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.recorded_flights import ESTIMATORS, play
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import Phase, parse_phase
+from h2nav.evaluation.flights.flight import Task
 from h2nav.evaluation.flights.scores import (
     SETTLED_S,
     Document,
-    Task,
     flight_paths,
     mean,
     score_flight,

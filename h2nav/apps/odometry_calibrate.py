@@ -8,10 +8,10 @@ from typing import Any
 
 from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
+from h2nav.calibration.odometry import calibration, recordings, tables
+from h2nav.calibration.odometry.calibration import Calibration
+from h2nav.calibration.odometry.tracks import Drive, Increments, drive
 from h2nav.errors import BadInput
-from h2nav.evaluation.odometry import calibration, recordings, tables
-from h2nav.evaluation.odometry.calibration import Calibration
-from h2nav.evaluation.odometry.tracks import Drive, Increments, drive
 from h2nav.maths.least_squares import SOLVERS
 from h2nav.motion.settings import OdometrySettings
 
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         _print_text(result, data, block, driven)
     if args.plots is not None:
-        from h2nav.evaluation.odometry import pictures
+        from h2nav.calibration.odometry import pictures
 
         for path in pictures.write(args.plots, result, data, angles):
             print(f"wrote {path}", file=sys.stderr)

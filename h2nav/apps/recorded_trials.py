@@ -10,10 +10,11 @@ from h2nav.apps.log_contents import inputs_of
 from h2nav.apps.pipeline import deliver
 from h2nav.apps.playback import date_of
 from h2nav.errors import BadInput
-from h2nav.evaluation.dataset.recorded import Listener, trial_of
-from h2nav.evaluation.reference import Reference
+from h2nav.evaluation.dataset.recorded import trial_of
 from h2nav.files.earth_field import earth_field_at
+from h2nav.recordings.listener import Listener
 from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.reference import Reference
 from h2nav.recordings.trials import RECORDING_SUFFIXES, SUFFIX, Trial, read_trial
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.deframer import Deframer

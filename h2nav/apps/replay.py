@@ -18,13 +18,13 @@ from h2nav.apps.pipeline import Pipeline
 from h2nav.apps.playback import Playback
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
-from h2nav.evaluation.dataset.recorded import Listener
-from h2nav.evaluation.dataset.smoothed import smoothed, smoothed_record
-from h2nav.evaluation.reference import Estimates, Reference
 from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.log.recorder import Recorder
+from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
 from h2nav.recordings.recording import Recording
+from h2nav.recordings.reference import Estimates, Reference
+from h2nav.recordings.smoothed import smoothed, smoothed_record
 from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message

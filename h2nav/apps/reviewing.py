@@ -13,12 +13,12 @@ from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.files import Format, written
 from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
-from h2nav.evaluation.dataset.recorded import Listener
-from h2nav.evaluation.dataset.smoothed import smoothed
 from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.context import Context
 from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import Source, open_flight
+from h2nav.recordings.smoothed import smoothed
 from h2nav.recordings.telemetry import read_context
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.collecting import Collector, EstimateRows, most_trusted

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from h2nav.evaluation.rows import Array, ned_from_nwu
+from h2nav.maths.rows import Array, ned_from_nwu
 from h2nav.maths.units import GRAVITY_M_S2
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.evaluation.rows import product
+from h2nav.maths.rows import product
 from h2nav.recordings.context import Array
 from h2nav.reviews.inertial import conjugate
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, AttitudeTrack, Context, ImuTrack, Said
 from h2nav.reviews.inertial import (

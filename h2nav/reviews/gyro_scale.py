@@ -9,8 +9,8 @@ filter that follows a wrong gyro has no part in it.
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
 

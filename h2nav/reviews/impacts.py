@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, Fault, ImuTrack, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.evaluation.rows import product
+from h2nav.maths.rows import product
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.flight import Estimates, Flight

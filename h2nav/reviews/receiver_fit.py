@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack
 from h2nav.reviews.inertial import (

@@ -10,8 +10,8 @@ import itertools
 
 import numpy as np
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import (

@@ -9,8 +9,8 @@ from needs import shared_data
 from replayed import Replayed
 
 from h2nav.apps.configuration import Configuration
-from h2nav.evaluation.rows import from_euler
-from h2nav.evaluation.scoring import errors, root_mean_square
+from h2nav.maths.attitude_errors import errors, root_mean_square
+from h2nav.maths.rows import from_euler
 
 
 def total_deg(replayed: Replayed, truth: Path) -> float:

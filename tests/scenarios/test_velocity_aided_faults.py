@@ -10,9 +10,9 @@ from h2nav.attitude.samples import ImuSample, Trust, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import samples
-from h2nav.evaluation.rows import enu_from_ned
-from h2nav.evaluation.scoring import Errors, errors
 from h2nav.files import gain_files
+from h2nav.maths.attitude_errors import Errors, errors
+from h2nav.maths.rows import enu_from_ned
 from h2nav.recordings.trials import Trial, read_trial
 
 FAULT_S = (110.0, 130.0)

@@ -11,7 +11,7 @@ from fastcrc import crc16
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.evaluation.rows import from_euler, to_euler
+from h2nav.maths.rows import from_euler, to_euler
 from h2nav.maths.units import DEG
 from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
 from h2nav.recordings.context import AttitudeTrack, GpsTrack, ImuTrack

@@ -29,9 +29,9 @@ from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.errors import TaskFailed
-from h2nav.evaluation.rows import Array, enu_from_ned, from_euler, product
 from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
+from h2nav.maths.rows import Array, enu_from_ned, from_euler, product
 from h2nav.maths.units import DEG
 from h2nav.recordings.trials import Told, Trial
 

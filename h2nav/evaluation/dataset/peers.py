@@ -17,7 +17,7 @@ from h2nav.errors import TaskFailed
 from h2nav.evaluation import imufusion
 from h2nav.evaluation.dataset import filters as ours
 from h2nav.evaluation.dataset.filters import Conditions, Track, held
-from h2nav.evaluation.rows import Array, enu_from_ned, ned_from_nwu
+from h2nav.maths.rows import Array, enu_from_ned, ned_from_nwu
 from h2nav.recordings.trials import Trial
 
 # The names under which the velocity-aided filter stands among all: readers of results know them.

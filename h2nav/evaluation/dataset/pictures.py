@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.evaluation import pictures
+from h2nav.calibration import pictures
 from h2nav.evaluation.dataset.filters import Track
-from h2nav.evaluation.scoring import Errors
+from h2nav.maths.attitude_errors import Errors
 from h2nav.recordings.trials import Trial
 
 

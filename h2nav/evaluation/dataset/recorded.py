@@ -1,192 +1,22 @@
-"""Trials of what the service gives to its filter, kept by a filter that only listens.
+"""Trials of what the service gives to its filter in a recording.
 
 Message, times, checks, velocities, vehicle state and earth field are those of the daemon. The
 truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another estimate; both against
 true north.
 """
 
-import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from h2nav.attitude.filter import AttitudeFilter, FilterState, tell
-from h2nav.attitude.samples import (
-    AttitudeEstimate,
-    EarthField,
-    ImuSample,
-    SensorDelays,
-    SensorDoubt,
-    SensorErrors,
-    VehicleState,
-    VelocityFix,
-)
+from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
-from h2nav.evaluation.reference import Pairs, Reference
-from h2nav.evaluation.rows import enu_from_ned, from_euler
-from h2nav.recordings.trials import Told, ToldOf, Trial, usual_rate_hz
-from h2nav.service.autopilot import Identity
+from h2nav.maths.rows import enu_from_ned, from_euler
+from h2nav.recordings.listener import UNKNOWN, Listener, Stretch
+from h2nav.recordings.reference import Pairs, Reference
+from h2nav.recordings.trials import Told, Trial, usual_rate_hz
 
 LEAST_SAMPLES = 2
-UNKNOWN = (np.nan, np.nan, np.nan)
-# Arrival, autopilot's time, rate, force, field, whether the field is one, whether it is clipped.
-_ROW = struct.Struct("<2q9d2?")
-
-
-class Stretch:
-    """Samples between two restarts of the filter, what it was told among them, and of whom.
-
-    Samples are kept packed, in a fifth of what as many records of theirs take: of a log of an hour
-    there are millions.
-
-    Attributes:
-        told: what the filter was told, with the number of the sample that it was known before.
-        identity: of the autopilot.
-    """
-
-    def __init__(self) -> None:
-        self.told: list[Told] = []
-        self.identity: Identity | None = None
-        self._rows = bytearray()
-
-    def __len__(self) -> int:
-        return len(self._rows) // _ROW.size
-
-    def add(self, sample: ImuSample, arrived_us: int) -> None:
-        """Keeps a sample and the host time of its arrival."""
-        t_us, w_b, f_b, m_b_ut, clipped = sample
-        known, field = (False, UNKNOWN) if m_b_ut is None else (True, m_b_ut)
-        self._rows += _ROW.pack(arrived_us, t_us, *w_b, *f_b, *field, known, clipped)
-
-    @property
-    def samples(self) -> list[ImuSample]:
-        """All so far, made anew."""
-        return [
-            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
-            for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
-        ]
-
-    @property
-    def arrived_us(self) -> list[int]:
-        """Host time of each sample's arrival."""
-        return [row[0] for row in _ROW.iter_unpack(self._rows)]
-
-
-class Listener:
-    """Stands where a filter stands in the service, and keeps everything that it is given.
-
-    Args:
-        make: makes a filter that is given the same, and whose estimates it gives; None for none.
-
-    Attributes:
-        name: as filters have one.
-        stretches: so far; the last one is being filled.
-        identity: of the autopilot, once it is known.
-        others: of the further IMUs, in their order.
-    """
-
-    def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
-        self.name = "listener"
-        self._now_us = 0
-        self.stretches = [Stretch()]
-        self.identity: Identity | None = None
-        self._vehicle: VehicleState | None = None
-        self._field: EarthField | None = None
-        self._delays: SensorDelays | None = None
-        self._make = make
-        self._filter: AttitudeFilter | None = None
-        self.others: list[Listener] = []
-        self._further = 0
-
-    def filter_for(self, identity: Identity) -> "Listener":
-        """Makes the filter of a vehicle; where it is asked again, those of further IMUs."""
-        if identity is self.identity:
-            return self._next_other().filter_for(identity)
-        self.identity = identity
-        self._further = 0
-        self._begin_stretch()
-        self._filter = None if self._make is None else self._make(identity)
-        return self
-
-    def arrives(self, t_ns: int) -> None:
-        """What comes from now on has arrived at this host time."""
-        self._now_us = t_ns // 1000
-        for other in self.others:
-            other.arrives(t_ns)
-
-    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Keeps a sample."""
-        self.stretches[-1].add(sample, self._now_us)
-        return None if self._filter is None else self._filter.update(sample)
-
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Keeps the vehicle's state."""
-        self._vehicle = vehicle
-        self._take(vehicle)
-
-    def use_field(self, field: EarthField) -> None:
-        """Keeps the earth field."""
-        self._field = field
-        self._take(field)
-
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Keeps a velocity."""
-        self._take(fix)
-
-    def use_delays(self, delays: SensorDelays) -> None:
-        """Keeps the sensors' delays."""
-        self._delays = delays
-        self._take(delays)
-
-    @property
-    def sensor_errors(self) -> SensorErrors:
-        """What the filter behind it has learnt."""
-        if self._filter is None:
-            return SensorErrors((0.0, 0.0, 0.0))
-        return self._filter.sensor_errors
-
-    def doubt(self, doubt: SensorDoubt) -> None:
-        """Passes it on; it is no record, as it follows from the samples and from one filter."""
-        if self._filter is not None:
-            self._filter.doubt(doubt)
-
-    def restart(self) -> None:
-        """Begins a stretch, in which the last state, field and delays still hold."""
-        self._begin_stretch()
-        if self._filter is not None:
-            self._filter.restart()
-
-    def _next_other(self) -> "Listener":
-        if self._further == len(self.others):
-            self.others.append(Listener(self._make))
-            self.others[-1].arrives(1000 * self._now_us)
-        self._further += 1
-        return self.others[self._further - 1]
-
-    def _begin_stretch(self) -> None:
-        if len(self.stretches[-1]):
-            self.stretches.append(Stretch())
-            for what in (self._vehicle, self._field, self._delays):
-                if what is not None:
-                    self._keep(what)
-        self.stretches[-1].identity = self.identity
-
-    def state(self) -> FilterState:
-        """It computes nothing, so nothing has to be continued."""
-        return FilterState(self.name, ())
-
-    def restore(self, state: FilterState) -> None:
-        """See `state`."""
-
-    def _take(self, what: ToldOf) -> None:
-        self._keep(what)
-        if self._filter is not None:
-            tell(self._filter, what)
-
-    def _keep(self, what: ToldOf) -> None:
-        stretch = self.stretches[-1]
-        stretch.told.append(Told(len(stretch), what))
 
 
 def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:

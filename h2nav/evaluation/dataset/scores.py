@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import installed
-from h2nav.evaluation.scoring import Rms, errors, rms
+from h2nav.maths.attitude_errors import Rms, errors, rms
 from h2nav.recordings.trials import Trial
 
 _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"

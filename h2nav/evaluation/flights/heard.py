@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.evaluation.reference import ATTITUDE, SIMSTATE, Attitudes
-from h2nav.evaluation.rows import Array
 from h2nav.integrity.findings import Severity
+from h2nav.maths.rows import Array
+from h2nav.recordings.reference import ATTITUDE, SIMSTATE, Attitudes
 from h2nav.wire import codec
 from h2nav.wire.deframer import Frame
 from h2nav.wire.vehicle import heartbeat, landed_state

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.evaluation import pictures
+from h2nav.calibration import pictures
 from h2nav.evaluation.flights.events import PHASE, Event
-from h2nav.evaluation.flights.scores import Flight
+from h2nav.evaluation.flights.flight import Flight
 from h2nav.evaluation.flights.tracks import Track
-from h2nav.evaluation.rows import Array
-from h2nav.evaluation.scoring import BEYOND
+from h2nav.maths.attitude_errors import BEYOND
+from h2nav.maths.rows import Array
 
 # Errors are shown as the rms over so long: a sample's own would be a carpet.
 BIN_S = 0.5

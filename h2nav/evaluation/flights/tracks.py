@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
 from h2nav.evaluation.flights.truth import EPOCH_US, Truth, pairs
-from h2nav.evaluation.reference import Attitudes
-from h2nav.evaluation.rows import Array, from_euler
-from h2nav.evaluation.scoring import errors, honesty, root_mean_square
+from h2nav.maths.attitude_errors import errors, honesty, root_mean_square
+from h2nav.maths.rows import Array, from_euler
+from h2nav.recordings.reference import Attitudes
 
 Mask = NDArray[np.bool_]
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
-from h2nav.evaluation.reference import FARTHEST_US
-from h2nav.evaluation.rows import Array, from_euler
+from h2nav.maths.rows import Array, from_euler
+from h2nav.recordings.reference import FARTHEST_US
 
 TIME = "t_us"
 ATTITUDE = ("q_w", "q_x", "q_y", "q_z")

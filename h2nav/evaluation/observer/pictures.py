@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from h2nav.evaluation import pictures
+from h2nav.calibration import pictures
 from h2nav.evaluation.observer.trials import Course
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from h2nav.calibration import pictures
 from h2nav.errors import BadInput
-from h2nav.evaluation import pictures
 from h2nav.evaluation.paper.filter import paper_gain, spectral_abscissa
 from h2nav.evaluation.paper.trials import (
     CASES,

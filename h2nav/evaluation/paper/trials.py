@@ -20,9 +20,9 @@ from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation import imufusion
 from h2nav.evaluation.paper.euler_ekf import EulerEkf
 from h2nav.evaluation.paper.filter import PaperFilter, paper_gain
-from h2nav.evaluation.rows import to_euler, wrapped
 from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
+from h2nav.maths.rows import to_euler, wrapped
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.imu_model import (
     MPU_9250,

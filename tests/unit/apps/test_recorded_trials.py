@@ -13,7 +13,7 @@ from h2nav.apps.recorded_trials import read
 from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.filters import Conditions, run_velocity_aided
-from h2nav.evaluation.scoring import errors, rms
+from h2nav.maths.attitude_errors import errors, rms
 from h2nav.recordings.trials import Trial
 
 

@@ -21,9 +21,9 @@ from h2nav.evaluation.dataset.filters import (
     to_true_north,
 )
 from h2nav.evaluation.dataset.peers import SMOOTHED, installed
-from h2nav.evaluation.dataset.recorded import Listener
 from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
+from h2nav.recordings.listener import Listener
 from h2nav.recordings.trials import Told, Trial, read_trial
 from h2nav.service.autopilot import Identity
 

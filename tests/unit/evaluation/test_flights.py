@@ -11,11 +11,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import parse_phase, phases_of, read_events
+from h2nav.evaluation.flights.flight import Task
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
 from h2nav.evaluation.flights.scores import (
     SETTLED_S,
     Score,
-    Task,
     flight_paths,
     mean,
     score_flight,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reviewed_flights import flight, ideal
 
-from h2nav.evaluation.rows import product
+from h2nav.maths.rows import product
 from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.gathering import all_findings

@@ -5,7 +5,7 @@ import pytest
 from needs import DEG
 from reviewed_flights import flight, gps_track, ideal, with_gps, with_imu
 
-from h2nav.evaluation.rows import product
+from h2nav.maths.rows import product
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.inertial import exponential
 

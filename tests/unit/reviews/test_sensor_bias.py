@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reviewed_flights import flight, with_imu
 
-from h2nav.evaluation.rows import product
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.inertial import exponential

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from needs import DEG
 
-from h2nav.evaluation.scoring import errors, rms
 from h2nav.maths import quaternion
+from h2nav.maths.attitude_errors import errors, rms
 
 ALL = np.ones(3, dtype=bool)
 

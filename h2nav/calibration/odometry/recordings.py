@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from h2nav.calibration.odometry.tracks import Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
-from h2nav.evaluation.odometry.tracks import Increments, TimedPose, Track, of_track
 from h2nav.maths import frames, quaternion
 from h2nav.motion.samples import WheelSample
 from h2nav.recordings.recording import open_recording

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from h2nav.calibration.odometry.tracks import Array, Increments, TimedPose, Track, of_track
 from h2nav.errors import BadInput
-from h2nav.evaluation.odometry.tracks import Array, Increments, TimedPose, Track, of_track
 from h2nav.motion.samples import WheelSample
 from h2nav.validation import shown
 

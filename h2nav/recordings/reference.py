@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.evaluation.rows import Array, from_euler, wrapped
-from h2nav.evaluation.scoring import errors, honesty, root_mean_square
+from h2nav.maths.attitude_errors import errors, honesty, root_mean_square
 from h2nav.maths.quaternion import to_euler
+from h2nav.maths.rows import Array, from_euler, wrapped
 from h2nav.wire import codec
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.deframer import Frame
@@ -189,7 +189,7 @@ class Reference:
     def honesty(self) -> dict[str, float | None]:
         """How honest the predicted deviations are, by the simulator's truth; None without it.
 
-        Keys: see `h2nav.evaluation.scoring.honesty`, of tilt and heading.
+        Keys: see `h2nav.maths.attitude_errors.honesty`, of tilt and heading.
         """
         arrived_us, boot_us, angles = self._estimates.arrays()
         pairs = self.pairs(arrived_us, boot_us)

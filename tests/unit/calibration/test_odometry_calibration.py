@@ -3,12 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.errors import BadInput
-from h2nav.evaluation.odometry.calibration import (
+from h2nav.calibration.odometry.calibration import (
     calibrate_differential,
     calibrate_matrix,
     calibrate_omni,
 )
+from h2nav.errors import BadInput
 from h2nav.maths import se2
 from h2nav.maths.least_squares import SOLVERS
 from h2nav.motion.wheels import OmniDrive

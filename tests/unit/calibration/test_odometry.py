@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav import cli
-from h2nav.evaluation.odometry.tracks import TimedPose, increments
+from h2nav.calibration.odometry.tracks import TimedPose, increments
 from h2nav.files.plain_yaml import parse_mapping
 from h2nav.files.strict_yaml import into_record
 from h2nav.maths import se2

@@ -9,9 +9,9 @@ from h2nav.attitude import smoothing
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.attitude.smoothing import Given
-from h2nav.evaluation.dataset.recorded import Listener, Stretch
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
+from h2nav.recordings.listener import Listener, Stretch
 from h2nav.service.autopilot import Identity
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.evaluation.rows import Array, product, wrapped
+from h2nav.maths.rows import Array, product, wrapped
 
 _DEG = 180.0 / np.pi
 BEYOND = 3.0

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from h2nav.evaluation import pictures
-from h2nav.evaluation.odometry.calibration import Calibration
-from h2nav.evaluation.odometry.tracks import Increments
+from h2nav.calibration import pictures
+from h2nav.calibration.odometry.calibration import Calibration
+from h2nav.calibration.odometry.tracks import Increments
 from h2nav.maths import se2
 from h2nav.motion import dead_reckoning
 from h2nav.motion.odometry_noise import ZERO3, Slip, propagate

@@ -1,0 +1,137 @@
+"""One recorded flight: played through the service, beside its truth and what others made of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from h2nav.errors import BadInput
+from h2nav.evaluation.flights.events import (
+    Event,
+    Phase,
+    events_path,
+    phases_of,
+    read_events,
+)
+from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
+from h2nav.evaluation.flights.tracks import Track, track_of, tracks_of_autopilot
+from h2nav.evaluation.flights.truth import truth_of
+
+MOST = 0.98  # of the estimates; where fewer have a truth, that is noted
+
+
+class Task(NamedTuple):
+    """One flight; complete, so that another process can do it.
+
+    Attributes:
+        path: the recording.
+        name: of the flight.
+        play: plays the recording through the service.
+        phases: the autopilot's time, instead of those in the file of events; None = those.
+        plots: folder for a picture; None = no picture.
+    """
+
+    path: Path
+    name: str
+    play: Callable[[Path], HeardFlight]
+    phases: tuple[Phase, ...] | None = None
+    plots: Path | None = None
+
+
+class Flight(NamedTuple):
+    """A flight with everything that its figures and its picture are made from.
+
+    Attributes:
+        name: of the flight.
+        truth: where the truth comes from.
+        duration_s: of the recording.
+        tracks: estimator -> errors, ours first.
+        airborne: stretches of time in the air, s since the recording's start; None = unknown.
+        phases: s since the recording's start.
+        events: s since the recording's start.
+        runs: our estimators -> what the service said.
+        start_us: of the recording, on the clock of the runs.
+        notes: what a reader of the figures has to know.
+    """
+
+    name: str
+    truth: str
+    duration_s: float
+    tracks: dict[str, Track]
+    airborne: tuple[tuple[float, float], ...] | None
+    phases: tuple[Phase, ...]
+    events: tuple[Event, ...]
+    runs: dict[str, FromService]
+    start_us: int
+    notes: tuple[str, ...]
+
+
+def flight_of(task: Task) -> Flight:
+    """Plays one flight.
+
+    Raises:
+        BadInput: it cannot be played, or has no truth, or our service made no estimates of it.
+    """
+    heard = task.play(task.path)
+    autopilot = heard.autopilot
+    truth, notes = truth_of(task.path, autopilot)
+    estimates = {name: run.estimates() for name, run in heard.runs.items()}
+    ours = {name: track_of(truth, autopilot, said) for name, said in estimates.items()}
+    tracks = {name: track for name, track in ours.items() if len(track.t_s)}
+    if not tracks:
+        raise BadInput(
+            f"{task.path}: no estimate of ours at a time of the truth; expected IMU samples of an "
+            f"autopilot that sends heartbeats, and {truth.name} on the same clock"
+        )
+    for name, track in tracks.items():
+        share = len(track.t_s) / len(estimates[name].q_nb)
+        if share < MOST:
+            notes.append(f"{name}: {1.0 - share:.0%} of the estimates have no truth near them")
+    tracks |= tracks_of_autopilot(truth, autopilot)
+    events, phases, more = _told_beside(task, autopilot)
+    return Flight(
+        name=task.name,
+        truth=truth.name,
+        duration_s=(autopilot.end_us - autopilot.start_us) * 1e-6,
+        tracks=tracks,
+        airborne=_airborne(autopilot),
+        phases=phases,
+        events=events,
+        runs=heard.runs,
+        start_us=autopilot.start_us,
+        notes=(*notes, *more),
+    )
+
+
+def _airborne(heard: FromAutopilot) -> tuple[tuple[float, float], ...] | None:
+    """Stretches of time; None where the vehicle does not say."""
+    if not heard.airborne:
+        return None
+    times_us = [t_us for t_us, _ in heard.airborne] + [heard.end_us]
+    return tuple(
+        ((t_us - heard.start_us) * 1e-6, (until_us - heard.start_us) * 1e-6)
+        for (t_us, is_airborne), until_us in zip(heard.airborne, times_us[1:], strict=True)
+        if is_airborne
+    )
+
+
+def _told_beside(
+    task: Task, heard: FromAutopilot
+) -> tuple[tuple[Event, ...], tuple[Phase, ...], list[str]]:
+    """Events and phases on the recording's clock, and what there is to say of them."""
+    path = events_path(task.path)
+    try:
+        events = read_events(path) if path is not None else []
+    except BadInput as error:
+        return (), (), [f"{line}; the events are left out" for line in error.lines]
+    phases = phases_of(events) if task.phases is None else list(task.phases)
+    offset_us = heard.boot_offset_us()
+    if offset_us is None:
+        told = bool(events or phases)
+        notes = ["no ATTITUDE relates the events' clock to the recording's"] if told else []
+        return (), (), notes
+    shift_s = (offset_us - heard.start_us) * 1e-6
+    return (
+        tuple(Event(event.boot_s + shift_s, event.text) for event in events),
+        tuple(Phase(p.name, p.from_s + shift_s, p.to_s + shift_s) for p in phases),
+        [],
+    )
