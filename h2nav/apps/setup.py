@@ -56,6 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="look only here: a device (all baud rates), or a connection URL; may be repeated",
     )
     parser.add_argument(
+        "--system-id", type=int, metavar="N", help="which one, where there are several autopilots"
+    )
+    parser.add_argument(
         "-o",
         "--output",
         type=Path,
@@ -99,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     asks = sys.stdin.isatty() and not args.yes and not args.json
     if not asks and not args.yes:
         return 0
-    chosen = _pick(choices, asks)
+    chosen = _pick(_with_system(choices, args.system_id), asks)
     if chosen is None or not _write(output, chosen, choices, args.force, asks):
         return 0
     if not args.no_service and os.geteuid() == 0 and output == SERVICE_CONFIG:
@@ -207,20 +210,30 @@ def _nothing_heard(hearings: Sequence[Hearing]) -> str:
     return f"no autopilot heard at {len(hearings)} places: {remedy}"
 
 
+def _with_system(choices: Sequence[Choice], system_id: int | None) -> list[Choice]:
+    """Those that the user may mean; TaskFailed where there is none."""
+    meant = [each for each in choices if system_id in (None, each.speaker.address[0])]
+    if not meant:
+        found = ", ".join(sorted({str(each.speaker.address[0]) for each in choices}))
+        raise TaskFailed(f"no autopilot with system id {system_id} was heard, but {found}")
+    return meant
+
+
 def _pick(choices: Sequence[Choice], asks: bool) -> Choice | None:
     """The autopilot to use: the only one, or the user's choice.
 
     Raises:
         TaskFailed: there are several, and nobody can be asked.
     """
-    addresses = {choice.speaker.address for choice in choices}
+    vehicles = {identity(choice.speaker) for choice in choices}
     ordered = sorted(choices, key=_preference)
     if not asks:
-        if len(addresses) > 1:
+        if len(vehicles) > 1:
             found = ", ".join(
                 f"{identity(each.speaker).description} at {each.hearing.url}" for each in ordered
             )
-            raise TaskFailed(f"several autopilots: {found}; name the link with --connect URL")
+            remedy = "name the link with --connect URL, or the vehicle with --system-id N"
+            raise TaskFailed(f"several autopilots: {found}; {remedy}")
         return ordered[0]
     if len(ordered) == 1:
         return ordered[0]

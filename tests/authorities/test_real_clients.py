@@ -88,12 +88,13 @@ def signed_daemon(tmp_path, port):
 
 
 @contextmanager
-def mavproxy(port, folder, commands=""):
+def mavproxy(port, folder, commands="", output=None):
     """MAVProxy; the value reads its output until all texts have appeared."""
     need_package("MAVProxy")
     script = Path(sys.executable).with_name("mavproxy.py")
     command = [str(script), "--master", f"udp:127.0.0.1:{port}", "--non-interactive", "--no-state"]
     command += ["--cmd", commands]
+    command += [] if output is None else ["--out", f"udp:127.0.0.1:{output}"]
     with running(
         "-u", *command,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=folder,
@@ -233,6 +234,21 @@ def frames_in_logs(folder, topic_begin):
         if topic.startswith(topic_begin)
         for frame in deframer.feed(stored.data)
     }
+
+
+def test_setup_finds_the_vehicle_behind_mavproxy(tmp_path):
+    port, output = free_port(), free_port()
+    path = tmp_path / "config.yaml"
+    words = ("--yes", "--no-service", "--connect", f"udpin:127.0.0.1:{output}", "-o", str(path))
+    with fake_autopilot(port), mavproxy(port, tmp_path, output=output) as until:
+        until("Detected vehicle 1:1")
+        done = subprocess.run(
+            [sys.executable, "-m", "h2nav", "setup", *words],
+            capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "ArduPilot quadrotor 1/1, firmware 4.7.0" in done.stdout
+    assert f"udpin:127.0.0.1:{output}" in path.read_text()
 
 
 def test_mavproxy_and_we_believe_each_others_signatures(tmp_path):

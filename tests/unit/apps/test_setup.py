@@ -96,6 +96,14 @@ def test_several_autopilots_need_the_users_choice(
     assert "several autopilots" in capsys.readouterr().err
 
 
+def test_vehicles_of_different_kinds_are_several_though_all_say_system_1(
+    heard: list[Choice], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard += [choice("udpin:0.0.0.0:14550"), choice("serial:/dev/ttyAMA0:921600", PX4)]
+    assert main(["setup", "--yes", "-o", str(tmp_path / "config.yaml")]) == FAILED
+    assert "ArduPilot quadrotor 1/1 at udpin:0.0.0.0:14550" in capsys.readouterr().err
+
+
 def test_nothing_heard_fails_with_a_remedy(
     heard: list[Choice], capsys: pytest.CaptureFixture[str]
 ) -> None:
