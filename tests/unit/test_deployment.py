@@ -87,6 +87,13 @@ def test_the_container_is_built_from_what_is_needed():
     }
     copied = re.findall(r"^COPY (\S+) ", DOCKERFILE, re.MULTILINE)
     assert set(copied) - {".", "--from=build"} <= kept
+    setuptools = PROJECT["tool"]["setuptools"]
+    places = [setuptools["package-dir"].get(n, n.replace(".", "/")) for n in setuptools["packages"]]
+    assert [place for place in places if not any(is_in(place, name) for name in kept)] == []
+
+
+def is_in(place: str, folder: str) -> bool:
+    return Path(folder) in (Path(place), *Path(place).parents)
 
 
 def labels() -> dict[str, str]:
