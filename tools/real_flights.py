@@ -164,7 +164,7 @@ def _elsewhere(events: Iterable[Row], found: Mapping[str, list[Finding]]) -> dic
 def table(result: Score) -> str:
     """As it stands in docs/review-findings.md."""
     lines = [
-        "| kind | told | told where it is labelled as not so | told in others |",
+        "| kind | detected | false positives where labelled absent | reported where not labelled |",
         "|---|---|---|---|",
     ]
     for kind, (told, count) in result.recall.items():

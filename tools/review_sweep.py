@@ -220,7 +220,7 @@ def _words(finding: Finding) -> str:
 
 def print_table(rows: Sequence[dict[str, Any]]) -> None:
     """Markdown, a row per fault."""
-    print("| fault | size | told | missed, by size | first told as | beside it |")
+    print("| fault | size | detected | missed, by size | first reported as | other findings |")
     print("|---|---|---|---|---|---|")
     for fault in FAULTS:
         own = [row for row in rows if row["fault"] == fault.name]
