@@ -10,18 +10,16 @@ from h2nav.attitude.constant_gain.kernel import step as constant_gain_step
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.attitude.record import assign, row, rows, values
 from h2nav.attitude.samples import VehicleState
-from h2nav.attitude.velocity_aided.filter import LONGEST_GAP_S, forward_speed_m_s, rest_prior
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.attitude.velocity_aided.integer.filter import parts_of
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.attitude.velocity_aided.integer.kernel import start, step
+from h2nav.attitude.velocity_aided.shell import LONGEST_GAP_US, forward_speed_m_s, rest_prior
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.translate.firmware import IntegerForm, Row
 from h2nav.translate.firmware_constant_gain import CONSTANT_GAIN
 from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED
-
-_LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 
 
 class Image(NamedTuple):
@@ -133,7 +131,7 @@ def step_of_any_length(
     """What ``h2nav_step`` of the velocity-aided filter does; the sample is the same afterwards."""
     given = sample.dt_us, sample.has_mag, sample.has_fix
     bits = 0
-    if sample.dt_us > _LONGEST_GAP_US:
+    if sample.dt_us > LONGEST_GAP_US:
         sample.dt_us = 0
         bits = start.resume(memory, gains, sample)
     else:

@@ -5,9 +5,9 @@ from typing import Final
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
 from h2nav.attitude.record import row
-from h2nav.attitude.velocity_aided.filter import LONGEST_GAP_S
 from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.memory import Sample
+from h2nav.attitude.velocity_aided.shell import LONGEST_GAP_US
 from h2nav.translate.firmware import IntegerForm, Row
 
 _ABOUT = """\
@@ -30,7 +30,7 @@ _PROTOTYPES = f"""\
 /* A sample after a longer gap, microseconds, makes the filter look for its attitude anew. One that
  * flies (rest_prior = 0) keeps it instead and doubts it; the next field then gives the heading.
  */
-#define H2NAV_LONGEST_GAP_US {round(LONGEST_GAP_S * 1e6)}
+#define H2NAV_LONGEST_GAP_US {LONGEST_GAP_US}
 
 /* Forgets everything. */
 void h2nav_init(h2nav_filter *filter);

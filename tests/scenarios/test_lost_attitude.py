@@ -7,8 +7,9 @@ import pytest
 from simulated_flight import SIMULATED, SimulatedFlight
 
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState, VelocityFix
-from h2nav.attitude.velocity_aided.filter import HEAD_SIZE, VelocityAidedFilter
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.shell import HEAD_SIZE
 from h2nav.files import gain_files
 from h2nav.service.settings import AidingSettings
 

@@ -6,15 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from h2nav.attitude.batch_driver import BatchResult, Mask, Samples, Table, empty_table, sizes
-from h2nav.attitude.velocity_aided.filter import (
-    LONGEST_GAP_S,
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
+from h2nav.attitude.velocity_aided.shell import (
+    LONGEST_GAP_US,
     MOST_FIELD_UT,
     MOST_FORCE_M_S2,
     MOST_RATE_RAD_S,
     TRUST,
-    VelocityAidedFilter,
 )
-from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 
 _TRUST = np.array([int(trust) for trust in TRUST])
 
@@ -83,7 +83,7 @@ def special_samples(samples: Samples) -> Mask:
     forces = sizes(samples.acc)
     plausible &= forces < MOST_FORCE_M_S2 * (1.0 - 1e-9)
     large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD_UT * (1.0 - 1e-9))
-    special: Mask = ~plausible | large | (gaps * 1e-6 > LONGEST_GAP_S)
+    special: Mask = ~plausible | large | (gaps > LONGEST_GAP_US)
     special[1:] |= ~plausible[:-1]  # time runs on from the last sample that was taken
     special |= forces == 0.0
     return special

@@ -25,8 +25,9 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.smoothing import Given, smooth
-from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter, forward_speed_m_s
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.shell import forward_speed_m_s
 from h2nav.files import gain_files
 from h2nav.maths import quaternion
 

@@ -32,10 +32,10 @@ from h2nav.attitude.samples import (
     Vec3,
     VehicleState,
 )
-from h2nav.attitude.velocity_aided.filter import AIR_TILT_SIGMA_RAD
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
 from h2nav.attitude.velocity_aided.kernel.estimate import TILT_SHARE
+from h2nav.attitude.velocity_aided.shell import AIR_TILT_SIGMA_RAD
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
 

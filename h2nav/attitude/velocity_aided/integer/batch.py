@@ -95,6 +95,7 @@ class IntegerVelocityAidedBatch:
         accepted_us = None
         if len(accepted):
             accepted_us = int(part.t_us[np.searchsorted(self._last, accepted[-1])])
-        self._filter.follow(int(part.t_us[-1]), accepted_us)
+        p, q, r = part.gyr[-1].tolist()
+        self._filter.follow(int(part.t_us[-1]), (p, q, r), accepted_us)
         ends = out if len(out) == len(part.t_us) else out[self._last]
         return BatchResult(unit_quaternions(ends), ends[:, 4:7] * BIAS_WORD_RAD_S)

@@ -1,38 +1,29 @@
 """The velocity-aided filter in integers, behind the interface that every filter has.
 
 Floats enter and leave only here; between them run the integers of the kernel, which are the same
-bits in Python, in C on any computer and on a microcontroller.
+bits in Python, in C on any computer and on a microcontroller. What stands around the kernel is
+that of the floats (`shell`); here is how both understand each other.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from h2nav.attitude.filter import FilterState
 from h2nav.attitude.integer.motion import MOST_DT_US
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, row, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
     Quat,
     SensorDelays,
-    SensorDoubt,
     SensorErrors,
-    Trust,
     Vec3,
     VehicleState,
-    VelocityFix,
 )
-from h2nav.attitude.velocity_aided.filter import (
-    LONGEST_GAP_S,
-    MOST_FIELD_UT,
-    clipping,
-    forward_speed_m_s,
-    is_plausible,
-    rest_prior,
-)
+from h2nav.attitude.velocity_aided import memory as shown
+from h2nav.attitude.velocity_aided.air_alignment import Leveled, Reference
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.gains import (
@@ -51,6 +42,7 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     State,
 )
 from h2nav.attitude.velocity_aided.integer.units import (
+    ACCEL_UNIT_G,
     BIAS_WORD_RAD_S,
     FIELD_UNIT_UT,
     HEADING_UNIT_RAD,
@@ -64,31 +56,26 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
     REFERENCED_RAD,
     TILT_SHARE,
 )
-from h2nav.attitude.velocity_aided.velocity_aiding import VelocityAiding
+from h2nav.attitude.velocity_aided.shell import (
+    MOST_FIELD_UT,
+    TRUST,
+    HeadingState,
+    VelocityAidedShell,
+    clipping,
+)
+from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
 from h2nav.maths.units import GRAVITY_M_S2
 
-_OF_INTEGERS = "velocity_aided in integers"  # whose states are those of the floats in no way
 SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
-# Numbers of `IntegerVelocityAidedFilter.state` before the kernel's: times of the last sample and of
-# the last accepted field, scale of the field, rest, forward speed, velocity gained; the aiding's
-# stand behind them.
-HEAD_SIZE = 7
 ACCEPTED_US = 220_000  # more than the longest frame
 _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
-# As numbers: an operation on an IntFlag costs more than the kernel.
-_FLAGS = (
-    (memory.FORCE_USED, int(Trust.FORCE_USED)),
-    (memory.FIELD_USED, int(Trust.FIELD_USED)),
-    (memory.RESTING, int(Trust.REST)),
-    (memory.RESTARTED, int(Trust.RESTARTED)),
-    (memory.SATURATED, int(Trust.SATURATED)),
-)
-_ALIGNED, _CONVERGED = int(Trust.ALIGNED), int(Trust.CONVERGED)
-_YAW_REFERENCED, _VELOCITY_USED = int(Trust.YAW_REFERENCED), int(Trust.VELOCITY_USED)
-_TRUST = tuple(map(Trust, range(2 * Trust.SATURATED)))
+# Bits of a step that mean the same in floats; what holds besides is worked out for an estimate.
+_SAME_BITS = 63 & ~memory.VELOCITY_USED
+_UNIT_Q29 = 2.0**29 * (1.0 - 2.0**-11)  # length of an attitude; docs/fixed-point.md, Lemma 1
+_TURN_MOST = 1 << 28  # rad, Q28: what the kernel turns in one go
 
 
 def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> None:
@@ -139,7 +126,7 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         yield u
 
 
-class IntegerVelocityAidedFilter:
+class IntegerVelocityAidedFilter(VelocityAidedShell):
     """The velocity-aided filter with precomputed gain sets, in integers.
 
     Args:
@@ -151,12 +138,12 @@ class IntegerVelocityAidedFilter:
         BadInput: a gain is outside what the integers hold.
     """
 
-    name = "velocity_aided"
+    state_name = "velocity_aided in integers"
 
     def __init__(
         self, gains: VelocityAidedGains, place: str, compiled: CompiledStep | None = None
     ) -> None:
-        self._gains = gains
+        super().__init__(gains)
         self._state, self._sample = State(), Sample()
         self._g = integer_gains(gains, place).gains
         if compiled is not None:
@@ -167,18 +154,12 @@ class IntegerVelocityAidedFilter:
         bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
         self._step: Callable[[], int] = bound
         reset(s, g)
-        self._t_us: int | None = None
-        self._aiding = VelocityAiding()
+        self._w_b: Vec3 = (0.0, 0.0, 0.0)
         self._gained_n = self._gained_e = 0
         # log2 of the field's unit over FIELD_UNIT_UT; None before the first field
         self._field_scale: int | None = None
         self._accepted_us: int | None = None
         self.use_vehicle(VehicleState())
-
-    @property
-    def t_us(self) -> int | None:
-        """Time of the last sample; None before the first."""
-        return self._t_us
 
     @property
     def kernel_state(self) -> State:
@@ -194,15 +175,6 @@ class IntegerVelocityAidedFilter:
     def kernel_sample(self) -> Sample:
         """The kernel's last sample."""
         return self._sample
-
-    def is_free_at(self, t_us: int) -> bool:
-        """True when a plain sample of this time goes to the kernel as it is.
-
-        The filter is aligned, there is no long gap, and no outside velocity is at hand.
-        """
-        if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_S * 1e6:
-            return False
-        return self._state.age_us >= 0 and not self._state.aided and self._aiding.is_idle(t_us)
 
     @property
     def knows_field_unit(self) -> bool:
@@ -228,66 +200,83 @@ class IntegerVelocityAidedFilter:
     def sensor_errors(self) -> SensorErrors:
         """What has been learnt of the sensors so far."""
         s = self._state
-        unit = self._gains.kernel.bias_variance / self._g.bias_variance
+        unit = self._gyro_unit
         variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
         return SensorErrors(variance, field_latency_s=self.field_latency_s)
 
-    def doubt(self, doubt: SensorDoubt) -> None:
-        """Learns the gyro's bias anew; see `AttitudeFilter`."""
-        s, start = self._state, self._g.bias_variance
-        unit = self._gains.kernel.bias_variance / start
-        x, y, z = (min(round(sigma * sigma / unit), start) for sigma in doubt.rate_b)
-        s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
+    @property
+    def _gyro_unit(self) -> float:
+        """One of a variance of the gyro's bias, (rad/s)^2."""
+        return self._gains.kernel.bias_variance / self._g.bias_variance
 
-    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
-        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
-        s, g = self._state, self._gains.kernel
-        start = self._g.bias_variance
-        x, y, z = (
-            max(
-                VARIANCE_LEAST,
-                min(round((v + g.bias_walk * walked_s) / g.bias_variance * start), start),
-            )
-            for v in errors.gyro_variance
-        )
-        s.p_xx, s.p_yy, s.p_zz = x, y, z
-        s.p_xy = s.p_xz = s.p_yz = 0
+    @property
+    def _flies(self) -> bool:
+        return self._sample.rest_prior == 0
 
-    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes one sample; see `AttitudeFilter`.
+    @property
+    def _has_field_heading(self) -> bool:
+        return self._state.heading_reset == 0
 
-        As with the filter in floats a sample that no sensor can have made changes nothing, and a
-        force of exactly zero or a clipped sample is integrated but corrects nothing.
+    def _heading(self) -> HeadingState:
+        s = self._state
+        variance = HEADING_UNIT_RAD**2 * s.heading_variance * 2.0**-28
+        return HeadingState(s.age_us * 1e-6, 0.0, variance)
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
+        self._state.mag_lag_expected = row(State, "mag_lag_expected").fixed(lag)
+
+    def follow(self, t_us: int, w_b: Vec3, accepted_us: int | None) -> None:
+        """Goes on from a sample, to which a batch has brought the memory.
+
+        Args:
+            t_us: time of the sample.
+            w_b: its rate.
+            accepted_us: time of the last accepted field; None when the batch had none.
         """
-        is_aligned = self._state.age_us >= 0
-        if self._t_us is not None and sample.t_us <= self._t_us:
-            return self._estimate(sample._replace(t_us=self._t_us), 0) if is_aligned else None
-        if not is_plausible(sample.w_b, sample.f_b):
-            held = sample._replace(w_b=self._bias())
-            return self._estimate(held, memory.SATURATED) if is_aligned else None
-        dt_us = None if self._t_us is None else sample.t_us - self._t_us
-        if dt_us is None or dt_us > LONGEST_GAP_S * 1e6:
-            dt_us = None
-            self._aiding.clear()
+        self._t_us, self._w_b = t_us, w_b
+        if accepted_us is not None:
+            self._accepted_us = accepted_us
+
+    def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
+        self._fill(sample, is_aided, fix)
+        return self._noted(sample, self._run(dt_us))
+
+    def _align(self, sample: ImuSample, dt_us: int | None) -> int | None:
+        # As in C one sample gives it.
+        if dt_us is None:
+            restart(self._state)
+        self._fill(sample, False, None)
+        bits = self._run(dt_us or 0)
+        return None if self._state.age_us < 0 else self._noted(sample, bits)
+
+    def _resume(self, sample: ImuSample) -> int:
+        self._fill(sample, False, None)
+        self._sample.dt_us = 0
+        bits = resume(self._state, self._g, self._sample)
+        self._follow_gained()
+        return self._noted(sample, bits)
+
+    def _fill(self, sample: ImuSample, is_aided: bool, fix: TimedFix | None) -> None:
+        """Writes the kernel's sample."""
         u = self._sample
+        self._w_b = sample.w_b
         self._find_field_unit(sample.m_b_ut)
         fill_sample(u, sample, self.field_unit)
-        self._fill_velocity(sample.t_us)
-        bits = self._resume() if dt_us is None else self._run(dt_us)
-        if _is_limited(u):
-            bits |= memory.SATURATED
-        if bits & memory.ALIGNED:
-            self._settle()
-        if bits & memory.FIELD_USED:
-            self._accepted_us = sample.t_us
-        if not u.clipped:
-            bits |= self._standing(sample.t_us)
-        self._t_us = sample.t_us
-        gained = self._gained() if self._state.aided else None
-        self._aiding.remember(sample.t_us, gained)
-        if self._state.age_us < 0:
-            return None
-        return self._estimate(sample, bits)
+        u.aided = int(is_aided)
+        if fix is None:
+            return
+        u.has_fix = 1
+        u.fix_velocity_n, u.fix_velocity_e = (
+            _FIX_VELOCITY.fixed(v / GRAVITY_M_S2) for v in fix.v_n
+        )
+        u.fix_gained_n, u.fix_gained_e = (
+            round(gained * 2.0**24) & GAINED_MASK for gained in fix.gained
+        )
+        u.fix_accel_n, u.fix_accel_e = (_FIX_ACCEL.fixed(rate) for rate in fix.rate)
+        u.fix_variance = _FIX_VARIANCE.fixed(fix.variance / GRAVITY_M_S2**2)
+        u.fix_period_us = round(fix.period_s * 1e6)
 
     def _find_field_unit(self, field: Vec3 | None) -> None:
         """The unit of the integer field: without a given reference any unit is taken.
@@ -299,17 +288,6 @@ class IntegerVelocityAidedFilter:
             if 0.0 < size < MOST_FIELD_UT:
                 self._field_scale = math.frexp(size / FIELD_UNIT_UT)[1]
 
-    def follow(self, t_us: int, accepted_us: int | None) -> None:
-        """Goes on from a sample of this time, to which a batch has brought the memory.
-
-        Args:
-            t_us: time of the sample.
-            accepted_us: time of the last accepted field; None when the batch had none.
-        """
-        self._t_us = t_us
-        if accepted_us is not None:
-            self._accepted_us = accepted_us
-
     def _run(self, dt_us: int) -> int:
         """One sample in as many equal steps as its time needs; field and fix come with the last."""
         bits = 0
@@ -318,11 +296,17 @@ class IntegerVelocityAidedFilter:
             self._follow_gained()
         return bits
 
-    def _resume(self) -> int:
-        """The first sample, or the first after a gap."""
-        self._sample.dt_us = 0
-        bits = resume(self._state, self._g, self._sample)
-        self._follow_gained()
+    def _noted(self, sample: ImuSample, bits: int) -> int:
+        """Bits of a sample's steps, with what holds from one frame to the next."""
+        u = self._sample
+        if _is_limited(u):
+            bits |= memory.SATURATED
+        if bits & memory.ALIGNED:
+            self._settle()
+        if bits & memory.FIELD_USED:
+            self._accepted_us = sample.t_us
+        if not u.clipped:
+            bits |= self._holding(sample.t_us)
         return bits
 
     def _settle(self) -> None:
@@ -340,7 +324,7 @@ class IntegerVelocityAidedFilter:
         assign(u, Sample, before)
         self._state.saturations = saturations
 
-    def _standing(self, t_us: int) -> int:
+    def _holding(self, t_us: int) -> int:
         """Bits of what holds from one frame to the next; the kernel gives them once per frame."""
         bits = 0
         if self._accepted_us is not None and t_us - self._accepted_us < ACCEPTED_US:
@@ -351,38 +335,45 @@ class IntegerVelocityAidedFilter:
 
     def _follow_gained(self) -> None:
         """The velocity gained, which the kernel keeps modulo 2^28, without end."""
-        change = (self._state.gained_n - self._gained_n) & GAINED_MASK
-        self._gained_n += change - ((change >> 27) << 28)
-        change = (self._state.gained_e - self._gained_e) & GAINED_MASK
-        self._gained_e += change - ((change >> 27) << 28)
-
-    def _gained(self) -> tuple[float, float]:
-        return float(self._gained_n), float(self._gained_e)
-
-    def _fill_velocity(self, t_us: int) -> None:
-        """Writes the velocity's part of a sample."""
-        u = self._sample
-        u.aided = int(t_us < self._aiding.aided_until_us)
-        fix = self._aiding.take(t_us, self._gained())
-        if fix is None:
+        s = self._state
+        if not s.aided:
+            self._gained_n = self._gained_e = 0
             return
-        u.has_fix = 1
-        u.fix_velocity_n, u.fix_velocity_e = (
-            _FIX_VELOCITY.fixed(v / GRAVITY_M_S2) for v in fix.v_n
+        self._gained_n += _signed(s.gained_n - self._gained_n)
+        self._gained_e += _signed(s.gained_e - self._gained_e)
+
+    def _gained(self) -> tuple[float, float] | None:
+        if not self._state.aided:
+            return None
+        return self._gained_n * 2.0**-24, self._gained_e * 2.0**-24
+
+    def _attitude(self) -> Quat:
+        w, x, y, z = map(float, self._state.q_nb)
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        return (w / length, x / length, y / length, z / length)
+
+    def _reference(self) -> Reference:
+        s, g, unit = self._state, self._gains.kernel, self.field_unit * 2.0**-26
+        return Reference(
+            s.mag_ref_norm * unit,
+            math.atan2(s.mag_ref_down, s.mag_ref_horizontal),
+            s.declination * 2.0**-28,
+            g.mag_norm_gate,
+            g.mag_dip_gate,
         )
-        u.fix_gained_n, u.fix_gained_e = (round(gained) & GAINED_MASK for gained in fix.gained)
-        u.fix_accel_n, u.fix_accel_e = (_FIX_ACCEL.fixed(rate * 2.0**-24) for rate in fix.rate)
-        u.fix_variance = _FIX_VARIANCE.fixed(fix.variance / GRAVITY_M_S2**2)
-        u.fix_period_us = round(fix.period_s * 1e6)
 
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Rest is accepted on the ground, in the air never; see `AttitudeFilter`."""
-        self._sample.rest_prior = rest_prior(self._gains, vehicle)
-        speed = forward_speed_m_s(self._gains, vehicle) / GRAVITY_M_S2
-        self._sample.forward_speed = _FORWARD_SPEED.fixed(speed)
+    def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
+        s = self._state
+        w, f, (x, y, z) = sample.w_b, sample.f_b, self._bias()
+        a, b = (part * 2.0**-28 * ACCEL_UNIT_G * GRAVITY_M_S2 for part in s.accel_bias)
+        field = sample.m_b_ut if self._sample.has_mag and s.mag_age_us == 0 else None
+        return (w[0] - x, w[1] - y, w[2] - z), (f[0] - a, f[1] - b, f[2]), field
 
-    def use_field(self, field: EarthField) -> None:
-        """Norm and dip become the gate's reference; see `AttitudeFilter`."""
+    def _set_vehicle(self, prior: int, speed_m_s: float) -> None:
+        self._sample.rest_prior = prior
+        self._sample.forward_speed = _FORWARD_SPEED.fixed(speed_m_s / GRAVITY_M_S2)
+
+    def _set_field(self, field: EarthField) -> float:
         s = self._state
         self._field_scale = 0
         declination, sine, cosine = field_params(field)
@@ -397,82 +388,95 @@ class IntegerVelocityAidedFilter:
         s.mag_ref_norm = row(State, "mag_ref_norm").fixed(norm)
         s.mag_ref_given = 1
         s.mag_new_us = 0
-        referenced = s.age_us >= 0 and s.heading_reset == 0
-        if referenced:
-            turn_heading(s, self._g, change)
+        return change * 2.0**-28
+
+    def _turn_heading(self, angle_rad: float) -> None:
+        rest = round(angle_rad * 2.0**28)
+        while True:
+            part = min(max(rest, -_TURN_MOST), _TURN_MOST)
+            turn_heading(self._state, self._g, part)
             self._settle()
+            rest -= part
+            if not rest:
+                return
 
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Takes a fix for the next sample; see `AttitudeFilter`."""
-        if self._state.age_us >= 0 and self._t_us is not None:
-            self._aiding.offer(fix, self._t_us)
+    def _set_witnessed(self, is_witnessed: bool) -> None:
+        pass
 
-    def use_delays(self, delays: SensorDelays) -> None:
-        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
-        lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
-        self._state.mag_lag_expected = row(State, "mag_lag_expected").fixed(lag)
+    def _confirm(self, shown_rad: float) -> None:
+        pass
 
-    def restart(self) -> None:
-        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
-        if self._sample.rest_prior > 0:
-            restart(self._state)
-        self._t_us = self._accepted_us = None
-        self._aiding.clear()
+    def _doubt_field(self) -> None:
+        pass
 
-    def state(self) -> FilterState:
-        """The complete memory of the filter."""
-        times = (self._t_us, self._accepted_us)
+    def _limit_heading(self, sigma_rad: float) -> None:
+        pass
+
+    def _find_in_air(self, found: Leveled) -> None:
+        pass
+
+    def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
+        s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
+        x, y, z = (min(round(variance / unit), most) for variance in rate)
+        s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
+
+    def _set_gyro_variance(self, variance: Vec3) -> None:
+        s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
+        x, y, z = (max(VARIANCE_LEAST, min(round(v / unit), most)) for v in variance)
+        s.p_xx, s.p_yy, s.p_zz = x, y, z
+        s.p_xy = s.p_xz = s.p_yz = 0
+
+    def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
+        pass
+
+    def _forget_start(self) -> None:
+        self._accepted_us = None
+
+    def _values(self) -> Sequence[float | int | None]:
         vehicle = (self._sample.rest_prior, self._sample.forward_speed)
-        head = (*times, self._field_scale, *vehicle, self._gained_n, self._gained_e)
-        kernel = values(self._state, State)
-        return FilterState(_OF_INTEGERS, (*head, *kernel, *self._aiding.values()))
+        optional = (self._accepted_us, self._field_scale)
+        head = (*optional, *vehicle, self._gained_n, self._gained_e, *self._w_b)
+        return (*head, *values(self._state, State))
 
-    def restore(self, state: FilterState) -> None:
-        """Continues exactly where `state` was taken; ValueError for another filter's state."""
-        end = HEAD_SIZE + size_of(State)
-        if state.filter_name != _OF_INTEGERS or len(state.values) < end:
-            raise ValueError(f"state of filter {state.filter_name!r} given to {_OF_INTEGERS!r}")
-        optional = [None if value is None else int(value) for value in state.values[:3]]
-        numbers = [0 if value is None else value for value in state.values]
-        integers = [int(value) for value in numbers[:end]]
-        assign(self._state, State, integers[HEAD_SIZE:])
-        self._t_us, self._accepted_us, self._field_scale = optional
-        self._sample.rest_prior, self._sample.forward_speed = integers[3:5]
-        self._gained_n, self._gained_e = integers[5:HEAD_SIZE]
-        self._aiding.load([float(value) for value in numbers[end:]])
+    def _restore(self, numbers: Sequence[float | int | None]) -> None:
+        accepted, scale, *integers = (None if n is None else int(n) for n in numbers)
+        assign(self._state, State, [n or 0 for n in integers[7:]])
+        self._accepted_us, self._field_scale = accepted, scale
+        prior, speed, north, east = (n or 0 for n in integers[:4])
+        self._sample.rest_prior, self._sample.forward_speed = prior, speed
+        self._gained_n, self._gained_e = north, east
+        p, q, r = (float(n or 0.0) for n in numbers[6:9])
+        self._w_b = (p, q, r)
 
     def _bias(self) -> Vec3:
         x, y, z = self._state.gyro_bias
         return x * BIAS_WORD_RAD_S, y * BIAS_WORD_RAD_S, z * BIAS_WORD_RAD_S
 
-    def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:
+    def _standing(self, t_us: int, bits: int) -> AttitudeEstimate:
+        return self._estimate(t_us, bits)
+
+    def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         s = self._state
-        w, x, y, z = map(float, s.q_nb)
-        length = math.sqrt(w * w + x * x + y * y + z * z)
-        q_nb: Quat = (w / length, x / length, y / length, z / length)
         bias = self._bias()
-        w_x, w_y, w_z = sample.w_b
-        trust = _ALIGNED
-        for bit, flag in _FLAGS:
-            if bits & bit:
-                trust |= flag
+        w_x, w_y, w_z = self._w_b
+        bits &= _SAME_BITS
         if s.age_us > CONVERGED_S * 1e6:
-            trust |= _CONVERGED
+            bits |= shown.CONVERGED
         heading_sigma = HEADING_UNIT_RAD * math.sqrt(s.heading_variance * 2.0**-28)
         is_known = heading_sigma < REFERENCED_RAD
         if is_known:
-            trust |= _YAW_REFERENCED
+            bits |= shown.YAW_REFERENCED
         is_found = is_known or s.heading_reset == 0
         if s.aided:
-            trust |= _VELOCITY_USED
+            bits |= shown.VELOCITY_USED
         return AttitudeEstimate(
-            t_us=sample.t_us,
-            q_nb=q_nb,
+            t_us=t_us,
+            q_nb=self._attitude(),
             w_b=(w_x - bias[0], w_y - bias[1], w_z - bias[2]),
             bias_b=bias,
             innovation_n=self._innovation(),
             sigma_tilt_rad=self._sigma_tilt_rad(),
-            trust=_TRUST[trust],
+            trust=TRUST[bits],
             sigma_heading_rad=self._sigma_heading_rad() if is_found else LOST_HEADING_RAD,
         )
 
@@ -533,3 +537,9 @@ class IntegerVelocityAidedFilter:
         if s.mag_ref_norm:
             variance += (FIELD_OFFSET * s.mag_ref_norm / max(s.mag_ref_horizontal, 1)) ** 2
         return math.sqrt(variance)
+
+
+def _signed(change: int) -> int:
+    """A change that was counted modulo 2^28, less than half of it in size."""
+    change &= GAINED_MASK
+    return change - ((change >> 27) << 28)

@@ -1,0 +1,475 @@
+"""What stands around the kernels of the velocity-aided filter, whatever their arithmetic.
+
+Start, bad samples, long gaps, fixes that are late, what velocities show of heading and attitude,
+sensors that are doubted: in SI units, once. What an arithmetic adds is how its kernel is given a
+sample and asked for numbers (`filter` for floats, `integer.filter` for integers).
+
+Equations: docs/filter.md.
+"""
+
+import itertools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from h2nav.attitude.filter import FilterState
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    EarthField,
+    ImuSample,
+    Quat,
+    SensorDelays,
+    SensorDoubt,
+    SensorErrors,
+    Trust,
+    Vec3,
+    VehicleState,
+    VelocityFix,
+)
+from h2nav.attitude.velocity_aided import memory
+from h2nav.attitude.velocity_aided.air_alignment import AirAlignment, Leveled, Reference
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
+from h2nav.attitude.velocity_aided.heading_witness import (
+    HIGH_PASS_S,
+    INFLATION,
+    Heading,
+    HeadingWitness,
+    velocity_walk,
+)
+from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
+from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
+from h2nav.maths.units import DEG
+
+# Beyond this gap the attitude is found anew; the bias is kept.
+LONGEST_GAP_S = 1.0
+LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
+# Larger inputs are no sensor's.
+MOST_RATE_RAD_S = 200.0
+MOST_FORCE_M_S2 = 4000.0
+MOST_FIELD_UT = 1e6
+# Numbers of `VelocityAidedShell.state` before those of the kernel.
+HEAD_SIZE = 4
+# A bias beyond this turns the forces of a window in the air by more than the velocities tell.
+KNOWN_BIAS_RAD_S = 0.3 * DEG
+# What an accelerometer's data sheet allows: 60 mg.
+MOST_ACCEL_BIAS_G = 0.06
+# Deviation of a tilt that was not followed for a while, in flight.
+AIR_TILT_SIGMA_RAD = 20.0 * DEG
+# A heading that differs from that of the velocities by more deviations, and by more at all, is
+# doubted: any iron may be in the field. Of the regression so many of its own deviations count.
+DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
+# A gyro is doubted anew where the variance of its bias becomes so many times what it was.
+NEWS = 4.0
+
+_FLAGS = (
+    (memory.FORCE_USED, Trust.FORCE_USED),
+    (memory.FIELD_USED, Trust.FIELD_USED),
+    (memory.REST, Trust.REST),
+    (memory.VELOCITY_USED, Trust.VELOCITY_USED),
+    (memory.RESTARTED, Trust.RESTARTED),
+    (memory.SATURATED, Trust.SATURATED),
+    (memory.CONVERGED, Trust.CONVERGED),
+    (memory.YAW_REFERENCED, Trust.YAW_REFERENCED),
+)
+# By a step's bits: making an IntFlag costs more than the rest of an estimate.
+TRUST = tuple(
+    Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
+)
+
+
+class HeadingState(NamedTuple):
+    """What a filter knows of its heading.
+
+    Attributes:
+        age_s: time since the tilt was found.
+        turned_rad: sum of all corrections of the heading so far.
+        variance: as the covariance has it, rad^2.
+    """
+
+    age_s: float
+    turned_rad: float
+    variance: float
+
+
+class VelocityAidedShell(ABC):
+    """The velocity-aided filter but for its kernel.
+
+    Args:
+        gains: of a gain file of kind velocity_aided.
+    """
+
+    name = "velocity_aided"
+    # Whose states can be restored; those of another arithmetic cannot.
+    state_name = name
+
+    def __init__(self, gains: VelocityAidedGains) -> None:
+        self._gains = gains
+        self._t_us: int | None = None
+        self._aligned = False
+        self._aiding = VelocityAiding()
+        self._air: AirAlignment | None = None
+        self._witness = HeadingWitness()
+
+    @property
+    def t_us(self) -> int | None:
+        """Time of the last sample; None before the first."""
+        return self._t_us
+
+    def is_free_at(self, t_us: int) -> bool:
+        """True when a plain sample of this time goes to the kernel as it is.
+
+        The filter is aligned, there is no long gap, and no outside velocity is at hand.
+        """
+        if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_US:
+            return False
+        if self._air is not None or not self._aligned or self._gained() is not None:
+            return False
+        return self._aiding.is_idle(t_us)
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Takes one sample; see `AttitudeFilter`.
+
+        A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
+        is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
+        force of exactly zero, which is none, or a clipped sample is integrated but corrects
+        nothing; the rate of a clipped one is doubted. A sample that is not later than the one
+        before changes nothing: the estimate before it comes again.
+        """
+        t_us = sample.t_us
+        before_us = self._t_us
+        if before_us is not None and t_us <= before_us:
+            return self._standing(before_us, 0) if self._aligned else None
+        if not is_plausible(sample.w_b, sample.f_b):
+            return self._standing(t_us, memory.SATURATED) if self._aligned else None
+        if before_us is None or t_us - before_us > LONGEST_GAP_US or not self._aligned:
+            return self._begin(sample)
+        aiding = self._aiding
+        fix = self._take_fix(t_us) if aiding.waits else None
+        bits = self._advance(sample, t_us - before_us, t_us < aiding.aided_until_us, fix)
+        self._t_us = t_us
+        if self._air is not None:
+            self._follow_in_air(self._air, sample)
+        aiding.remember(t_us, self._gained())
+        return self._estimate(t_us, bits)
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Rest is accepted on the ground, in the air never; see `AttitudeFilter`."""
+        prior = rest_prior(self._gains, vehicle)
+        self._set_vehicle(prior, forward_speed_m_s(self._gains, vehicle))
+
+    def use_field(self, field: EarthField) -> None:
+        """Norm and dip become the gate's reference; see `AttitudeFilter`."""
+        change = self._set_field(field)
+        if self._aligned and self._has_field_heading:
+            self._turn_heading(change)
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Takes a fix for the next sample; see `AttitudeFilter`."""
+        if not self._aligned or self._t_us is None:
+            return
+        if self._aiding.offer(fix, self._t_us) and self._air is not None:
+            late_s = self.sensor_errors.fix_latency_s
+            self._air.take(fix.t_us - late_s * 1e6, fix.v_n)
+            sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
+            self._take_level(self._air.solve(self._attitude(), self._reference(), sigma_m_s))
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Learns anew what was shown to be wrong; see `AttitudeFilter`."""
+        g = self._gains.kernel
+        x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
+        known = self.sensor_errors.gyro_variance
+        if any(new > NEWS * old for new, old in zip((x, y, z), known, strict=True)):
+            # The velocity felt until now was bent by a gyro that nobody doubted.
+            self._witness.clear()
+        force = None
+        if self._gained() is not None and g.accel_variance > 0.0:
+            a, b = (min((sigma / g.gravity) ** 2, MOST_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
+            force = (a, b)
+        self._open_biases((x, y, z), force)
+
+    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
+        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
+        g = self._gains.kernel
+        walk = g.bias_walk * walked_s
+        x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
+        self._set_gyro_variance((x, y, z))
+        if min(errors.force_variance) > 0.0:
+            walk, unit = g.accel_walk * walked_s, g.gravity * g.gravity
+            a, b = (min(v / unit + walk, g.accel_variance) for v in errors.force_variance)
+            lag = errors.fix_latency_variance + g.fix_lag_walk * walked_s
+            self._set_aided_variances((a, b), min(lag, g.fix_lag_variance))
+
+    def restart(self) -> None:
+        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        self._aligned &= self._flies
+        self._t_us = None
+        self._aiding.clear()
+        self._witness.clear()
+        self._air = None
+        self._forget_start()
+
+    def state(self) -> FilterState:
+        """The complete memory of the filter."""
+        own = self._values()
+        air = () if self._air is None else self._air.values()
+        head = (self._t_us, int(self._aligned), len(own), len(air))
+        velocity = (*air, *self._witness.values(), *self._aiding.values())
+        return FilterState(self.state_name, (*head, *own, *velocity))
+
+    def restore(self, state: FilterState) -> None:
+        """Continues exactly where `state` was taken; ValueError for another filter's state."""
+        if state.filter_name != self.state_name or len(state.values) < HEAD_SIZE + WITNESS_SIZE:
+            raise ValueError(f"state of filter {state.filter_name!r} given to {self.state_name!r}")
+        t_us, aligned, *sizes = state.values[:HEAD_SIZE]
+        ends = list(itertools.accumulate((HEAD_SIZE, *(int(n or 0) for n in sizes), WITNESS_SIZE)))
+        self._restore(state.values[ends[0] : ends[1]])
+        numbers = [0.0 if value is None else float(value) for value in state.values[ends[1] :]]
+        air, witness, aiding = (
+            numbers[start - ends[1] : end - ends[1]]
+            for start, end in itertools.pairwise((*ends[1:], len(state.values)))
+        )
+        self._t_us, self._aligned = None if t_us is None else int(t_us), bool(aligned)
+        self._air = AirAlignment.of(air) if air else None
+        self._witness.load(witness)
+        self._aiding.load(aiding)
+
+    # --- what an arithmetic gives ---------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def sensor_errors(self) -> SensorErrors:
+        """What has been learnt of the sensors so far."""
+
+    @property
+    @abstractmethod
+    def field_latency_s(self) -> float:
+        """How late the magnetometer's samples are against the gyro's, as learnt so far."""
+
+    @property
+    @abstractmethod
+    def _flies(self) -> bool:
+        """Whether the vehicle is said to be in the air."""
+
+    @property
+    @abstractmethod
+    def _has_field_heading(self) -> bool:
+        """Whether the heading is that of a field: a changed declination turns it."""
+
+    @abstractmethod
+    def _heading(self) -> HeadingState:
+        """What is known of the heading."""
+
+    @abstractmethod
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+
+    @abstractmethod
+    def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
+        """The kernel's step with a sample of so much time; bits."""
+
+    @abstractmethod
+    def _align(self, sample: ImuSample, dt_us: int | None) -> int | None:
+        """Takes a sample for the first attitude; bits, None while it is not found.
+
+        Args:
+            sample: plausible.
+            dt_us: time since the one before; None for the first, or the first after a long gap.
+        """
+
+    @abstractmethod
+    def _resume(self, sample: ImuSample) -> int:
+        """Goes on after a gap in the air with the attitude of before, which is doubted; bits."""
+
+    @abstractmethod
+    def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
+        """The estimate after a step."""
+
+    @abstractmethod
+    def _standing(self, t_us: int, bits: int) -> AttitudeEstimate:
+        """The estimate where no step was made."""
+
+    @abstractmethod
+    def _gained(self) -> tuple[float, float] | None:
+        """Velocity gained from the force since fixes hold the filter, over g; None: none does."""
+
+    @abstractmethod
+    def _attitude(self) -> Quat:
+        """The attitude, body to n."""
+
+    @abstractmethod
+    def _reference(self) -> Reference:
+        """What the field is compared with; of no norm while velocities show the heading."""
+
+    @abstractmethod
+    def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
+        """Rate, force and, where it is new, field of the sample that came last."""
+
+    @abstractmethod
+    def _set_vehicle(self, prior: int, speed_m_s: float) -> None:
+        """Takes how a rest is believed, and the velocity along the nose."""
+
+    @abstractmethod
+    def _set_field(self, field: EarthField) -> float:
+        """Takes the field of the place; the change of the declination, rad."""
+
+    @abstractmethod
+    def _turn_heading(self, angle_rad: float) -> None:
+        """Turns by an angle at once; what is known of the heading is forgotten."""
+
+    @abstractmethod
+    def _set_witnessed(self, is_witnessed: bool) -> None:
+        """Whether velocities show the heading now."""
+
+    @abstractmethod
+    def _confirm(self, shown_rad: float) -> None:
+        """Velocities have shown the heading to be right to that."""
+
+    @abstractmethod
+    def _doubt_field(self) -> None:
+        """Velocities have shown a heading that the field does not have."""
+
+    @abstractmethod
+    def _limit_heading(self, sigma_rad: float) -> None:
+        """The heading was taken from velocities: it is known so well; of the fixes nothing is."""
+
+    @abstractmethod
+    def _find_in_air(self, found: Leveled) -> None:
+        """Goes on with an attitude that velocities have shown in flight."""
+
+    @abstractmethod
+    def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
+        """The biases are known no better than to these variances, (rad/s)^2 and g^2."""
+
+    @abstractmethod
+    def _set_gyro_variance(self, variance: Vec3) -> None:
+        """The gyro's bias is known so well, (rad/s)^2; nothing else goes with it."""
+
+    @abstractmethod
+    def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
+        """Accelerometer's bias and latency of the fixes are known so well, g^2 and s^2."""
+
+    @abstractmethod
+    def _forget_start(self) -> None:
+        """A first attitude is not collected any more."""
+
+    @abstractmethod
+    def _values(self) -> Sequence[float | int | None]:
+        """All that this arithmetic remembers, as flat numbers."""
+
+    @abstractmethod
+    def _restore(self, values: Sequence[float | int | None]) -> None:
+        """Continues where `_values` was taken; ValueError for others."""
+
+    # --- start ----------------------------------------------------------------------------------
+
+    def _begin(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Collects samples for the first attitude, or goes on after a long gap."""
+        dt_us = None if self._t_us is None else sample.t_us - self._t_us
+        if dt_us is not None and dt_us > LONGEST_GAP_US:
+            dt_us = None
+        self._t_us = sample.t_us
+        bits: int | None
+        if dt_us is None and self._aligned and self._flies:
+            bits = self._resume(sample)
+        else:
+            bits = self._align(sample, dt_us)
+        self._aligned = bits is not None
+        if bits is None:
+            return None
+        self._aiding.clear()
+        self._witness.clear()
+        self._watch_in_air(sample.t_us)
+        return self._standing(sample.t_us, bits)
+
+    # --- velocities -----------------------------------------------------------------------------
+
+    def _take_fix(self, t_us: int) -> TimedFix | None:
+        """The fix that waits, if it may be used; the heading that it shows is taken."""
+        fix = self._aiding.take(t_us, self._gained() or (0.0, 0.0))
+        if fix is not None:
+            self._ask_velocity(fix)
+        return fix
+
+    def _ask_velocity(self, fix: TimedFix) -> None:
+        """Takes the heading that the velocities show, where it contradicts the filter's."""
+        heading = self._heading()
+        if self._air is not None or heading.age_s < HIGH_PASS_S:
+            return
+        errors = self.sensor_errors
+        walk = velocity_walk(errors.rate_density, errors.force_density)
+        noise = (math.sqrt(fix.variance), walk)
+        seen = self._witness.take(fix.v_n, fix.earlier, heading.turned_rad, fix.period_s, *noise)
+        self._set_witnessed(seen is not None)
+        if seen is None:
+            return
+        self._compare(seen, heading.variance)
+        if seen.contradicts:
+            self._turn_heading(seen.turn_rad)
+            # Latency and tilt were learnt from velocities that were turned the wrong way.
+            self._limit_heading(INFLATION * seen.sigma_rad)
+            self._watch_in_air(self._t_us or 0)
+
+    def _compare(self, seen: Heading, variance: float) -> None:
+        """Velocities confirm the heading, or make the field doubtful that gave it."""
+        off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
+        if off * off > DOUBT**2 * (variance + sigma**2) and off > LEAST_DOUBT_RAD:
+            self._doubt_field()
+        elif not seen.contradicts:
+            self._confirm(max(off, sigma))
+
+    def _watch_in_air(self, t_us: int) -> None:
+        """Begins a window in the air; where the gyro's bias is not known, the loop is better."""
+        is_known = sum(self.sensor_errors.gyro_variance) < KNOWN_BIAS_RAD_S**2
+        self._air = AirAlignment(t_us) if is_known and self._flies else None
+
+    def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
+        """Adds a sample to the window; the window ends when it is long enough."""
+        if window.is_over(sample.t_us):
+            self._air = None
+            return
+        rate, force, field = self._without_biases(sample)
+        window.add(sample.t_us, rate, force, field, self.field_latency_s)
+
+    def _take_level(self, found: Leveled | None) -> None:
+        """Goes on with what a window in the air has shown."""
+        if found is None:
+            return
+        self._find_in_air(found)
+        if found.heading_sigma_rad < math.inf:
+            self._witness.clear()
+
+
+def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
+    """0: never at rest, 1: the signals decide, 2: on the ground, as the autopilot says."""
+    if vehicle.on_ground is None:
+        return 1 if gains.vehicle_class == "handheld" else 0
+    return 2 if vehicle.on_ground else 0
+
+
+def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:
+    """Velocity along the nose that holds a filter without fixes, m/s; < 0 in backward time."""
+    if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
+        return 0.0
+    speed = vehicle.airspeed_m_s
+    if speed is None or not math.isfinite(speed):
+        speed = gains.cruise_speed_m_s
+    return -speed if vehicle.is_backward else speed
+
+
+def clipping(f_b: Vec3, clipped: bool) -> float:
+    """What the kernel may believe of a sample: all, its rate with a doubt, or its rate alone."""
+    if clipped:
+        return 1.0
+    return memory.FORCE_LOST if f_b == (0.0, 0.0, 0.0) else 0.0
+
+
+def is_plausible(w_b: Vec3, f_b: Vec3) -> bool:
+    """False for what no sensor can have measured; a NaN makes every comparison false."""
+    (p, q, r), (x, y, z) = w_b, f_b
+    return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
+
+
+def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
+    """False for what no magnetometer can have measured, and for none."""
+    return m_b_ut is not None and abs(m_b_ut[0]) + abs(m_b_ut[1]) + abs(m_b_ut[2]) < MOST_FIELD_UT
