@@ -311,6 +311,7 @@ def _readings(recorded: Readings, start_us: int) -> _Stream:
         recorded.f_b[first:],
         recorded.m_b_ut[first:],
         recorded.clipped[first:],
+        recorded.ages,
     )
     has_field = ~np.isnan(readings.m_b_ut[:, 0])
 
@@ -323,6 +324,7 @@ def _readings(recorded: Readings, start_us: int) -> _Stream:
             (field if has else None for has, field in fields),
             readings.clipped[part].tolist(),
             repeat(readings.imu),
+            repeat(readings.ages),
             strict=False,
         )
         return map(ImuReading._make, rows)

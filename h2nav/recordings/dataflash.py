@@ -41,9 +41,10 @@ from h2nav.recordings.context import (
     Span,
 )
 from h2nav.recordings.dataflash_errors import said_of_error
-from h2nav.recordings.dataflash_rows import Log, Rows
+from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
 from h2nav.recordings.imu_series import Fields, Mask, Samples, Times
+from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.rotations import quaternions
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
@@ -217,7 +218,7 @@ NO_TRIM = Trim({})
 
 def recorded(tables: LogTables) -> Recorded:
     """What the tables of a log say."""
-    log = Log(tables)
+    log = DataflashRows(tables)
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
     said = _said(log)
@@ -289,7 +290,9 @@ def recorded(tables: LogTables) -> Recorded:
 # --- inertial sensors and compasses -----------------------------------------------------------
 
 
-def _imus(log: Log, trim: Trim) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
+def _imus(
+    log: DataflashRows, trim: Trim
+) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
     compasses = _compasses(log, trim)
     tracks, readings = [], []
     axes = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
@@ -312,7 +315,7 @@ def _imus(log: Log, trim: Trim) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.
     return tuple(tracks), tuple(readings)
 
 
-def _healthy(log: Log, rows: Rows, name: str) -> Mask:
+def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
     """(N,) whether the autopilot itself takes gyro and accelerometer for good."""
     good = np.ones(len(rows.t_us), np.bool_)
     for column in ("GH", "AH"):
@@ -322,7 +325,7 @@ def _healthy(log: Log, rows: Rows, name: str) -> Mask:
     return good
 
 
-def _new_fields(log: Log) -> Iterator[Rows]:
+def _new_fields(log: DataflashRows) -> Iterator[Rows]:
     """The fields that a compass measured, each once, as the autopilot uses them, in milligauss.
 
     Offsets, scale and motor compensation are in them already (`Compass::get_field`); OfsX and the
@@ -337,7 +340,7 @@ def _new_fields(log: Log) -> Iterator[Rows]:
         yield rows.where(good)
 
 
-def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+def _compass_tracks(log: DataflashRows) -> Iterator[CompassTrack]:
     """What a calibration asks for: the fields in the axes of the board, and what is in them."""
     for rows in _new_fields(log):
         values = rows.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
@@ -358,7 +361,7 @@ def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
     return np.full((len(rows.t_us), len(names)), np.nan)
 
 
-def _compasses(log: Log, trim: Trim) -> dict[int, Fields]:
+def _compasses(log: DataflashRows, trim: Trim) -> dict[int, Fields]:
     """By number, in the axes of the body."""
     found = {}
     for new in _new_fields(log):
@@ -369,7 +372,7 @@ def _compasses(log: Log, trim: Trim) -> dict[int, Fields]:
     return found
 
 
-def _bursts(log: Log) -> tuple[Burst, ...]:
+def _bursts(log: DataflashRows) -> tuple[Burst, ...]:
     """Values at the sensor's own rate: batches, and raw rows."""
     found = [*_batches(log)]
     for name, sensor, columns in (
@@ -387,7 +390,7 @@ def _bursts(log: Log) -> tuple[Burst, ...]:
     return tuple(found[:MOST_BURSTS])
 
 
-def _raw(log: Log, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
+def _raw(log: DataflashRows, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
     """Rows without pauses between them."""
     stamps = rows.table.integers("SampleUS") if "SampleUS" in rows.table else rows.t_us
     steps = np.diff(stamps)
@@ -402,7 +405,7 @@ def _raw(log: Log, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
             yield Burst(rows.number, sensor, float(rows.t_s[first]), rate_hz, part)
 
 
-def _batches(log: Log) -> Iterator[Burst]:
+def _batches(log: DataflashRows) -> Iterator[Burst]:
     """ISBH tells of a batch, and the rows of ISBD with its number hold 32 values each."""
     heads = log.find("ISBH", "N", "type", "instance", "mul", "smp_cnt", "smp_rate")
     data = log.find("ISBD", "N", "seqno", "x", "y", "z")
@@ -423,7 +426,7 @@ def _batches(log: Log) -> Iterator[Burst]:
 # --- position and time ------------------------------------------------------------------------
 
 
-def _gps(log: Log) -> tuple[tuple[GpsTrack, ...], Times, int]:
+def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
     """Receivers; times at which the one measured that is used, and its number."""
     accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
     tracks, stamps, uses = [], {}, {}
@@ -482,7 +485,7 @@ def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
     return track, stamp_us
 
 
-def _start_unix_s(log: Log) -> float | None:
+def _start_unix_s(log: DataflashRows) -> float | None:
     """From the receiver's week and its time in it, at the first fix."""
     for week, time_ms in (("GWk", "GMS"), ("Week", "TimeMS")):
         rows = log.find("GPS", "Status", week, time_ms)
@@ -497,7 +500,7 @@ def _start_unix_s(log: Log) -> float | None:
     return None
 
 
-def _origin(log: Log) -> Place | None:
+def _origin(log: DataflashRows) -> Place | None:
     rows = log.find("ORGN", "Lat", "Lng", "Alt")
     if rows is None:
         return None
@@ -506,7 +509,7 @@ def _origin(log: Log) -> Place | None:
     return Place(latitude, longitude, altitude) if on_earth else None
 
 
-def _airspeed(log: Log) -> Series | None:
+def _airspeed(log: DataflashRows) -> Series | None:
     for name in ("ARSP", "ASP"):
         for rows in log.instances(name, "Airspeed"):
             values = rows.table.numbers("Airspeed")
@@ -521,7 +524,9 @@ def _airspeed(log: Log) -> Series | None:
 # --- attitudes ----------------------------------------------------------------------------------
 
 
-def _attitudes(log: Log, parameters: dict[str, float], trim: Trim) -> tuple[AttitudeTrack, ...]:
+def _attitudes(
+    log: DataflashRows, parameters: dict[str, float], trim: Trim
+) -> tuple[AttitudeTrack, ...]:
     """What it flew by, the second one, and every core of its estimators."""
     found = [_angles(_flown_by(parameters), log.find("ATT", *ANGLES))]
     for name, sources in CORES.items():
@@ -540,7 +545,7 @@ def _flown_by(parameters: dict[str, float]) -> str:
 
 
 def _cores(
-    log: Log, name: str, sources: tuple[Source, ...], trim: Trim
+    log: DataflashRows, name: str, sources: tuple[Source, ...], trim: Trim
 ) -> list[AttitudeTrack | None]:
     """The cores of an estimator, from the first message that tells them."""
     for message, columns, others in sources:
@@ -574,7 +579,7 @@ def _quaternions(name: str, rows: Rows, trim: Trim = NO_TRIM) -> AttitudeTrack:
     return AttitudeTrack(name, rows.t_s[good], trim.attitudes(q_nb[good] / norms[good, None]))
 
 
-def _truth(log: Log) -> AttitudeTrack | None:
+def _truth(log: DataflashRows) -> AttitudeTrack | None:
     """The simulator's."""
     rows = log.find("SIM", *QUATERNION)
     if rows is not None:
@@ -582,7 +587,7 @@ def _truth(log: Log) -> AttitudeTrack | None:
     return _angles("truth", log.find("SIM", *ANGLES))
 
 
-def _primary(log: Log) -> tuple[Span, ...]:
+def _primary(log: DataflashRows) -> tuple[Span, ...]:
     """Which core was in use, by the first core that says so."""
     for message, name in (("XKF4", "EKF3"), ("NKF4", "EKF2")):
         for rows in log.instances(message, "PI"):
@@ -595,7 +600,7 @@ def _primary(log: Log) -> tuple[Span, ...]:
 # --- the vehicle --------------------------------------------------------------------------------
 
 
-def _settings(log: Log) -> tuple[Setting, ...]:
+def _settings(log: DataflashRows) -> tuple[Setting, ...]:
     rows = log.told("PARM", "Name", "Value")
     if rows is None:
         return ()
@@ -609,12 +614,14 @@ def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
     return {setting.name: setting.value for setting in reversed(settings)}
 
 
-def _times_of(log: Log, settings: tuple[Setting, ...]) -> Iterator[tuple[float, str, float]]:
+def _times_of(
+    log: DataflashRows, settings: tuple[Setting, ...]
+) -> Iterator[tuple[float, str, float]]:
     start_us = log.clock.start_us
     return ((1e-6 * (t_us - start_us), name, value) for t_us, name, value in settings)
 
 
-def _said(log: Log) -> tuple[Said, ...]:
+def _said(log: DataflashRows) -> tuple[Said, ...]:
     """Texts and errors; the log does not say how severe they are."""
     said = []
     rows = log.told("MSG", "Message")
@@ -624,7 +631,7 @@ def _said(log: Log) -> tuple[Said, ...]:
     return tuple(sorted(said + _errors(log, said), key=lambda one: one.t_s))
 
 
-def _errors(log: Log, said: list[Said]) -> list[Said]:
+def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
     """What ERR tells by numbers, where the autopilot did not say it in words as well."""
     rows = log.told("ERR", "Subsys", "ECode")
     if rows is None:
@@ -641,7 +648,7 @@ def _errors(log: Log, said: list[Said]) -> list[Said]:
     ]
 
 
-def _firmware(log: Log, said: tuple[Said, ...]) -> str:
+def _firmware(log: DataflashRows, said: tuple[Said, ...]) -> str:
     """Such as ``ArduCopter V4.0.4 (93ffdf4b)``."""
     rows = log.told("VER", "FWS")
     if rows is not None:
@@ -667,7 +674,7 @@ def _vehicle_type(kind: Kind, parameters: dict[str, float]) -> int:
     return int(COPTERS.get(int(parameters.get("FRAME_CLASS", 0.0)), kind.vehicle_type))
 
 
-def _modes(log: Log, kind: Kind) -> tuple[Span, ...]:
+def _modes(log: DataflashRows, kind: Kind) -> tuple[Span, ...]:
     rows = log.told("MODE", "Mode")
     if rows is None:
         return ()
@@ -679,7 +686,7 @@ def _modes(log: Log, kind: Kind) -> tuple[Span, ...]:
     return spans(rows.t_s.tolist(), names, log.duration_s)
 
 
-def _armed(log: Log) -> tuple[Span, ...] | None:
+def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
     """While it was armed; None where nothing says so."""
     changes: list[tuple[float, bool]] = []
     rows = log.told("ARM", "ArmState")
@@ -696,7 +703,7 @@ def _armed(log: Log) -> tuple[Span, ...] | None:
     return spans([t_s for t_s, _ in changes], names, log.duration_s)
 
 
-def _airborne(log: Log) -> Series | None:
+def _airborne(log: DataflashRows) -> Series | None:
     """1 while a copter has left the ground."""
     changes = _changes(log, NOT_LANDED, LAND_COMPLETE)
     if not changes:
@@ -706,7 +713,7 @@ def _airborne(log: Log) -> Series | None:
     return Series(np.array(t_s), np.array(flies, np.float64))
 
 
-def _changes(log: Log, begins: int, ends: int) -> list[tuple[float, bool]]:
+def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bool]]:
     """When something began (True) and ended (False), by the events of the log."""
     found = []
     for number, is_begin in ((begins, True), (ends, False)):
@@ -717,7 +724,7 @@ def _changes(log: Log, begins: int, ends: int) -> list[tuple[float, bool]]:
     return sorted(found)
 
 
-def _throttle(log: Log) -> Series | None:
+def _throttle(log: DataflashRows) -> Series | None:
     """0 to 1; it has been stored as a share, in percent and in thousandths."""
     for column in ("ThO", "ThrOut", "ThrO"):
         rows = log.find("CTUN", column)
@@ -731,7 +738,7 @@ def _throttle(log: Log) -> Series | None:
     return None
 
 
-def _current(log: Log) -> Series | None:
+def _current(log: DataflashRows) -> Series | None:
     """Of the first battery."""
     for name in ("BAT", "CURR"):
         for rows in log.instances(name, "Curr"):
@@ -743,7 +750,7 @@ def _current(log: Log) -> Series | None:
     return None
 
 
-def _wind(log: Log) -> Series | None:
+def _wind(log: DataflashRows) -> Series | None:
     """By the first core of the estimator."""
     for name in ("XKF2", "NKF2", "EKF2"):
         for rows in log.instances(name, "VWN", "VWE"):
@@ -753,7 +760,7 @@ def _wind(log: Log) -> Series | None:
     return None
 
 
-def _missing(log: Log, context: Context, *, has_armed: bool) -> tuple[str, ...]:
+def _missing(log: DataflashRows, context: Context, *, has_armed: bool) -> tuple[str, ...]:
     """What would have made a better review."""
     lacks = {
         "no row of the log has a time": not log.clock.end_us,

@@ -22,7 +22,8 @@ from h2nav.recordings.context import (
     VibrationTrack,
 )
 from h2nav.recordings.dataflash_errors import said_of_error, subsystem_of
-from h2nav.recordings.dataflash_rows import Log, Rows
+from h2nav.recordings.dataflash_rows import DataflashRows
+from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.motor_outputs import ardupilot_channels, ardupilot_range, motors_of
 from h2nav.wire.imu import MOST_IMUS
 
@@ -60,7 +61,7 @@ OCCURRENCES = {
 }
 
 
-def demand(log: Log) -> Series | None:
+def demand(log: DataflashRows) -> Series | None:
     """Roll, pitch and heading that the controllers were asked for."""
     rows = log.find("ATT", "DesRoll", "DesPitch")
     if rows is None:
@@ -72,7 +73,7 @@ def demand(log: Log) -> Series | None:
     return Series(rows.t_s, values)
 
 
-def demanded_rates(log: Log) -> Series | None:
+def demanded_rates(log: DataflashRows) -> Series | None:
     """Body rates that the controllers were asked for."""
     for columns in (("RDes", "PDes", "YDes"), ("RllDes", "PitDes", "YawDes")):
         rows = log.find("RATE", *columns)
@@ -81,7 +82,7 @@ def demanded_rates(log: Log) -> Series | None:
     return None
 
 
-def motors(log: Log, parameters: Mapping[str, float], vehicle_type: int) -> Motors | None:
+def motors(log: DataflashRows, parameters: Mapping[str, float], vehicle_type: int) -> Motors | None:
     """Outputs to the motors of a multirotor.
 
     Args:
@@ -100,13 +101,13 @@ def motors(log: Log, parameters: Mapping[str, float], vehicle_type: int) -> Moto
     return None
 
 
-def height(log: Log, column: str) -> Series | None:
+def height(log: DataflashRows, column: str) -> Series | None:
     """Of CTUN: ``Alt`` as it is estimated, ``DAlt`` as it is asked for; m."""
     rows = log.find("CTUN", column)
     return None if rows is None else _heights(rows, column)
 
 
-def climb(log: Log) -> Series | None:
+def climb(log: DataflashRows) -> Series | None:
     """Positive up; until 2017 centimetres a second."""
     rows = log.find("CTUN", "CRt")
     if rows is None:
@@ -116,7 +117,7 @@ def climb(log: Log) -> Series | None:
     return Series(rows.t_s, values * 0.01 if is_whole else values)
 
 
-def baro_height(log: Log) -> Series | None:
+def baro_height(log: DataflashRows) -> Series | None:
     """Of the first barometer."""
     for rows in log.instances("BARO", "Alt"):
         return _heights(rows, "Alt")
@@ -130,7 +131,7 @@ def _heights(rows: Rows, column: str) -> Series:
     return Series(rows.t_s[good], values[good])
 
 
-def batteries(log: Log) -> tuple[Battery, ...]:
+def batteries(log: DataflashRows) -> tuple[Battery, ...]:
     """BAT, and CURR of until 2018."""
     for name in ("BAT", "CURR"):
         found = [_battery(rows) for rows in log.instances(name, "Volt")]
@@ -156,7 +157,7 @@ def _hundredths(rows: Rows, column: str) -> np.ndarray:
     return table.numbers(column) * unit
 
 
-def board(log: Log) -> Series | None:
+def board(log: DataflashRows) -> Series | None:
     """Supply of the autopilot; it has been stored as volts and as millivolts."""
     for name in ("POWR", "CURR"):
         rows = log.find(name, "Vcc")
@@ -170,7 +171,7 @@ def board(log: Log) -> Series | None:
     return None
 
 
-def vibrations(log: Log) -> tuple[VibrationTrack, ...]:
+def vibrations(log: DataflashRows) -> tuple[VibrationTrack, ...]:
     """VIBE: of each IMU; until 2020 of one, with the clips of all."""
     axes = ("VibeX", "VibeY", "VibeZ")
     found = [
@@ -191,7 +192,7 @@ def vibrations(log: Log) -> tuple[VibrationTrack, ...]:
     )
 
 
-def escs(log: Log) -> tuple[Esc, ...]:
+def escs(log: DataflashRows) -> tuple[Esc, ...]:
     """Telemetry of the motors' controllers; until 2020 a message for each."""
     numbered = ((i, log.find(f"ESC{i}", "RPM")) for i in range(1, MOST_OUTPUTS + 1))
     found = [(i, rows) for i, rows in numbered if rows is not None]
@@ -207,7 +208,7 @@ def _esc(number: int, rows: Rows) -> Esc:
     return Esc(number, rows.t_s, *columns)
 
 
-def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
+def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
     """MAG of each compass."""
     axes = ("MagX", "MagY", "MagZ")
     return tuple(
@@ -216,7 +217,7 @@ def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, .
     )
 
 
-def faults(log: Log) -> tuple[Fault, ...]:
+def faults(log: DataflashRows) -> tuple[Fault, ...]:
     """ERR, all subsystems."""
     rows = log.told("ERR", "Subsys", "ECode")
     if rows is None:
@@ -230,7 +231,7 @@ def faults(log: Log) -> tuple[Fault, ...]:
     )
 
 
-def occurrences(log: Log) -> tuple[Occurrence, ...]:
+def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
     """EV, with those of no name left out."""
     rows = log.told("EV", "Id")
     if rows is None:

@@ -11,6 +11,7 @@ from h2nav.wire.imu import (
     CLIPPED_RATE_RAD_S,
     LARGEST_FORCE_M_S2,
     LARGEST_RATE_RAD_S,
+    Ages,
 )
 
 Times = NDArray[np.int64]
@@ -84,6 +85,7 @@ class Readings(NamedTuple):
         f_b: (N, 3) m/s^2.
         m_b_ut: (N, 3) microtesla; NaN where a sample has no new field.
         clipped: (N,) a value stands at the end of a usual sensor's range.
+        ages: of the values at their times, where the log shows them.
     """
 
     imu: int
@@ -92,6 +94,7 @@ class Readings(NamedTuple):
     f_b: Array
     m_b_ut: Array
     clipped: Mask
+    ages: Ages | None = None
 
 
 def track_of(
@@ -131,6 +134,16 @@ def can_be_fields(m_b_ut: Array) -> Mask:
     return np.asarray(good, np.bool_)
 
 
+def field_age_s(t_us: Times, fields: Fields | None) -> float | None:
+    """The usual age of a field when a sample brings it; None where none does."""
+    if fields is None or not len(t_us):
+        return None
+    place = np.searchsorted(t_us, fields.t_us)
+    waits_us = t_us[np.minimum(place, len(t_us) - 1)] - fields.t_us
+    waits_us = waits_us[(waits_us >= 0) & (waits_us <= FIELD_WAITS_US)]
+    return float(np.median(waits_us)) * 1e-6 if len(waits_us) else None
+
+
 def with_fields(t_us: Times, fields: Fields | None) -> Array:
     """(N, 3) the field that each sample brings: one that was measured since the one before it."""
     found = np.full((len(t_us), 3), np.nan)
@@ -144,13 +157,21 @@ def with_fields(t_us: Times, fields: Fields | None) -> Array:
     return found
 
 
-def readings_of(imu: int, samples: Samples, fields: Fields | None) -> Readings:
+def readings_of(
+    imu: int, samples: Samples, fields: Fields | None, rates_age_s: float | None = None
+) -> Readings:
     """What the service is told, at most about 200 times a second.
+
+    Args:
+        imu: its number, from 0.
+        samples: of the log.
+        fields: of the compass whose field they carry.
+        rates_age_s: age of rates and forces at the samples' times; None = not shown by the log, so
+            that what the service knows of the autopilot holds, of the fields as well.
 
     Where there are more samples, it is told their means: of rates and forces, which is what a
     filter takes a sample for, and of their times. With the time of the last one the mean would be
-    older than a single value; with their mean time it is exactly as old, and what
-    `service.sensor_delays` knows of the autopilot holds.
+    older than a single value; with their mean time it is exactly as old.
     """
     size = np.ceil(samples.rate_hz / THINNED_HZ) if samples.rate_hz > FASTEST_HZ else 1
     large_rate = np.abs(samples.w_b) >= CLIPPED_RATE_RAD_S
@@ -165,7 +186,11 @@ def readings_of(imu: int, samples: Samples, fields: Fields | None) -> Readings:
         f_b = np.add.reduceat(samples.f_b, starts) / counts[:, None]
         samples = Samples(t_us, w_b, f_b)
         clipped = np.logical_or.reduceat(clipped, starts)
-    return Readings(imu, *samples, with_fields(samples.t_us, fields), np.asarray(clipped, np.bool_))
+    ages = None
+    if rates_age_s is not None:
+        ages = Ages(rates_age_s, field_age_s(samples.t_us, fields))
+    field = with_fields(samples.t_us, fields)
+    return Readings(imu, *samples, field, np.asarray(clipped, np.bool_), ages)
 
 
 def _groups(samples: Samples, size: int) -> NDArray[np.intp]:

@@ -41,10 +41,10 @@ from h2nav.recordings.context import (
 from h2nav.recordings.dataflash_controls import changes
 from h2nav.recordings.imu_series import Fields, Samples, Times
 from h2nav.recordings.log_clock import in_order
+from h2nav.recordings.log_rows import FIX_AGE_US, MOST_INSTANCES, Rows
 from h2nav.recordings.spans import spans
-from h2nav.recordings.ulog_rows import FIX_AGE_US, MOST_INSTANCES, Log, Rows
+from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
-from h2nav.service.sensor_delays import PX4_FIELD_S, PX4_RATES_S
 from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
 from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
@@ -122,7 +122,7 @@ def open_ulog(path: Path) -> ULog:
 
 def recorded(file: ULogFile) -> Recorded:
     """What a file says."""
-    log = Log(file)
+    log = ULogRows(file)
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
     vehicle_type = _vehicle_type(log, parameters)
@@ -207,7 +207,7 @@ class Means(NamedTuple):
     length_us: Array
 
 
-def _imus(log: Log) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
+def _imus(log: ULogRows) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
     compasses = _compasses(log)
     tracks, readings = [], []
     for imu, source, every, lengths_us in _means(log):
@@ -222,27 +222,13 @@ def _imus(log: Log) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ..
         tracks.append(imu_series.track_of(imu, source, t_s, samples, own))
         if samples.rate_hz >= imu_series.LEAST_HZ:
             lent = own if own is not None else compasses.get(0)
-            readings.append(imu_series.readings_of(imu, *_as_sent(samples, length_us, lent)))
+            # A mean over the time before its stamp is as old as half of that.
+            age_s = 0.5e-6 * float(np.median(length_us))
+            readings.append(imu_series.readings_of(imu, samples, lent, age_s))
     return tuple(tracks), tuple(readings)
 
 
-def _as_sent(
-    samples: Samples, length_us: Array, fields: Fields | None
-) -> tuple[Samples, Fields | None]:
-    """Samples and fields as late as the service takes those of PX4's messages for.
-
-    A log says when each value was true, and the service subtracts the ages that
-    `service.sensor_delays` knows. So the stamps are those with these ages, whatever the rate at
-    which this autopilot integrates.
-    """
-    late_us = np.round(1e6 * PX4_RATES_S - 0.5 * length_us).astype(np.int64)
-    t_us = np.maximum.accumulate(samples.t_us + late_us)
-    if fields is not None:
-        fields = Fields(fields.t_us + round(1e6 * PX4_FIELD_S), fields.m_b_ut)
-    return Samples(t_us, samples.w_b, samples.f_b), fields
-
-
-def _means(log: Log) -> list[Means]:
+def _means(log: ULogRows) -> list[Means]:
     """Of every IMU, by the first topic that tells them often enough."""
     choices = (
         [_delta(rows) for rows in log.instances("vehicle_imu", *DELTAS, "delta_angle_dt")],
@@ -274,7 +260,7 @@ def _delta(rows: Rows) -> Means:
     return Means(rows.number, "vehicle_imu", samples, _length(angle_us))
 
 
-def _combined(log: Log) -> list[Means]:
+def _combined(log: ULogRows) -> list[Means]:
     """sensor_combined: the IMU that is in use; its times of integration were seconds once."""
     gyro, force = _axes("gyro_rad"), _axes("accelerometer_m_s2")
     rows = log.find("sensor_combined", *gyro, *force)
@@ -289,7 +275,7 @@ def _combined(log: Log) -> list[Means]:
     return [Means(0, "sensor_combined", samples, length_us)]
 
 
-def _single_sensors(log: Log) -> list[Means]:
+def _single_sensors(log: ULogRows) -> list[Means]:
     """sensor_gyro and sensor_accel of the same number, with the newest force at each rate."""
     found = []
     for gyro in log.instances("sensor_gyro", "x", "y", "z"):
@@ -315,13 +301,13 @@ def _axes(name: str) -> tuple[str, ...]:
     return tuple(f"{name}[{axis}]" for axis in range(3))
 
 
-def _hides_imus(log: Log, context: Context) -> bool:
+def _hides_imus(log: ULogRows, context: Context) -> bool:
     """Whether there is a second IMU of which too few samples were logged."""
     others = [rows.number for rows in log.instances("vehicle_imu", "delta_angle_dt")]
     return len(others) > 1 and [track.source for track in context.imus] == ["sensor_combined"]
 
 
-def _compasses(log: Log) -> dict[int, Fields]:
+def _compasses(log: ULogRows) -> dict[int, Fields]:
     """By number: calibrated fields; those of sensor_mag are not, and of no use."""
     found = {}
     field = _axes("magnetometer_ga")
@@ -340,7 +326,7 @@ def _compasses(log: Log) -> dict[int, Fields]:
     return {number: fields for number, fields in found.items() if len(fields.t_us)}
 
 
-def _compass_tracks(log: Log) -> Iterator[CompassTrack]:
+def _compass_tracks(log: ULogRows) -> Iterator[CompassTrack]:
     """What a calibration asks for; which compass it is stands beside its values."""
     field = _axes("magnetometer_ga")
     for rows in log.instances("vehicle_magnetometer", *field):
@@ -364,7 +350,7 @@ def _fields(t_us: Times, gauss: Array) -> Fields:
     return imu_series.usable_fields(Fields(t_us[in_time], gauss[in_time] * UT_PER_GAUSS))
 
 
-def _bursts(log: Log) -> tuple[Burst, ...]:
+def _bursts(log: ULogRows) -> tuple[Burst, ...]:
     """What the sensors' own buffers held: up to 32 raw values per message, of about 1 ms each."""
     found: list[Burst] = []
     for topic, sensor in (
@@ -376,7 +362,7 @@ def _bursts(log: Log) -> tuple[Burst, ...]:
     return tuple(found[:MOST_BURSTS])
 
 
-def _fifo(log: Log, rows: Rows, sensor: str) -> Iterator[Burst]:
+def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
     """Messages that follow each other without a gap are one burst."""
     table = rows.table
     size = min(FIFO_VALUES, sum(f"x[{number}]" in table for number in range(FIFO_VALUES)))
@@ -403,7 +389,7 @@ def _fifo(log: Log, rows: Rows, sensor: str) -> Iterator[Burst]:
 # --- position and time ------------------------------------------------------------------------
 
 
-def _gps(log: Log) -> tuple[tuple[GpsTrack, ...], Times, int]:
+def _gps(log: ULogRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
     """Receivers; times at which the one measured that is used, and its number."""
     velocity = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     # sensor_gps has one instance per receiver; vehicle_gps_position is what is flown by, and was
@@ -455,7 +441,7 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
     )
 
 
-def _start_unix_s(log: Log) -> float | None:
+def _start_unix_s(log: ULogRows) -> float | None:
     """By the receiver's date."""
     for topic in ("sensor_gps", "vehicle_gps_position"):
         for rows in log.instances(topic, "time_utc_usec"):
@@ -466,7 +452,7 @@ def _start_unix_s(log: Log) -> float | None:
     return None
 
 
-def _airspeed(log: Log) -> Series | None:
+def _airspeed(log: ULogRows) -> Series | None:
     found = log.first(
         ("airspeed_validated", "true_airspeed_m_s"),
         ("airspeed", "true_airspeed_m_s"),
@@ -485,7 +471,7 @@ def _series(rows: Rows, column: str) -> Series:
 # --- attitudes --------------------------------------------------------------------------------
 
 
-def _attitudes(log: Log, parameters: dict[str, float]) -> tuple[AttitudeTrack, ...]:
+def _attitudes(log: ULogRows, parameters: dict[str, float]) -> tuple[AttitudeTrack, ...]:
     """What it flew by, and every instance of its estimator."""
     chosen = parameters.get("SYS_MC_EST_GROUP", EKF2_GROUP)
     name = "EKF2" if chosen == EKF2_GROUP else "attitude_estimator_q"
@@ -514,7 +500,7 @@ def log_time(rows: Rows, t_us: Times) -> Array:
     return np.asarray(np.maximum(rows.t_s - (rows.t_us - t_us) * 1e-6, 0.0))
 
 
-def _primary(log: Log) -> tuple[Span, ...]:
+def _primary(log: ULogRows) -> tuple[Span, ...]:
     """Which instance of the estimator was in use."""
     rows = log.find("estimator_selector_status", "primary_instance")
     if rows is None:
@@ -527,7 +513,7 @@ def _primary(log: Log) -> tuple[Span, ...]:
 # --- the vehicle ------------------------------------------------------------------------------
 
 
-def _settings(log: Log) -> tuple[Setting, ...]:
+def _settings(log: ULogRows) -> tuple[Setting, ...]:
     """Parameters; a change has the time of the data around it."""
     told = log.file.parameters
     times = log.clock.at(np.array([place for place, _, _ in told], np.int64)).tolist()
@@ -536,7 +522,7 @@ def _settings(log: Log) -> tuple[Setting, ...]:
     )
 
 
-def _vehicle_type(log: Log, parameters: dict[str, float]) -> int:
+def _vehicle_type(log: ULogRows, parameters: dict[str, float]) -> int:
     """MAV_TYPE: by the parameter, by the status of old logs, else of the same class."""
     for value in (parameters.get("MAV_TYPE"), _usual(log, "system_type")):
         if value in mavlink.enums["MAV_TYPE"] and value:
@@ -544,7 +530,7 @@ def _vehicle_type(log: Log, parameters: dict[str, float]) -> int:
     return int(VEHICLE_TYPES.get(_usual(log, "vehicle_type"), mavlink.MAV_TYPE_GENERIC))
 
 
-def _usual(log: Log, column: str) -> int:
+def _usual(log: ULogRows, column: str) -> int:
     """The most frequent value in vehicle_status; 0 where there is none."""
     rows = log.find("vehicle_status", column)
     return (
@@ -552,7 +538,7 @@ def _usual(log: Log, column: str) -> int:
     )
 
 
-def _firmware(log: Log) -> str:
+def _firmware(log: ULogRows) -> str:
     """Such as ``PX4 v1.14.3``: four bytes, of which the last one tells releases from others."""
     info = log.file.info
     name, release = info.get("sys_name", ""), info.get("ver_sw_release", 0.0)
@@ -564,7 +550,7 @@ def _firmware(log: Log) -> str:
     return f"{name} {version}".strip()
 
 
-def _modes(log: Log) -> tuple[Span, ...]:
+def _modes(log: ULogRows) -> tuple[Span, ...]:
     rows = log.find("vehicle_status", "nav_state")
     if rows is None:
         return ()
@@ -573,7 +559,7 @@ def _modes(log: Log) -> tuple[Span, ...]:
     return spans(rows.t_s.tolist(), names, log.duration_s)
 
 
-def _armed(log: Log) -> tuple[Span, ...] | None:
+def _armed(log: ULogRows) -> tuple[Span, ...] | None:
     """While it was armed; None where nothing says so."""
     rows = log.find("vehicle_status", "arming_state")
     if rows is not None:
@@ -587,14 +573,14 @@ def _armed(log: Log) -> tuple[Span, ...] | None:
     return spans(rows.t_s.tolist(), names, log.duration_s)
 
 
-def _airborne(log: Log) -> Series | None:
+def _airborne(log: ULogRows) -> Series | None:
     rows = log.find("vehicle_land_detected", "landed")
     if rows is None:
         return None
     return Series(rows.t_s, (rows.table.integers("landed") == 0).astype(np.float64))
 
 
-def _said(log: Log) -> tuple[Said, ...]:
+def _said(log: ULogRows) -> tuple[Said, ...]:
     clock = log.clock
     texts = sorted(
         (min(max(said.t_us, clock.start_us), clock.end_us), number, said)
@@ -606,7 +592,7 @@ def _said(log: Log) -> tuple[Said, ...]:
     )
 
 
-def _throttle(log: Log) -> Series | None:
+def _throttle(log: ULogRows) -> Series | None:
     """0 to 1: what the controller asks for; else the mean of the motors."""
     found = log.first(
         ("vehicle_thrust_setpoint", "xyz[2]"),
@@ -620,12 +606,12 @@ def _throttle(log: Log) -> Series | None:
     return series._replace(values=np.abs(series.values))
 
 
-def _current(log: Log) -> Series | None:
+def _current(log: ULogRows) -> Series | None:
     found = log.first(("battery_status", "current_a"))
     return None if found is None else _series(*found)
 
 
-def _wind(log: Log) -> Series | None:
+def _wind(log: ULogRows) -> Series | None:
     """Where the air moves to."""
     for topic in ("wind", "wind_estimate", "estimator_wind"):
         rows = log.find(topic, "windspeed_north", "windspeed_east")

@@ -18,9 +18,10 @@ from h2nav.recordings.context import (
     Series,
     VibrationTrack,
 )
+from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.motor_outputs import MULTIROTORS, motors_of, px4_channels
 from h2nav.recordings.rotations import roll_pitch_heading
-from h2nav.recordings.ulog_rows import Log, Rows
+from h2nav.recordings.ulog_rows import ULogRows
 
 MOST_OUTPUTS, MOST_ESCS = 16, 8
 LEAST_US, MOST_US = 1000.0, 2000.0
@@ -44,7 +45,7 @@ FAILURES = {
 }
 
 
-def demand(log: Log) -> Series | None:
+def demand(log: ULogRows) -> Series | None:
     """Roll, pitch and heading that the controllers were asked for."""
     columns = tuple(f"q_d[{i}]" for i in range(4))
     rows = log.find("vehicle_attitude_setpoint", *columns)
@@ -58,14 +59,14 @@ def demand(log: Log) -> Series | None:
     return None if rows is None else Series(rows.t_s, rows.table.numbers(*angles))
 
 
-def demanded_rates(log: Log) -> Series | None:
+def demanded_rates(log: ULogRows) -> Series | None:
     """Body rates that the controllers were asked for."""
     axes = ("roll", "pitch", "yaw")
     rows = log.find("vehicle_rates_setpoint", *axes)
     return None if rows is None else Series(rows.t_s, rows.table.numbers(*axes))
 
 
-def motors(log: Log, parameters: Mapping[str, float], vehicle_type: int) -> Motors | None:
+def motors(log: ULogRows, parameters: Mapping[str, float], vehicle_type: int) -> Motors | None:
     """Outputs to the motors of a multirotor, since 1.13 as shares."""
     if vehicle_type not in MULTIROTORS:
         return None
@@ -88,19 +89,19 @@ def motors(log: Log, parameters: Mapping[str, float], vehicle_type: int) -> Moto
     return motors_of(channels, rows.t_s, rows.table.numbers(*names), (least, most))
 
 
-def local_position(log: Log, column: str, sign: float) -> Series | None:
+def local_position(log: ULogRows, column: str, sign: float) -> Series | None:
     """A column of the estimated position and velocity, NED."""
     rows = log.find("vehicle_local_position", column)
     return None if rows is None else _finite(rows, sign * rows.table.numbers(column))
 
 
-def height_demand(log: Log) -> Series | None:
+def height_demand(log: ULogRows) -> Series | None:
     """Above the origin of the estimator; NaN where only a velocity is asked for."""
     rows = log.find("vehicle_local_position_setpoint", "z")
     return None if rows is None else _finite(rows, -rows.table.numbers("z"))
 
 
-def baro_height(log: Log) -> Series | None:
+def baro_height(log: ULogRows) -> Series | None:
     """Above mean sea level in the standard atmosphere."""
     for topic, column in (
         ("vehicle_air_data", "baro_alt_meter"),
@@ -112,7 +113,7 @@ def baro_height(log: Log) -> Series | None:
     return None
 
 
-def batteries(log: Log) -> tuple[Battery, ...]:
+def batteries(log: ULogRows) -> tuple[Battery, ...]:
     """Those that are connected."""
     return tuple(
         Battery(
@@ -127,13 +128,13 @@ def batteries(log: Log) -> tuple[Battery, ...]:
     )
 
 
-def board(log: Log) -> Series | None:
+def board(log: ULogRows) -> Series | None:
     """Supply of the autopilot."""
     rows = log.find("system_power", "voltage5v_v")
     return None if rows is None else _finite(rows, rows.table.numbers("voltage5v_v"))
 
 
-def vibrations(log: Log) -> tuple[VibrationTrack, ...]:
+def vibrations(log: ULogRows) -> tuple[VibrationTrack, ...]:
     """vehicle_imu_status since 1.12."""
     clips = tuple(f"accel_clipping[{axis}]" for axis in range(3))
     return tuple(
@@ -147,7 +148,7 @@ def vibrations(log: Log) -> tuple[VibrationTrack, ...]:
     )
 
 
-def escs(log: Log) -> tuple[Esc, ...]:
+def escs(log: ULogRows) -> tuple[Esc, ...]:
     """Telemetry of the motors' controllers."""
     found = []
     for number in range(MOST_ESCS):
@@ -159,7 +160,7 @@ def escs(log: Log) -> tuple[Esc, ...]:
     return tuple(found)
 
 
-def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
+def compasses(log: ULogRows, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
     """vehicle_magnetometer of each instance."""
     axes = tuple(f"magnetometer_ga[{axis}]" for axis in range(3))
     return tuple(
@@ -168,7 +169,7 @@ def compasses(log: Log, parameters: Mapping[str, float]) -> tuple[CompassRows, .
     )
 
 
-def faults(log: Log) -> tuple[Fault, ...]:
+def faults(log: ULogRows) -> tuple[Fault, ...]:
     """Failsafes, failures that were detected, and the battery's warnings, as they begin and end."""
     found = []
     rows = log.find("vehicle_status", "failsafe")

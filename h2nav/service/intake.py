@@ -134,7 +134,7 @@ class Intake:
         elif verdict is not Verdict.NEXT:
             return Arrived(verdict)
         self.newest_us, self._newest_ns = t_us, t_ns
-        _, w_b, f_b, m_b_ut, clipped, _ = self._fields.choose(
+        _, w_b, f_b, m_b_ut, clipped, _, _ = self._fields.choose(
             t_ns, IMU_MESSAGES[message_id], reading
         )
         return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))

@@ -32,7 +32,7 @@ from h2nav.service.sample_clock import Verdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import Trust
-from h2nav.wire.imu import ImuMessage, ImuReading
+from h2nav.wire.imu import Ages, ImuMessage, ImuReading
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
@@ -249,10 +249,10 @@ class Lane:
                 self._trust.refuse(t_ns, verdict.value)
             return NO_STEP
         if verdict not in NEW_EPOCHS:
-            return self._step(t_ns, sample, None)
+            return self._step(t_ns, sample, reading.ages, None)
         self._event = verdict
         self._begin_epoch()
-        return self._step(t_ns, sample, verdict)
+        return self._step(t_ns, sample, reading.ages, verdict)
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a reading that cannot be used."""
@@ -355,7 +355,7 @@ class Lane:
         self._intake.restart()
         self._begin_epoch()
 
-    def _step(self, t_ns: int, sample: ImuSample, event: Verdict | None) -> Step:
+    def _step(self, t_ns: int, sample: ImuSample, ages: Ages | None, event: Verdict | None) -> Step:
         self.newest = sample
         use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
         if use is Use.NONE:
@@ -372,7 +372,7 @@ class Lane:
         has_field = not self._monitor.field_is_frozen and not self.compass_is_wrong
         if use is not Use.ALL or is_at_end or not has_field:
             sample = _usable(sample, use, is_at_end=is_at_end, has_field=has_field)
-        if self.timing.sampled(sample.t_us, field_is_raw=self._intake.field_is_raw):
+        if self.timing.sampled(sample.t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
             self._filter.use_delays(self.timing.delays)
             self._monitor.use_delays(self.timing.delays)
         try:

@@ -1,5 +1,7 @@
 """How old the sensors' values are when their messages claim that they are new, per autopilot.
 
+Samples of a log that shows their ages carry them; of all others only the make is known:
+
 | autopilot | rates and forces | field |
 |---|---|---|
 | ArduPilot | Butterworth low-pass of INS_GYRO_FILTER, Eq. (40): 11 ms at 20 Hz | mean of 100 ms |
@@ -13,13 +15,13 @@ Source: docs/filter.md Eq. (40), (41).
 """
 
 import math
-from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import SensorDelays
 from h2nav.service.autopilot import Identity
 from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.imu import Ages
 from h2nav.wire.vehicle import ParameterValue
 
 GYRO_FILTER = "INS_GYRO_FILTER"
@@ -44,18 +46,6 @@ PERIOD_SAMPLES = 50
 LEAST_CHANGE_S = 1e-4
 
 
-class Ages(NamedTuple):
-    """How old values are at the times that their messages claim, s; None = not known.
-
-    Attributes:
-        rates_s: rates and forces.
-        field_s: the field when it is new.
-    """
-
-    rates_s: float | None
-    field_s: float | None
-
-
 def butterworth_delay_s(cutoff_hz: float) -> float:
     """Group delay of a two-pole Butterworth low-pass at low frequencies.
 
@@ -78,6 +68,7 @@ class SensorTiming:
         self._filter_age_s: float | None = None
         self._newest_us: int | None = None
         self._period_s: float | None = None
+        self._shown: Ages | None = None  # by the latest sample itself
         self._ages: Ages | None = None  # as `sampled` has used them last
         self._field_is_raw = False
         self.delays = SensorDelays()
@@ -114,7 +105,7 @@ class SensorTiming:
         Args:
             field_is_raw: the fields in use are those that PX4's sensor gives.
         """
-        rates_s, field_s = self._known(field_is_raw)
+        rates_s, field_s = self._shown or self._known(field_is_raw)
         chosen = self._settings
         if not isinstance(chosen.gyro_delay_s, str):
             rates_s = chosen.gyro_delay_s
@@ -122,20 +113,22 @@ class SensorTiming:
             field_s = chosen.field_delay_s
         return Ages(rates_s, field_s)
 
-    def sampled(self, t_us: int, *, field_is_raw: bool) -> bool:
+    def sampled(self, t_us: int, *, field_is_raw: bool, ages: Ages | None = None) -> bool:
         """Follows the period of the samples; whether `delays` has changed.
 
         Args:
             t_us: time of a sample.
             field_is_raw: as in `ages`.
+            ages: that the sample itself carries.
 
         Source: docs/filter.md Eq. (41).
         """
         period_s = self._period_at(t_us)
         if period_s is None:
             return False
-        if field_is_raw != self._field_is_raw or self._ages is None:
-            self._ages, self._field_is_raw = self.ages(field_is_raw=field_is_raw), field_is_raw
+        if field_is_raw != self._field_is_raw or self._ages is None or ages is not self._shown:
+            self._shown, self._field_is_raw = ages, field_is_raw
+            self._ages = self.ages(field_is_raw=field_is_raw)
         rates_s, field_s = self._ages
         gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * period_s
         field_s = gyro_s if field_s is None else field_s

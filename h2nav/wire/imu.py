@@ -41,6 +41,18 @@ MOST_IMUS = 3
 RECORDED_IMU = 1 << 24
 
 
+class Ages(NamedTuple):
+    """How old values are at the times that their messages claim, s; None = not known.
+
+    Attributes:
+        rates_s: rates and forces.
+        field_s: the field when it is new.
+    """
+
+    rates_s: float | None
+    field_s: float | None
+
+
 class ImuReading(NamedTuple):
     """An IMU message in body SI units, before its time is unwrapped.
 
@@ -51,6 +63,7 @@ class ImuReading(NamedTuple):
         m_b_ut: magnetic field, microtesla; None where the message carries no field.
         clipped: a value stands at the end of its message's or of any usual sensor's range.
         imu: number of the IMU, from 0, where the message says it; None where its name does.
+        ages: of the values, where the recording shows them; None where only their kind is known.
     """
 
     time: int
@@ -59,6 +72,7 @@ class ImuReading(NamedTuple):
     m_b_ut: Vec3 | None
     clipped: bool
     imu: int | None = None
+    ages: Ages | None = None
 
     def at(self, t_us: int) -> ImuSample:
         """The sample at its unwrapped time."""

@@ -371,10 +371,12 @@ def test_a_ulog_file_says_the_same_under_all_names(
     np.testing.assert_allclose(context.gps[0].latitude_deg, integrated.place[:, 0], atol=1e-6)
     assert context.truth is not None
     assert context.attitudes[0].name == "EKF2"
-    # What the filter is told is as late as the service takes it for.
+    # Values are as old as their time of integration says, a field as the sample that brings it.
     readings = [reading for _, reading in of_kind(log, ImuReading) if reading.imu == 0]
     first = 0 if old else 1  # the first one is older than the first message
     assert readings[0].time == integrated.t_us[first]
+    step_s = float(np.median(np.diff(integrated.t_us))) * 1e-6
+    assert readings[0].ages == pytest.approx((0.5 * step_s, 0.0))
     assert isinstance(next(iter(log.events()))[1], Heartbeat)
     assert [fix.time_us for _, fix in of_kind(log, GpsFix)] == integrated.fix_us.tolist()
 

@@ -10,6 +10,7 @@ from h2nav.service.autopilot import Identity
 from h2nav.service.parameter_request import PAUSES_NS, ParameterRequest
 from h2nav.service.sensor_delays import GYRO_FILTER, SensorTiming, butterworth_delay_s
 from h2nav.service.settings import AutopilotSettings
+from h2nav.wire.imu import Ages
 from h2nav.wire.vehicle import ParameterValue
 
 COPTER = Identity(1, 1, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR)
@@ -55,6 +56,20 @@ def test_what_is_known_of_each_autopilot(identity, is_raw, rates_s, field_s):
         rates_s if rates_s is None else pytest.approx(rates_s, abs=1e-5),
         field_s,
     )
+
+
+def test_ages_that_samples_carry_replace_those_of_the_make_but_not_the_chosen_ones():
+    shown = Ages(0.004, 0.001)
+
+    def delays(ages, **chosen):
+        timing = timing_of(PX4, **chosen)
+        for number in range(400):
+            timing.sampled(1_000_000 + number * 10_000, field_is_raw=False, ages=ages)
+        return timing.delays
+
+    assert delays(None) == pytest.approx((0.0025 - 0.005, 0.04))
+    assert delays(shown) == pytest.approx((0.004 - 0.005, 0.001))
+    assert delays(shown, gyro_delay_s=0.03) == pytest.approx((0.03 - 0.005, 0.001))
 
 
 @pytest.mark.parametrize("step_us", [2_500, 10_000, 25_000])

@@ -1,0 +1,113 @@
+"""Rows of an autopilot's own log by name and instance, with times that can be believed."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from h2nav.recordings.context import Array
+from h2nav.recordings.imu_series import Mask, Times
+from h2nav.recordings.log_clock import LogClock, in_order, is_running
+from h2nav.recordings.row_tables import LogTables, Table
+
+MOST_INSTANCES = 8
+FIX_AGE_US = 1_000_000
+
+
+class Rows(NamedTuple):
+    """Rows of one instance of a message or topic whose times can be believed.
+
+    Attributes:
+        number: of the instance, from 0.
+        table: the rows.
+        t_us: (N,) when they were written, in order.
+        t_s: (N,) since the log began.
+    """
+
+    number: int
+    table: Table
+    t_us: Times
+    t_s: Array
+
+    def where(self, wanted: Mask) -> "Rows":
+        """Some of them."""
+        return Rows(self.number, self.table.only(wanted), self.t_us[wanted], self.t_s[wanted])
+
+    @property
+    def sample_us(self) -> Times:
+        """(N,) when their values were measured, as far as they say so; never after they came."""
+        if "timestamp_sample" not in self.table:
+            return self.t_us
+        stamps = self.table.integers("timestamp_sample")
+        age_us = self.t_us - stamps
+        is_age = (age_us >= 0) & (age_us <= FIX_AGE_US)
+        return np.where(is_age, stamps, self.t_us)
+
+
+class Log(ABC):
+    """The tables of a file with the clock of its rows; each format has a subclass.
+
+    Args:
+        tables: of the file.
+
+    Attributes:
+        clock: by the name of which there are most rows that have a time.
+        notes: what was damaged or skipped: reason -> count.
+    """
+
+    def __init__(self, tables: LogTables) -> None:
+        self._tables = tables
+        self.notes = dict(tables.notes)
+        self.clock = self._clock()
+
+    @staticmethod
+    @abstractmethod
+    def times_of(table: Table) -> Times | None:
+        """(N,) microseconds since boot; None where the rows do not tell them."""
+
+    @abstractmethod
+    def instances(self, name: str, *columns: str) -> Iterator[Rows]:
+        """The rows of each instance of a message or topic that has these columns."""
+
+    @property
+    def duration_s(self) -> float:
+        """From the first time to the last."""
+        return (self.clock.end_us - self.clock.start_us) * 1e-6
+
+    def since_start(self, t_us: Times) -> Array:
+        """Times of the autopilot as seconds since the log began."""
+        return np.asarray((t_us - self.clock.start_us) * 1e-6)
+
+    def note(self, reason: str, count: int) -> None:
+        """Something was skipped."""
+        if count:
+            self.notes[reason] = self.notes.get(reason, 0) + count
+
+    def believed(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:
+        """The rows whose times are like those around them in the file; None where none are.
+
+        Args:
+            name: for the notes.
+            table: the rows.
+            times: (N,) of the rows.
+            number: of the instance.
+        """
+        good = self.clock.believes(table.places, times)
+        good[good] = in_order(times[good])
+        self.note(f"rows of {name} far from the times around them", int((~good).sum()))
+        if not good.any():
+            return None
+        if not good.all():
+            table, times = table.only(good), times[good]
+        times = times.clip(self.clock.start_us, self.clock.end_us)
+        return Rows(number, table, times, self.since_start(times))
+
+    def _clock(self) -> LogClock:
+        tables = self._tables
+        for name in sorted(tables.names, key=lambda name: (-tables.rows(name), name)):
+            table = tables.find(name)
+            times = None if table is None else self.times_of(table)
+            if table is not None and times is not None and is_running(times):
+                return LogClock(table.places, times)
+        return LogClock(np.empty(0, np.int64), np.empty(0, np.int64))
