@@ -1,1 +1,1 @@
-"""Files that others wrote, read strictly and at a bounded cost; gain files, keys, settings."""
+"""Foreign files, read strictly and at a bounded cost; gain files, keys, settings."""

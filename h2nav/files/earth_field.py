@@ -6,10 +6,10 @@ import math
 from h2nav.attitude.samples import EarthField
 
 NT_PER_UT = 1000.0
-# The years of the coefficient files that pygeomag brings.
+# The years of pygeomag's coefficient files.
 MODELS_FROM, MODELS_UNTIL = 2010.0, 2029.99
 EARLIEST_UNIX_S, LATEST_UNIX_S = 0.0, 4_102_444_800.0  # 1970 and 2100
-# The model cannot give a declination where the horizontal field nearly vanishes.
+# Where the horizontal field nearly vanishes the model has no declination.
 SMALLEST_HORIZONTAL_UT = 2.0
 
 
@@ -22,7 +22,7 @@ def earth_field_at(
         latitude_deg: WGS84.
         longitude_deg: WGS84.
         altitude_m: above sea level.
-        unix_s: date; one outside the models' years is taken to their nearest end.
+        unix_s: date; clamped to the models' years.
 
     Returns:
         The field; None near the magnetic poles, where there is no usable declination.

@@ -1,4 +1,4 @@
-"""Gain files on disk: writing them, finding shipped ones by name, checking them for the daemon."""
+"""Gain files on disk: written, found by shipped name, checked for the daemon."""
 
 import functools
 import json
@@ -21,20 +21,20 @@ LONGEST_ROW = 600  # characters; a loop of a plant of three states with its proo
 
 
 def load(path_or_name: str | Path) -> GainFile:
-    """A gain file whose seal and certificate are in order.
+    """Loads a gain file whose seal and certificate are valid.
 
     Args:
         path_or_name: a file, or the name of a shipped one such as ``mpu9250_100hz``.
 
     Raises:
-        BadInput: one line per error: not found, not a gain file, changed since it was certified,
-            not certified at all.
+        BadInput: one line per error: not found, not a gain file, changed since certification, not
+            certified at all.
     """
     path = find(path_or_name)
     return _checked(read_bytes(path), str(path))
 
 
-# Who plays many flights asks for the same files each time.
+# A run over many flights asks for the same files each time.
 @functools.lru_cache(maxsize=16)
 def _checked(content: bytes, place: str) -> GainFile:
     file = parse_gain_file(parse_bytes(content, place), place)
@@ -43,7 +43,7 @@ def _checked(content: bytes, place: str) -> GainFile:
 
 
 def read(path: Path) -> GainFile:
-    """A gain file's envelope, its certificate unchecked.
+    """Reads a gain file's envelope without checking its certificate.
 
     Raises:
         BadInput: one line per error.
@@ -52,7 +52,7 @@ def read(path: Path) -> GainFile:
 
 
 def find(path_or_name: str | Path) -> Path:
-    """The path of a gain file that is given by path or by shipped name.
+    """Finds a gain file by path or shipped name.
 
     Raises:
         BadInput: there is no such file.
@@ -73,23 +73,22 @@ def find(path_or_name: str | Path) -> Path:
 
 
 def shipped() -> dict[str, Path]:
-    """Name -> path of the gain files that come with h2nav."""
+    """Name -> path of the gain files shipped with h2nav."""
     packaged = Path(str(resources.files("h2nav"))) / "gains"
     folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "gains"
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
 def shipped_rate(rate_hz: float) -> int:
-    """The rate of the shipped gains that is nearest; filters step with the samples' true times."""
+    """The nearest rate of the shipped gains; filters step with the samples' true intervals."""
     return min(SHIPPED_RATES_HZ, key=lambda shipped_hz: abs(math.log(shipped_hz / rate_hz)))
 
 
 def text_of(file: GainFile) -> str:
-    """The YAML text of a gain file; numbers survive to the last bit.
+    """The YAML text of a gain file; numbers are exact to the last bit.
 
-    Model and gains are read by people and stand in blocks. What only programs read, methods and
-    certificate, stands in rows, one line per entry. The seal is made over the values, so the
-    layout plays no part in it.
+    Model and gains, for people, are written as blocks; methods and certificate, for programs, as
+    rows of one line per entry. The seal covers the values, so the layout does not affect it.
     """
     document = {
         "format": FORMAT,
@@ -107,7 +106,7 @@ def text_of(file: GainFile) -> str:
 
 
 def write(path: Path, file: GainFile) -> None:
-    """Writes a gain file, whole or not at all.
+    """Writes a gain file atomically.
 
     Raises:
         BadInput: the file cannot be written.
@@ -122,7 +121,7 @@ def write(path: Path, file: GainFile) -> None:
 
 
 class _Row(dict[str, object]):
-    """A mapping that is written in one line."""
+    """A mapping written on one line."""
 
 
 class _Dumper(yaml.SafeDumper):
@@ -143,7 +142,7 @@ _Dumper.add_representer(list, _list)
 
 
 def _in_rows(value: object) -> object:
-    """The largest mappings that fit into a row as rows, what is larger in blocks of these."""
+    """Turns the largest mappings that fit into a row into rows, within blocks."""
     if not isinstance(value, dict):
         return value
     if len(json.dumps(value)) <= LONGEST_ROW:
@@ -152,7 +151,7 @@ def _in_rows(value: object) -> object:
 
 
 def _plain(value: object) -> object:
-    """The value with mappings as dicts and sequences as lists, which YAML can write."""
+    """Converts mappings to dicts and sequences to lists, which YAML can write."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

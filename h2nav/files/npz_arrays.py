@@ -1,7 +1,7 @@
 """Reads arrays of numbers from numpy's archives (`.npz`), at a bounded cost.
 
 Header and directory of an archive are checked against each other before anything is unpacked: a few
-kilobytes may announce, or unpack to, more than the memory holds.
+kilobytes may claim, or unpack to, more than the memory holds.
 """
 
 import zipfile
@@ -23,11 +23,11 @@ NumberArray: TypeAlias = npt.NDArray[Any]
 
 
 def read_arrays(path: Path, keys: Collection[str]) -> dict[str, NumberArray]:
-    """Those of the arrays `keys` that the archive has; others are not looked at.
+    """Reads the arrays `keys` that the archive has; ignores others.
 
     Raises:
-        BadInput: the file cannot be read, is no such archive, holds something else than numbers
-            under a key, or more than `LARGEST_BYTES` in all.
+        BadInput: the file cannot be read, is not such an archive, holds anything but numbers under
+            a key, or more than `LARGEST_BYTES` in total.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -44,7 +44,7 @@ def read_arrays(path: Path, keys: Collection[str]) -> dict[str, NumberArray]:
         raise
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception:  # zipfile, its decompressors and numpy each have errors of their own
+    except Exception:  # zipfile, its decompressors and numpy each raise errors of their own
         raise BadInput(
             f"{path}: not a readable archive; expected numpy's .npz of plain arrays of numbers"
         ) from None

@@ -1,8 +1,8 @@
-"""Reads YAML that others wrote into mappings, lists and scalars, at a bounded cost.
+"""Reads foreign YAML into mappings, lists and scalars, at a bounded cost.
 
-Only plain data is taken: texts, numbers, booleans and nulls in lists and in mappings whose keys are
-distinct texts. Whatever else YAML can do is refused by line: aliases (nine lines of them expand to
-billions of values), tags, dates, a key that stands twice, numbers that no double holds.
+Only plain data is accepted: texts, numbers, booleans and nulls in lists and in mappings with
+distinct text keys. Everything else is rejected with its line: aliases (nine lines of them expand to
+billions of values), tags, dates, duplicate keys, numbers beyond a double.
 """
 
 import math
@@ -23,7 +23,7 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
-    """The mapping at the top of a YAML file.
+    """Reads the top-level mapping of a YAML file.
 
     Raises:
         BadInput: the file cannot be read, is not plain YAML, or holds no mapping.
@@ -32,7 +32,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """A file's content, of which no more is read than `parse_bytes` needs to refuse it.
+    """Reads a file, at most as far as `parse_bytes` needs to reject it.
 
     Raises:
         BadInput: the file cannot be read.
@@ -45,7 +45,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def parse_bytes(data: bytes, place: str) -> dict[str, Any]:
-    """The mapping at the top of a YAML document in UTF-8.
+    """Parses a YAML document in UTF-8 with a mapping at the top.
 
     Raises:
         BadInput: it is too long, not UTF-8, not plain YAML, or holds no mapping.
@@ -61,11 +61,11 @@ def parse_bytes(data: bytes, place: str) -> dict[str, Any]:
 
 
 def parse_mapping(text: str, place: str) -> dict[str, Any]:
-    """The mapping at the top of a YAML text; an empty text is an empty mapping.
+    """Parses YAML text with a mapping at the top; empty text is an empty mapping.
 
     Args:
         text: the YAML.
-        place: where it comes from, for errors.
+        place: its source, for errors.
 
     Raises:
         BadInput: it is not plain YAML, or holds no mapping.
@@ -88,7 +88,7 @@ def parse_mapping(text: str, place: str) -> dict[str, Any]:
 
 
 def _refuse_what_expands(text: str, place: str) -> None:
-    """Refuses, while it is still a stream of events, what costs more than its length."""
+    """Rejects constructs that cost more than their length, while still a stream of events."""
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         line = _line(event)
@@ -108,7 +108,7 @@ def _refuse_what_expands(text: str, place: str) -> None:
 
 
 class _Plain:
-    """Makes plain values of a document's nodes, which hold neither aliases nor tags."""
+    """Converts the nodes of a document without aliases and tags to plain values."""
 
     def __init__(self, loader: Any, place: str) -> None:
         self._loader = loader
@@ -127,12 +127,12 @@ class _Plain:
         first_lines: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag != f"{_TAG}str":
-                self._refuse(key_node, "expected a text as key; put it in quotes if it is meant")
+                self._refuse(key_node, "expected text as key; put it in quotes if it is meant")
             key = key_node.value
             if key in content:
                 self._refuse(
                     key_node,
-                    f"{shown(key)} stands here and in line {first_lines[key]}; remove one of them",
+                    f"{shown(key)} occurs here and in line {first_lines[key]}; remove one of them",
                 )
             first_lines[key] = _line(key_node)
             content[key] = self.value(value_node)
@@ -143,7 +143,7 @@ class _Plain:
         if kind == "str":
             return node.value
         if kind in ("int", "float") and len(node.value) > LONGEST_NUMBER:
-            self._refuse(node, f"{shown(node.value)}: a number of more digits than any setting has")
+            self._refuse(node, f"{shown(node.value)}: more digits than any setting has")
         makers = {
             "int": self._loader.construct_yaml_int,
             "float": self._loader.construct_yaml_float,
@@ -154,7 +154,7 @@ class _Plain:
             self._refuse(node, f"{shown(node.value)} reads as a {kind}; put it in quotes")
         try:
             value = makers[kind](node)
-        except (ValueError, OverflowError):  # such as 0x_
+        except (ValueError, OverflowError):  # for example 0x_
             self._refuse(node, f"{shown(node.value)}: not a number")
         if kind == "float" and math.isinf(value) and "inf" not in node.value.lower():
             self._refuse(node, f"{shown(node.value)}: beyond the largest number")
@@ -165,7 +165,7 @@ class _Plain:
 
 
 def _line(place: Any) -> int:
-    """The line that an event or a node begins in, from 1."""
+    """The line of an event or a node, from 1."""
     return int(place.start_mark.line) + 1
 
 

@@ -1,4 +1,4 @@
-"""Files with a MAVLink signing key: 32 bytes, or 64 hexadecimal digits, for their owner alone."""
+"""Files with a MAVLink signing key: 32 bytes or 64 hexadecimal digits, private to the owner."""
 
 import hashlib
 import os
@@ -8,7 +8,7 @@ from pathlib import Path
 from h2nav.errors import BadInput
 from h2nav.wire.signing import KEY_SIZE
 
-CREDENTIALS = Path("/run/credentials")  # where systemd mounts those of the units
+CREDENTIALS = Path("/run/credentials")  # where systemd mounts the credentials of units
 
 _LONGEST_FILE = 4096
 _OTHERS = 0o077
@@ -16,16 +16,16 @@ _CREDENTIAL_OTHERS = 0o037  # systemd admits the unit's user by an ACL, whose ma
 
 
 def read_signing_key(path: Path) -> bytes:
-    """The key in a file.
+    """Reads the key from a file.
 
     Returns:
         32 bytes.
 
     Raises:
-        BadInput: one line: the file cannot be read, others may read it, or it holds no key.
+        BadInput: one line: the file cannot be read, is readable by others, or holds no key.
     """
     try:
-        # A FIFO in its place must not hang the start.
+        # A FIFO in its place must not block the start.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(descriptor, "rb") as stream:
             _demand_privacy(path, os.fstat(descriptor).st_mode)
@@ -39,10 +39,10 @@ def read_signing_key(path: Path) -> bytes:
 
 
 def write_signing_key(path: Path, key: bytes) -> None:
-    """Makes a file of 64 hexadecimal digits that only its owner can read.
+    """Creates a file of 64 hexadecimal digits that only its owner can read.
 
     Raises:
-        BadInput: the file exists, or cannot be made.
+        BadInput: the file exists, or cannot be created.
     """
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
@@ -56,18 +56,18 @@ def write_signing_key(path: Path, key: bytes) -> None:
 
 
 def key_of_passphrase(passphrase: str) -> bytes:
-    """The key that MAVProxy, Mission Planner and QGroundControl make of a passphrase."""
+    """Derives the key from a passphrase as MAVProxy, Mission Planner and QGroundControl do."""
     return hashlib.sha256(passphrase.encode()).digest()
 
 
 def _demand_privacy(path: Path, mode: int) -> None:
     if not stat.S_ISREG(mode):
-        raise BadInput(f"{path}: no regular file; expected one with a signing key")
+        raise BadInput(f"{path}: not a regular file; expected one with a signing key")
     others = _CREDENTIAL_OTHERS if _is_credential(path) else _OTHERS
     if mode & others:
         raise BadInput(
-            f"{path}: the signing key has mode {stat.S_IMODE(mode):04o}, so others can get at it; "
-            f"run `chmod 600 {path}`, and make a new key if anybody may have read it"
+            f"{path}: the signing key has mode {stat.S_IMODE(mode):04o}, so others can read it; "
+            f"run `chmod 600 {path}`, and create a new key if others may have read it"
         )
 
 

@@ -1,7 +1,7 @@
-"""The signing time stamp on disk, so that stamps grow over restarts whatever the host's clock says.
+"""The signing time stamp on disk: stamps increase over restarts whatever the host's clock reads.
 
-The specification wants it stored at least once a minute. It is stored every `SAVE_EVERY_S`, on a
-thread of its own because a disk may take its time, and at the end.
+The specification requires it to be stored at least once a minute. It is stored every
+`SAVE_EVERY_S`, on a separate thread because a disk may be slow, and at the end.
 """
 
 import os
@@ -20,7 +20,7 @@ _LONGEST_FILE = 64
 
 
 class StampFile:
-    """One decimal number and a line feed, replaced as a whole.
+    """One decimal number and a line feed, replaced atomically.
 
     Args:
         path: for one process and one key.
@@ -30,10 +30,10 @@ class StampFile:
         self.path = path
 
     def load(self) -> int:
-        """The stored stamp; 0 where none was stored yet.
+        """Returns the stored stamp; 0 if none was stored yet.
 
         Raises:
-            OSError: the file is there and cannot be read.
+            OSError: the file exists and cannot be read.
             ValueError: it holds no stamp.
         """
         try:
@@ -47,10 +47,10 @@ class StampFile:
         return stamp
 
     def save(self, stamp: int) -> None:
-        """Stores a stamp; after a power cut the file holds it, or the one before.
+        """Stores a stamp; after a power cut the file holds this stamp or the previous one.
 
         Raises:
-            OSError: it cannot be stored; the one before stays.
+            OSError: it cannot be stored; the previous stamp stays.
         """
         new = self.path.with_name(self.path.name + NEW_SUFFIX)
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -67,7 +67,7 @@ class StampFile:
 
 
 class StampNotice(NamedTuple):
-    """Something about the file that has to be reported, once.
+    """An event of the file, to be reported once.
 
     Attributes:
         is_error: the stamp is not safe on disk.
@@ -79,10 +79,10 @@ class StampNotice(NamedTuple):
 
 
 class StampKeeper:
-    """Keeps the local stamp on disk from now until `close`.
+    """Keeps the local stamp on disk until `close`.
 
     Attributes:
-        stamp: the local stamp, behind nothing that was stored.
+        stamp: the local stamp, never behind a stored one.
 
     Args:
         path: of the file.
@@ -99,19 +99,19 @@ class StampKeeper:
         self._thread.start()
 
     def notices(self) -> list[StampNotice]:
-        """What has happened since the last call; trouble appears when it begins or changes."""
+        """Returns the events since the last call; trouble appears when it begins or changes."""
         return [self._notices.popleft() for _ in range(len(self._notices))]
 
     def close(self, timeout_s: float | None = None) -> None:
-        """Stores the stamp a last time; a disk that hangs is given up after `timeout_s`."""
+        """Stores the stamp a last time; waits for a hanging disk until `timeout_s`."""
         self._closing.set()
         self._thread.join(timeout_s)
 
     def _start(self, now_unix_ns: int) -> int:
-        """The stamp to begin behind: the stored one, and what may have been used after it.
+        """The first stamp: the stored one plus what may have been used after it.
 
-        A clock that is behind the stored stamp is wrong. Then stamps that were given out after
-        the last save would come again, so as many as a save interval has are left out.
+        A clock behind the stored stamp is wrong. Stamps issued after the last save would then
+        repeat, so a save interval's worth of stamps is skipped.
         """
         try:
             stored = self._file.load()
@@ -131,7 +131,7 @@ class StampKeeper:
         self.save()
 
     def save(self) -> None:
-        """Stores the stamp now; the keeper's own thread does so by itself."""
+        """Stores the stamp now; the keeper's thread also calls this periodically."""
         trouble = ""
         try:
             self._file.save(self.stamp.latest)

@@ -1,8 +1,8 @@
-"""Mappings into settings records: unknown keys, wrong types and impossible values are errors.
+"""Builds settings records from mappings; unknown keys, wrong types and values are errors.
 
-Settings are frozen dataclasses of scalars (or of either of two kinds of them), lists of texts and
-further dataclasses; the limits stand in their annotations (`h2nav.validation`). Every error names
-file, key, what was expected and the remedy, and all of them are reported together.
+Settings are frozen dataclasses of scalars (or a union of two kinds), lists of texts and further
+dataclasses; limits stand in their annotations (`h2nav.validation`). Every error names file, key,
+expected value and remedy, and all errors are reported together.
 """
 
 import dataclasses
@@ -74,7 +74,7 @@ def _build(
 
 
 def _found(value: Any) -> str:
-    """Texts in quotes, so that a number differs visibly from a text that looks like one."""
+    """Quotes texts, so that a number differs visibly from a text that looks like one."""
     return shown(repr(value))
 
 

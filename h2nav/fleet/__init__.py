@@ -1,1 +1,1 @@
-"""Thousands of flights: one task each, one row each, whatever becomes of a single one."""
+"""Thousands of flights: one task and one row each, whatever happens to a single one."""

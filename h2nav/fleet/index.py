@@ -1,4 +1,4 @@
-"""The page that lists a fleet's flights, the worst first, and leads to their reviews."""
+"""The page that lists a fleet's flights, worst first, with links to their reviews."""
 
 import math
 import posixpath
@@ -15,7 +15,7 @@ from h2nav.integrity.severity import Severity
 from h2nav.reviews.html import escape, frame
 
 INDEX = "index.html"
-# More than browsers like; the tables have all.
+# The limit of what browsers handle well; the tables hold all.
 MOST_LISTED = 10_000
 _MOST_TOLD = 4
 
@@ -25,7 +25,7 @@ class _Cell(NamedTuple):
 
     Attributes:
         html: its content.
-        key: what it is sorted by; None = its text.
+        key: sort key; None = its text.
         look: CSS class.
     """
 
@@ -35,12 +35,12 @@ class _Cell(NamedTuple):
 
 
 def write_index(rows: Sequence[Row], store: Store) -> None:
-    """Writes the page for the flights of a fleet."""
+    """Writes the page of a fleet's flights."""
     store.write(INDEX, page(rows).encode())
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The page as HTML; it asks nobody for anything."""
+    """The page as HTML; it loads nothing from elsewhere."""
     listed = sorted(rows, key=_rank)[:MOST_LISTED]
     above = _above([_address(row) for row in rows])
     heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in _HEADS)
@@ -65,7 +65,7 @@ def _asset(name: str) -> str:
 
 
 def _rank(row: Row) -> tuple[int, int, str]:
-    """The worst first: by severity, by number of findings, by address; without a review last."""
+    """Sort key: worst first by severity, number of findings, address; without a review last."""
     values = row.values
     rank = severity_rank(values["worst_severity"]) + (100 if values["error"] else 0)
     return rank, -values["finding_count"], values["source"]
@@ -94,7 +94,7 @@ def _address(row: Row) -> str:
 
 
 def _above(addresses: Sequence[str]) -> int:
-    """How much of the addresses is the same folder of all flights."""
+    """Length of the folder that all addresses share."""
     folders = [address.rpartition("/")[0] + "/" for address in addresses]
     return posixpath.commonprefix(folders).rfind("/") + 1
 
@@ -104,7 +104,7 @@ def _row(row: Row, above: int) -> str:
     worst = Severity.of(values["worst_severity"])
     look = "failed" if values["error"] else "good" if worst is None else worst.look
     folder, _, name = _address(row).rpartition("/")
-    # Names of flights repeat from folder to folder, such as 00000001.BIN.
+    # Names of flights repeat between folders, such as 00000001.BIN.
     below = folder[above:].lstrip("/")
     title = (f'<span class="below">{escape(below)}/</span>' if below else "") + escape(name)
     if values["review"]:
@@ -129,7 +129,7 @@ def _row(row: Row, above: int) -> str:
 
 
 def _told(row: Row) -> str:
-    """The verdict with the findings below it; why there is no review."""
+    """The verdict with the findings below it; or why there is no review."""
     values, findings = row.values, row.findings
     if values["error"]:
         return escape(values["error"])

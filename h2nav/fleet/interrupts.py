@@ -1,6 +1,6 @@
-"""What a worker of our own cluster does at Ctrl-C, which a terminal sends to it as well: it goes.
+"""Ends a worker of the local cluster at Ctrl-C, which the terminal also sends to the worker.
 
-Dask loads this module into each worker (`preload`). What was under way is done by the next run.
+Dask loads this module into each worker (`preload`). The next run repeats unfinished flights.
 """
 
 import os
@@ -10,5 +10,5 @@ _INTERRUPTED = 130
 
 
 def dask_setup(_: object) -> None:
-    """Is called by Dask in the worker's main thread."""
+    """Called by Dask in the worker's main thread."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))

@@ -1,4 +1,4 @@
-"""What tells a program from others that might find something else in the same flight."""
+"""A digest of the program: results of another digest may differ for the same flight."""
 
 import hashlib
 from collections.abc import Mapping
@@ -7,18 +7,18 @@ from pathlib import Path
 
 from h2nav.files import gain_files
 
-# Code, and what the pages are made with. The compiled kernels are not asked: they give the same
-# bits as the Python ones, and not every worker has them.
+# Code and page templates. Compiled kernels are left out: they give the same bits as the Python
+# ones, and not every worker has them.
 _SUFFIXES = frozenset({".py", ".js", ".css", ".html"})
 
 
 def program_digest() -> str:
-    """Of the code and the gains of this h2nav, in hexadecimal digits."""
+    """Digest of the code and gains of this h2nav, hexadecimal."""
     return digest_of(Path(str(resources.files("h2nav"))), gain_files.shipped())
 
 
 def digest_of(package: Path, gains: Mapping[str, Path]) -> str:
-    """Of a package's code and of gain files by name; where they lie tells nothing."""
+    """Digest of a package's code and of gain files by name, independent of their location."""
     code = {str(p.relative_to(package)): p for p in package.rglob("*") if p.suffix in _SUFFIXES}
     told = hashlib.sha256()
     for files in (code, gains):

@@ -1,4 +1,4 @@
-"""The flights of a fleet on a Dask cluster: what is done is not done again."""
+"""Runs a fleet's flights on a Dask cluster; finished flights are not repeated."""
 
 import itertools
 import logging
@@ -20,25 +20,25 @@ from h2nav.fleet.store import Store
 from h2nav.fleet.tables import Row, write_tables
 from h2nav.fleet.work import MIB, RESULTS, Limits, Review, Task, do_flight
 
-# Flights that the scheduler knows of, per worker: enough to keep all of them busy, few enough for
-# any number of flights.
+# Flights known to the scheduler per worker: enough to keep all workers busy, few enough for any
+# number of flights.
 _AHEAD = 4
-# The scheduler counts deaths of workers at which a flight was waiting, too.
+# The scheduler also counts deaths of workers at which a flight was only queued.
 _MOST_TRIES = 10
 _CONNECT_S = 10.0
-# A worker's process beyond what one flight may need of it, before its nanny ends it.
+# Memory of a worker's process beyond the limit of a flight, before its nanny kills it.
 _NANNY_SHARE = 1.1
 
 Told = Callable[[Task, Mapping[str, Any]], object]
 
 
 class Work(NamedTuple):
-    """What is done with each flight.
+    """What to do with each flight.
 
     Attributes:
-        review: does it; importable on the workers.
+        review: the function; importable on the workers.
         version: changes when its results would: digest of the program, and options.
-        limits: of one flight.
+        limits: per flight.
     """
 
     review: Review
@@ -47,12 +47,12 @@ class Work(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of a fleet.
+    """The result of a fleet run.
 
     Attributes:
         rows: one per flight, in the order of their addresses.
-        done_before: flights whose results were there already.
-        costs: ``wall_s``, ``cpu_s`` and ``peak_mib`` of the flights that were done now.
+        done_before: flights whose results existed already.
+        costs: ``wall_s``, ``cpu_s`` and ``peak_mib`` of the flights done in this run.
     """
 
     rows: list[Row]
@@ -62,15 +62,15 @@ class Outcome(NamedTuple):
 
 @contextmanager
 def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Client]:
-    """A client of an existing cluster, or of one of our own processes.
+    """Connects to an existing cluster, or starts a local one.
 
     Args:
-        scheduler: address of an existing one, such as ``tcp://host:8786``; None = our own.
-        workers: processes of our own cluster, each with one thread.
+        scheduler: address of an existing one, such as ``tcp://host:8786``; None = a local one.
+        workers: processes of the local cluster, each with one thread.
         memory_mib: of each.
 
     Raises:
-        BadInput: nobody answers at `scheduler`.
+        BadInput: no scheduler answers at `scheduler`.
     """
     if scheduler is not None:
         try:
@@ -82,14 +82,14 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
             yield client
         return
     settings = {
-        "distributed.scheduler.worker-saturation": 1.0,  # a flight waits where it may yet choose
-        # Paused or spilling workers help nobody: a flight fits, or is given up by its watch.
+        "distributed.scheduler.worker-saturation": 1.0,  # queued flights stay free to be assigned
+        # Pausing or spilling workers does not help: a flight fits, or its watch gives it up.
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": 1.0,
         "distributed.comm.timeouts.connect": "60s",
-        # On a busy machine a worker takes its time to start again; the cluster must not drop it.
+        # On a busy machine a worker restarts slowly; the cluster must not drop it.
         "distributed.deploy.lost-worker-timeout": "600s",
     }
     with (
@@ -111,14 +111,14 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
 def run_fleet(
     client: Client, sources: Sequence[Source], work: Work, store: Store, told: Told
 ) -> Outcome:
-    """Reviews all flights that have no result yet, and writes tables and index of all.
+    """Reviews every flight without a result, and writes tables and index of all flights.
 
     Args:
         client: of the cluster.
         sources: in the order of their addresses.
-        work: what is done with each.
-        store: gets the results; the workers must be able to write to it.
-        told: is called with each flight as it is done, those done before first.
+        work: what to do with each.
+        store: receives the results; the workers must be able to write to it.
+        told: called with each finished flight, earlier ones first.
 
     Raises:
         BadInput: the workers' results do not arrive in `store`.
@@ -150,12 +150,12 @@ def run_fleet(
 def _results(
     client: Client, tasks: Sequence[Task], work: Work, store: Store
 ) -> Iterator[tuple[Task, Mapping[str, Any]]]:
-    """The results as they come; the scheduler knows of a few tasks at a time only."""
+    """Yields results as they come; the scheduler holds only a few tasks at a time."""
     upcoming = iter(tasks)
     running: dict[str, tuple[Task, int]] = {}
 
     def submit(task: Task, tries: int = 1) -> Any:
-        # The same name in every run: what an earlier one left behind at the scheduler is joined.
+        # The same name in every run, so that a task left at the scheduler is joined.
         key = f"flight-{task.key}-{tries}"
         running[key] = (task, tries)
         return client.submit(do_flight, task, work.review, store, work.limits, key=key, pure=False)
@@ -170,14 +170,14 @@ def _results(
         if result is None and tries < _MOST_TRIES:
             completed.add(submit(task, tries + 1))  # type: ignore[no-untyped-call]
             continue
-        yield task, result or {"error": "workers died, each time it was tried", "transient": True}
+        yield task, result or {"error": "workers died at every attempt", "transient": True}
         following = next(upcoming, None)
         if following is not None:
             completed.add(submit(following))  # type: ignore[no-untyped-call]
 
 
 def _result(future: Any) -> Mapping[str, Any] | None:
-    """What a task gave; None where the scheduler gave it up because workers died."""
+    """The result of a task; None where the scheduler gave up because workers died."""
     try:
         result: Mapping[str, Any] = future.result()
     except KilledWorker:
@@ -189,7 +189,7 @@ def _result(future: Any) -> Mapping[str, Any] | None:
 
 
 def _require_shared(store: Store, task: Task) -> None:
-    """BadInput where a worker's result is not to be seen from here."""
+    """Raises BadInput if a worker's result is not visible here."""
     if store.read(task.result_name) is None:
         raise BadInput(
             f"{store.address}: the workers' results do not arrive there; name a folder that all "

@@ -1,4 +1,4 @@
-"""Which recordings a fleet has: files, folders, patterns, whatever fsspec has an address for."""
+"""Finds a fleet's recordings: files, folders, patterns, any address of fsspec."""
 
 import hashlib
 import os
@@ -9,10 +9,10 @@ import fsspec
 
 from h2nav.errors import BadInput
 
-# What is taken out of a folder; a file that is named is taken whatever its name.
+# Suffixes taken from a folder; a named file is taken whatever its suffix.
 SUFFIXES = (".tlog", ".bin", ".log", ".ulg", ".mcap", ".mcap.active", ".bytes")
 _MAGIC = "*?["
-# What object stores and file systems call the version of a file, the surest first.
+# Names of a file's version in object stores and file systems, most reliable first.
 _STAMPS = (
     "ETag", "etag", "md5Hash", "content_md5", "checksum", "CRC", "generation", "LastModified",
     "last_modified", "updated", "mtime", "date_time", "modified",
@@ -25,7 +25,7 @@ class Source(NamedTuple):
     Attributes:
         address: a path on this machine, or a URL of fsspec.
         size: bytes.
-        stamp: changes when the file does: its tag, or when it was written.
+        stamp: changes with the file: its tag or its time of modification.
     """
 
     address: str
@@ -34,7 +34,7 @@ class Source(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The file's name, without its folders and its archive."""
+        """The file's name, without folders and archive."""
         return self.address.partition("::")[0].rstrip("/").rpartition("/")[2]
 
     @property
@@ -43,20 +43,20 @@ class Source(NamedTuple):
         return "://" not in self.address and "::" not in self.address
 
     def key(self, *work: str) -> str:
-        """What tells this recording and this work on it from all others, in hexadecimal digits."""
+        """Hexadecimal key, unique to this recording and this work on it."""
         told = "\0".join((self.address, str(self.size), self.stamp, *work))
         return hashlib.sha256(told.encode(errors="surrogateescape")).hexdigest()[:32]
 
 
 def find(addresses: Iterable[str]) -> list[Source]:
-    """The recordings behind some addresses, each once, in the order of their addresses.
+    """Returns the recordings behind addresses, each once, sorted by address.
 
     Args:
         addresses: files, folders (with all below them), patterns with ``*``, ``?`` and ``[``;
             paths, or URLs such as ``s3://bucket/logs`` or ``zip::file:///logs.zip``.
 
     Raises:
-        BadInput: one line per address that leads to nothing, or cannot be read.
+        BadInput: one line per address that matches nothing or cannot be read.
     """
     found: dict[str, Source] = {}
     complaints: list[str] = []
@@ -69,7 +69,7 @@ def find(addresses: Iterable[str]) -> list[Source]:
         except (OSError, ValueError, ImportError, KeyError) as error:
             complaints.append(f"{address}: {_one_line(error)}; expected a recording or a folder")
             continue
-        except Exception as error:  # each store has errors of its own
+        except Exception as error:  # each store raises errors of its own
             complaints.append(f"{address}: {type(error).__name__}: {_one_line(error)}")
             continue
         if not sources:
@@ -91,7 +91,7 @@ def _behind(typed: str) -> Iterator[Source]:
 
 
 def _whole(address: str) -> str:
-    """``zip::FILE`` means all in it."""
+    """Expands ``zip::FILE`` to all files in it."""
     head, chained, rest = address.partition("::")
     return f"{head}://::{rest}" if chained and "://" not in head else address
 
@@ -113,7 +113,7 @@ def _listed(fs: Any, path: str, address: str) -> Iterator[tuple[str, Mapping[str
 
 
 def _address_of(fs: Any, name: str, address: str) -> str:
-    """The address of a file that was found by another one."""
+    """The address of a file found through another address."""
     head, chained, rest = address.partition("::")
     if chained:
         protocol = head.partition("://")[0]

@@ -1,7 +1,7 @@
-"""Where results go: a folder, or an address of fsspec that all workers can write to.
+"""The store of results: a folder, or an address of fsspec that all workers can write to.
 
-What has a name here is whole. In a folder a file is written under another name first; object
-stores show no half-written objects anyway.
+A file with its final name is complete. In a folder it is written under another name first; object
+stores never show incomplete objects.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ class Store:
     """A place for files.
 
     Args:
-        address: a folder, made when missing, or a URL of fsspec.
+        address: a folder, created if missing, or a URL of fsspec.
     """
 
     def __init__(self, address: str) -> None:
@@ -38,7 +38,7 @@ class Store:
         return f"{self.address.rstrip('/')}/{name}"
 
     def write(self, name: str, data: bytes) -> None:
-        """Writes a file at once."""
+        """Writes a file atomically."""
         if not self.is_folder:
             self._fs.pipe_file(self.place(name), data)
             return
@@ -49,7 +49,7 @@ class Store:
         part.replace(path)
 
     def take(self, file: Path, name: str) -> None:
-        """Copies a file to here, at once."""
+        """Copies a file into the store atomically."""
         if not self.is_folder:
             self._fs.put_file(str(file), self.place(name))
             return
@@ -60,12 +60,12 @@ class Store:
         part.replace(path)
 
     def remove(self, name: str) -> None:
-        """Removes a file, if it is there."""
+        """Removes a file if it exists."""
         with contextlib.suppress(FileNotFoundError):
             self._fs.rm_file(self.place(name))
 
     def read(self, name: str) -> bytes | None:
-        """A file's content; None where there is none."""
+        """Returns a file's content; None if it does not exist."""
         try:
             data: bytes = self._fs.cat_file(self.place(name))
         except FileNotFoundError:
@@ -73,20 +73,20 @@ class Store:
         return data
 
     def read_all(self, names: Iterable[str]) -> Iterable[tuple[str, bytes]]:
-        """The content of many files that exist, in their order."""
+        """Yields the content of many existing files, in order."""
         waiting = list(names)
         for start in range(0, len(waiting), _BATCH):
             batch = waiting[start : start + _BATCH]
             if self.is_folder:
                 yield from ((name, Path(self.place(name)).read_bytes()) for name in batch)
                 continue
-            # Object stores answer many questions at once.
+            # Object stores answer many requests at once.
             places = [self._fs._strip_protocol(self.place(name)) for name in batch]
             found = self._fs.cat(places)
             yield from ((name, found[place]) for name, place in zip(batch, places, strict=True))
 
     def names(self, folder: str) -> set[str]:
-        """The files of a folder; none where it is missing."""
+        """The files of a folder; empty if it is missing."""
         self._fs.invalidate_cache()
         try:
             found = self._fs.ls(self.place(folder), detail=False)

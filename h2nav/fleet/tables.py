@@ -1,7 +1,7 @@
-"""The tables of a fleet: a row per flight and a row per finding, the same whoever made them.
+"""The tables of a fleet: a row per flight and a row per finding, reproducible.
 
-Rows stand in the order of the recordings' addresses and hold nothing of when, where or how fast
-they were made, so that equal flights give equal files.
+Rows are sorted by the recordings' addresses and hold nothing about when, where or how fast they
+were made, so that equal flights give equal files.
 """
 
 from collections.abc import Iterable, Mapping
@@ -67,7 +67,7 @@ _FINDING_COLUMNS = {
 
 
 class Row(NamedTuple):
-    """What the index says of a flight.
+    """A flight in the index.
 
     Attributes:
         values: columns of the table of flights by name.
@@ -85,8 +85,8 @@ def write_tables(
 
     Args:
         tasks: with their results, in the order of their sources.
-        folder: on this machine, for files that are not whole yet.
-        store: gets the tables.
+        folder: on this machine, for incomplete files.
+        store: receives the tables.
 
     Returns:
         The rows of the table of flights.
@@ -111,7 +111,7 @@ def write_tables(
 
 
 def severity_rank(name: str | None) -> int:
-    """Sorts severities by their names: the worst first, none at the end."""
+    """Sort key of severities: worst first, None last."""
     severity = Severity.of(name)
     return len(Severity) if severity is None else list(Severity).index(severity)
 
@@ -141,12 +141,12 @@ def _finding(task: Task, finding: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _valid(address: str) -> str:
-    """An address as Unicode; file names need be none."""
+    """An address as Unicode; file names may not be."""
     return address.encode(errors="surrogateescape").decode(errors="replace")
 
 
 class _Table:
-    """A Parquet file that is being written."""
+    """A Parquet file being written."""
 
     def __init__(
         self, path: Path, columns: Mapping[str, tuple[Any, str, str]], stack: ExitStack
@@ -166,7 +166,7 @@ class _Table:
             self.finish()
 
     def finish(self) -> None:
-        """Writes what is held back."""
+        """Writes buffered rows."""
         if self._rows:
             self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._schema))
             self._rows = []

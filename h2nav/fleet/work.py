@@ -1,10 +1,9 @@
-"""One flight of a fleet, on a worker: fetched, reviewed, its results written whole or not at all.
+"""One flight on a worker: fetched, reviewed, its results written completely or not at all.
 
-A worker that does not come to an end with a flight, or needs too much memory for it, cannot be
-stopped from inside Python. So a watch writes the flight's result, with the reason, and ends the
-process. The cluster starts another worker and gives it the flight again, which finds the result.
-Where a worker just dies, a mark tells which flight it was at: the scheduler would blame those that
-were waiting there as well.
+A worker that does not finish a flight, or needs too much memory, cannot be stopped from inside
+Python. So a watch writes the flight's result, with the reason, and ends the process. The cluster
+starts another worker and repeats the flight, which finds the result. If a worker simply dies, a
+mark in the store shows which flight it was at: the scheduler would also blame the queued ones.
 """
 
 import ctypes
@@ -29,7 +28,7 @@ from h2nav.fleet.sources import Source
 from h2nav.fleet.store import Store
 
 RESULTS, REVIEWS, STARTED = "results", "reviews", "started"
-# Other programs of the machine kill workers too, but not twice at the same flight.
+# Other programs may also get a worker killed, but not twice at the same flight.
 _MOST_DEATHS = 2
 MIB = 1 << 20
 _LOOK_S = 0.2
@@ -39,15 +38,15 @@ _ENDED_BY_WATCH = 3
 _MMAP_THRESHOLD = -3  # M_MMAP_THRESHOLD of malloc.h
 
 Review = Callable[[Path, Path], dict[str, Any]]
-"""Reviews the recording of the first path, writes into the folder of the second one.
+"""Reviews the recording of the first path, writes into the folder of the second.
 
-Gives a mapping: columns of `tables.FLIGHT_COLUMNS` by name, ``findings`` (mappings of a `Finding`),
-and ``page``, the page's name in the folder, if there is one. Raises `BadInput` or `TaskFailed`.
+Returns a mapping: columns of `tables.FLIGHT_COLUMNS` by name, ``findings`` (mappings of a
+`Finding`), and ``page``, the page's name in the folder, if any. Raises `BadInput` or `TaskFailed`.
 """
 
 
 class Limits(NamedTuple):
-    """What one flight may cost.
+    """Limits of one flight.
 
     Attributes:
         time_s: from the first byte to the result.
@@ -59,12 +58,12 @@ class Limits(NamedTuple):
 
 
 class Task(NamedTuple):
-    """One flight to be reviewed.
+    """One flight to review.
 
     Attributes:
         source: the recording.
         key: of its results.
-        run: tells this run of the fleet from others.
+        run: identifies this run of the fleet.
     """
 
     source: Source
@@ -73,26 +72,26 @@ class Task(NamedTuple):
 
     @property
     def result_name(self) -> str:
-        """Of its result in the store."""
+        """Name of its result in the store."""
         return f"{RESULTS}/{self.key}.json"
 
     @property
     def mark_name(self) -> str:
-        """Of what is in the store while a worker is at it."""
+        """Name of the mark in the store while a worker is at it."""
         return f"{STARTED}/{self.key}"
 
     @property
     def page_name(self) -> str:
-        """Of its review in the store."""
+        """Name of its review in the store."""
         stem = re.sub(r"[^A-Za-z0-9._-]", "_", self.source.name)[:80].strip("._")
         return f"{REVIEWS}/{stem or 'flight'}-{self.key[:8]}.html"
 
 
 def do_flight(task: Task, review: Review, store: Store, limits: Limits) -> dict[str, Any]:
-    """Reviews a flight, unless that has been done, and writes its result; runs on a worker.
+    """Reviews a flight, unless it is done, and writes its result; runs on a worker.
 
     Returns:
-        The result. One with ``transient`` has not been written: another try may succeed.
+        The result. A ``transient`` one has not been written: another attempt may succeed.
     """
     known = store.read(task.result_name)
     if known is not None:
@@ -110,7 +109,7 @@ def do_flight(task: Task, review: Review, store: Store, limits: Limits) -> dict[
 
 
 def _deaths(task: Task, store: Store) -> int:
-    """How many workers have died at this flight in this run."""
+    """Number of workers that died at this flight in this run."""
     run, _, count = (store.read(task.mark_name) or b"").decode(errors="replace").partition(" ")
     return int(count) if run == task.run and count.isdigit() else 0
 
@@ -120,7 +119,7 @@ def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str,
     started_s, cpu_s = time.monotonic(), time.process_time()
     _keep_arrays_apart()
     result: dict[str, Any]
-    # Where the cluster clears up behind a worker that died.
+    # Where the cluster cleans up after a worker that died.
     scratch = get_worker().local_directory
     with (
         tempfile.TemporaryDirectory(prefix="h2nav-", dir=scratch) as name,
@@ -129,7 +128,7 @@ def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str,
         folder = Path(name)
         try:
             path = _fetched(task.source, folder)
-        except Exception as error:  # each store has errors of its own
+        except Exception as error:  # each store raises errors of its own
             return {"error": f"cannot be read: {_in_words(error)}", "transient": True}
         try:
             result = _reviewed(task, review, store, path, folder)
@@ -150,7 +149,7 @@ def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str,
 
 
 def _fetched(source: Source, folder: Path) -> Path:
-    """The recording as a file of this machine."""
+    """Fetches the recording to this machine."""
     if source.is_local:
         path = Path(source.address)
         with path.open("rb"):
@@ -182,22 +181,22 @@ def _in_words(error: BaseException) -> str:
 
 
 def _keep_arrays_apart() -> None:
-    """Large arrays get pages of their own, which go back when an array does.
+    """Gives large arrays their own pages, which return to the system with the array.
 
-    By itself the C library takes larger and larger ones out of its heap, from which nothing goes
-    back that lies below something else.
+    By default the C library takes ever larger arrays from its heap, which returns nothing that
+    lies below a block in use.
     """
     ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, MIB)
 
 
 def _give_back_memory() -> None:
-    """Python's and the C library's free memory goes back, so that the next flight finds it."""
+    """Returns free memory of Python and the C library to the system before the next flight."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
 
 
 class _Watch:
-    """Ends the process when a flight takes too long or too much."""
+    """Ends the process when a flight exceeds its limits."""
 
     def __init__(self, task: Task, store: Store, limits: Limits, folder: Path) -> None:
         self._task, self._store, self._limits, self._folder = task, store, limits, folder

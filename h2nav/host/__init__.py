@@ -1,1 +1,1 @@
-"""The computer that we run on: its clock, its service manager."""
+"""The host computer: its clocks, its service manager."""

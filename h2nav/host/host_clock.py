@@ -6,13 +6,13 @@ READINGS = 5
 
 
 class UnixClock:
-    """Turns monotonic arrival times into UNIX times by one constant.
+    """Converts monotonic arrival times to UNIX times with one constant.
 
     A log keeps the differences of arrival times exactly only if nothing but a constant is added to
     them; a step of the host's UNIX clock during the run is therefore reported, not followed.
 
     Attributes:
-        offset_ns: UNIX minus monotonic time, as it was when the clock was made.
+        offset_ns: UNIX minus monotonic time when the clock was created.
     """
 
     def __init__(self) -> None:
@@ -23,12 +23,12 @@ class UnixClock:
         return t_ns + self.offset_ns
 
     def step_ns(self) -> int:
-        """By how much the host's UNIX clock has moved since, by steps and slewing."""
+        """How far the host's UNIX clock has moved since, by steps and slewing."""
         return _offset_now_ns() - self.offset_ns
 
 
 def _offset_now_ns() -> int:
-    """The reading with the shortest time between two looks at the monotonic clock."""
+    """The reading with the shortest time between two monotonic readings."""
     readings = []
     for _ in range(READINGS):
         before = time.monotonic_ns()

@@ -5,7 +5,7 @@ import socket
 
 
 class ServiceManager:
-    """Datagrams to the socket that systemd names; does nothing where there is none."""
+    """Sends to the socket that systemd names; does nothing if there is none."""
 
     def __init__(self) -> None:
         self._address = os.environ.get("NOTIFY_SOCKET", "")
@@ -20,19 +20,19 @@ class ServiceManager:
         self._last_ping_ns = 0
 
     def ready(self) -> None:
-        """The daemon does its work from now on."""
+        """Reports that the daemon is ready."""
         self._send("READY=1")
 
     def stopping(self) -> None:
-        """The daemon is about to end."""
+        """Reports that the daemon is about to stop."""
         self._send("STOPPING=1")
 
     def status(self, text: str) -> None:
-        """One line for ``systemctl status``."""
+        """Sets the line of ``systemctl status``."""
         self._send(f"STATUS={text}")
 
     def alive(self, t_ns: int) -> None:
-        """Feeds the watchdog, three times as often as required."""
+        """Feeds the watchdog, at three times the required rate."""
         if self._watchdog_ns and t_ns - self._last_ping_ns >= self._watchdog_ns // 3:
             self._last_ping_ns = t_ns
             self._send("WATCHDOG=1")
@@ -43,5 +43,5 @@ class ServiceManager:
         try:
             self._socket.sendto(text.encode(), self._address)
         except OSError:
-            # systemd is not listening: nothing that the attitude depends on.
+            # systemd does not listen; the attitude does not depend on it.
             return

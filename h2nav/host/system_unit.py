@@ -1,4 +1,4 @@
-"""Our unit of systemd: where it is, how it is installed and started."""
+"""The daemon's systemd unit: its location, installation and start."""
 
 import pwd
 import subprocess
@@ -22,7 +22,7 @@ def is_booted() -> bool:
 
 
 def unit_text(program: str) -> str:
-    """The unit's text for a program at this path."""
+    """The unit's text for the program at this path."""
     packaged = Path(str(resources.files("h2nav"))) / "packaging" / "systemd" / UNIT
     here = Path(__file__).parents[2] / "packaging" / "systemd" / UNIT
     text = (packaged if packaged.is_file() else here).read_text(encoding="utf-8")
@@ -30,10 +30,10 @@ def unit_text(program: str) -> str:
 
 
 def install_and_start() -> None:
-    """Makes the user, writes the unit where no package has brought one, enables and starts it.
+    """Creates the user and, where no package brought it, the unit; enables and starts it.
 
     Raises:
-        TaskFailed: a step failed; the text is what the tool said.
+        TaskFailed: a step failed; the text is the tool's output.
         OSError: the unit cannot be written.
     """
     if not _has_user():

@@ -1,1 +1,1 @@
-"""What `import h2nav` offers: filter and smoother on arrays, recordings, reviews."""
+"""The public API of `import h2nav`: filter and smoother on arrays, recordings, reviews."""

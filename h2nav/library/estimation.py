@@ -1,13 +1,13 @@
 """The default filter and the smoother on arrays, for notebooks and programs.
 
 Arrays hold one row per sample: rates in rad/s, specific forces in m/s^2 (at rest they point up),
-fields in any unit that stays the same. The body's x axis points forward; which way y and z point
-does not matter, because the force says where down is.
+fields in any constant unit. The body's x axis points forward; the directions of y and z do not
+matter, because the force shows where down is.
 
-What is not a number: a row of `gyr` or `acc` that is not finite is no sample; the attitude before
-it stands, and the next sample is integrated over both. A row of `mag` that is not finite is no new
-field, which is how a slow magnetometer is given. Nothing that comes out is NaN after the first
-attitude; before it (some 20 ms) all of it is.
+Missing values: a row of `gyr` or `acc` that is not finite is skipped; the last attitude is
+repeated, and the next sample is integrated over both. A row of `mag` that is not finite is no new
+field: this is how to pass a slow magnetometer. Output is NaN only before the first attitude
+(some 20 ms).
 """
 
 from typing import Literal, NamedTuple
@@ -35,7 +35,7 @@ LEAST_RATE_HZ, MOST_RATE_HZ = 5.0, 2000.0
 
 
 class Velocity(NamedTuple):
-    """Velocities over ground from outside the inertial sensors, such as a GPS receiver's.
+    """Velocities over ground from outside the inertial sensors, such as from a GPS receiver.
 
     Attributes:
         t_s: (M,) times of validity, rising, on the clock of the samples.
@@ -57,8 +57,8 @@ class Attitude(NamedTuple):
         gyro_bias_rad_s: (N, 3) in body axes; measured = true + bias.
         sigma_tilt_rad: (N,) predicted deviation of the tilt.
         sigma_heading_rad: (N,) of the heading.
-        is_at_rest: (N,) the body was at rest, and the gyro's bias was learnt from it.
-        is_disturbed: (N,) a field came and was rejected: it is not the earth's alone.
+        is_at_rest: (N,) the body was at rest, and the gyro's bias was estimated.
+        is_disturbed: (N,) a field was measured and rejected as disturbed.
     """
 
     q: Floats
@@ -70,7 +70,7 @@ class Attitude(NamedTuple):
 
 
 class AttitudeFilter:
-    """The default filter, sample by sample or array by array; it goes on from where it was.
+    """The default filter, sample by sample or array by array; calls may be mixed.
 
     >>> import h2nav
     >>> chosen = h2nav.AttitudeFilter(rate_hz=100.0)
@@ -85,7 +85,7 @@ class AttitudeFilter:
         frame: of the attitudes and velocities: ``ned`` or ``enu``.
 
     Raises:
-        BadInput: rate, vehicle or frame is none of these.
+        BadInput: invalid rate, vehicle or frame.
     """
 
     def __init__(self, rate_hz: float, vehicle: str = "handheld", frame: Frame = "ned") -> None:
@@ -110,16 +110,16 @@ class AttitudeFilter:
         mag: npt.ArrayLike | None = None,
         dt_s: float | None = None,
     ) -> AttitudeEstimate | None:
-        """Takes one sample.
+        """Processes one sample.
 
         Args:
             gyr: (3,) rad/s.
             acc: (3,) m/s^2.
-            mag: (3,) field; None where this sample brings no new one.
-            dt_s: time since the sample before; None = the nominal period.
+            mag: (3,) field; None where this sample has no new one.
+            dt_s: time since the previous sample; None = the nominal period.
 
         Returns:
-            The estimate, whose `q_nb` leads to east-north-up with ``frame="enu"``; None before the
+            The estimate, whose `q_nb` is to east-north-up with ``frame="enu"``; None before the
             first attitude.
         """
         if dt_s is not None:
@@ -133,7 +133,7 @@ class AttitudeFilter:
         return estimate._replace(q_nb=frames.attitude_enu_from_ned(estimate.q_nb))
 
     def use_velocity(self, v_m_s: npt.ArrayLike, sigma_m_s: float = 0.3) -> None:
-        """Takes a velocity over ground, true at the time of the last sample.
+        """Uses a velocity over ground, valid at the time of the last sample.
 
         Args:
             v_m_s: (3,) in the filter's frame; the vertical one may be NaN.
@@ -152,17 +152,18 @@ class AttitudeFilter:
         t_s: npt.ArrayLike | None = None,
         velocity: Velocity | None = None,
     ) -> Attitude:
-        """Takes many samples.
+        """Processes many samples.
 
         Args:
             gyr: (N, 3) rad/s.
             acc: (N, 3) m/s^2.
             mag: (N, 3) field, rows of NaN where none is new; None without a magnetometer.
-            t_s: (N,) times, rising, on one clock in all calls; None = the nominal rate.
-            velocity: velocities over ground, by the clock of `t_s`, else since the first sample.
+            t_s: (N,) increasing times, on one clock for all calls; None = the nominal rate.
+            velocity: velocities over ground, on the clock of `t_s`, otherwise since the first
+                sample.
 
         Raises:
-            ValueError: the arrays do not fit together, or the times do not rise.
+            ValueError: the shapes do not match, or the times do not increase.
         """
         t_us = self._times_us(t_s, len(np.asarray(gyr)))
         steps_s = np.diff(t_us, prepend=0) * 1e-6  # the filter's clock begins with zero
@@ -174,7 +175,7 @@ class AttitudeFilter:
         return _attitude(found, _is_finite(mag, len(t_us)), self._frame)
 
     def _times_us(self, t_s: npt.ArrayLike | None, count: int) -> npt.NDArray[np.int64]:
-        """Of the next samples, since the first one of all."""
+        """Times of the next samples since the very first one."""
         if t_s is None:
             times_us = self._next_us + np.arange(count) * self._period_us
         else:
@@ -190,7 +191,7 @@ class AttitudeFilter:
         return found
 
     def _fixes(self, velocity: Velocity) -> list[VelocityFix]:
-        """On the filter's clock and in its frame."""
+        """The fixes on the filter's clock and in its frame."""
         times_s = np.asarray(velocity.t_s, dtype=np.float64) - (self._origin_s or 0.0)
         rows = np.asarray(velocity.v_m_s, dtype=np.float64)
         if rows.shape != (len(times_s), 3):
@@ -217,9 +218,9 @@ def estimate(
     vehicle: str = "handheld",
     frame: Frame = "ned",
 ) -> Attitude:
-    """The attitude of a recording, each sample from what came before it.
+    """Estimates the attitude of a recording, each sample from those before it.
 
-    With `mag` the heading is that of magnetic north (9D); without it only turns are known (6D).
+    With `mag` the heading is from magnetic north (9D); without it, it is relative (6D).
 
     >>> import numpy as np
     >>> import h2nav
@@ -233,14 +234,14 @@ def estimate(
         acc: (N, 3) m/s^2.
         mag: (N, 3) field, rows of NaN where none is new; None without a magnetometer.
         rate_hz: of the samples; may be left out where `t_s` is given.
-        t_s: (N,) their times, rising; None = even.
+        t_s: (N,) their times, increasing; None = evenly spaced.
         velocity: velocities over ground.
         vehicle: ``handheld``, ``multirotor``, ``fixed-wing`` or ``rover``.
         frame: ``ned`` or ``enu``.
 
     Raises:
-        BadInput: a word or the rate is none of those that are known.
-        ValueError: the arrays do not fit together, or the times do not rise.
+        BadInput: invalid rate, vehicle or frame.
+        ValueError: the shapes do not match, or the times do not increase.
     """
     chosen = AttitudeFilter(_rate_hz(rate_hz, t_s), vehicle, frame)
     return chosen.batch(gyr, acc, mag, t_s=t_s, velocity=velocity)
@@ -257,9 +258,9 @@ def smooth(
     vehicle: str = "handheld",
     frame: Frame = "ned",
 ) -> Attitude:
-    """The attitude of a recording, each sample from what came before and after it.
+    """Estimates the attitude of a recording, each sample from those before and after it.
 
-    Args and errors are those of `estimate`; it takes some ten times as long.
+    Arguments and errors are those of `estimate`; it takes some ten times as long.
     """
     chosen_hz = _rate_hz(rate_hz, t_s)
     chosen = AttitudeFilter(chosen_hz, vehicle, frame)
@@ -286,7 +287,7 @@ def _default_filter(rate_hz: float, vehicle: str) -> VelocityAidedFilter:
 
 
 def _rate_hz(rate_hz: float | None, t_s: npt.ArrayLike | None) -> float:
-    """As it was said, else the usual one of the times."""
+    """The given rate, otherwise the usual one of the times."""
     if rate_hz is not None:
         return float(rate_hz)
     if t_s is None or len(np.asarray(t_s)) < 2:
@@ -297,7 +298,7 @@ def _rate_hz(rate_hz: float | None, t_s: npt.ArrayLike | None) -> float:
 def _with_fixes(
     chosen: VelocityAidedFilter, samples: Samples, fixes: list[VelocityFix]
 ) -> BatchResult:
-    """Samples and velocities in the order of their times."""
+    """Yields samples and velocities in the order of their times."""
     count = len(samples.t_us)
     result = empty_result(count, explains=True)
     first = 0

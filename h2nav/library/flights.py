@@ -14,31 +14,31 @@ from h2nav.reviews.page import page
 
 
 def read_flight(path: Path | str) -> Context:
-    """What a recording holds, as arrays: IMUs, receivers, estimators, motors, modes, parameters.
+    """Reads a recording as arrays: IMUs, receivers, estimators, motors, modes, parameters.
 
     Args:
-        path: dataflash (`.bin`, `.log`), ULog, telemetry log, our MCAP, or raw MAVLink.
+        path: dataflash (`.bin`, `.log`), ULog, telemetry log, MCAP of h2nav, or raw MAVLink.
 
     Returns:
-        Series in SI units and radians, body forward-right-down, by the recording's clock; see
+        Series in SI units and radians, body forward-right-down, on the recording's clock; see
         `h2nav.recordings.context.Context`.
 
     Raises:
-        BadInput: it is no recording, or cannot be read.
+        BadInput: not a recording, or not readable.
     """
     source = open_flight(path)
     return source.context() if isinstance(source, ImportedLog) else read_context(source)
 
 
 def review(path: Path | str, *, html: Path | str | None = None) -> dict[str, Any]:
-    """What went wrong in a flight: what `h2nav review` writes as JSON.
+    """Reviews a flight; returns the JSON document of `h2nav review`.
 
     Args:
         path: as for `read_flight`.
-        html: where the page goes; None = nowhere.
+        html: where to write the page; None = nowhere.
 
     Raises:
-        BadInput: it is no recording, or cannot be read.
+        BadInput: not a recording, or not readable.
         OSError: the page cannot be written.
     """
     reviewed = reviewing.review(open_flight(path), Wishes())

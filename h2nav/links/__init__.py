@@ -1,1 +1,1 @@
-"""Links to autopilots and to programs beside us: UDP, TCP, serial ports, local sockets."""
+"""Links to autopilots and to local programs: UDP, TCP, serial ports, Unix sockets."""

@@ -1,12 +1,12 @@
-"""When to try again after a failure; time comes in, so nothing here waits."""
+"""When to retry after a failure; the caller passes the time, so nothing here waits."""
 
 FIRST_DELAY_NS = 100_000_000
 LONGEST_DELAY_NS = 1_000_000_000
-"""A device that comes back is open again within this time."""
+"""A device that returns is open again within this time."""
 
 
 class BackOff:
-    """Delays between attempts: doubled at each failure in a row, up to a longest one.
+    """Delays between attempts: doubled after each consecutive failure, up to a limit.
 
     Args:
         first_ns: the delay after the first failure.
@@ -23,10 +23,10 @@ class BackOff:
         return self._next_ns is None or t_ns >= self._next_ns
 
     def failed(self, t_ns: int) -> None:
-        """An attempt, or what it had opened, has failed at `t_ns`."""
+        """Notes that an attempt, or the thing that it opened, failed at `t_ns`."""
         self._next_ns = t_ns + self._delay_ns
         self._delay_ns = min(2 * self._delay_ns, self._longest_ns)
 
     def succeeded(self) -> None:
-        """The thing has proved to work: the next failure is the first again."""
+        """Resets the delay: the next failure counts as the first."""
         self._delay_ns = self._first_ns

@@ -1,7 +1,7 @@
-"""Events for other programs on a Unix socket: one JSON document a line, to whoever connects.
+"""Publishes events on a Unix socket: one JSON document per line, to every connected client.
 
-It is read-only, and nobody who connects can hold the daemon up: what a client does not read in time
-ends its connection, and what it writes is not read.
+The socket is read-only, and no client can block the daemon: a client that reads too slowly is
+disconnected, and what a client writes is ignored.
 """
 
 import contextlib
@@ -14,9 +14,9 @@ from pathlib import Path
 from h2nav.errors import BadInput
 
 MOST_CLIENTS = 8
-# What may wait for a client; minutes of events.
+# Queued per client; minutes of events.
 MOST_WAITING_BYTES = 256 * 1024
-# Its owner and group; the folder says who else gets there.
+# Owner and group; the permissions of the folder decide who else has access.
 MODE = 0o660
 
 
@@ -24,7 +24,7 @@ class _Client:
     """One connection.
 
     Attributes:
-        is_gone: it has hung up, or reads too slowly.
+        is_gone: the client has disconnected or reads too slowly.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -34,7 +34,7 @@ class _Client:
         self.is_gone = False
 
     def send(self, data: bytes) -> None:
-        """Sends what there is room for; keeps the rest."""
+        """Sends as much as the socket accepts; queues the rest."""
         data = self._waiting + data
         try:
             sent = self._end.send(data) if data else 0
@@ -51,13 +51,13 @@ class _Client:
 
 
 class EventSocket:
-    """The server.
+    """Accepts clients and sends every event to each of them.
 
     Args:
-        path: of the socket; its folder exists.
+        path: of the socket, in an existing folder.
 
     Raises:
-        BadInput: it cannot be made there, or another program listens there.
+        BadInput: the socket cannot be created, or another program listens on it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -67,19 +67,19 @@ class EventSocket:
 
     @property
     def count(self) -> int:
-        """How many clients there are."""
+        """Number of connected clients."""
         return len(self._clients)
 
     def tend(self, greeting: Callable[[], Iterable[str]]) -> None:
-        """Lets in who has come, and lets go who is gone.
+        """Accepts new clients and drops those that have disconnected.
 
         Args:
-            greeting: lines that somebody who comes late has missed, with their line breaks.
+            greeting: lines sent to each new client before any event, with their line breaks.
         """
         while True:
             try:
                 end, _ = self._server.accept()
-            except OSError:  # nobody, or no descriptor left
+            except OSError:  # no client waits, or no descriptor is left
                 break
             if len(self._clients) == MOST_CLIENTS:
                 end.close()
@@ -92,14 +92,14 @@ class EventSocket:
         self._let_go()
 
     def say(self, line: str) -> None:
-        """Sends a line, with its line break, to all of them."""
+        """Sends a line, with its line break, to every client."""
         data = line.encode()
         for client in self._clients:
             client.send(data)
         self._let_go()
 
     def close(self) -> None:
-        """Hangs up and takes the socket away."""
+        """Disconnects all clients and removes the socket."""
         for client in self._clients:
             client.close()
         self._clients.clear()
@@ -131,13 +131,13 @@ def _listening(path: Path) -> socket.socket:
 
 
 def _remove_dead(path: Path) -> None:
-    """A daemon that was killed has left its socket behind."""
+    """Removes the socket that a killed daemon left behind."""
     try:
         is_socket = stat.S_ISSOCK(path.lstat().st_mode)
     except FileNotFoundError:
         return
     if not is_socket:
-        raise BadInput(f"events.socket: {path} is there and is no socket; name another path")
+        raise BadInput(f"events.socket: {path} exists and is not a socket; name another path")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.setblocking(False)
         try:
@@ -145,4 +145,4 @@ def _remove_dead(path: Path) -> None:
         except ConnectionRefusedError:
             path.unlink()
             return
-    raise BadInput(f"events.socket: another program listens at {path}; name another path")
+    raise BadInput(f"events.socket: another program listens on {path}; name another path")

@@ -1,30 +1,30 @@
-"""Frames that wait for a slow byte stream: bounded, oldest dropped, never a part of one."""
+"""Queues frames for a slow byte stream: bounded, drops the oldest, never splits a frame."""
 
 from collections import deque
 from collections.abc import Callable
 
 QUEUE_BYTES = 4096
-"""What may wait: 0.36 s of a 115200 baud line; older attitudes are of no use to anyone."""
+"""Limit of the queue: 0.36 s at 115200 baud; older attitudes are useless."""
 
 
 class FrameQueue:
     """Keeps whole frames in order until the stream takes them.
 
     Args:
-        limit_bytes: bytes that may wait.
+        limit_bytes: limit of the queue.
     """
 
     def __init__(self, limit_bytes: int = QUEUE_BYTES) -> None:
         self._limit_bytes = limit_bytes
         self._frames: deque[bytes] = deque()
         self._waiting_bytes = 0
-        self._begun = b""  # the rest of a frame whose first bytes have left: it must follow
+        self._begun = b""  # the rest of a frame that was sent in part: it must follow
 
     def __bool__(self) -> bool:
         return bool(self._begun or self._frames)
 
     def push(self, frame: bytes) -> int:
-        """Appends a frame; returns how many of the oldest were dropped to make room."""
+        """Appends a frame; returns how many of the oldest frames were dropped to make room."""
         self._frames.append(frame)
         self._waiting_bytes += len(frame)
         dropped = 0
@@ -34,7 +34,7 @@ class FrameQueue:
         return dropped
 
     def send(self, send: Callable[[bytes], int]) -> int:
-        """Hands over what `send` takes; it returns how many bytes it took. Returns bytes sent."""
+        """Passes bytes to `send`, which returns how many it accepted; returns the bytes sent."""
         total = 0
         while self:
             if not self._begun:
@@ -48,7 +48,7 @@ class FrameQueue:
         return total
 
     def clear(self) -> int:
-        """Drops everything, begun or not (the stream is gone); returns how many frames."""
+        """Drops every frame, including one sent in part; returns how many were dropped."""
         dropped = len(self._frames) + bool(self._begun)
         self._frames.clear()
         self._waiting_bytes = 0

@@ -1,4 +1,4 @@
-"""Resolves host names to socket addresses without ever blocking the caller."""
+"""Resolves host names to socket addresses without blocking the caller."""
 
 import socket
 import threading
@@ -6,18 +6,18 @@ from typing import Any, NamedTuple
 
 
 class SocketAddress(NamedTuple):
-    """A family and the address tuple that sockets of this family take."""
+    """An address family and an address tuple for sockets of that family."""
 
     family: socket.AddressFamily
     address: tuple[Any, ...]
 
 
 class HostLookup:
-    """Looks a host up; literal addresses at once, names on a thread of their own.
+    """Looks up a host: literal addresses at once, names on a separate thread.
 
     Args:
         host: a name or a literal IPv4 or IPv6 address, in ASCII.
-        port: goes into the addresses.
+        port: copied into the addresses.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -31,11 +31,11 @@ class HostLookup:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether the outcome is still open."""
+        """Whether the lookup is still running."""
         return self._outcome is None
 
     def addresses(self) -> list[SocketAddress] | None:
-        """The addresses, IPv4 first; None while the lookup is under way.
+        """Returns the addresses, IPv4 first; None while the lookup is running.
 
         Raises:
             OSError: the name cannot be resolved.
@@ -47,7 +47,7 @@ class HostLookup:
     def _start_thread(self) -> None:
         try:
             threading.Thread(target=self._run, name="host lookup", daemon=True).start()
-        except RuntimeError as error:  # the process may have no more threads
+        except RuntimeError as error:  # the process cannot start another thread
             self._outcome = OSError(f"host {self._host!r} cannot be looked up: {error}")
 
     def _run(self) -> None:
@@ -57,9 +57,9 @@ class HostLookup:
             self._outcome = OSError(f"host {self._host!r} cannot be resolved: {error}")
 
     def _resolve(self, flags: int) -> list[SocketAddress]:
-        # As bytes: a str would need the module of the IDNA codec, whose import may fail (EMFILE).
+        # Bytes, because a str would import the IDNA codec, which may fail (EMFILE).
         host = self._host.encode("ascii")
         found = socket.getaddrinfo(host, self._port, type=socket.SOCK_STREAM, flags=flags)
-        # Autopilots and simulators listen on IPv4 far more often, whatever localhost resolves to.
+        # Autopilots and simulators mostly listen on IPv4, whatever localhost resolves to.
         found.sort(key=lambda entry: entry[0] != socket.AF_INET)
         return [SocketAddress(entry[0], entry[4]) for entry in found]

@@ -1,4 +1,4 @@
-"""Why a link does not open, in words, with the remedy."""
+"""Explains why a link does not open, with the remedy."""
 
 import errno
 
@@ -11,14 +11,14 @@ _SERIAL = {
     errno.EPERM: "permission denied: is the user in the group dialout?",
     errno.EBUSY: "another program has it open",
     errno.EAGAIN: "another program has it open",
-    errno.ENOTTY: "it is no serial port",
+    errno.ENOTTY: "it is not a serial port",
     errno.EIO: "the device is gone",
 }
 _NETWORK = {
     errno.EADDRINUSE: "another program listens on this port",
     errno.EACCES: "permission denied: ports below 1024 are reserved",
     errno.EADDRNOTAVAIL: "this computer does not have that address",
-    errno.ECONNREFUSED: "nobody listens there",
+    errno.ECONNREFUSED: "no program listens there",
     errno.EHOSTUNREACH: "no route to that host",
     errno.ENETUNREACH: "the network is unreachable",
     errno.ENETDOWN: "the network is down",
@@ -27,17 +27,17 @@ _NETWORK = {
 
 
 def explained(url: str, target: LinkUrl, error: OSError) -> str:
-    """One line: the URL, what is wrong, and where it is known what to do.
+    """Returns one line: the URL, the error and, where known, the remedy.
 
     Args:
         url: as the user wrote it.
-        target: its parsed form.
-        error: what the system said.
+        target: the parsed URL.
+        error: the error of the operating system.
     """
     words = _SERIAL if isinstance(target, SerialUrl) else _NETWORK
     known = words.get(error.errno or 0)
     if known is None:
         known = error.strerror or str(error)
     if isinstance(target, UdpUrl) and error.errno == errno.ECONNREFUSED:
-        known = "nobody listens there yet"
+        known = "no program listens there yet"
     return f"{url}: {known}"

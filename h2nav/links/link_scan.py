@@ -1,9 +1,9 @@
-"""Who speaks MAVLink where: listens at many ports at once, at each usual baud rate in turn.
+"""Finds MAVLink: listens on many ports at once and tries each usual baud rate in turn.
 
-A port counts as MAVLink once frames pass their checksum. A serial line that carries bytes and no
-frame is tried at the next baud rate; one that carries nothing is silent at every baud rate. We send
-nothing but, where an autopilot was heard, a request for its version; and to a silent USB autopilot
-a heartbeat, which is what wakes PX4's port.
+A port speaks MAVLink once frames pass their checksum. A serial line that carries bytes but no frame
+is tried at the next baud rate; a line without bytes is silent at every baud rate. The scan sends
+only a version request to a detected autopilot, and a heartbeat to a silent USB autopilot, which
+wakes PX4's port.
 """
 
 import select
@@ -20,29 +20,29 @@ from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.vehicle import Firmware, Heartbeat
 
-# The usual ones first: ArduPilot's and PX4's defaults of telemetry and companion ports.
+# Most common first: the defaults of ArduPilot's and PX4's telemetry and companion ports.
 BAUDS = (57600, 115200, 921600, 460800, 230400, 500000, 1500000, 38400)
-# A heartbeat comes once a second; a slow port may open late.
+# A heartbeat comes once a second; a port may open slowly.
 LISTEN_S = 1.6
-# Rates are counted, and the version is waited for, so long after the first frame.
+# After the first frame, rates are counted and the version is awaited for this long.
 MEASURE_S = 3.0
 ASK_AGAIN_S = 1.0
 TURN_S = 0.05
 NS = 1_000_000_000
 COMPONENT_ID = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
-# Frames of a known id whose 16-bit checksum fits by chance are rare, but junk is long.
+# By chance, a frame of a known id with a matching 16-bit checksum is rare, but noise is long.
 LEAST_FRAMES = 2
 
 Address = tuple[int, int]
 
 
 class Place(NamedTuple):
-    """Where to listen.
+    """A port or address to scan.
 
     Attributes:
-        name: for people: the device's path, or the URL.
-        urls: to try in turn: one per baud rate, or the only one.
-        is_usb_autopilot: a port that may have to be woken by a heartbeat.
+        name: shown to the user: the device's path, or the URL.
+        urls: tried in turn: one per baud rate, or a single one.
+        is_usb_autopilot: the port may need a heartbeat to wake up.
     """
 
     name: str
@@ -51,13 +51,13 @@ class Place(NamedTuple):
 
 
 class Speaker(NamedTuple):
-    """An autopilot that was heard.
+    """A detected autopilot.
 
     Attributes:
         address: system and component id.
-        heartbeat: what it says it is.
-        firmware: its version; None where it did not answer.
-        rates_hz: message id -> how often it came.
+        heartbeat: its first heartbeat.
+        firmware: its version; None if it did not answer.
+        rates_hz: message id -> rate.
     """
 
     address: Address
@@ -67,14 +67,14 @@ class Speaker(NamedTuple):
 
 
 class Hearing(NamedTuple):
-    """What was heard at one place.
+    """The result of scanning one place.
 
     Attributes:
-        place: where.
-        url: at which frames came, or the last one that was tried.
-        speakers: autopilots, in the order of their addresses.
-        frames: that passed their checksum.
-        bytes_in: at all baud rates.
+        place: what was scanned.
+        url: where frames were received, otherwise the last one tried.
+        speakers: autopilots, sorted by address.
+        frames: number of frames that passed their checksum.
+        bytes_in: received at all baud rates.
         error: why the port could not be opened; empty otherwise.
     """
 
@@ -87,7 +87,7 @@ class Hearing(NamedTuple):
 
     @property
     def is_junk(self) -> bool:
-        """Bytes came, at every baud rate that was tried, and no frame."""
+        """Whether bytes came, but no frame at any of the baud rates tried."""
         return self.bytes_in > 0 and self.frames == 0
 
 
@@ -100,11 +100,11 @@ def serial_place(path: str, baud: int | None = None) -> Place:
 def scan(
     places: Sequence[Place], progress: Callable[[int, int], object] = lambda done, total: None
 ) -> list[Hearing]:
-    """Listens at all places at once.
+    """Scans all places at once.
 
     Args:
-        places: where.
-        progress: is called with the places that are done, and their number.
+        places: what to scan.
+        progress: called with the number of finished places and the number of all.
 
     Returns:
         One result per place, in their order.
@@ -132,7 +132,7 @@ def _descriptors(ears: Sequence["_Ear"]) -> Iterator[int]:
 
 
 class _Ear:
-    """Listens at one place."""
+    """Scans one place."""
 
     def __init__(self, place: Place) -> None:
         self._place = place
@@ -154,11 +154,11 @@ class _Ear:
         self.is_done = False
 
     def fileno(self) -> int | None:
-        """What to wait for."""
+        """The descriptor to wait on."""
         return None if self._link is None else self._link.fileno()
 
     def turn(self, now_ns: int) -> None:
-        """Takes what has come; goes on to the next baud rate, or ends, when it is time."""
+        """Reads what has arrived; moves to the next baud rate, or ends, when it is time."""
         if self._link is None:
             self._next(now_ns)
             return
@@ -177,14 +177,14 @@ class _Ear:
             self._ask(now_ns)
 
     def close(self) -> None:
-        """Ends the listening."""
+        """Closes the link."""
         if self._link is not None:
             self._link.close()
         self._link = None
         self.is_done = True
 
     def hearing(self) -> Hearing:
-        """What was heard."""
+        """Returns the result."""
         speakers = tuple(
             Speaker(
                 address,
@@ -212,7 +212,7 @@ class _Ear:
         self._link.maintain(now_ns)
 
     def _give_up(self, now_ns: int) -> None:
-        """Nothing came that is MAVLink: another baud rate, where that can help."""
+        """Moves to the next baud rate where that can help, otherwise ends: no MAVLink came."""
         assert self._link is not None
         if not self._link.is_up:
             self._error = self._link.last_error.removeprefix(f"{self._url}: ")
@@ -240,7 +240,7 @@ class _Ear:
             self._heard_ns = now_ns
 
     def _ask(self, now_ns: int) -> None:
-        """Asks every autopilot for its version until it has answered."""
+        """Asks every autopilot for its version until it answers."""
         assert self._link is not None
         if now_ns - self._asked_ns < ASK_AGAIN_S * NS:
             return

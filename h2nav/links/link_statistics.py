@@ -1,24 +1,24 @@
-"""What a link counts; written to the log and the status line."""
+"""Counters of a link, for the log and the status line."""
 
 from typing import NamedTuple
 
 
 class LinkStatistics(NamedTuple):
-    """Counters since the link was made; they survive reconnects.
+    """Counters since the link was created; they survive reconnects.
 
     Attributes:
-        bytes_in: bytes received and passed on.
-        bytes_out: bytes given to the kernel.
+        bytes_in: received and passed on.
+        bytes_out: given to the kernel.
         chunks_in: datagrams, or pieces of a byte stream, received and passed on.
-        frames_out: frames accepted for sending; those that waited may be dropped later.
-        frames_dropped: frames not sent: link down, no peer yet, queue full, or lost with the link
+        frames_out: accepted for sending; queued frames may still be dropped.
+        frames_dropped: not sent: link down, no peer yet, queue full, or lost with the link
             while they waited.
         opened: how often the link came up; all but the first are reconnects.
         errors: failed openings, losses of the link, failed sends.
-        foreign_datagrams: datagrams from anyone but the peer, not passed on.
+        foreign_datagrams: from senders other than the peer, not passed on.
         peer_changes: how often another (address, port) became the peer.
-        shed_datagrams: datagrams of the peer that had waited for us and do not begin with a frame:
-            a flood of garbage must not hold frames back.
+        shed_datagrams: delayed datagrams of the peer that do not begin with a frame: dropped, so
+            that a flood of garbage does not delay frames.
     """
 
     bytes_in: int = 0

@@ -1,4 +1,4 @@
-"""Connection URLs: the text of a configuration or command line to a checked record."""
+"""Parses connection URLs from configuration and command line."""
 
 import re
 from typing import NamedTuple
@@ -9,7 +9,7 @@ FORMS = (
     "udpin:HOST:PORT (listen), udpout:HOST:PORT (send first), tcp:HOST:PORT, "
     "serial:/dev/NAME:BAUD or /dev/NAME,BAUD"
 )
-"""What is accepted, for error messages and help texts."""
+"""The accepted forms, for error messages and help texts."""
 
 _BAUD_RANGE = (300, 12_000_000)
 # The host is a name, an IPv4 address, or an IPv6 address in brackets.
@@ -33,7 +33,7 @@ class TcpUrl(NamedTuple):
 
 
 class SerialUrl(NamedTuple):
-    """A serial port: device path (any, so also those below /dev/serial/by-id) and bits/s."""
+    """A serial port: device path (also below /dev/serial/by-id) and bits/s."""
 
     path: str
     baud: int
@@ -43,9 +43,9 @@ LinkUrl = UdpUrl | TcpUrl | SerialUrl
 
 
 def parse_link_url(url: str) -> LinkUrl:
-    """Reads a connection URL.
+    """Parses a connection URL.
 
-    Beside the forms of `FORMS`: ``udp:`` means ``udpin:``, as with pymavlink and MAVProxy, and
+    Besides the forms of `FORMS`, ``udp:`` means ``udpin:``, as with pymavlink and MAVProxy, and
     ``//`` may follow the first colon, as with MAVSDK.
 
     Args:
@@ -55,7 +55,7 @@ def parse_link_url(url: str) -> LinkUrl:
         The record for the kind of link.
 
     Raises:
-        BadInput: with one line that says what is wrong and what is accepted.
+        BadInput: one line that names the error and the accepted forms.
     """
     if url.startswith("/"):
         return _serial(url, url)
@@ -64,19 +64,19 @@ def parse_link_url(url: str) -> LinkUrl:
     if colon and kind == "serial":
         return _serial(url, rest)
     if colon and kind in ("udp", "udpin"):
-        # Port 0 lets the kernel choose, which only makes sense where others come to us.
+        # Port 0 lets the kernel choose, which only makes sense for a listener.
         return UdpUrl(*_host_and_port(url, rest, lowest_port=0), listens=True)
     if colon and kind == "udpout":
         return UdpUrl(*_host_and_port(url, rest, lowest_port=1), listens=False)
     if colon and kind == "tcp":
         return TcpUrl(*_host_and_port(url, rest, lowest_port=1))
-    raise _bad(url, f"{kind!r} is no kind of link")
+    raise _bad(url, f"{kind!r} is not a kind of link")
 
 
 def _host_and_port(url: str, rest: str, lowest_port: int) -> tuple[str, int]:
     match = _HOST_AND_PORT.fullmatch(rest)
     if match is None:
-        raise _bad(url, f"{rest!r} is not HOST:PORT (an IPv6 address stands in [brackets])")
+        raise _bad(url, f"{rest!r} is not HOST:PORT (an IPv6 address needs [brackets])")
     port = int(match[2])
     if not lowest_port <= port <= 65535:
         raise _bad(url, f"port {port} is outside {lowest_port}..65535")

@@ -1,7 +1,7 @@
 """Links to an autopilot: one interface over UDP, TCP and serial ports.
 
-A link is made from its URL, keeps itself open, and never raises, blocks or spins after that. Its
-time comes in through `Link.maintain`. One loop drives any number of them::
+A link is created from its URL, keeps itself open, and afterwards never raises, blocks or spins.
+`Link.maintain` passes it the time. One loop drives any number of links::
 
     link = open_link("udpin:0.0.0.0:14550")
     while True:
@@ -35,15 +35,15 @@ class Link(Protocol):
 
     @property
     def has_backlog(self) -> bool:
-        """Whether frames wait for room: select on the descriptor for writing, then `maintain`."""
+        """Whether frames are queued: select on the descriptor for writing, then `maintain`."""
 
     @property
     def has_more(self) -> bool:
-        """Whether there may be more than the latest `read` took."""
+        """Whether data may remain after the latest `read`."""
 
     @property
     def local_port(self) -> int | None:
-        """The bound UDP port; None while the link is down, and for other kinds of links."""
+        """The bound UDP port; None while the link is down, and for other kinds of link."""
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -57,31 +57,31 @@ class Link(Protocol):
         """The descriptor to select on for reading, None while the link is down."""
 
     def maintain(self, t_ns: int) -> None:
-        """Opens what is down with back-off; `t_ns` is the monotonic time. Never raises."""
+        """Opens a closed link, with back-off; `t_ns` is the monotonic time. Never raises."""
 
     def read(self) -> list[Received]:
-        """Datagrams, or pieces of the byte stream, since the last call."""
+        """Returns datagrams, or pieces of the byte stream, since the last call."""
 
     def write(self, data: bytes) -> bool:
-        """Sends one whole frame; False if it was dropped."""
+        """Sends one whole frame; returns False if it was dropped."""
 
     def close(self) -> None:
         """Closes the descriptor."""
 
 
 def open_link(url: str, vouch: Vouch | None = None) -> Link:
-    """Makes the link of a connection URL; it opens at its first `Link.maintain`.
+    """Creates the link of a connection URL; it opens at its first `Link.maintain`.
 
     Args:
         url: one of the forms of `link_urls.parse_link_url`.
-        vouch: whether a datagram of a stranger makes him the peer of a listening UDP link; every
-            one does where it is None.
+        vouch: whether a datagram makes its unknown sender the peer of a listening UDP link; None
+            accepts every sender.
 
     Returns:
         The link, still down.
 
     Raises:
-        BadInput: the URL cannot be understood.
+        BadInput: the URL is not valid.
     """
     target = parse_link_url(url)
     if isinstance(target, UdpUrl):

@@ -1,4 +1,4 @@
-"""Where a server of ours listens: the text of a configuration or command line to a record."""
+"""Parses the listening address of a server from configuration and command line."""
 
 import re
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class ListenAddress(NamedTuple):
 
     @property
     def is_loopback(self) -> bool:
-        """Only programs of this machine get there."""
+        """Whether only programs on this machine can connect."""
         return self.host in ("localhost", "::1") or self.host.startswith("127.")
 
     def __str__(self) -> str:
@@ -25,12 +25,12 @@ class ListenAddress(NamedTuple):
 
 
 def parse_listen_address(text: str) -> ListenAddress:
-    """Reads HOST:PORT, such as ``127.0.0.1:8080``, ``0.0.0.0:8080`` or ``[::1]:8080``.
+    """Parses HOST:PORT, such as ``127.0.0.1:8080``, ``0.0.0.0:8080`` or ``[::1]:8080``.
 
     Raises:
-        BadInput: with one line that says what is expected.
+        BadInput: one line that names the expected form.
     """
     match = _HOST_AND_PORT.fullmatch(text)
     if match is None or int(match[2]) > 65535:
-        raise BadInput(f"{text!r} is not HOST:PORT; write such as 127.0.0.1:8080 or [::1]:8080")
+        raise BadInput(f"{text!r} is not HOST:PORT; for example 127.0.0.1:8080 or [::1]:8080")
     return ListenAddress(match[1].strip("[]"), int(match[2]))

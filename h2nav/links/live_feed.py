@@ -1,8 +1,8 @@
-"""What the daemon tells a process that shows it: packets on a socket that never make it wait.
+"""Streams the daemon's records to the viewer process over a socket that never blocks the daemon.
 
-A packet holds what one turn of the daemon's loop has brought. One that finds no room is dropped and
-counted, and nothing is kept for later: what is live has no past. `Word`s come back, which the
-daemon reads when it has time.
+Each packet holds the records of one turn of the daemon's loop. A packet that does not fit into the
+socket's buffer is dropped and counted, never kept for later: only the present matters. The viewer
+answers with `Word`s, which the daemon reads between its own work.
 """
 
 import pickle
@@ -18,10 +18,10 @@ from h2nav.integrity.severity import Severity
 TEXT_TOPIC = "/log"
 FEED_TOPIC = "/feed"
 STATUS_TOPIC = "/status"
-# Those that come with every sample; the others are few.
+# Topics with one record per sample; all others are rare.
 FAST_TOPICS = frozenset({"/imu", "/estimate", "/twist", "/odometry", "/wheels", "/pose_measured"})
 PAUSE_NS = 100_000_000
-# Of one turn; a backlog that is worked off brings more, and nobody can look at that.
+# Limit per turn; working off a backlog yields more than can be displayed.
 MOST_ENTRIES = 512
 BUFFER_BYTES = 512 * 1024
 MOST_WORDS = 16
@@ -30,10 +30,10 @@ LONGEST_TROUBLE = 200
 
 
 class Line(NamedTuple):
-    """A line of the program, in place of a record.
+    """A line of the program's output, in place of a record.
 
     Attributes:
-        severity: of it.
+        severity: of the line.
         text: the line.
     """
 
@@ -42,7 +42,7 @@ class Line(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One thing that the daemon tells.
+    """One record of the feed.
 
     Attributes:
         topic: as in the log.
@@ -58,12 +58,12 @@ class Entry(NamedTuple):
 
 
 class FeedRecord(NamedTuple):
-    """How the live view and the daemon's process are doing, once a second; not in the log.
+    """Statistics of the live view and the daemon's process, once a second; not in the log.
 
     Attributes:
-        packets: handed to the viewer's process since the start.
-        dropped: packets and entries that found no room.
-        wants_all: somebody looks at every sample; else fast records come at 10 Hz.
+        packets: sent to the viewer since the start.
+        dropped: packets and entries that did not fit.
+        wants_all: a viewer displays every sample; otherwise fast records come at 10 Hz.
         cpu_s: processor time of the daemon since its start.
         memory_bytes: of the daemon, resident.
     """
@@ -76,11 +76,11 @@ class FeedRecord(NamedTuple):
 
 
 class Greeting(NamedTuple):
-    """The first packet to a viewer: what it is to do.
+    """The first packet to a viewer: its settings.
 
     Attributes:
         host: address to listen on.
-        port: of the page; 0 = one that the kernel chooses.
+        port: of the page; 0 = chosen by the kernel.
         foxglove_port: of the Foxglove WebSocket; 0 = none.
         configuration: of the daemon, section -> key -> value.
     """
@@ -92,12 +92,12 @@ class Greeting(NamedTuple):
 
 
 class Word(NamedTuple):
-    """What a viewer says.
+    """A message of the viewer to the daemon.
 
     Attributes:
-        port: of the page, from when it listens; 0 before.
-        wants_all: somebody looks at every sample.
-        trouble: why it cannot go on; empty while it can.
+        port: of the page, once it listens; 0 before.
+        wants_all: a client displays every sample.
+        trouble: why the viewer cannot continue; empty while it can.
     """
 
     port: int = 0
@@ -106,13 +106,13 @@ class Word(NamedTuple):
 
 
 class LiveFeed:
-    """The daemon's end.
+    """The daemon's end of the feed.
 
     Attributes:
         packets: sent since the start.
-        dropped: packets and entries that found no room.
-        refused: packets in a row that found none.
-        wants_all: every record is wanted; else those of `FAST_TOPICS` are thinned to 10 Hz.
+        dropped: packets and entries that did not fit.
+        refused: consecutive packets that did not fit.
+        wants_all: every record is wanted; otherwise those of `FAST_TOPICS` are thinned to 10 Hz.
     """
 
     def __init__(self) -> None:
@@ -125,13 +125,13 @@ class LiveFeed:
         self.wants_all = False
 
     def begin(self, end: socket.socket, greeting: Greeting) -> None:
-        """A viewer is there; `end` is the daemon's of `feed_sockets`."""
+        """Connects a viewer; `end` is the daemon's of `feed_sockets`."""
         end.setblocking(False)
         self._socket = end
         self._send(end, greeting)
 
     def end(self) -> None:
-        """The viewer is gone, or shall go: it ends when it finds the socket closed."""
+        """Disconnects the viewer, which exits when it finds the socket closed."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
@@ -142,7 +142,7 @@ class LiveFeed:
     def record(
         self, topic: str, record: tuple[Any, ...], unix_ns: int, publish_ns: int | None = None
     ) -> None:
-        """Takes a record; see `Recorder.record`."""
+        """Queues a record; see `Recorder.record`."""
         if self._socket is None:
             return
         if not self.wants_all and topic in self._due_ns:
@@ -157,20 +157,20 @@ class LiveFeed:
         self._entries.append((topic, unix_ns, published, record))
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
-        """Takes a line of the program."""
+        """Queues a line of the program's output."""
         self.record(TEXT_TOPIC, Line(severity, text), unix_ns)
 
     def flush(self) -> None:
-        """Sends what has been taken since the last time; at the end of each turn."""
+        """Sends what was queued; called at the end of each turn."""
         if self._entries and self._socket is not None:
             self._send(self._socket, self._entries)
             self._entries.clear()
 
     def words(self) -> Iterator[Word]:
-        """What the viewer has said since the last time.
+        """Yields the viewer's messages since the last call.
 
         Raises:
-            ConnectionError: it is gone, or talks nonsense.
+            ConnectionError: the viewer is gone or sent an invalid message.
         """
         if self._socket is None:
             return
@@ -180,15 +180,15 @@ class LiveFeed:
             except BlockingIOError:
                 return
             except ConnectionResetError:
-                continue  # it is gone; what it has said before comes now
+                continue  # it is gone; messages that it sent before come now
             if not data:
-                raise ConnectionResetError("the viewer has closed its end")
+                raise ConnectionResetError("the viewer closed its end")
             yield _word(data)
 
     def _send(self, end: socket.socket, content: object) -> None:
         try:
             end.send(pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL))
-        except OSError:  # no room, too long, or nobody there: `words` tells the last
+        except OSError:  # no room, too long, or no viewer: `words` reports the last
             self.dropped += 1
             self.refused += 1
         else:
@@ -197,7 +197,7 @@ class LiveFeed:
 
 
 class FeedReader:
-    """The viewer's end.
+    """The viewer's end of the feed.
 
     Args:
         end: the viewer's of `feed_sockets`.
@@ -207,7 +207,7 @@ class FeedReader:
         self._socket = end
 
     def fileno(self) -> int:
-        """For waiting until there is something to read."""
+        """The descriptor to wait on for reading."""
         return self._socket.fileno()
 
     def greeting(self) -> Greeting:
@@ -222,7 +222,7 @@ class FeedReader:
         return found
 
     def entries(self) -> list[Entry]:
-        """What the daemon has told since the last time, a packet at most.
+        """Returns the entries of the next packet, if one has arrived.
 
         Raises:
             ConnectionError: the daemon is gone.
@@ -233,32 +233,32 @@ class FeedReader:
             return []
 
     def say(self, word: Word) -> None:
-        """Tells the daemon; nobody waits where it does not listen."""
+        """Sends a message to the daemon without waiting; it is lost where the daemon is gone."""
         with suppress(OSError):
             self._socket.send(orjson.dumps(word._asdict()))
 
     def _receive(self) -> Any:
         data = self._socket.recv(BUFFER_BYTES)
         if not data:
-            raise ConnectionResetError("the daemon has closed its end")
-        return pickle.loads(data)  # from the daemon, which has started us
+            raise ConnectionResetError("the daemon closed its end")
+        return pickle.loads(data)  # trusted: from the daemon, which started this process
 
 
 def feed_sockets() -> tuple[socket.socket, socket.socket]:
-    """The daemon's end and the viewer's; packets stay whole on their way."""
+    """Creates the daemon's end and the viewer's; packets keep their boundaries."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     return ours, theirs
 
 
 def _word(data: bytes) -> Word:
-    """Strangers talk to the viewer, so that what it says is not taken on trust."""
+    """Checks a message of the viewer: it serves strangers, so it is not trusted."""
     try:
         said = orjson.loads(data)
         port, wants_all, trouble = (said[name] for name in Word._fields)
     except (ValueError, TypeError, KeyError):
-        raise ConnectionAbortedError("the viewer talks nonsense") from None
+        raise ConnectionAbortedError("the viewer sent an invalid message") from None
     if type(port) is not int or type(wants_all) is not bool or type(trouble) is not str:
-        raise ConnectionAbortedError("the viewer talks nonsense")
+        raise ConnectionAbortedError("the viewer sent an invalid message")
     printable = "".join(letter if letter.isprintable() else "?" for letter in trouble)
     return Word(port, wants_all, printable[:LONGEST_TROUBLE])

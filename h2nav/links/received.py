@@ -1,4 +1,4 @@
-"""What a link delivers: bytes with the time at which they came."""
+"""Received bytes with their time of arrival."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ class Received(NamedTuple):
 
     Attributes:
         data: the bytes.
-        t_ns: monotonic time at which the kernel received them; None where the link cannot know.
+        t_ns: monotonic time at which the kernel received them; None where the link has no stamp.
     """
 
     data: bytes

@@ -13,10 +13,10 @@ _READ_BYTES = 65536
 
 
 class SerialTransport:
-    """Opens a serial device exclusively, raw, without waiting in any call.
+    """Opens a serial device exclusively and raw; no call waits.
 
     Args:
-        url: device path and baud rate. The path is followed anew at each opening, so a link below
+        url: device path and baud rate. The path is resolved at each opening, so a link below
             /dev/serial/by-id finds the device under its new node.
     """
 
@@ -35,16 +35,16 @@ class SerialTransport:
             _prepare(self._descriptor)
         except serial.SerialException as error:
             if _is_no_port(self._url.path):
-                raise OSError(f"{self._url.path}: is no serial port") from error
+                raise OSError(f"{self._url.path}: is not a serial port") from error
             raise
         except (termios.error, ValueError, OverflowError) as error:
             raise OSError(f"{self._url.path}: {error}") from error
-        # Adapters that collect bytes for 16 ms stop doing so; others do not know the request.
+        # Disables the 16 ms buffering of USB adapters; other drivers do not know the request.
         with contextlib.suppress(ValueError, OSError):
             self._port.set_low_latency_mode(True)
 
     def is_ready(self) -> bool:
-        """A serial port is open at once."""
+        """Returns True: a serial port opens at once."""
         return True
 
     def fileno(self) -> int:
@@ -52,7 +52,7 @@ class SerialTransport:
         return self._descriptor
 
     def receive(self) -> bytes:
-        """Bytes at hand; raises OSError when the device is gone."""
+        """Returns the available bytes; raises OSError when the device is gone."""
         try:
             data = os.read(self._descriptor, _READ_BYTES)
         except BlockingIOError:
@@ -62,17 +62,17 @@ class SerialTransport:
         return data
 
     def send(self, data: bytes) -> int:
-        """Takes what fits into the driver's buffer."""
+        """Writes what fits into the driver's buffer."""
         try:
             return os.write(self._descriptor, data)
         except BlockingIOError:
             return 0
 
     def close(self) -> None:
-        """Closes the device, at once and whatever state it is in."""
+        """Closes the device at once, in any state."""
         if self._port is None:
             return
-        # What the driver still holds would otherwise be waited for.
+        # Without this, closing would wait for what the driver still holds.
         with contextlib.suppress(termios.error, OSError):
             termios.tcflush(self._descriptor, termios.TCOFLUSH)
         with contextlib.suppress(termios.error, OSError):
@@ -82,7 +82,7 @@ class SerialTransport:
 
 
 def _is_no_port(path: str) -> bool:
-    """Whether it can be opened, and is no terminal; nothing is known of one that is busy."""
+    """Whether it opens but is not a terminal; unknown, hence False, while it is busy."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     except OSError:
@@ -94,9 +94,9 @@ def _is_no_port(path: str) -> bool:
 
 
 def _prepare(descriptor: int) -> None:
-    """Keeps other programs out, and makes an empty read mean that the device is gone."""
+    """Locks the device, and makes an empty read mean that the device is gone."""
     fcntl.ioctl(descriptor, termios.TIOCEXCL)
     attributes = termios.tcgetattr(descriptor)
-    # With VMIN = 0, pyserial's choice, a read of nothing and a hang-up look the same.
+    # With VMIN = 0, pyserial's choice, an empty read and a hang-up look the same.
     attributes[6][termios.VMIN] = 1
     termios.tcsetattr(descriptor, termios.TCSANOW, attributes)

@@ -1,4 +1,4 @@
-"""The serial ports of this computer: stable names, what is plugged in, what is in the way."""
+"""The serial ports of this computer: stable names, descriptions, obstacles to using them."""
 
 import contextlib
 import glob
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from serial.tools.list_ports_linux import SysFS
 
 BY_ID = "/dev/serial/by-id"
-# Raspberry Pi OS names the header's UART so, whatever drives it.
+# Raspberry Pi OS gives the header's UART these names, whatever drives it.
 ALIASES = ("/dev/serial0", "/dev/serial1")
 # USB adapters and autopilots; UARTs of Broadcom, Nvidia, Qualcomm, NXP, TI and PC boards.
 PATTERNS = ("ttyACM*", "ttyUSB*", "ttyAMA*", "ttyTHS*", "ttyHS*", "ttymxc*", "ttyO*", "ttyS*")
@@ -21,10 +21,10 @@ class PortListing(NamedTuple):
     """One serial port.
 
     Attributes:
-        path: the name that stays the same when devices are plugged in another order.
-        device: the node that it leads to now.
-        description: what the device calls itself; empty where it says nothing.
-        obstacles: what keeps us from using it, each with its remedy.
+        path: the name that does not depend on the order in which devices are plugged in.
+        device: the node that it resolves to now.
+        description: the device's own name; empty if it has none.
+        obstacles: what prevents its use, each with the remedy.
     """
 
     path: str
@@ -34,10 +34,10 @@ class PortListing(NamedTuple):
 
 
 def listed_ports(further: tuple[str, ...] = ()) -> list[PortListing]:
-    """Every serial port with hardware behind it.
+    """Lists every serial port with hardware behind it.
 
     Args:
-        further: device paths to list besides.
+        further: additional device paths to list.
     """
     stable = {os.path.realpath(link): link for link in _links()}
     nodes = [node for pattern in PATTERNS for node in sorted(glob.glob(f"/dev/{pattern}"))]
@@ -48,19 +48,19 @@ def listed_ports(further: tuple[str, ...] = ()) -> list[PortListing]:
 
 
 def port_at(path: str) -> PortListing:
-    """The port behind a path, whether or not it exists."""
+    """Describes the port at a path, whether or not it exists."""
     device = os.path.realpath(path)
     return PortListing(path, device, _description(device), tuple(_obstacles(device)))
 
 
 def _links() -> list[str]:
-    """Stable names, the better ones last."""
+    """Returns the stable names, the preferred ones last."""
     aliases = [alias for alias in ALIASES if os.path.exists(alias)]
     return aliases + sorted(glob.glob(f"{BY_ID}/*"))
 
 
 def _has_hardware(node: str) -> bool:
-    """False for the names that the kernel keeps for UARTs that are not there."""
+    """Whether a UART exists behind the name; the kernel also reserves names without one."""
     try:
         kind = Path(f"/sys/class/tty/{os.path.basename(node)}/type").read_text(encoding="ascii")
     except OSError:
@@ -69,7 +69,7 @@ def _has_hardware(node: str) -> bool:
 
 
 def _description(device: str) -> str:
-    """Manufacturer and product as USB tells them."""
+    """Returns manufacturer and product from the USB descriptor."""
     try:
         info = SysFS(device)
     except OSError:
@@ -113,7 +113,7 @@ def _is_console(device: str) -> bool:
 
 
 def _users(device: str) -> list[tuple[str, int]]:
-    """Programs that have the device open, as far as we may look at them."""
+    """Returns the programs that have the device open, as far as permissions show them."""
     found = []
     for folder in glob.glob("/proc/[0-9]*/fd"):
         pid = int(folder.split("/")[2])

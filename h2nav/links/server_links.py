@@ -1,7 +1,7 @@
 """The autopilot's end of a stream link: a pseudo-terminal, or a TCP port that listens.
 
-They are transports of `StreamLink` that are always ready: without a peer, what is sent is lost, as
-on a wire with nobody at its end.
+Both are transports of a `StreamLink` that are always ready: without a peer, sent bytes are lost, as
+on an unconnected wire.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from h2nav.links.links import Link, open_link
 from h2nav.links.stream_link import StreamLink
 
 FORMS = "pty:/PATH/OF/LINK (make a serial port there), tcpin:HOST:PORT (listen)"
-"""What is accepted beside the forms of `link_urls`, for help texts."""
+"""The forms accepted besides those of `link_urls`, for help texts."""
 
 _READ_BYTES = 65536
 # Linux ioctl numbers (asm-generic/ioctls.h: TIOCSPTLCK, TIOCGPTN), which Python does not name.
@@ -26,10 +26,10 @@ _GET_PTY_NUMBER = 0x80045430
 
 
 def open_server_link(url: str) -> Link:
-    """Makes the link of a connection URL, or of one of `FORMS`.
+    """Creates the link of a connection URL, or of one of `FORMS`.
 
     Raises:
-        BadInput: the URL cannot be understood.
+        BadInput: the URL is not valid.
     """
     kind, _, rest = url.partition(":")
     if kind == "pty":
@@ -43,13 +43,13 @@ def open_server_link(url: str) -> Link:
 
 
 class PtyTransport:
-    """A pseudo-terminal whose far end a symbolic link points at.
+    """A pseudo-terminal with a symbolic link to its far end.
 
-    When the program at the far end closes it, a new one takes its place behind the same link, as
+    When the program at the far end closes it, a new terminal replaces it behind the same link, as
     when a USB adapter is plugged in again.
 
     Args:
-        path: of the symbolic link; it is replaced if it exists and is one.
+        path: of the symbolic link; an existing symbolic link is replaced.
     """
 
     def __init__(self, path: str) -> None:
@@ -57,8 +57,8 @@ class PtyTransport:
         self._descriptor = -1
 
     def start(self) -> None:
-        """Makes the terminal and the link; raises OSError."""
-        # openpty would open the far end as well, and its closing would look like a hang-up.
+        """Creates the terminal and the link; raises OSError."""
+        # openpty would also open the far end, and closing that would look like a hang-up.
         self._descriptor = os.open("/dev/ptmx", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         fcntl.ioctl(self._descriptor, _UNLOCK_PTY, struct.pack("i", 0))
         answer = fcntl.ioctl(self._descriptor, _GET_PTY_NUMBER, struct.pack("i", 0))
@@ -67,28 +67,28 @@ class PtyTransport:
         os.symlink(f"/dev/pts/{struct.unpack('i', answer)[0]}", self._path)
 
     def is_ready(self) -> bool:
-        """A terminal is open at once."""
+        """Returns True: a terminal opens at once."""
         return True
 
     def fileno(self) -> int:
-        """The descriptor of our end."""
+        """The descriptor of the near end."""
         return self._descriptor
 
     def receive(self) -> bytes:
-        """Bytes at hand; a far end that has gone is replaced."""
+        """Returns the available bytes; replaces a far end that was closed."""
         try:
             return os.read(self._descriptor, _READ_BYTES)
         except BlockingIOError:
             return b""
         except OSError:  # EIO: the far end was closed
-            # The old terminal goes only after the new one has come, so that their names differ.
+            # The old terminal is closed after the new one is open, so that their names differ.
             old = self._descriptor
             self.start()
             os.close(old)
             return b""
 
     def send(self, data: bytes) -> int:
-        """Takes what fits; what nobody reads is lost."""
+        """Writes what fits; without a reader it is lost."""
         try:
             return os.write(self._descriptor, data)
         except BlockingIOError:
@@ -97,14 +97,14 @@ class PtyTransport:
             return len(data)
 
     def close(self) -> None:
-        """Closes our end and removes the link."""
+        """Closes the near end and removes the link."""
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
             self._remove_link()
 
     def _remove_link(self) -> None:
-        """A file that is no link stays, and `os.symlink` then says so."""
+        """Removes the symbolic link; a file of another kind stays, and `os.symlink` reports it."""
         if os.path.islink(self._path):
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(self._path)
@@ -129,17 +129,17 @@ class TcpServerTransport:
         self._listener.setblocking(False)
 
     def is_ready(self) -> bool:
-        """A port listens at once."""
+        """Returns True: a port listens at once."""
         return True
 
     def fileno(self) -> int:
-        """The descriptor on which something new will show."""
+        """The descriptor that becomes readable on a new client or new bytes."""
         if self._client is not None:
             return self._client.fileno()
         return self._listener.fileno() if self._listener is not None else -1
 
     def receive(self) -> bytes:
-        """Bytes of the client; takes the next client when there is none."""
+        """Returns bytes of the client; accepts the next client when there is none."""
         if self._client is None:
             self._accept()
             return b""
@@ -154,7 +154,7 @@ class TcpServerTransport:
         return data
 
     def send(self, data: bytes) -> int:
-        """Takes what fits; without a client it is lost."""
+        """Writes what fits; without a client it is lost."""
         if self._client is None:
             return len(data)
         try:
@@ -166,7 +166,7 @@ class TcpServerTransport:
             return len(data)
 
     def close(self) -> None:
-        """Closes client and port."""
+        """Closes the client and the port."""
         self._drop_client()
         if self._listener is not None:
             self._listener.close()

@@ -1,4 +1,4 @@
-"""A link over a byte stream that comes and goes: serial port or TCP connection."""
+"""A link over a byte stream that may drop and reconnect: serial port or TCP connection."""
 
 import errno
 from collections.abc import Callable
@@ -10,42 +10,42 @@ from h2nav.links.link_statistics import LinkStatistics, LinkTally
 from h2nav.links.received import Received
 
 OPEN_TIMEOUT_NS = 3_000_000_000
-"""An opening that has not succeeded by then has failed."""
+"""An opening that takes longer has failed."""
 
 
 class Transport(Protocol):
-    """What opens, reads and writes for a `StreamLink`. Every method may raise OSError."""
+    """Opens, reads and writes for a `StreamLink`. Every method may raise OSError."""
 
     def start(self) -> None:
         """Begins to open; never blocks."""
 
     def is_ready(self) -> bool:
-        """Continues the opening; True once it is complete."""
+        """Continues the opening; returns True once it is complete."""
 
     def fileno(self) -> int:
         """The descriptor of the opened stream."""
 
     def receive(self) -> bytes:
-        """Bytes at hand, b"" if none; raises OSError when the stream has ended."""
+        """Returns the available bytes, b"" if none; raises OSError when the stream has ended."""
 
     def send(self, data: bytes) -> int:
-        """Takes as many bytes as fit now; returns how many."""
+        """Accepts as many bytes as fit now; returns how many."""
 
     def close(self) -> None:
-        """Closes whatever is open; does not raise."""
+        """Closes whatever is open; never raises."""
 
 
 class StreamLink:
     """Keeps one byte stream open, with back-off, and sends whole frames over it.
 
     Args:
-        url: the connection URL it was made from.
+        url: the connection URL of the link.
         transport: the serial port or the TCP connection.
-        explain: an error of the transport in words.
+        explain: turns an error of the transport into a message.
 
     Attributes:
         is_up: the descriptor is open.
-        has_more: there may be more than the latest `read` took.
+        has_more: data may remain after the latest `read`.
     """
 
     local_port = None
@@ -76,7 +76,7 @@ class StreamLink:
 
     @property
     def has_backlog(self) -> bool:
-        """Whether frames wait for room: wake up when the descriptor is writable."""
+        """Whether frames are queued: wake up when the descriptor is writable."""
         return self.is_up and bool(self._queue)
 
     def fileno(self) -> int | None:
@@ -84,7 +84,7 @@ class StreamLink:
         return self._transport.fileno() if self.is_up else None
 
     def maintain(self, t_ns: int) -> None:
-        """Opens the link if it is down and the back-off allows, and sends what waits; never raises.
+        """Opens a closed link as the back-off allows, and sends queued frames; never raises.
 
         Args:
             t_ns: monotonic time, ns; to be called at least every 100 ms.
@@ -99,7 +99,7 @@ class StreamLink:
             self._fail(error)
 
     def read(self) -> list[Received]:
-        """What has arrived since the last call, nothing while down; never blocks, never raises."""
+        """Returns what has arrived since the last call; never blocks, never raises."""
         self.has_more = False
         if not self.is_up:
             return []
@@ -116,13 +116,13 @@ class StreamLink:
         return [Received(chunk)]
 
     def write(self, data: bytes) -> bool:
-        """Sends one whole frame or keeps it until there is room; never blocks, never raises.
+        """Sends one whole frame or queues it; never blocks, never raises.
 
         Args:
             data: one frame.
 
         Returns:
-            False if the frame was dropped. When too much waits, the oldest frames are dropped.
+            False if the frame was dropped. A full queue drops its oldest frames.
         """
         if not self.is_up:
             self._tally.add(frames_dropped=1)
@@ -135,7 +135,7 @@ class StreamLink:
         return self.is_up
 
     def close(self) -> None:
-        """Closes the descriptor; a later `maintain` would open it again."""
+        """Closes the descriptor; a later `maintain` reopens it."""
         self.is_up = False
         self._opening_since_ns = None
         self._tally.add(frames_dropped=self._queue.clear())

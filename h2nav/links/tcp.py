@@ -9,11 +9,11 @@ from h2nav.links.host_lookup import HostLookup
 from h2nav.links.link_urls import TcpUrl
 
 _READ_BYTES = 65536
-_PEER_TIMEOUT_MS = 5000  # unacknowledged for so long: the peer has lost its power
+_PEER_TIMEOUT_MS = 5000  # bytes unacknowledged for this long: the peer has lost power
 
 
 class TcpTransport:
-    """Connects to a server; a name with several addresses is tried at another one each time.
+    """Connects to a server; each attempt uses the next address of the host.
 
     Args:
         url: host and port.
@@ -26,12 +26,12 @@ class TcpTransport:
         self._attempts = 0
 
     def start(self) -> None:
-        """Begins with the lookup of the host; one that outlasts an attempt serves the next."""
+        """Begins with the host lookup; a lookup that outlasts an attempt serves the next."""
         if self._lookup is None or not self._lookup.is_under_way:
             self._lookup = HostLookup(self._url.host, self._url.port)
 
     def is_ready(self) -> bool:
-        """Proceeds from lookup to connection; raises OSError when one of them has failed."""
+        """Proceeds from lookup to connection; raises OSError when either has failed."""
         if self._socket is None:
             addresses = self._lookup.addresses() if self._lookup else None
             if not addresses:
@@ -56,7 +56,7 @@ class TcpTransport:
         return self._socket.fileno() if self._socket else -1
 
     def receive(self) -> bytes:
-        """Bytes at hand; raises OSError when the connection has ended."""
+        """Returns the available bytes; raises OSError when the connection has ended."""
         assert self._socket is not None
         try:
             data = self._socket.recv(_READ_BYTES)
@@ -67,7 +67,7 @@ class TcpTransport:
         return data
 
     def send(self, data: bytes) -> int:
-        """Takes what fits into the socket's buffer."""
+        """Writes what fits into the socket's buffer."""
         assert self._socket is not None
         try:
             return self._socket.send(data)
@@ -82,11 +82,11 @@ class TcpTransport:
 
 
 def _connecting(family: socket.AddressFamily) -> socket.socket:
-    """A socket that does not block, sends each frame at once and notices a dead peer."""
+    """A non-blocking socket that sends each frame at once and detects a dead peer."""
     connection = socket.socket(family, socket.SOCK_STREAM)
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    # Attitudes that wait in a deep buffer are old when they leave.
+    # Attitudes that wait in a deep buffer are stale when they leave.
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
     if hasattr(socket, "TCP_USER_TIMEOUT"):
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _PEER_TIMEOUT_MS)

@@ -16,19 +16,19 @@ from h2nav.links.received import Received
 from h2nav.wire.deframer import begins_with_frame
 
 PEER_SILENCE_NS = 1_500_000_000
-"""After this silence another (address, port) may take the peer's place: longer than a heartbeat's
-period, so that two senders never alternate, and short enough for an autopilot that comes back from
-a reboot (about 1 s of silence, then a new source port)."""
+"""After this silence another (address, port) may become the peer: longer than a heartbeat's period,
+so that two senders never alternate, and short enough for an autopilot that reboots (about 1 s of
+silence, then a new source port)."""
 
 WAITED_NS = 20_000_000
-"""A datagram that has waited so long for us, behind others, shows that more comes than we can
-carry. Garbage made to cost the most takes us a millisecond a datagram; looking whether one begins
-with a frame takes ten microseconds."""
+"""A datagram that was queued for this long, behind others, shows that we are overloaded. The
+costliest garbage takes a millisecond per datagram; checking whether one begins with a frame takes
+ten microseconds."""
 
-_RECEIVE_BUFFER_BYTES = 1 << 20  # asked for; the kernel may grant less (net.core.rmem_max)
+_RECEIVE_BUFFER_BYTES = 1 << 20  # requested; the kernel may grant less (net.core.rmem_max)
 _DATAGRAM_BYTES = 65536
 _BACKLOG_DATAGRAMS = 16
-_DATAGRAMS_PER_READ = 64  # a flood must not keep the loop from its other work
+_DATAGRAMS_PER_READ = 64  # a flood must not starve the rest of the loop
 # Linux (asm-generic/socket.h), which Python does not name: the kernel's time of arrival, UNIX time.
 _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@ll")
@@ -41,18 +41,18 @@ Vouch = Callable[[bytes], bool]
 class UdpLink:
     """Listens for one peer, or sends first to a given one.
 
-    A listening link (``udpin:``) takes the first sender whose datagram is vouched for as its peer,
-    answers only him and takes datagrams only from him, until he has been silent for
-    `PEER_SILENCE_NS`. A sending link (``udpout:``) knows its peer from the URL. Datagrams from
-    anyone else are counted and dropped.
+    A listening link (``udpin:``) takes the first sender that `vouch` accepts as its peer, and
+    answers and receives from that peer alone until it has been silent for `PEER_SILENCE_NS`. A
+    sending link (``udpout:``) knows its peer from the URL. Datagrams of other senders are counted
+    and dropped.
 
     Args:
-        url: the connection URL it was made from.
-        target: its parsed form.
-        vouch: whether a datagram makes its sender the peer; every one does where it is None.
+        url: the connection URL of the link.
+        target: the parsed URL.
+        vouch: whether a datagram makes its sender the peer; None accepts every sender.
 
     Attributes:
-        has_more: the latest `read` stopped before the end of what had arrived.
+        has_more: data may remain after the latest `read`.
     """
 
     has_backlog = False
@@ -68,19 +68,19 @@ class UdpLink:
         self._peer: tuple[Any, ...] | None = None
         self._peer_heard_ns = 0
         self._t_ns = 0
-        self._drained_ns = 0  # when the kernel last had no more datagrams for us
+        self._drained_ns = 0  # when the kernel's queue was last empty
         self.has_more = False
         self._datagram = bytearray(_DATAGRAM_BYTES)
         self._view = memoryview(self._datagram)
 
     @property
     def is_up(self) -> bool:
-        """Whether the socket is open (it says nothing about the peer)."""
+        """Whether the socket is open (regardless of a peer)."""
         return self._socket is not None
 
     @property
     def local_port(self) -> int | None:
-        """The port that the socket is bound to, None while it is closed or not bound yet."""
+        """The port that the socket is bound to; None while it is closed or unbound."""
         return None if self._socket is None else int(self._socket.getsockname()[1]) or None
 
     @property
@@ -98,11 +98,11 @@ class UdpLink:
         return None if self._socket is None else self._socket.fileno()
 
     def maintain(self, t_ns: int) -> None:
-        """Opens the socket if it is not, as the back-off allows; never raises.
+        """Opens a closed socket as the back-off allows; never raises.
 
         Args:
-            t_ns: monotonic time, ns; to be called before `read`, at least every 100 ms. It is
-                the time at which `read` takes datagrams to have arrived.
+            t_ns: monotonic time, ns; called before `read`, at least every 100 ms. `read` takes it
+                as the time of arrival.
         """
         self._t_ns = t_ns
         if self._socket is not None:
@@ -121,7 +121,7 @@ class UdpLink:
             self._back_off.failed(t_ns)
 
     def read(self) -> list[Received]:
-        """The peer's datagrams since the last call, at most 64; never blocks, never raises."""
+        """Returns the peer's datagrams since the last call, at most 64; never blocks or raises."""
         datagrams: list[Received] = []
         self.has_more = False
         if self._socket is None:
@@ -135,7 +135,7 @@ class UdpLink:
             except BlockingIOError:
                 self._drained_ns = time.monotonic_ns()
                 break
-            except OSError as error:  # such as an ICMP answer to an earlier send
+            except OSError as error:  # for example an ICMP answer to an earlier send
                 self._fault(error)
                 break
             data = bytes(self._view[:size])
@@ -162,14 +162,14 @@ class UdpLink:
             data: one or more whole frames.
 
         Returns:
-            False if it was dropped: link down, no peer yet, or the kernel refused it.
+            False if it was dropped: link down, no peer yet, or rejected by the kernel.
         """
         if self._socket is not None and self._peer is not None:
             try:
                 self._socket.sendto(data, self._peer)
             except BlockingIOError:
                 pass
-            except OSError as error:  # no route, network down: it may be there next time
+            except OSError as error:  # no route, network down: may work next time
                 self._fault(error)
             else:
                 self._tally.add(bytes_out=len(data), frames_out=1)
@@ -178,7 +178,7 @@ class UdpLink:
         return False
 
     def close(self) -> None:
-        """Closes the socket; a later `maintain` would open it again."""
+        """Closes the socket; a later `maintain` reopens it."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
@@ -189,12 +189,12 @@ class UdpLink:
         self._socket = socket.socket(local_or_remote.family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
-        with contextlib.suppress(OSError):  # other kernels count their options differently
+        with contextlib.suppress(OSError):  # other kernels number their options differently
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         if self._target.listens:
             self._socket.bind(local_or_remote.address)
         else:
-            # Not connected: a connected socket would drop foreign datagrams uncounted.
+            # Not connected: a connected socket would drop foreign datagrams without counting them.
             self._peer = local_or_remote.address
         self._back_off.succeeded()
         self._tally.add(opened=1)
@@ -212,7 +212,7 @@ class UdpLink:
         return True
 
     def _may_become_peer(self, data: bytes) -> bool:
-        """Whether the place is free, and the datagram says what only an autopilot would."""
+        """Whether there is no active peer, and `vouch` accepts the datagram."""
         taken = self._peer is not None and self._t_ns - self._peer_heard_ns < PEER_SILENCE_NS
         if taken or not self._target.listens:
             return False
@@ -221,10 +221,10 @@ class UdpLink:
     def _arrival_ns(
         self, ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int
     ) -> int | None:
-        """The kernel's time of arrival on the monotonic clock, where it gave a sensible one.
+        """Returns the kernel's time of arrival on the monotonic clock, if plausible, or None.
 
-        It comes from the UNIX clock, which may have been set since. What has arrived since the
-        kernel had nothing more for us did not arrive before that.
+        The stamp is in UNIX time, which may have been set since: a stamp from before the kernel's
+        queue was last empty is wrong.
         """
         for level, kind, data in ancillary:
             is_stamp = level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS

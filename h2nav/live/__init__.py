@@ -1,1 +1,1 @@
-"""What others see while the daemon flies: a process of its own that shows what it is given."""
+"""The live view: a separate process that shows the daemon's records while it runs."""

@@ -1,4 +1,4 @@
-"""The stream that the page lives on, as Server-Sent Events, made once for all who look at it."""
+"""The page's stream of Server-Sent Events, encoded once for all viewers."""
 
 from typing import Any
 
@@ -10,19 +10,19 @@ from h2nav.live import messages
 from h2nav.live.state import LiveState
 
 PERIOD_MS = 100
-# So many attitudes are sent for each overview.
+# Number of attitudes per overview.
 ATTITUDES_PER_OVERVIEW = 5
 
 
 class Broadcast:
-    """What all viewers are sent is made once, and not at all where there are none.
+    """Encodes each event once for all viewers, and none while there are no viewers.
 
     Args:
-        state: what is told.
+        state: the source.
 
     Attributes:
-        viewers: how many there are.
-        events: the newest of each name, as it goes to all of them.
+        viewers: their number.
+        events: the newest of each name, as sent.
     """
 
     def __init__(self, state: LiveState) -> None:
@@ -35,19 +35,19 @@ class Broadcast:
         self.events: dict[str, bytes] = {}
 
     def start(self) -> None:
-        """Begins, on the running event loop."""
+        """Starts on the running event loop."""
         self._clock.start()
 
     def stop(self) -> None:
-        """Makes nothing any more."""
+        """Stops."""
         self._clock.stop()
 
     async def next(self) -> None:
-        """Waits until there is something new."""
+        """Waits for the next event."""
         await self._condition.wait()
 
     def renew(self) -> None:
-        """Makes everything anew, for somebody who has nothing yet."""
+        """Encodes every event anew, for a new viewer."""
         self._told = ()
         self._overview()
         self._attitudes()

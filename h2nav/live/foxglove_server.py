@@ -1,4 +1,4 @@
-"""The Foxglove WebSocket: the log's channels as they are made, and the configuration to read."""
+"""The Foxglove WebSocket: the log's channels live, and the configuration as parameters."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,10 +14,10 @@ from h2nav.log.foxglove_messages import AttitudeMessages, log_message, protobuf_
 from h2nav.log.schema import RecordFormat, record_format
 from h2nav.service import records
 
-# A client that does not read loses the oldest of so many.
+# A client that reads too slowly loses the oldest beyond this many.
 BACKLOG_MESSAGES = 1024
 LONGEST_NS = 2**64 - 1
-# What can come once in a flight must have its channel before, so that nobody misses it.
+# Topics with perhaps one record per flight: their channels are announced in advance.
 FROM_THE_START: dict[str, type[tuple[Any, ...]]] = {
     "/imu": records.ImuRecord,
     "/estimate": records.EstimateRecord,
@@ -33,7 +33,7 @@ FROM_THE_START: dict[str, type[tuple[Any, ...]]] = {
 
 
 class FoxgloveServer:
-    """Shows records to every client that subscribes; nothing that a client says changes anything.
+    """Publishes records to subscribed clients; clients cannot change anything.
 
     The library's server is behind a `Guard`, on a port of the loopback that the kernel chooses.
 
@@ -65,25 +65,25 @@ class FoxgloveServer:
 
     @property
     def port(self) -> int:
-        """Where it listens; 0 before."""
+        """The listening port; 0 before."""
         return self._guard.port
 
     async def listen(self, host: str, port: int) -> None:
-        """Lets clients in; port 0 lets the kernel choose.
+        """Starts to listen; port 0 lets the kernel choose.
 
         Raises:
-            BadInput: the address cannot be listened on.
+            BadInput: the address is not available.
         """
         await self._guard.listen(host, port)
 
     @property
     def wants_all(self) -> bool:
-        """Whether somebody looks at what comes with every sample."""
+        """Whether a client subscribes to a topic with a record per sample."""
         fast = (*FAST_TOPICS, "/tf", "/pose")
         return any(self._has_readers(topic) for topic in fast)
 
     def show(self, topic: str, unix_ns: int, record: tuple[Any, ...]) -> None:
-        """Gives a record, and for an estimate its attitude, to those who have subscribed.
+        """Publishes a record, and for an estimate its attitude, to the subscribers.
 
         Raises:
             RuntimeError: the library's server has ended.
@@ -111,7 +111,7 @@ class FoxgloveServer:
             self._show_attitude(unix_ns, record)
 
     def close(self) -> None:
-        """Listens no more, and hangs up."""
+        """Stops listening and disconnects all clients."""
         self._guard.close()
         self._server.stop()
 
@@ -144,7 +144,7 @@ class FoxgloveServer:
 
 
 class _Listener(ServerListener):
-    """The configuration in force; writing it leaves it as it is. Notes who comes for findings."""
+    """Serves the configuration, read-only, and notes new subscribers of findings."""
 
     def __init__(self, configuration: Mapping[str, Mapping[str, Any]]) -> None:
         self._values = {
@@ -155,7 +155,7 @@ class _Listener(ServerListener):
         self._has_newcomer = False
 
     def take_newcomer(self) -> bool:
-        """Whether a client has come for findings since the last time."""
+        """Whether a client has subscribed to findings since the last call."""
         has_one, self._has_newcomer = self._has_newcomer, False
         return has_one
 

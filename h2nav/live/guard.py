@@ -1,9 +1,9 @@
-"""Stands before a server that has no limits of its own, and passes on what stays within these.
+"""A proxy that adds limits in front of a server that has none.
 
-The Foxglove library takes any number of connections, waits for a handshake for ever, and listens
-no more once the process has run out of file descriptors. Here strangers find limits first: on
-connections, on the time to an answer, and on what a client may say. One that does not read is
-read from no more, and the server behind drops what it cannot hand over.
+The Foxglove library accepts any number of connections, waits for a handshake for ever, and stops
+listening once the process has run out of file descriptors. The guard limits connections, the time
+to an answer, and what a client may send. It stops reading from a client that does not read, and the
+server behind it drops what it cannot deliver.
 """
 
 import asyncio
@@ -13,22 +13,22 @@ from h2nav.errors import BadInput
 
 MOST_CONNECTIONS = 32
 WAITING = 32
-# The server behind has to have answered within this; it answers whoever knows the protocol.
+# Time for the server's first answer; it answers every client that speaks the protocol.
 PATIENCE_S = 5.0
-# Clients subscribe and ask for parameters, which takes a few kilobytes.
+# Clients subscribe and request parameters, which takes a few kilobytes.
 MOST_SAID_BYTES = 256 * 1024
 SAID_WITHIN_S = 10.0
 BEHIND = "127.0.0.1"
 
 
 class Guard:
-    """Listens for a server that listens on this machine only.
+    """Listens on behalf of a server that listens on this machine only.
 
     Args:
         port_behind: of that server, on the loopback.
 
     Attributes:
-        port: where it listens; 0 before.
+        port: the listening port; 0 before.
         is_alone: the server behind is gone.
     """
 
@@ -41,10 +41,10 @@ class Guard:
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def listen(self, host: str, port: int) -> None:
-        """Begins to listen; port 0 lets the kernel choose.
+        """Starts to listen; port 0 lets the kernel choose.
 
         Raises:
-            BadInput: the address cannot be listened on.
+            BadInput: the address is not available.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -59,14 +59,14 @@ class Guard:
         self.port = self._server.sockets[0].getsockname()[1]
 
     def close(self) -> None:
-        """Listens no more, and hangs up."""
+        """Stops listening and disconnects all clients."""
         if self._server is not None:
             self._server.close()
         for client in tuple(self._clients):
             client.hang_up()
 
     def admits(self, client: "_Client") -> bool:
-        """Whether there is room for one more; it is then being connected."""
+        """Whether there is room for one more client, which is then connected."""
         if len(self._clients) >= MOST_CONNECTIONS:
             return False
         self._clients.add(client)
@@ -76,7 +76,7 @@ class Guard:
         return True
 
     def forget(self, client: "_Client") -> None:
-        """It is gone."""
+        """Removes a client that has disconnected."""
         self._clients.discard(client)
 
     async def _connect(self, client: "_Client") -> None:
@@ -89,11 +89,11 @@ class Guard:
 
 
 class _Leg(asyncio.Protocol):
-    """One of two connections; what comes on it leaves on the other.
+    """One of two connections; data received on it are sent on the other.
 
     Attributes:
         transport: of this connection.
-        other: the other connection, once there is one.
+        other: the other connection, once it exists.
     """
 
     transport: asyncio.Transport
@@ -116,12 +116,12 @@ class _Leg(asyncio.Protocol):
             self.other.hang_up()
 
     def hang_up(self) -> None:
-        """Ends this connection, and with it the other."""
+        """Closes this connection and the other."""
         self.transport.abort()
 
 
 class _Client(_Leg):
-    """A stranger's connection."""
+    """The connection of a client."""
 
     def __init__(self, guard: Guard) -> None:
         self._guard = guard
@@ -134,7 +134,7 @@ class _Client(_Leg):
         if not self._guard.admits(self):
             self.hang_up()
             return
-        self.transport.pause_reading()  # until somebody is behind
+        self.transport.pause_reading()  # until the connection behind is open
         self._look_in(PATIENCE_S)
 
     def data_received(self, data: bytes) -> None:
@@ -162,7 +162,7 @@ class _Client(_Leg):
 
 
 class _Behind(_Leg):
-    """The connection to the server for a client."""
+    """The connection to the server on behalf of a client."""
 
     def __init__(self, client: _Client) -> None:
         self._client = client

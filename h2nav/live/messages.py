@@ -1,6 +1,6 @@
-"""What the page is sent: the attitudes ten times a second, the rest twice; texts when they are new.
+"""Messages for the page: attitudes ten times a second, the overview twice; texts when new.
 
-Keys carry their units; what is not known is null. Ages are s.
+Keys carry their units; unknown values are null. Ages are in s.
 """
 
 import math
@@ -12,7 +12,7 @@ from h2nav.live.state import LiveState, Seen
 from h2nav.maths import quaternion
 from h2nav.service.records import finding_mapping
 
-# Not every sample corrects everything; what did so recently holds the attitude.
+# Not every sample corrects every state; a recent correction still counts.
 HELD_WITHIN_S = 2.0
 HOLDING = {
     Trust.FORCE_USED: "gravity",
@@ -29,7 +29,7 @@ COUNTED = (
 
 
 def attitudes(state: LiveState) -> dict[str, Any]:
-    """Both attitudes and how far they are apart."""
+    """Both attitudes and their difference."""
     seen = state.newest("/status")
     return {
         "silent_s": state.silent_s,
@@ -59,7 +59,7 @@ def overview(state: LiveState) -> dict[str, Any]:
 
 
 def told(state: LiveState) -> dict[str, Any]:
-    """Findings and lines of the program, both newest first."""
+    """Findings and lines of the program, newest first."""
     findings = [
         {
             **finding_mapping(told.finding),
@@ -91,7 +91,7 @@ def _ours(state: LiveState) -> dict[str, Any] | None:
 
 
 def _autopilots(state: LiveState, seen: Seen) -> dict[str, Any] | None:
-    """The autopilot's attitude, brought to the time of ours where that can be done."""
+    """The autopilot's attitude, propagated to the time of ours where possible."""
     status = seen.record
     if status.autopilot_q_w is None:
         return None
@@ -130,7 +130,7 @@ def _difference(status: Any) -> dict[str, Any] | None:
 
 
 def _velocity(state: LiveState) -> dict[str, Any] | None:
-    """The last velocity that aided the filter, and whose it is."""
+    """The last velocity that aided the filter, and its source."""
     seen = state.newest("/aiding", "velocity")
     if seen is None:
         return None

@@ -1,6 +1,6 @@
-"""What is known of the daemon, as Prometheus takes it: base units, counters that end in ``_total``.
+"""Prometheus metrics of the daemon: base units, counters that end in ``_total``.
 
-A value that is not known has no sample.
+An unknown value has no sample.
 """
 
 import math
@@ -17,11 +17,11 @@ from h2nav.service.health import State
 
 
 class _Row(NamedTuple):
-    """A field of a record that is a metric.
+    """A field of a record that becomes a metric.
 
     Attributes:
         name: of the metric, without ``h2nav_`` and ``_total``.
-        help: what it says.
+        help: its help text.
         topic: of the record.
         field: of the record.
         scale: from the field's unit to the metric's.
@@ -70,7 +70,7 @@ def metrics_text(state: LiveState, viewers: int) -> bytes:
     """The exposition format of Prometheus.
 
     Args:
-        state: what is known.
+        state: the source.
         viewers: of the page.
     """
     registry = CollectorRegistry(auto_describe=False)

@@ -1,7 +1,7 @@
-"""The page and its metrics over HTTP: whoever reaches the port may look, and can change nothing.
+"""Serves the page and the metrics over HTTP, read-only, to every client that reaches the port.
 
-Everything has a limit: connections, viewers, the size of a request, the time that it may take to
-come and that its answer may take to be read. A viewer that reads slowly is sent less, never late.
+Everything is limited: connections, viewers, the size of a request, the time for its arrival and for
+reading its answer. A viewer that reads slowly receives less, never late.
 """
 
 import asyncio
@@ -30,9 +30,9 @@ MOST_CONNECTIONS = 64
 MOST_VIEWERS = 16
 MOST_HEADER_BYTES = 8192
 MOST_BODY_BYTES = 1024
-# A request has to be there, and an answer to be read, within this.
+# Time for a request to arrive, and for an answer to be read.
 PATIENCE_S = 15.0
-# What waits for a viewer that does not keep up grows old: little may wait.
+# Events queued for a slow viewer become stale: the queue is short.
 SEND_BUFFER_BYTES = 4096
 WAITING = 32
 AGAIN_MS = 1000
@@ -58,18 +58,18 @@ KINDS = {
 
 
 class PageServer:
-    """Serves what a state holds, on the running event loop.
+    """Serves a state on the running event loop.
 
     Args:
-        state: what is shown.
+        state: the source.
         host: address to listen on.
-        port: to listen on; 0 = one that the kernel chooses.
+        port: to listen on; 0 = chosen by the kernel.
 
     Attributes:
-        port: where it listens.
+        port: the listening port.
 
     Raises:
-        OSError: the address cannot be listened on.
+        OSError: the address is not available.
     """
 
     def __init__(self, state: LiveState, host: str, port: int) -> None:
@@ -102,14 +102,14 @@ class PageServer:
         self._broadcast.start()
 
     def close(self) -> None:
-        """Listens no more, and hangs up."""
+        """Stops listening and disconnects all clients."""
         self._broadcast.stop()
         self._server.stop()
         self._server.hang_up()
 
 
 class _LimitedServer(HTTPServer):
-    """Hangs up on a connection that is one too many."""
+    """Closes connections beyond the limit."""
 
     def initialize(self, *args: Any, **settings: Any) -> None:
         super().initialize(*args, **settings)
@@ -129,13 +129,13 @@ class _LimitedServer(HTTPServer):
 
 
 class _Shared(NamedTuple):
-    """What the handlers work with.
+    """What the handlers share.
 
     Attributes:
-        state: what is shown.
-        broadcast: of it.
-        assets: the files of the page by their names.
-        is_private: only this computer reaches the port.
+        state: the source.
+        broadcast: of its events.
+        assets: the files of the page by name.
+        is_private: the port is reachable from this computer only.
     """
 
     state: LiveState
@@ -145,7 +145,7 @@ class _Shared(NamedTuple):
 
 
 class _Handler(RequestHandler):
-    """What all answers have in common."""
+    """Headers and limits of every answer."""
 
     def initialize(self, shared: _Shared) -> None:
         self.shared = shared
@@ -159,7 +159,7 @@ class _Handler(RequestHandler):
         self.set_header("Cache-Control", "no-cache")
 
     def prepare(self) -> None:
-        # A stranger's web page may give its own name our address; the browser tells which it is.
+        # A foreign web page may resolve its own name to this address; the Host header shows it.
         if self.shared.is_private and not _is_loopback(self.request.host_name):
             raise HTTPError(403)
 
@@ -168,7 +168,7 @@ class _Handler(RequestHandler):
         self.finish(f"{status_code} {self._reason}\n")
 
     async def sent(self, written: "asyncio.Future[None]") -> None:
-        """Waits until an answer is read; hangs up on who does not read it."""
+        """Waits until an answer is read; closes the connection of a client that does not read."""
         try:
             await with_timeout(
                 timedelta(seconds=PATIENCE_S), written, quiet_exceptions=StreamClosedError
@@ -179,7 +179,7 @@ class _Handler(RequestHandler):
 
 
 class _Asset(_Handler):
-    """The page and what it consists of."""
+    """The page and its files."""
 
     async def get(self, name: str) -> None:
         content = self.shared.assets.get(name or "page.html")
@@ -193,7 +193,7 @@ class _Asset(_Handler):
 
 
 class _Metrics(_Handler):
-    """What Prometheus asks for."""
+    """The Prometheus endpoint."""
 
     async def get(self) -> None:
         self.set_header("Content-Type", CONTENT_TYPE_LATEST)
@@ -203,7 +203,7 @@ class _Metrics(_Handler):
 
 
 class _Registration(_Handler):
-    """What BlueOS asks every port for, to list the page among its services."""
+    """The document that BlueOS requests from every port, to list the page among its services."""
 
     async def get(self) -> None:
         with contextlib.suppress(StreamClosedError):
@@ -211,7 +211,7 @@ class _Registration(_Handler):
 
 
 class _Events(_Handler):
-    """The stream that the page lives on: Server-Sent Events, which go one way only."""
+    """The page's stream: Server-Sent Events, which are one-way."""
 
     async def get(self) -> None:
         broadcast = self.shared.broadcast
@@ -241,7 +241,7 @@ class _Events(_Handler):
 
 
 def _assets() -> dict[str, bytes]:
-    """The files of the page by their names."""
+    """The files of the page by name."""
     folder = resources.files("h2nav.live").joinpath("assets")
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 

@@ -1,7 +1,7 @@
-"""What is known of the daemon at present, for whoever asks.
+"""The current state of the daemon, as seen by the viewer.
 
-Ages count from when something came to this process, by a clock that nobody sets: the host's UNIX
-clock jumps where a computer without a battery learns the date from the network.
+Ages count from arrival in this process, on a monotonic clock: the host's UNIX clock jumps where a
+computer without a battery-backed clock learns the date from the network.
 """
 
 import time
@@ -18,9 +18,9 @@ Record = tuple[Any, ...]
 
 MOST_FINDINGS = 50
 MOST_TEXTS = 50
-# Topics of which several records are current at a time, and what tells those apart.
+# Topics with several current records, and the field that distinguishes them.
 KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aiding": "kind"}
-# What an autopilot makes us say is limited by the service; this is for mistakes of ours.
+# The service limits what an autopilot can cause; this bounds errors of the program itself.
 MOST_CURRENT = 256
 COUNTING = ("/health", "/link", "/feed", "/recorder")
 COUNTED_OVER_NS = 800_000_000
@@ -28,7 +28,7 @@ NS = 1e-9
 
 
 class Seen(NamedTuple):
-    """A record and when it came.
+    """A record and its time of arrival.
 
     Attributes:
         heard_ns: on the clock of the state.
@@ -40,11 +40,11 @@ class Seen(NamedTuple):
 
 
 class Told(NamedTuple):
-    """A finding and when it began.
+    """A finding and its beginning.
 
     Attributes:
         began_ns: on the clock of the state.
-        finding: as it was told last.
+        finding: its latest record.
     """
 
     began_ns: int
@@ -52,11 +52,11 @@ class Told(NamedTuple):
 
 
 class Text(NamedTuple):
-    """A line of the program and when it came.
+    """A line of the program's output and its time of arrival.
 
     Attributes:
         heard_ns: on the clock of the state.
-        severity: of it.
+        severity: of the line.
         text: the line.
     """
 
@@ -77,7 +77,7 @@ class _Counters:
             self._before, self._now = self._now, (unix_ns, record)
 
     def per_s(self, name: str) -> float | None:
-        """How fast a counter grows; None until it is known."""
+        """Rate of a counter; None until it is known."""
         if self._before is None or self._now is None or self._now[0] <= self._before[0]:
             return None
         grown: float = getattr(self._now[1], name) - getattr(self._before[1], name)
@@ -85,14 +85,14 @@ class _Counters:
 
 
 class LiveState:
-    """The newest of everything that the daemon has told.
+    """The newest records from the daemon.
 
     Args:
         clock: monotonic time, ns.
 
     Attributes:
-        findings_told: how many there were.
-        track: our attitudes.
+        findings_told: number of findings so far.
+        track: attitudes of h2nav.
     """
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -107,11 +107,11 @@ class LiveState:
         self.track = Track()
 
     def take(self, topic: str, unix_ns: int, record: Record) -> None:
-        """A record of the log, or one of the live topics.
+        """Adds a record of the log, or of a live topic.
 
         Args:
             topic: such as ``/estimate``.
-            unix_ns: host time of it.
+            unix_ns: its host time.
             record: a NamedTuple of flat scalars.
         """
         now_ns = self._heard_ns = self._clock()
@@ -127,42 +127,42 @@ class LiveState:
             self._take_estimate(now_ns, record)
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
-        """A line of the program.
+        """Adds a line of the program's output.
 
         Args:
-            unix_ns: host time of it.
-            severity: of it.
+            unix_ns: its host time.
+            severity: of the line.
             text: the line.
         """
         self._heard_ns = self._clock()
-        # A path in it may hold bytes that are no text.
+        # A path in it may hold bytes that are not text.
         readable = text.encode(errors="replace").decode()
         self._texts.append(Text(self._heard_ns, severity, readable))
 
     @property
     def silent_s(self) -> float:
-        """For how long nothing has come."""
+        """Time since the last packet."""
         return self.age_s(self._heard_ns)
 
     @property
     def preflight(self) -> tuple[str, ...]:
-        """What is wrong before arming, for people."""
+        """Failed pre-flight checks, for people."""
         status = self.newest("/status")
         return () if status is None else tuple(status.record.preflight.splitlines())
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """What is wrong at present, for people."""
+        """Active alarms, for people."""
         status = self.newest("/status")
         return () if status is None else tuple(status.record.alarms.splitlines())
 
     @property
     def findings(self) -> tuple[Told, ...]:
-        """The latest, in the order in which they were told first."""
+        """The latest findings, sorted by their first record."""
         status = self.newest("/status")
         if status is None:
             return tuple(self._findings)
-        # An end that found no room on its way here shows in the status.
+        # The status also shows an end whose record was dropped on the way.
         goes_on = set(status.record.open_findings.split())
         return tuple(
             told._replace(
@@ -175,32 +175,32 @@ class LiveState:
 
     @property
     def texts(self) -> tuple[Text, ...]:
-        """The latest, in the order in which they came."""
+        """The latest lines, in order of arrival."""
         return tuple(self._texts)
 
     def age_s(self, heard_ns: int) -> float:
-        """How long ago this was."""
+        """Time since `heard_ns`."""
         return (self._clock() - heard_ns) * NS
 
     def newest(self, topic: str, key: Any = None) -> Seen | None:
-        """The newest record of a topic.
+        """Returns the newest record of a topic.
 
         Args:
             topic: such as ``/estimate``.
-            key: which of several, as in `KEYS`.
+            key: selects one of several, as in `KEYS`.
         """
         return self._current.get((topic, key))
 
     def all_of(self, topic: str) -> Iterator[Seen]:
-        """The newest of each kind of a topic of `KEYS`."""
+        """The newest record of each kind, for a topic of `KEYS`."""
         return (seen for (name, _), seen in self._current.items() if name == topic)
 
     def per_s(self, topic: str, name: str) -> float | None:
-        """How fast a counter of a record of `COUNTING` grows; None until it is known."""
+        """Rate of a counter in a record of `COUNTING`; None until it is known."""
         return self._counters[topic].per_s(name)
 
     def trusted_s(self) -> dict[Trust, float]:
-        """How long ago each sign of what estimates rest on was seen last."""
+        """Time since each source of aiding was last seen."""
         return {flag: self.age_s(heard_ns) for flag, heard_ns in self._trusted_ns.items()}
 
     def _take_estimate(self, now_ns: int, ours: EstimateRecord) -> None:

@@ -1,6 +1,6 @@
-"""Our attitudes of the last two seconds, to bring to the present what was told before.
+"""Attitudes of h2nav over the last two seconds, to propagate earlier attitudes to the present.
 
-An autopilot tells its attitude a few times a second. Two horizons side by side must stand at the
+An autopilot sends its attitude a few times a second. Two horizons side by side must refer to the
 same time: a vehicle turns by several degrees in between.
 """
 
@@ -11,21 +11,21 @@ from h2nav.maths.quaternion import conjugate, multiply, normalize
 
 LENGTH_NS = 2_000_000_000
 LONGEST_GAP_NS = 300_000_000
-# Of as many attitudes a second as are made.
+# At the rate of the estimates.
 MOST = 2048
 
 
 class Track:
-    """Attitudes with the times at which they came."""
+    """Attitudes with their times of arrival."""
 
     def __init__(self) -> None:
         self._points: deque[tuple[int, Quat]] = deque(maxlen=MOST)
 
     def add(self, t_ns: int, q_nb: Quat) -> None:
-        """The newest attitude.
+        """Adds the newest attitude.
 
         Args:
-            t_ns: when it came.
+            t_ns: its time of arrival.
             q_nb: body to NED.
         """
         self._points.append((t_ns, q_nb))
@@ -33,14 +33,14 @@ class Track:
             self._points.popleft()
 
     def carried(self, t_ns: int, q_nb: Quat) -> Quat | None:
-        """What another attitude has become since, where it has turned as ours has.
+        """Propagates another attitude to the present with the rotation of ours.
 
         Args:
-            t_ns: when the other one was told.
-            q_nb: the other one, body to NED.
+            t_ns: time of the other attitude.
+            q_nb: the other attitude, body to NED.
 
         Returns:
-            The other one at the time of our newest; None where ours of that time is not known.
+            The other attitude at the time of our newest; None without ours at `t_ns`.
         """
         then = self._at(t_ns)
         if then is None:
@@ -57,7 +57,7 @@ class Track:
 
 
 def _between(before: tuple[int, Quat], after: tuple[int, Quat], t_ns: int) -> Quat | None:
-    """The attitude of a time between two, which differ little."""
+    """The attitude between two that differ little."""
     gap_ns = after[0] - before[0]
     if gap_ns > LONGEST_GAP_NS:
         return None

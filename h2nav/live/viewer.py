@@ -1,4 +1,4 @@
-"""The viewer's process: what the daemon feeds it goes to the page and to Foxglove."""
+"""The viewer's process: passes the daemon's feed to the page and to Foxglove."""
 
 import asyncio
 import contextlib
@@ -16,22 +16,22 @@ from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
 
 NICER = 10  # than the daemon
-# Strangers can make the servers hold connections and frames; nobody else shall pay for it.
+# Clients can make the servers hold connections and frames; only this process may suffer from it.
 MOST_FILES = 512
 MOST_MEMORY_BYTES = 256 * 1024 * 1024
 FIRST_VICTIM = "1000"
-# Packets between two looks at who else waits.
+# Packets between two turns of the event loop.
 MOST_PACKETS = 64
 
 
 def view(end: socket.socket) -> int:
-    """Works until the daemon closes its end.
+    """Runs until the daemon closes its end.
 
     Args:
         end: the viewer's of `h2nav.links.live_feed.feed_sockets`.
 
     Returns:
-        The exit status: 0 at the daemon's end, 1 for a trouble, which the daemon was told.
+        The exit status: 0 at the daemon's end, 1 for an error, which was reported to the daemon.
     """
     _step_back()
     feed = FeedReader(end)
@@ -49,11 +49,11 @@ def view(end: socket.socket) -> int:
 
 
 def _step_back() -> None:
-    """The estimate comes first: less processor time, bounded memory, and the first to be killed.
+    """Yields to the estimate: less processor time, bounded memory, killed first.
 
-    A service manager may forbid some of it, having set limits of its own.
+    A service manager may forbid some of these and set limits of its own.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's business; it then closes its end
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles it, then closes its end
     with contextlib.suppress(OSError):
         os.nice(NICER)
     for kind, most in (
@@ -92,7 +92,7 @@ def _listening(state: LiveState, host: str, port: int) -> PageServer:
 async def _pass_on(
     feed: FeedReader, state: LiveState, foxglove: FoxgloveServer | None, port: int
 ) -> None:
-    """Gives what is fed to those who show it, and tells the daemon what they want."""
+    """Passes the feed to the servers, and tells the daemon which records they need."""
     arrived = asyncio.Event()
     asyncio.get_running_loop().add_reader(feed.fileno(), arrived.set)
     wants_all = False

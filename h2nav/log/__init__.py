@@ -1,1 +1,1 @@
-"""Our MCAP logs: written, repaired, read, exported."""
+"""The program's MCAP logs: written, repaired, read, exported."""

@@ -1,7 +1,7 @@
-"""What the service wrote down of itself: states, refusals, findings, differences to the autopilot.
+"""Summarises the service's own records: states, refusals, findings, differences to the autopilot.
 
-The records are read as anybody may have written them: what is not as the service writes it is
-passed over, and no log makes this grow beyond its limits.
+The records are not trusted: a record in another form is skipped, and no log makes the summary
+exceed its limits.
 """
 
 import math
@@ -22,13 +22,13 @@ _DIGITS = re.compile(r"[0-9]+")
 
 
 class StateSpan(NamedTuple):
-    """A time in one state.
+    """A period in one state.
 
     Attributes:
         state: of `HealthRecord`.
-        reason: why it was not active, with its figures at the beginning; empty when it was.
+        reason: why the state was not active, with the figures at its beginning; empty if active.
         from_s: since the start of the log.
-        to_s: when the next one began, or when the last record was written.
+        to_s: the start of the next state, or the last record.
     """
 
     state: str
@@ -38,17 +38,17 @@ class StateSpan(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """The largest differences to an attitude of the autopilot.
+    """The largest differences to one attitude of the autopilot.
 
     Attributes:
-        source: whose attitude it is, as `ComparisonRecord` says.
-        compared: how often.
+        source: of the attitude, as in `ComparisonRecord`.
+        compared: number of comparisons.
         tilt_deg: largest angle between the verticals.
-        tilt_at_s: when, since the start of the log.
-        tilt_verdict: whose tilt the GPS velocity supported then.
-        heading_deg: the largest of the autopilot's heading less ours, with its sign.
-        heading_at_s: when.
-        heading_verdict: whose heading the GPS velocity supported then.
+        tilt_at_s: its time since the start of the log.
+        tilt_verdict: the tilt that the GPS velocity supported then.
+        heading_deg: largest difference of headings, autopilot minus h2nav, signed.
+        heading_at_s: its time.
+        heading_verdict: the heading that the GPS velocity supported then.
     """
 
     source: str
@@ -62,14 +62,14 @@ class Difference(NamedTuple):
 
 
 class LogAccount(NamedTuple):
-    """All of it.
+    """The whole summary.
 
     Attributes:
-        states: in their order; at most `MOST_STATES`.
-        refusals: reason -> how many samples or messages.
-        findings: the newest record of ``/finding`` on each, in the order in which they began; their
-            times are seconds since the start of the run, their severities have names. ``ended``
-            says whether it was over when the log ended.
+        states: in order; at most `MOST_STATES`.
+        refusals: reason -> number of samples or messages.
+        findings: the newest ``/finding`` record of each, sorted by beginning; times are seconds
+            since the start of the run, severities are names. ``ended`` says whether the finding
+            was closed when the log ended.
         differences: one per source, by its name.
     """
 
@@ -80,7 +80,7 @@ class LogAccount(NamedTuple):
 
 
 class Account:
-    """Takes the records of a log in their order; times in UNIX ns."""
+    """Collects the records of a log, passed in order; times in UNIX ns."""
 
     def __init__(self) -> None:
         self._takers = {
@@ -97,11 +97,11 @@ class Account:
 
     @property
     def topics(self) -> frozenset[str]:
-        """Those that `take` makes something of."""
+        """The topics that `take` evaluates."""
         return frozenset(self._takers)
 
     def take(self, topic: str, log_ns: int, data: bytes) -> None:
-        """Takes a JSON message of one of the `topics`."""
+        """Adds a JSON message of one of the `topics`."""
         try:
             values = orjson.loads(data)
         except orjson.JSONDecodeError:
@@ -110,7 +110,7 @@ class Account:
             self._takers[topic](log_ns, values)
 
     def result(self, start_ns: int) -> LogAccount:
-        """What came together; `start_ns` is where the log begins."""
+        """Returns the summary; `start_ns` is the beginning of the log."""
 
         def since_start(t_ns: int) -> float:
             return (t_ns - start_ns) / NS_PER_S
@@ -128,7 +128,7 @@ class Account:
 
     def _take_health(self, log_ns: int, values: Mapping[str, Any]) -> None:
         state, reason = _text(values.get("state")), _text(values.get("reason"))
-        # Earlier logs have no cause; there, only the figures of a reason change while it lasts.
+        # Earlier logs have no cause; there, only the figures in a reason change while it lasts.
         cause = _text(values.get("cause")) or _DIGITS.sub("#", reason)
         if self._states:
             self._states[-1] = (*self._states[-1][:3], log_ns)
@@ -155,7 +155,7 @@ class Account:
         known = self._findings.get(key)
         if known is not None or len(self._findings) < MOST_FINDINGS:
             severity = Severity.of(values.get("severity"))
-            # Logs of findings without an id have a record of each beginning and of each end.
+            # Logs of findings without an id have one record at the beginning and one at the end.
             toggled = known is not None and not known["ended"]
             is_open = values.get("is_open")
             self._findings[key] = {

@@ -1,6 +1,6 @@
-"""The autopilot's common messages as channels that viewers plot: ``/autopilot/ATTITUDE`` and so on.
+"""The autopilot's common messages as channels for viewers, such as ``/autopilot/ATTITUDE``.
 
-One implementation for `h2nav log decode` and for the recorder (`log.decode_autopilot`).
+Shared by `h2nav log decode` and the recorder (`log.decode_autopilot`).
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from h2nav.wire.dialect import LAYOUTS
 
 # MAV_COMP_ID_AUTOPILOT1: cameras, gimbals and ground stations use the same messages.
 AUTOPILOT_COMPONENT = 1
-# Strangers on a link must not fill the log with channels.
+# Bounded, so that other vehicles on a link cannot fill the log with channels.
 MOST_SYSTEMS = 4
 PREFIX = "/autopilot"
 
@@ -36,9 +36,9 @@ class Decoded(NamedTuple):
     """A message for a channel.
 
     Attributes:
-        topic: ``/autopilot/<message>``; ``/autopilot_<system id>/<message>`` of other vehicles than
-            the first one that was heard.
-        form: how it is written.
+        topic: ``/autopilot/<message>``; ``/autopilot_<system id>/<message>`` of every vehicle but
+            the first one received.
+        form: its encoding.
         fields: of the message.
     """
 
@@ -48,14 +48,14 @@ class Decoded(NamedTuple):
 
 
 class AutopilotDecoder:
-    """Decodes what the autopilots on some links say."""
+    """Decodes the messages of the autopilots on one or more links."""
 
     def __init__(self) -> None:
         self._deframers: dict[str, Deframer] = {}
         self._prefixes: dict[int, str] = {}
 
     def feed(self, link: str, data: bytes) -> list[Decoded]:
-        """Takes the next bytes of a link; the messages that they completed."""
+        """Takes the next bytes of a link; returns the messages that they complete."""
         frames = self._deframers.setdefault(link, Deframer()).feed(data)
         found: list[Decoded] = []
         for frame in frames:
@@ -68,7 +68,7 @@ class AutopilotDecoder:
         return found
 
     def _prefix(self, sysid: int) -> str:
-        """Of the topics of a vehicle; empty for one too many."""
+        """Prefix of a vehicle's topics; empty beyond the limit of vehicles."""
         if sysid not in self._prefixes and len(self._prefixes) < MOST_SYSTEMS:
             self._prefixes[sysid] = f"{PREFIX}_{sysid}" if self._prefixes else PREFIX
         return self._prefixes.get(sysid, "")

@@ -1,6 +1,6 @@
-"""A log's channels as tables: a table per channel, and one per message type for link bytes.
+"""A log's channels as tables: one per channel, and one per message type for link bytes.
 
-What becomes of a table (CSV, Parquet) is up to who is given the rows.
+The caller decides the format of a table (CSV, Parquet).
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -32,8 +32,8 @@ class Column(NamedTuple):
         name: of the field.
         unit: of its values; empty where none is known.
         kind: of a value: ``time`` (UNIX ns), ``number``, ``integer``, ``boolean``, ``text``,
-            ``anything`` (whatever JSON has), or a type of the dialect, such as ``uint16_t``.
-        length: elements of an array; 0 for one value.
+            ``anything`` (any JSON value), or a type of the dialect, such as ``uint16_t``.
+        length: elements of an array; 0 for a scalar.
     """
 
     name: str
@@ -43,24 +43,24 @@ class Column(NamedTuple):
 
 
 class Table(Protocol):
-    """Takes the rows of one table."""
+    """Receives the rows of one table."""
 
     path: Path
     rows: int
 
     def add(self, log_ns: int, publish_ns: int, values: Sequence[Any]) -> None:
-        """Takes a row.
+        """Adds a row.
 
         Raises:
-            ValueError: a value, of this row or of an earlier one, is not what its column says.
+            ValueError: a value, of this row or an earlier one, does not fit its column.
         """
 
     def finish(self) -> None:
-        """Writes what is left; ValueError as in `add`."""
+        """Writes buffered rows; ValueError as in `add`."""
 
 
 OpenTable = Callable[[Path, Sequence[Column]], Table]
-"""Opens the table of a file; FileExistsError where there is one."""
+"""Opens the table of a file; FileExistsError if the file exists."""
 
 
 class ExportedFile(NamedTuple):
@@ -71,12 +71,12 @@ class ExportedFile(NamedTuple):
 
 
 class ExportResult(NamedTuple):
-    """What was written, and what could not be.
+    """The result of an export.
 
     Attributes:
-        files: in the order in which they were begun.
-        skipped: topic -> why it has no file, or not all of its messages.
-        damaged_records: damaged places of the log that were passed over.
+        files: in the order of their creation.
+        skipped: topic -> why it has no file, or lacks messages.
+        damaged_records: damaged places of the log that were skipped.
     """
 
     files: list[ExportedFile]
@@ -85,10 +85,10 @@ class ExportResult(NamedTuple):
 
 
 class Destination(NamedTuple):
-    """Where tables go.
+    """Where tables are written.
 
     Attributes:
-        folder: made when missing; existing files are not overwritten.
+        folder: created if missing; existing files are not overwritten.
         suffix: of the files, such as ``.csv``.
         open_table: opens each.
     """
@@ -101,16 +101,16 @@ class Destination(NamedTuple):
 def export_tables(
     path: Path, destination: Destination, topics: Collection[str], progress: Progress
 ) -> ExportResult:
-    """Gives the channels of a log to tables.
+    """Exports the channels of a log as tables.
 
     Args:
         path: an MCAP log, closed, cut off or damaged.
         destination: of the tables.
         topics: only these; all when empty.
-        progress: called with the bytes done and in all.
+        progress: called with the bytes done and the total.
 
     Raises:
-        BadInput: no log, a file exists, or none of `topics` is in the log.
+        BadInput: not a log, a file exists, or a topic of `topics` is not in the log.
     """
     require_mcap(path)
     directory = Directory(path)
@@ -171,7 +171,7 @@ class _Tables:
         return self._tables[name]
 
     def finish(self) -> dict[str, str]:
-        """Writes what is left; name -> why that could not be done."""
+        """Writes what is buffered; returns name -> error for each table that failed."""
         problems: dict[str, str] = {}
         for name, table in self._tables.items():
             try:
@@ -189,7 +189,7 @@ class _ChannelRows:
 
     Attributes:
         topic: the channel's name.
-        problem: why its messages could not be exported; empty while they can.
+        problem: why its messages cannot be exported; empty while they can.
     """
 
     def __init__(self, channel: Channel, directory: Directory, tables: _Tables) -> None:
@@ -224,7 +224,7 @@ class _ChannelRows:
     def _take_json(self, stored: StoredMessage) -> None:
         values = orjson.loads(stored.data)
         if not isinstance(values, dict):
-            raise ValueError("messages are no JSON objects")
+            raise ValueError("messages are not JSON objects")
         if not self._columns:
             self._columns = [Column(name, unit_of(name), "anything") for name in values]
         columns = self._columns
@@ -241,7 +241,7 @@ class _ChannelRows:
 
 
 def _schema_columns(schema: bytes) -> list[Column]:
-    """The properties of a JSON schema; none when it is not one, and the first message decides."""
+    """The properties of a JSON schema; empty for anything else (the first message decides then)."""
     try:
         document = orjson.loads(schema)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Copying a log record by record: what is intact, as it is, and what somebody adds."""
+"""Copies the intact records of a log unchanged, with optional additions."""
 
 import os
 import struct
@@ -19,14 +19,14 @@ from h2nav.log.summary import LogSummary, record_bytes
 
 
 class Recovery(NamedTuple):
-    """What a copy saved, and what it could not.
+    """The result of a copy.
 
     Attributes:
         messages: messages saved.
         attachments: attachments saved.
         damaged_records: runs of bytes without an intact record.
-        lost_bytes: their length together.
-        orphaned_messages: intact messages whose channel is not known any more; not saved.
+        lost_bytes: their total length.
+        orphaned_messages: intact messages whose channel is unknown; not saved.
         was_closed: the input was complete.
     """
 
@@ -44,29 +44,29 @@ class Recovery(NamedTuple):
 
 
 class Addition(Protocol):
-    """Makes records out of those of a log."""
+    """Derives further records from those of a log."""
 
     def after(self, entry: Entry, known: Directory) -> Entry | None:
-        """What to write behind a record; `known` are the channels so far."""
+        """Returns what to write after a record; `known` are the channels so far."""
 
     def rest(self) -> Entry | None:
-        """What to write at the end."""
+        """Returns what to write at the end."""
 
 
 def restrict(stream: BinaryIO) -> None:
-    """A log that is written anew gets the same access mode as one of the recorder."""
+    """Gives a rewritten log the same access mode as one of the recorder."""
     descriptor = stream.fileno()
     os.fchmod(descriptor, os.fstat(descriptor).st_mode & LOG_MODE)
 
 
 class LogCopy:
-    """Writes the intact records of a log to a new file, as they are, and those of an addition.
+    """Writes the intact records of a log to a new file, and those of an addition.
 
     Args:
         source: the log.
         stream: the new file.
-        program: who writes, where the log does not say who wrote it.
-        addition: makes more records.
+        program: the writer's name, used if the log has none.
+        addition: derives further records.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class LogCopy:
         self._addition = addition
 
     def run(self, scan: LogScan, pause: Callable[[], None]) -> Recovery:
-        """Copies everything that `scan` finds; calls `pause` after each record."""
+        """Copies every record that `scan` finds; calls `pause` after each."""
         self._write(MCAP0_MAGIC)
         for entry in scan.entries():
             if self._position == len(MCAP0_MAGIC) and entry.opcode != Opcode.HEADER:
@@ -137,7 +137,7 @@ class LogCopy:
         self._write(HEAD.pack(entry.opcode, len(entry.body)) + entry.body + indexes)
 
     def _told_in(self, entry: Entry) -> set[int]:
-        """Channels that the output knows once the entry has been copied."""
+        """Channels defined in the output once the entry is copied."""
         inside = {
             struct.unpack_from("<H", body)[0]
             for opcode, body in records_of(entry)
@@ -151,7 +151,7 @@ class LogCopy:
         return number in told
 
     def _tell(self, channel_id: int) -> None:
-        """Writes a channel, and its schema, that only the source's summary still knows."""
+        """Writes a channel, and its schema, known only from the source's summary."""
         channel = self._known.channel(channel_id)
         schema = self._known.schema(channel) if channel else None
         for record in (schema, channel):

@@ -42,7 +42,7 @@ class _CsvTable:
         self._writer.writerow([log_ns, publish_ns, *values])
 
     def finish(self) -> None:
-        """Nothing is held back here."""
+        """Does nothing: rows are not buffered here."""
 
 
 def _header(column: Column) -> str:

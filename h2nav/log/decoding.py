@@ -1,4 +1,4 @@
-"""A copy of a log that holds the autopilot's common messages as channels of their own as well."""
+"""Copies a log with the autopilot's common messages added as channels of their own."""
 
 import zlib
 from pathlib import Path
@@ -19,16 +19,16 @@ from h2nav.log.schema import RecordFormat
 from h2nav.log.summary import record_bytes
 from h2nav.log.survey import Progress, require_mcap
 
-# Writers count schemas and channels upwards from 1 or 0; ours are counted down from here.
+# Other writers number schemas and channels upwards from 0 or 1; these count down from here.
 _HIGHEST_ID = 0xFFFF
 
 
 class DecodeResult(NamedTuple):
-    """What was written.
+    """The result of decoding.
 
     Attributes:
-        decoded: topic -> messages.
-        copied: what became of the log's own records.
+        decoded: topic -> number of messages.
+        copied: the result for the log's own records.
     """
 
     decoded: dict[str, int]
@@ -43,11 +43,11 @@ def decode_log(
     Args:
         path: an MCAP log, closed, cut off or damaged; it is only read.
         output: a new file.
-        progress: called with the bytes done and in all.
+        progress: called with the bytes done and the total.
 
     Raises:
-        BadInput: no log, `output` exists, or the log has decoded channels already.
-        TaskFailed: no autopilot's messages are in it.
+        BadInput: not a log, `output` exists, or the log already has decoded channels.
+        TaskFailed: the log holds no messages of an autopilot.
         OSError: the output could not be written; none is left.
     """
     require_mcap(path)
@@ -71,10 +71,10 @@ def decode_log(
 
 
 class _DecodedChunks:
-    """Makes chunks of decoded messages; implements `Addition`.
+    """Builds chunks of decoded messages; implements `Addition`.
 
     Attributes:
-        counts: topic -> messages.
+        counts: topic -> number of messages.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,7 +86,7 @@ class _DecodedChunks:
         self._times: list[int] = []
 
     def after(self, entry: Entry, known: Directory) -> Entry | None:
-        """A chunk of what has been decoded, once it is large enough."""
+        """Returns a chunk of decoded messages, once it is large enough."""
         for opcode, body in records_of(entry):
             if opcode == Opcode.MESSAGE:
                 stored = message(body)
@@ -98,7 +98,7 @@ class _DecodedChunks:
         return self.rest() if len(self._content) >= CHUNK_BYTES else None
 
     def rest(self) -> Entry | None:
-        """A chunk of what has not been written yet."""
+        """Returns a chunk of the remaining messages."""
         if not self._times:
             return None
         content = bytes(self._content)
@@ -147,10 +147,10 @@ class _DecodedChunks:
         return number
 
     def _refuse_clash(self, known: Directory) -> None:
-        """BadInput where the log has decoded channels, or numbers as high as ours."""
+        """Raises BadInput if the log has decoded channels, or numbers as high as these."""
         lowest = _HIGHEST_ID - len(self._channels)
         for channel in known.channels.values():
             if channel.topic.startswith(f"{PREFIX}/"):
-                raise BadInput(f"{self._path}: {channel.topic} is in it, so it is decoded already")
+                raise BadInput(f"{self._path}: has {channel.topic}, so it is already decoded")
         if max([0, *known.channels, *known.schemas]) >= lowest:
             raise BadInput(f"{self._path}: its channels leave no numbers for decoded ones")

@@ -1,4 +1,4 @@
-"""One MCAP file while it is being written: valid up to its last whole record at any moment."""
+"""An MCAP file being written: valid up to its last whole record at any moment."""
 
 import fcntl
 import os
@@ -29,11 +29,10 @@ class Attachment(NamedTuple):
 
 
 class LogFile:
-    """Writes ``<path>.active``; `close` gives it its index and its name.
+    """Writes ``<path>.active``; `close` adds the index and renames the file.
 
-    A descriptor with an exclusive lock stays open, so that another process can tell a file that is
-    being written from one that was left over. Every method may raise OSError; then only `abandon`
-    may follow.
+    A descriptor with an exclusive lock stays open, so that another process can tell a file in use
+    from one left over. Every method may raise OSError; after that only `abandon` may be called.
     """
 
     def __init__(self, path: Path) -> None:
@@ -65,17 +64,17 @@ class LogFile:
 
     @property
     def size(self) -> int:
-        """Bytes on disk; what stands in the unfinished chunk is not among them."""
+        """Bytes on disk, without the unfinished chunk."""
         return self._disk.position
 
     @property
     def written(self) -> int:
-        """Messages taken, whether on disk or in the unfinished chunk."""
+        """Number of messages on disk and in the unfinished chunk."""
         return self._sequence
 
     @property
     def unsaved(self) -> int:
-        """Messages that are only in the unfinished chunk."""
+        """Number of messages in the unfinished chunk."""
         return self._sequence - self._saved
 
     def attach(self, attachment: Attachment, unix_ns: int) -> None:
@@ -85,12 +84,12 @@ class LogFile:
         )
 
     def describe(self, name: str, mapping: Mapping[str, str]) -> None:
-        """Adds named texts to the log."""
+        """Adds named texts (MCAP metadata)."""
         texts = {key: text.encode(errors="replace").decode() for key, text in mapping.items()}
         self._writer.add_metadata(name, texts)
 
     def add_raw(self, topic: str, unix_ns: int, data: bytes) -> None:
-        """Adds bytes of a link as they were."""
+        """Adds bytes of a link unchanged."""
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channel(topic, RAW_ENCODING, 0)
@@ -98,7 +97,7 @@ class LogFile:
         self._add(channel, data, unix_ns, unix_ns)
 
     def add_record(self, topic: str, record: Any, unix_ns: int, publish_ns: int) -> None:
-        """Adds a record of flat scalars; TypeError when it is none."""
+        """Adds a record of flat scalars; raises TypeError for anything else."""
         key = (topic, type(record))
         known = self._formats.get(key)
         if known is None:
@@ -119,17 +118,17 @@ class LogFile:
         self._add(self._protobuf("/pose"), self._attitude.pose(unix_ns, q_nb), unix_ns, unix_ns)
 
     def add_text(self, unix_ns: int, severity: Severity, text: str) -> None:
-        """Adds a line of the program."""
+        """Adds a line of the program's output."""
         self._add(self._protobuf("/log"), log_message(unix_ns, severity, text), unix_ns, unix_ns)
 
     def sync(self) -> None:
-        """Ends the chunk and waits until everything is on the disk."""
+        """Ends the chunk and waits until everything is on disk."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._saved, self._saved_at = self._sequence, self._disk.position
         self._disk.sync()
 
     def close(self) -> Path:
-        """Writes the index, waits for the disk, takes the suffix away; returns the log's path."""
+        """Writes the index, syncs, removes the suffix; returns the log's path."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._saved = self._sequence
         self._disk.sync()
@@ -139,7 +138,7 @@ class LogFile:
         return self.path
 
     def abandon(self) -> None:
-        """Cuts the file after its last whole record and lets it go; raises nothing."""
+        """Truncates the file after its last whole record and releases it; never raises."""
         self._disk.cut()
 
     def _register(self, topic: str, form: RecordFormat) -> tuple[int, RecordFormat]:
@@ -147,7 +146,7 @@ class LogFile:
         return self._channel(topic, "json", schema), form
 
     def _channel(self, topic: str, encoding: str, schema: int) -> int:
-        topic.encode()  # raises here, not in the library between two halves of a record
+        topic.encode()  # raises here, not in the library in the middle of a record
         return self._writer.register_channel(topic, encoding, schema)
 
     def _protobuf(self, topic: str) -> int:
@@ -163,19 +162,19 @@ class LogFile:
         if not 0 <= unix_ns <= LATEST_NS:
             raise ValueError("time outside the range of MCAP")
         if not 0 <= publish_ns <= LATEST_NS:
-            publish_ns = unix_ns  # a strange source clock must not cost the message
+            publish_ns = unix_ns  # a wrong source clock must not cost the message
         self._sequence += 1
         self._writer.add_message(channel, unix_ns, data, publish_ns, self._sequence & 0xFFFFFFFF)
         if self._disk.position != self._saved_at:
-            # The chunk was full, with this message in it.
+            # The chunk, including this message, is full.
             self._saved, self._saved_at = self._sequence, self._disk.position
 
 
 class _Disk:
-    """What the MCAP writer writes to: remembers where the last whole record ends.
+    """The stream of the MCAP writer; remembers where the last whole record ends.
 
-    The writer hands over whole records only, so a write that fails halfway leaves a fragment
-    after `position`, and `cut` removes it.
+    The writer passes whole records only, so a write that fails halfway leaves a fragment after
+    `position`, which `cut` removes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -201,7 +200,7 @@ class _Disk:
         return self.position
 
     def flush(self) -> None:
-        """Nothing is held back here."""
+        """Does nothing: bytes are not buffered here."""
 
     def sync(self) -> None:
         os.fsync(self._descriptor)

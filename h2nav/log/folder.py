@@ -1,4 +1,4 @@
-"""The folder of logs: names, what belongs to us, and room on the disk."""
+"""The folder of logs: names, ownership of files, disk space."""
 
 import errno
 import os
@@ -12,25 +12,25 @@ ACTIVE_SUFFIX = ".active"
 _OUR_NAME = re.compile(r"\d{8}T\d{6}Z_[0-9a-f]{8}_(\d{6})\.mcap(\.active)?")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 MIB = 1 << 20
-RUN_SHARE = 4  # a run may take this part of the room for logs
-RUN_FILES = 4  # and takes it in so many files, so that the oldest can go
+RUN_SHARE = 4  # a run may use this fraction of the space for logs
+RUN_FILES = 4  # split into this many files, so that the oldest can be deleted
 LEAST_RUN_BYTES = 16 * MIB
 LOG_MODE = 0o640  # logs show where a vehicle was
 
 
 @dataclass(frozen=True, slots=True)
 class LogLimits:
-    """How large logs grow and how much of the disk they may take.
+    """Limits on the size of logs and their use of the disk.
 
     Attributes:
         file_bytes: a file of this size is closed and the next one opened.
         file_age_s: a file of this age likewise.
-        files: at most so many files of ours stay in the folder; the oldest are deleted.
-        run_bytes: one run takes at most so much; beyond it the run's own oldest files are deleted.
-            0 = a quarter of what `files` of `file_bytes` take, or of the disk's room for logs
-            where that is less.
-        free_bytes: so much of the disk stays free; the oldest files of ours are deleted for it, and
-            recording stops when there is none left.
+        files: largest number of logs in the folder; the oldest are deleted.
+        run_bytes: space for one run; beyond it the run's own oldest files are deleted. 0 = a
+            quarter of `files` times `file_bytes`, or of the disk's space for logs where that is
+            less.
+        free_bytes: space that stays free on the disk; the oldest logs are deleted for it, and
+            recording stops when none is left to delete.
     """
 
     file_bytes: int
@@ -41,10 +41,10 @@ class LogLimits:
 
 
 def our_logs(folder: Path) -> list[Path]:
-    """The files that this program made, oldest first.
+    """The logs that this program wrote, oldest first.
 
-    The order is that of the running number: a companion without a battery-backed clock starts
-    every flight with a wrong date.
+    The running number decides: a companion without a battery-backed clock starts every flight with
+    a wrong date.
     """
     numbered = []
     for entry in os.scandir(folder):
@@ -55,12 +55,12 @@ def our_logs(folder: Path) -> list[Path]:
 
 
 def left_over_logs(folder: Path) -> list[Path]:
-    """Logs that were never closed, oldest first (one of them may still be open for writing)."""
+    """Logs that were never closed, oldest first (one may still be open for writing)."""
     return [path for path in our_logs(folder) if path.suffix == ACTIVE_SUFFIX]
 
 
 def next_log_path(folder: Path, unix_ns: int) -> Path:
-    """The name ``<utc>_<boot>_<n>.mcap`` of the next log; `n` rises over all logs of the folder."""
+    """The name ``<utc>_<boot>_<n>.mcap`` of the next log; `n` increases over the whole folder."""
     logs = our_logs(folder)
     match = _OUR_NAME.fullmatch(logs[-1].name) if logs else None
     number = int(match[1]) + 1 if match else 1
@@ -69,7 +69,7 @@ def next_log_path(folder: Path, unix_ns: int) -> Path:
 
 
 def run_budget(folder: Path, limits: LogLimits) -> int:
-    """Bytes that the files of a run that begins now may take together."""
+    """Space (bytes) for the files of a run that begins now."""
     if limits.run_bytes:
         return limits.run_bytes
     taken = sum(_size(path) for path in our_logs(folder))
@@ -78,15 +78,15 @@ def run_budget(folder: Path, limits: LogLimits) -> int:
 
 
 def trim_run(run: Sequence[Path], present: Path, budget: int) -> list[Path]:
-    """Deletes the oldest files of a run until the run keeps to its budget.
+    """Deletes the oldest files of a run until it is within its budget.
 
     Args:
         run: its files, oldest first.
-        present: the one that is being written, which counts and is never deleted.
-        budget: bytes that they may take together.
+        present: the file being written, which counts and is never deleted.
+        budget: bytes for all of them together.
 
     Returns:
-        What was deleted.
+        The deleted files.
     """
     taken = sum(_size(path) for path in run)
     deleted = []
@@ -101,18 +101,18 @@ def trim_run(run: Sequence[Path], present: Path, budget: int) -> list[Path]:
 
 
 def make_room(folder: Path, limits: LogLimits, keep: Path | None) -> list[Path]:
-    """Deletes the oldest logs of ours until count and free space are within the limits.
+    """Deletes the oldest logs until their number and the free space are within the limits.
 
     Args:
         folder: folder of the logs.
         limits: the limits; `keep` counts as one of the files.
-        keep: the log that is being written, never deleted.
+        keep: the log being written, never deleted.
 
     Returns:
-        What was deleted.
+        The deleted files.
 
     Raises:
-        OSError: ENOSPC when the free space is short and no log of ours is left to delete.
+        OSError: ENOSPC when space is short and no log is left to delete.
     """
     logs = [path for path in our_logs(folder) if path != keep]
     spare_count = limits.files - 1
@@ -132,7 +132,7 @@ def make_room(folder: Path, limits: LogLimits, keep: Path | None) -> list[Path]:
 
 
 def final_name(path: Path) -> Path:
-    """The name that a log has once it is closed."""
+    """The name of a log once it is closed."""
     return path.with_name(path.name.removesuffix(ACTIVE_SUFFIX))
 
 

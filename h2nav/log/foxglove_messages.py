@@ -1,4 +1,4 @@
-"""The messages that viewers know without any set-up: transform, pose and text, in protobuf."""
+"""Messages that viewers display without configuration: transform, pose and text, in protobuf."""
 
 from enum import IntEnum
 from typing import Any
@@ -38,7 +38,7 @@ LEVELS = {
 class AttitudeMessages:
     """Encodes an attitude as ``foxglove.FrameTransform`` and ``foxglove.PoseInFrame``.
 
-    The messages are kept and overwritten: that costs half of making new ones. Not thread-safe.
+    The messages are reused and overwritten, which halves the cost. Not thread-safe.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ def _filled(message: Any, rotation: Any, unix_ns: int, q_nb: Quat) -> bytes:
 
 
 def log_message(unix_ns: int, severity: Severity, text: str) -> bytes:
-    """One ``foxglove.Log`` line of the program; a path in it may hold bytes that are no text."""
+    """One ``foxglove.Log`` line; a path in it may hold bytes that are not text."""
     message: Any = Log(message=text.encode(errors="replace").decode(), name="h2nav")
     message.level = int(LEVELS[severity])
     message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
@@ -77,7 +77,7 @@ def flat_fields(schema_name: str, data: bytes) -> dict[str, Any] | None:
     """Column -> value of a message of this module; None for any other schema.
 
     Raises:
-        ValueError: the bytes are no such message.
+        ValueError: the bytes are not such a message.
     """
     kinds: dict[str, Any] = {k.DESCRIPTOR.full_name: k for k in (FrameTransform, PoseInFrame, Log)}
     kind = kinds.get(schema_name)
@@ -95,7 +95,7 @@ def flat_fields(schema_name: str, data: bytes) -> dict[str, Any] | None:
 
 
 def _descriptor_set(message_type: Any) -> bytes:
-    """The message's file descriptor with all those that it imports, as MCAP requires."""
+    """The message's file descriptor and every one it imports, as MCAP requires."""
     files: dict[str, FileDescriptor] = {}
 
     def collect(file: FileDescriptor) -> None:

@@ -1,6 +1,6 @@
 """Messages of the dialect as JSON with a schema that names types and units.
 
-Fields keep the names and units of the dialect: what is plotted is what the autopilot sent.
+Names and units of the fields are the dialect's, so that plots show what the autopilot sent.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def field_units(msg_id: int) -> dict[str, str]:
 
 @cache
 def message_format(msg_id: int) -> RecordFormat:
-    """How a message, as `codec.decode` gives it, becomes JSON; its schema is ``mavlink.<name>``."""
+    """How a message from `codec.decode` becomes JSON; its schema is ``mavlink.<name>``."""
     layout = LAYOUTS[msg_id]
     units = field_units(msg_id)
     wire = {field.name: field for field in layout.wire_fields}

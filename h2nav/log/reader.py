@@ -1,7 +1,7 @@
-"""Reading MCAP files front to back whatever happened to them: cut off, damaged, never closed.
+"""Reads MCAP files front to back in any state: cut off, damaged, never closed.
 
-The index of a file is not used, because it is missing exactly when a log matters most. After a
-damaged record the scan looks for the next intact one (`log_records` says what that is).
+The index is not used, because it is missing exactly when a log matters most. After a damaged
+record the scan looks for the next intact one, as `records` defines it.
 """
 
 import os
@@ -36,11 +36,11 @@ class Entry(NamedTuple):
     """An intact record of the data section.
 
     Attributes:
-        offset: where it begins in the file.
-        opcode: what it is.
+        offset: of the record in the file.
+        opcode: its kind.
         size: bytes of the whole record.
         body: the record without opcode and length.
-        content: for a chunk, the records in it, decompressed; else empty.
+        content: the decompressed records of a chunk; empty otherwise.
     """
 
     offset: int
@@ -55,14 +55,14 @@ class LogScan:
 
     Args:
         stream: the file, opened for reading and seekable.
-        outline: give chunks and message indexes unread, with an empty body, which is much faster.
+        outline: leave the bodies of chunks and message indexes empty, which is much faster.
 
     Attributes:
         size: bytes of the file.
         position: bytes seen so far.
-        damaged_records: runs of bytes that hold no intact record.
-        skipped_bytes: their length together; a cut-off last record is among them.
-        ended: the data section came to its regular end.
+        damaged_records: runs of bytes without an intact record.
+        skipped_bytes: their total length, including a last record that is cut off.
+        ended: the data section ended regularly.
     """
 
     def __init__(self, stream: BinaryIO, *, outline: bool = False) -> None:
@@ -74,7 +74,7 @@ class LogScan:
         self.ended = False
 
     def entries(self) -> Iterator[Entry]:
-        """All intact records in the order of the file, up to the end of the data section."""
+        """Yields all intact records in order, up to the end of the data section."""
         self._stream.seek(0)
         offset = len(MCAP0_MAGIC)
         if self._stream.read(offset) != MCAP0_MAGIC:
@@ -115,7 +115,7 @@ class LogScan:
         return Entry(offset, opcode, HEAD.size + length, body, content)
 
     def _entry_behind(self, damaged: int) -> Entry | None:
-        """The first intact record behind a damaged one; its length is used if that works."""
+        """The first intact record after a damaged one; tries the damaged record's length first."""
         self._stream.seek(damaged)
         head = self._stream.read(HEAD.size)
         if len(head) == HEAD.size:
@@ -136,7 +136,7 @@ class LogScan:
 
 
 def is_mcap(path: Path) -> bool:
-    """Whether the file begins like an MCAP file; two damaged bytes are forgiven."""
+    """Whether the file begins like an MCAP file; up to two bytes may be damaged."""
     with path.open("rb") as stream:
         start = stream.read(len(MCAP0_MAGIC))
     equal = sum(a == b for a, b in zip(start, MCAP0_MAGIC, strict=False))
@@ -152,10 +152,10 @@ def is_closed(path: Path) -> bool:
 
 
 class Directory:
-    """Which schemas and channels a log has, as far as they have been seen.
+    """The schemas and channels of a log, as far as they have been read.
 
-    A channel is described only once, inside the first chunk; when that is damaged, the summary at
-    the end of a closed file still knows it.
+    A channel is described only once, in the first chunk; if that is damaged, the summary of a
+    closed file still describes it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -165,7 +165,7 @@ class Directory:
         self._summary_read = False
 
     def note(self, opcode: int, body: bytes) -> None:
-        """Takes a schema or channel record; others are ignored."""
+        """Adds a schema or channel record; ignores others."""
         if opcode == Opcode.SCHEMA:
             schema = parse(Schema.read, body)
             self.schemas[schema.id] = schema
@@ -174,13 +174,13 @@ class Directory:
             self.channels[channel.id] = channel
 
     def channel(self, channel_id: int) -> Channel | None:
-        """The channel, or None when the file does not describe it (any more)."""
+        """Returns the channel, or None if no intact record describes it."""
         if channel_id not in self.channels and not self._summary_read:
             self._read_summary()
         return self.channels.get(channel_id)
 
     def schema(self, channel: Channel) -> Schema | None:
-        """The channel's schema; None when it has none."""
+        """Returns the channel's schema; None if it has none."""
         if channel.schema_id and channel.schema_id not in self.schemas and not self._summary_read:
             self._read_summary()
         return self.schemas.get(channel.schema_id)
@@ -197,7 +197,7 @@ class Directory:
 
 
 def _summary(path: Path) -> bytes:
-    """The records between the data section and the footer; none where the file has no sound end."""
+    """The records between data section and footer; empty if the end of the file is damaged."""
     if not is_closed(path):
         return b""
     with path.open("rb") as stream:
@@ -214,7 +214,7 @@ def _summary(path: Path) -> bytes:
 
 
 def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
-    """The records that an entry stands for: those in a chunk, else itself."""
+    """The records in a chunk; for another entry, the entry itself."""
     if entry.opcode == Opcode.CHUNK:
         return inner_records(entry.content)
     return iter(((entry.opcode, entry.body),))
@@ -223,13 +223,13 @@ def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
 def messages_of(
     path: Path, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[Channel, StoredMessage]]:
-    """All messages of a log in the order of the file, with their channels.
+    """Yields all messages of a log in order, with their channels.
 
-    Messages whose channel is not known any more are passed over.
+    Messages whose channel is unknown are skipped.
 
     Args:
         path: an MCAP log, closed, cut off or damaged.
-        progress: called with the bytes done and in all.
+        progress: called with the bytes done and the total.
     """
     directory = Directory(path)
     with path.open("rb") as stream:

@@ -1,4 +1,4 @@
-"""Recording on a thread of its own: the caller never waits for the disk and sees no exception."""
+"""Records on a separate thread: the caller never waits for the disk and sees no exception."""
 
 import threading
 import time
@@ -27,14 +27,14 @@ _Write = Callable[[LogFile], None]
 
 
 class RecorderRecord(NamedTuple):
-    """How recording is going; written to the log like any other record.
+    """Statistics of the recording, in the log like any other record.
 
     Attributes:
         written: messages written since start.
-        dropped_queue_full: messages refused because the disk did not keep up.
+        dropped_queue_full: messages dropped because the disk did not keep up.
         lost_disk: messages lost to a disk that failed or was full.
         rejected: messages that could not be encoded.
-        file_bytes: size of the present file.
+        file_bytes: size of the current file.
         files: files opened since start.
     """
 
@@ -47,18 +47,18 @@ class RecorderRecord(NamedTuple):
 
 
 class Recorder:
-    """Writes what it is given to MCAP files, on its own thread, behind a bounded queue.
+    """Writes records to MCAP files on its own thread, behind a bounded queue.
 
-    All calls come from one thread, cost microseconds, and raise nothing whatever the disk does.
-    When the disk fails, recording stops with one notice, tries again after a growing time and
-    says when it is back; what was lost meanwhile is counted.
+    All calls come from one thread, cost microseconds and never raise. When the disk fails,
+    recording stops with one notice, retries with growing delays and reports when it is back; lost
+    messages are counted.
 
     Args:
-        folder: made when missing; files are named by `log_folder.next_log_path`.
+        folder: created if missing; `folder.next_log_path` names the files.
         limits: sizes and numbers of files, free space.
-        unix_offset_ns: UNIX minus monotonic time in all `unix_ns` of this recording; it lets a
-            replay have the original monotonic times back.
-        decode_autopilot: write the autopilot's common messages as channels of their own as well.
+        unix_offset_ns: UNIX minus monotonic time in every `unix_ns` of this recording; a replay
+            recovers the monotonic times from it.
+        decode_autopilot: also write the autopilot's common messages as channels of their own.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Recorder:
 
     @classmethod
     def to_file(cls, path: Path | str, unix_offset_ns: int = 0) -> Self:
-        """A recorder into one file, which waits for the disk instead of dropping (replay).
+        """Creates a recorder for one file, which waits for the disk instead of dropping (replay).
 
         Raises:
             BadInput: the file exists or its folder does not.
@@ -94,7 +94,7 @@ class Recorder:
         self, series: LogSeries, *, lossless: bool, decoder: AutopilotDecoder | None = None
     ) -> None:
         self._queue: deque[tuple[_Write, int]] = deque()
-        self._bytes_in = self._bytes_out = 0  # each has one writing thread, so no lock
+        self._bytes_in = self._bytes_out = 0  # one writing thread each, so no lock
         self._refused = 0
         self._lossless = lossless
         self._wake, self._room = threading.Event(), threading.Event()
@@ -107,18 +107,18 @@ class Recorder:
 
     @property
     def dropped(self) -> int:
-        """Messages that are not in the log, for whatever reason."""
+        """Number of messages missing from the log, for any reason."""
         series = self._series
         return self._refused + series.lost + series.rejected
 
     @property
     def path(self) -> Path | None:
-        """The name that the present (or last) file has once it is closed; None before the first."""
+        """Final name of the current (or last) file; None before the first."""
         return self._series.path
 
     @property
     def trouble(self) -> str | None:
-        """Why nothing is being recorded at the moment, in one line; None while all is well."""
+        """Why recording is stopped, in one line; None while it works."""
         return self._series.trouble
 
     def statistics(self) -> RecorderRecord:
@@ -134,7 +134,7 @@ class Recorder:
         )
 
     def notices(self) -> list[Notice]:
-        """What has happened since the last call; each event appears once."""
+        """Returns the events since the last call; each appears once."""
         waiting = self._series.notices
         return [waiting.popleft() for _ in range(len(waiting))]
 
@@ -145,14 +145,14 @@ class Recorder:
             self._series.repairing.join()
 
     def raw(self, link_name: str, unix_ns: int, data: bytes) -> None:
-        """Records bytes as they arrived, one call per datagram or read."""
+        """Records bytes as received, one call per datagram or read."""
         topic = RECEIVED_TOPIC + link_name
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
         if self._decoder is not None:
             self._put(partial(_add_decoded, self._decoder, topic, unix_ns, data), len(data))
 
     def refused(self, link_name: str, unix_ns: int, data: bytes) -> None:
-        """Records bytes that arrived and were not admitted; a replay does not see them."""
+        """Records received bytes that were rejected; a replay skips them."""
         topic = REFUSED_TOPIC + link_name
         self._put(lambda file: file.add_raw(topic, unix_ns, data), len(data))
 
@@ -178,27 +178,27 @@ class Recorder:
         self._put(lambda file: file.add_attitude(unix_ns, q_nb))
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
-        """Records a line of the program."""
+        """Records a line of the program's output."""
         self._put(lambda file: file.add_text(unix_ns, severity, text))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Puts a file into this log and at the start of every later one."""
+        """Adds a file to this log and to every later one."""
         attachment, unix_ns = Attachment(name, media_type, data), time.time_ns()
         self._series.keep("attachment", name, lambda file: file.attach(attachment, unix_ns))
         self._wake.set()
 
     def metadata(self, name: str, mapping: Mapping[str, str]) -> None:
-        """Puts named texts into this log and at the start of every later one."""
+        """Adds named texts to this log and to every later one."""
         texts = {str(key): str(value) for key, value in mapping.items()}
         self._series.keep("metadata", name, lambda file: file.describe(name, texts))
         self._wake.set()
 
     def close(self, timeout_s: float | None = None) -> None:
-        """Writes what is queued, closes the file and gives it its name.
+        """Writes what is queued, closes and renames the file.
 
         Args:
-            timeout_s: give up waiting for a hanging disk after this time; the file then stays
-                ``.active`` and is repaired at the next start.
+            timeout_s: limit of the wait for a hanging disk; the file then stays ``.active`` and
+                is repaired at the next start.
         """
         self._closing = True
         self._wake.set()
@@ -224,7 +224,7 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._record_until_closed()
-        except Exception as error:  # a fault of ours: attitude goes on, the operator is told
+        except Exception as error:  # a bug: attitude continues, the operator is notified
             self._series.give_up(error)
         finally:
             self._begun.set()
@@ -257,6 +257,6 @@ class Recorder:
 def _add_decoded(
     decoder: AutopilotDecoder, topic: str, unix_ns: int, data: bytes, file: LogFile
 ) -> None:
-    """Adds what the autopilot said in some bytes; on the recorder's thread."""
+    """Adds the decoded messages of an autopilot; on the recorder's thread."""
     for decoded in decoder.feed(topic, data):
         file.add_formatted(decoded.topic, decoded.form, decoded.fields, unix_ns)

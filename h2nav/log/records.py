@@ -1,8 +1,8 @@
-"""The records of an MCAP file: their fields, and whether one is intact.
+"""The records of an MCAP file: their fields, and whether they are intact.
 
-A record counts as intact when its structure fills its length and its checksum, where it has one,
-fits. Nothing is trusted before that: neither a length that a record announces nor the size that a
-chunk unpacks to can cost more memory than `LARGEST_RECORD`.
+A record is intact when its structure fills its length and its checksum, if any, matches. Until then
+nothing is trusted: neither the length of a record nor the size of an unpacked chunk can cost more
+memory than `LARGEST_RECORD`.
 """
 
 import struct
@@ -31,7 +31,7 @@ Record = TypeVar("Record")
 
 
 class StoredMessage(NamedTuple):
-    """A message as it stands in the file; times in UNIX ns."""
+    """A message as stored in the file; times in UNIX ns."""
 
     channel_id: int
     sequence: int
@@ -41,13 +41,13 @@ class StoredMessage(NamedTuple):
 
 
 def message(body: bytes) -> StoredMessage:
-    """A message record's fields."""
+    """Parses a message record."""
     channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(body)
     return StoredMessage(channel_id, sequence, log_ns, publish_ns, body[_MESSAGE.size :])
 
 
 def parse(read: Callable[[ReadDataStream], Record], body: bytes) -> Record:
-    """A record of the mcap library from a record's body."""
+    """Parses a record's body into a record of the mcap library."""
     return read(ReadDataStream(BytesIO(body)))
 
 
@@ -109,7 +109,7 @@ def _chunk_content(body: bytes) -> bytes | None:
 
 
 def _decompressed(chunk: Chunk) -> bytes | None:
-    """What a chunk unpacks to, at most a byte more than it says of itself; None when damaged."""
+    """Unpacks a chunk, at most one byte beyond its declared size; None when damaged."""
     most = chunk.uncompressed_size + 1
     try:
         if chunk.compression == "zstd":
@@ -118,7 +118,7 @@ def _decompressed(chunk: Chunk) -> bytes | None:
         if chunk.compression == "lz4":
             content: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, most)
             return content
-    except Exception:  # each decompressor has errors of its own
+    except Exception:  # each decompressor raises errors of its own
         return None
     return chunk.data if chunk.compression == "" else None
 

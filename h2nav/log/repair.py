@@ -1,4 +1,4 @@
-"""Giving a log that was cut off its index, and saving what is left of a damaged one."""
+"""Adds the missing index to a log that was cut off, and recovers a damaged one."""
 
 import fcntl
 import os
@@ -22,25 +22,25 @@ class DamagedLog(Exception):
 
 
 def _no_pause() -> None:
-    """For a caller that has no more urgent work."""
+    """The default `pause`: does nothing."""
 
 
 def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
-    """Ends a log that was cut off: removes the fragment of a record, appends the index, renames.
+    """Completes a log that was cut off: removes a partial record, appends the index, renames.
 
-    The records before are not touched, so an interruption at any moment costs nothing.
+    Earlier records are not touched, so an interruption at any moment loses nothing.
 
     Args:
         path: ``<log>.active``.
-        pause: called after each chunk, by a caller whose other threads come first.
+        pause: called after each chunk, so that a caller can let other threads go first.
 
     Returns:
         The log's final name.
 
     Raises:
-        DamagedLog: the damage is not (only) at the end; nothing has been changed.
+        DamagedLog: the log is damaged before its end; nothing has been changed.
         BlockingIOError: the log is being written by another process.
-        OSError: no room for the index, for example.
+        OSError: for example, no space for the index.
     """
     with path.open("r+b") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -54,12 +54,12 @@ def complete_in_place(path: Path, pause: Callable[[], None] = _no_pause) -> Path
         os.fsync(stream.fileno())
     final = final_name(path)
     if final.exists():
-        raise FileExistsError(17, "the finished log exists already", str(final))
+        raise FileExistsError(17, "the finished log already exists", str(final))
     return path.rename(final)
 
 
 def _walk(stream: BinaryIO, pause: Callable[[], None]) -> tuple[int, bytes, LogSummary]:
-    """Where the good part ends, which message indexes must follow, and the summary."""
+    """Returns where the intact part ends, the message indexes to append, and the summary."""
     scan, summary = LogScan(stream), LogSummary()
     end, missing = 0, b""
     for entry in scan.entries():
@@ -85,11 +85,11 @@ def _walk(stream: BinaryIO, pause: Callable[[], None]) -> tuple[int, bytes, LogS
 
 
 def replace_damaged(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
-    """Writes what is left of ``<log>.active`` to ``<log>``, then removes the damaged file.
+    """Copies the intact records of ``<log>.active`` to ``<log>`` and removes the damaged file.
 
     Raises:
-        OSError: the copy could not be written, or nothing was left to copy; `path` stays, unless
-            it is empty.
+        OSError: the copy could not be written, or no record was left to copy; `path` stays,
+            unless it is empty.
     """
     final = final_name(path)
     try:
@@ -106,10 +106,10 @@ def replace_damaged(path: Path, pause: Callable[[], None] = _no_pause) -> Path:
 
 
 def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -> Recovery:
-    """Copies all intact records into a new, complete log. The source is only read.
+    """Copies all intact records into a new, complete log; only reads the source.
 
     Raises:
-        BadInput: `output` exists (the source itself included) or cannot be made.
+        BadInput: `output` exists (or is the source) or cannot be created.
         TaskFailed: nothing could be recovered; no output is left.
         OSError: the output could not be written; none is left.
     """

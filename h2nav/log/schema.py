@@ -1,9 +1,9 @@
-"""How a record of flat scalars becomes JSON with a JSON Schema that names every unit.
+"""Encodes records of flat scalars as JSON, with a JSON Schema that names every unit.
 
 No integer in the JSON exceeds 2^53, because viewers read numbers as doubles. Points in time in
-nanoseconds (fields ``t_ns``, ``unix_ns`` or with such an ending) become ``{"sec", "nsec"}``; any
-other integer that is too large becomes null, as do NaN and the infinities. Every field may be
-null: the schema gives the type of what stands there otherwise.
+nanoseconds (``t_ns``, ``unix_ns`` and fields that end so) become ``{"sec", "nsec"}``; any other
+integer beyond the limit becomes null, as do NaN and the infinities. Every field may be null: the
+schema gives its type otherwise.
 """
 
 import inspect
@@ -51,12 +51,12 @@ _TIME_SCHEMA = {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}
 
 
 class RecordFormat(NamedTuple):
-    """How one type of record is written.
+    """The encoding of one type of record.
 
     Attributes:
         name: schema name, ``h2nav.<class>``.
         schema: JSON Schema, UTF-8.
-        encode: gives a record's JSON, UTF-8.
+        encode: encodes a record as JSON, UTF-8.
     """
 
     name: str
@@ -69,15 +69,15 @@ def record_format(record_type: type[Any]) -> RecordFormat:
 
     Args:
         record_type: the class; units come from its field names, descriptions from the
-            ``Attributes`` section of its docstring. A field without a description takes that of
-            the last one before it whose name differs in one word (``gyro_y_rad_s`` takes that of
+            ``Attributes`` section of its docstring. A field without a description takes the
+            previous one whose name differs in one word (``gyro_y_rad_s`` takes that of
             ``gyro_x_rad_s``).
 
     Raises:
-        TypeError: for a class or a field that is not of this kind.
+        TypeError: a class or field of another kind.
     """
     if not (issubclass(record_type, tuple) and hasattr(record_type, "_fields")):
-        raise TypeError(f"{record_type.__name__} is no NamedTuple")
+        raise TypeError(f"{record_type.__name__} is not a NamedTuple")
     hints = typing.get_type_hints(record_type)
     texts = _descriptions(record_type)
     properties = {
@@ -97,18 +97,18 @@ def record_format(record_type: type[Any]) -> RecordFormat:
 
 
 def unit_of(field_name: str) -> str:
-    """The unit that a field's name ends in; empty when it names none."""
+    """The unit at the end of a field's name; empty if there is none."""
     return next((unit for ending, unit in _UNITS if field_name.endswith(ending)), "")
 
 
 def time_object(t_ns: int) -> dict[str, int]:
-    """Nanoseconds as the pair that viewers take for a time."""
+    """Nanoseconds in the form that viewers accept as a time."""
     sec, nsec = divmod(t_ns, NS_PER_S)
     return {"sec": sec, "nsec": nsec}
 
 
 def time_from_object(value: Any) -> Any:
-    """The nanoseconds of a `time_object`; any other value as it is."""
+    """The nanoseconds of a `time_object`; any other value unchanged."""
     if isinstance(value, dict) and value.keys() == {"sec", "nsec"}:
         return value["sec"] * NS_PER_S + value["nsec"]
     return value
@@ -128,7 +128,7 @@ def _property(record_type: type[Any], name: str, hint: Any, text: str) -> dict[s
     described = {"description": f"{text} [{unit}]".strip()} if unit else {"description": text}
     if _POINT_IN_TIME.search(name):
         return {"type": "object", "properties": _TIME_SCHEMA, **described}
-    # A list of types ("number" or "null") would be exact, but viewers refuse it; they take null.
+    # A list of types ("number" or "null") would be exact, but viewers reject it and accept null.
     return {"type": json_type, **described}
 
 
@@ -154,7 +154,7 @@ def _encoder(fields: tuple[str, ...]) -> Callable[[Any], bytes]:
 
 
 def json_object(values: dict[str, Any]) -> bytes:
-    """Fields as one JSON object; NaN, and integers that JSON's readers do not keep, are null."""
+    """Encodes fields as a JSON object; NaN and integers beyond 2^53 become null."""
     try:
         return orjson.dumps(values, option=orjson.OPT_STRICT_INTEGER)
     except orjson.JSONEncodeError:
@@ -169,7 +169,7 @@ def _within_json(value: Any) -> Any:
 
 
 def _descriptions(record_type: type[Any]) -> dict[str, str]:
-    """Field name -> text, from the docstring's ``Attributes`` and from similar fields."""
+    """Field name -> text, from the docstring's ``Attributes`` or a similar field."""
     _, _, section = inspect.cleandoc(record_type.__doc__ or "").partition("Attributes:\n")
     written: dict[str, str] = {}
     name = ""

@@ -1,4 +1,4 @@
-"""One log file after another: rotation, retries after a failing disk, repair of old files."""
+"""A series of log files: rotation, retries after a disk failure, repair of old files."""
 
 import contextlib
 import os
@@ -28,19 +28,19 @@ from h2nav.log.repair import DamagedLog, complete_in_place, replace_damaged
 SYNC_S = 0.75  # with one poll of the recorder and a slow fsync, below the promised second
 RETRY_FIRST_S = 1.0
 RETRY_LAST_S = 30.0
-SOUND_AGE_S = 60.0  # a file that failed after this time is followed by another at once
+SOUND_AGE_S = 60.0  # after a file that lasted this long, a failure is retried at once
 REPAIR_PAUSE_S = 0.002
 
 Write = Callable[[LogFile], None]
 
 
 class Notice(NamedTuple):
-    """Something about the recording that has to be reported, once.
+    """An event of the recording, to be reported once.
 
     Attributes:
         severity: of it.
         text: one line.
-        cause: stays the same while names and figures in the text change; the text by default.
+        cause: identifies the event while names and figures in the text change; default: the text.
     """
 
     severity: Severity
@@ -49,7 +49,7 @@ class Notice(NamedTuple):
 
 
 class FolderTarget:
-    """New names in a folder, within limits."""
+    """New files in a folder, within limits."""
 
     retries = True
 
@@ -60,14 +60,14 @@ class FolderTarget:
         self._budget = 0
 
     def left_over(self) -> list[Path]:
-        """Logs that an earlier run could not close."""
+        """Logs that an earlier run did not close."""
         try:
             return left_over_logs(self.folder)
         except OSError:
-            return []  # no folder yet, or an unreadable one: opening a log will say so
+            return []  # no folder yet, or an unreadable one: opening a log will report it
 
     def open(self) -> LogFile:
-        """The next log; OSError when it cannot be made."""
+        """Opens the next log; raises OSError."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._budget = self._budget or run_budget(self.folder, self.limits)
         make_room(self.folder, self.limits, None)
@@ -76,20 +76,20 @@ class FolderTarget:
         return file
 
     def is_full(self, file: LogFile, age_s: float) -> bool:
-        """Whether another file is due."""
+        """Whether the next file is due."""
         largest = min(self.limits.file_bytes, self._budget // RUN_FILES)
         return file.size >= largest or age_s >= self.limits.file_age_s
 
     def check_room(self, file: LogFile) -> None:
-        """Keeps run and disk within the limits; OSError when that is not possible."""
+        """Keeps run and disk within the limits; raises OSError when that is not possible."""
         run = [path for path in our_logs(self.folder) if final_name(path) in self._run]
-        # What the run has too much it gives up itself; only then earlier runs give way.
+        # A run over its budget deletes its own files; only then those of earlier runs.
         trim_run(run, file.active_path, self._budget)
         make_room(self.folder, self.limits, file.active_path)
 
 
 class SingleTarget:
-    """One file of a given name, without limits."""
+    """A single file of a given name, without limits."""
 
     retries = False
 
@@ -98,11 +98,11 @@ class SingleTarget:
         self._path = path
 
     def left_over(self) -> list[Path]:
-        """Other files are not ours to touch."""
+        """Returns none: other files belong to others."""
         return []
 
     def open(self) -> LogFile:
-        """The log; OSError when it cannot be made."""
+        """Opens the log; raises OSError."""
         return LogFile(self._path)
 
     def is_full(self, file: LogFile, age_s: float) -> bool:
@@ -110,22 +110,22 @@ class SingleTarget:
         return False
 
     def check_room(self, file: LogFile) -> None:
-        """No other file is ours to delete."""
+        """Does nothing: there is no other file to delete."""
 
 
 class LogSeries:
-    """The files of one run. Lives on the recorder's thread, except for what the notes name.
+    """The files of one run. Runs on the recorder's thread, except where noted.
 
     Args:
-        target: where the files are made.
+        target: where the files are created.
         unix_offset_ns: written into each file for its readers.
         monotonic_s: the clock of flushes, rotation and retries.
 
     Attributes:
-        trouble: why nothing is being recorded, None while all is well (read from any thread).
+        trouble: why recording is stopped, None while it works (read from any thread).
         notices: events for the operator, oldest first (taken from any thread).
-        path: the name that the present (or last) file has once it is closed.
-        repairing: the thread that repairs left-over files; None when there were none.
+        path: final name of the current (or last) file.
+        repairing: the thread that repairs left-over files; None if there were none.
     """
 
     def __init__(
@@ -154,16 +154,16 @@ class LogSeries:
 
     @property
     def written(self) -> int:
-        """Messages in the files of this run."""
+        """Number of messages in the files of this run."""
         return self._written_before + (self._file.written if self._file else 0)
 
     @property
     def file_bytes(self) -> int:
-        """Size of the present file on disk."""
+        """Size of the current file on disk."""
         return self._file.size if self._file else 0
 
     def keep(self, kind: str, name: str, write: Write) -> None:
-        """Called from any thread: `write` goes into this file and the start of every later one."""
+        """Adds a header to this file and every later one; called from any thread."""
         self._new_headers.append(((kind, name), write))
 
     def begin(self) -> None:
@@ -177,7 +177,7 @@ class LogSeries:
             self.repairing.start()
 
     def write(self, write: Write) -> None:
-        """Writes one message, or counts why it could not be written."""
+        """Writes one message, or counts the failure."""
         if self._new_headers:
             self._adopt_headers()
         if self._file is None:
@@ -187,12 +187,12 @@ class LogSeries:
             write(self._file)
         except OSError as error:
             self._fail(error)
-        except Exception as error:  # a message must never end the recording of the others
+        except Exception as error:  # one message must never end the recording of the others
             self.rejected += 1
             self._tell_once(f"not recorded: {type(error).__name__}: {error}")
 
     def tend(self) -> None:
-        """What is due by time: new attachments, flush to the disk, rotation, another try."""
+        """Does what is due: new attachments, flush to disk, rotation, retry."""
         now_s = self._monotonic_s()
         if self._new_headers:
             self._adopt_headers()
@@ -206,12 +206,12 @@ class LogSeries:
             self._open()
 
     def end(self) -> None:
-        """Closes the present file."""
+        """Closes the current file."""
         self._stop_repair.set()
         self._close()
 
     def give_up(self, error: Exception) -> None:
-        """Says that nothing more will be recorded."""
+        """Reports that recording has ended."""
         self.trouble = f"{type(error).__name__}: {error}"
         self.notices.append(Notice(Severity.ERROR, f"recording ended: {self.trouble}"))
 
@@ -285,14 +285,14 @@ class LogSeries:
         self._file = None
 
     def _fail(self, error: OSError) -> None:
-        """The present file cannot be written any more: leave it readable, try another."""
+        """Leaves a file that failed readable, and schedules a retry."""
         file, self._file = self._file, None
         if file is None:
             return
         file.abandon()
         self.lost += file.unsaved
         self._written_before += file.written - file.unsaved
-        # Without room for an index streaming readers still read it, and the next start repairs it.
+        # Without space for an index, streaming readers still work; the next start repairs the file.
         with contextlib.suppress(OSError, DamagedLog):
             complete_in_place(file.active_path)
         if self._monotonic_s() - self._opened_at_s >= SOUND_AGE_S:
@@ -317,7 +317,7 @@ class LogSeries:
             self.notices.append(Notice(Severity.WARNING, text))
 
     def _repair(self, paths: list[Path]) -> None:
-        """On a thread of its own, slowly: attitude and the new log come first."""
+        """Repairs files on a separate thread, slowly: attitude and the new log come first."""
 
         def pause() -> None:
             if self._stop_repair.wait(REPAIR_PAUSE_S):
@@ -330,7 +330,7 @@ class LogSeries:
                 except DamagedLog:
                     final = replace_damaged(path, pause)
             except BlockingIOError:
-                continue  # another process is writing it
+                continue  # in use by another process
             except InterruptedError:
                 return
             except OSError as error:

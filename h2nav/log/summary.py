@@ -1,4 +1,4 @@
-"""The summary at the end of an MCAP file, built from records that are already written."""
+"""Builds the summary at the end of an MCAP file from its records."""
 
 import zlib
 
@@ -28,7 +28,7 @@ _SUMMARY_CRC_SIZE = 4
 
 
 class LogSummary:
-    """Collects what the index of a log says; `add` each record of the data section in order."""
+    """Collects the index of a log; `add` takes each record of the data section in order."""
 
     def __init__(self) -> None:
         self.schemas: dict[int, Schema] = {}
@@ -46,7 +46,7 @@ class LogSummary:
         return len(self._attachments)
 
     def add(self, entry: Entry, offset: int) -> bytes:
-        """Takes a record that stands, or will stand, at `offset`.
+        """Adds a record located at `offset`.
 
         Returns:
             The message index records that must follow a chunk; empty for other records.
@@ -124,7 +124,7 @@ class LogSummary:
         return None
 
     def ending(self, offset: int) -> bytes:
-        """Everything from the end of the data section, which is at `offset`, to the end."""
+        """Returns everything from the end of the data section, at `offset`, to the end."""
         data_end = record_bytes(DataEnd(0))
         start = offset + len(data_end)
         body = RecordBuilder()
@@ -159,7 +159,7 @@ class LogSummary:
 
 
 def record_bytes(record: McapRecord) -> bytes:
-    """A record as it stands in a file."""
+    """Encodes a record as stored in a file."""
     builder = RecordBuilder()
     record.write(builder)
     return _built(builder)

@@ -1,4 +1,4 @@
-"""What a log holds: one pass over the file, intact or not."""
+"""Surveys a log, intact or not, in one pass."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,9 +27,9 @@ class TopicSurvey(NamedTuple):
         topic: its name.
         encoding: of its messages.
         schema: its schema's name, empty without one.
-        messages: how many.
-        data_bytes: their length together, uncompressed.
-        rate_hz: mean rate between its first and its last message; 0 for fewer than two.
+        messages: their number.
+        data_bytes: their total length, uncompressed.
+        rate_hz: mean rate between the first and the last message; 0 for fewer than two.
         longest_gap_s: longest time between two messages.
     """
 
@@ -43,11 +43,11 @@ class TopicSurvey(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """A time without bytes from a link, longer than a second.
+    """A period longer than a second without bytes from a link.
 
     Attributes:
         topic: the link's channel.
-        after_s: where it begins, from the start of the log.
+        after_s: its beginning, from the start of the log.
         length_s: how long it lasts.
     """
 
@@ -57,23 +57,23 @@ class Gap(NamedTuple):
 
 
 class LogSurvey(NamedTuple):
-    """A whole log.
+    """The survey of a whole log.
 
     Attributes:
         path: the file.
         file_bytes: its size.
-        closed: it was ended regularly and has an index.
+        closed: it was closed regularly and has an index.
         start_unix_ns: first message; 0 without messages.
         duration_s: from the first to the last message.
         topics: the channels, by name.
         gaps: at most `MOST_GAPS`.
         attachments: name -> bytes.
         metadata: name -> texts.
-        damaged_records: runs of bytes that hold no intact record, a cut-off end included.
-        lost_bytes: their length together.
-        states: of the service, in their order.
-        refusals: reason -> how many samples or messages.
-        findings: what the service found to be wrong; see `LogAccount`.
+        damaged_records: runs of bytes without an intact record, including a cut-off end.
+        lost_bytes: their total length.
+        states: of the service, in order.
+        refusals: reason -> number of samples or messages.
+        findings: of the service; see `LogAccount`.
         differences: the largest ones to the autopilot's attitudes.
     """
 
@@ -120,7 +120,7 @@ class _Tally:
 
 
 class _Told:
-    """Gives the service's records to the account, by channel."""
+    """Passes the service's records to the account, by channel."""
 
     def __init__(self, directory: Directory) -> None:
         self._directory = directory
@@ -142,24 +142,24 @@ class _Told:
 
 
 def require_mcap(path: Path) -> None:
-    """BadInput unless the file can be read and is an MCAP log."""
+    """Raises BadInput unless the file can be read and is an MCAP log."""
     try:
         known = is_mcap(path)
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror}; expected an MCAP log") from error
     if not known:
         raise BadInput(
-            f"{path}: not an MCAP log; expected a file that h2nav has recorded "
-            "(other recordings: h2nav replay makes one of them)"
+            f"{path}: not an MCAP log; expected a file recorded by h2nav "
+            "(h2nav replay converts other recordings)"
         )
 
 
 def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurvey:
-    """Looks through a log.
+    """Surveys a log.
 
     Args:
         path: an MCAP file, closed, cut off or damaged.
-        progress: called with the bytes done and in all.
+        progress: called with the bytes done and the total.
 
     Raises:
         BadInput: no such file, or not an MCAP file.

@@ -1,4 +1,4 @@
-"""The MAVLink frames of a log as a telemetry log, for mavlogdump, MAVExplorer and replays."""
+"""Exports the MAVLink frames of a log as a telemetry log, for mavlogdump, MAVExplorer, replays."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -17,12 +17,12 @@ NS_PER_US = 1_000
 
 
 class TelemetryResult(NamedTuple):
-    """What was written.
+    """The result of an export.
 
     Attributes:
         path: the file.
-        frames: how many.
-        skipped_bytes: bytes of the links that are no frame of a message that the dialect knows.
+        frames: their number.
+        skipped_bytes: bytes of the links that belong to no frame of a known message.
     """
 
     path: Path
@@ -41,11 +41,11 @@ def export_tlog(
     Args:
         path: an MCAP log, closed, cut off or damaged.
         output: a new file.
-        topics: link channels, such as ``/mavlink/tx/autopilot``; all that was received when empty.
-        progress: called with the bytes done and in all.
+        topics: link channels, such as ``/mavlink/tx/autopilot``; all received ones when empty.
+        progress: called with the bytes done and the total.
 
     Raises:
-        BadInput: no log, `output` exists, a topic is not in the log, or there are no frames.
+        BadInput: not a log, `output` exists, a topic is not in the log, or there are no frames.
     """
     require_mcap(path)
     try:

@@ -1,4 +1,4 @@
-"""A log's attitude as a trajectory text, in the format of TUM's benchmark, which evo reads.
+"""Exports a log's attitude as a trajectory in the format of TUM's benchmark, which evo reads.
 
 A line is ``timestamp tx ty tz qx qy qz qw`` with one space between the numbers; comments begin with
 ``#``, and times increase. The rotation takes body coordinates (forward, right, down) to the fixed
@@ -21,13 +21,13 @@ NS_PER_S = 1_000_000_000
 
 
 class TrajectoryResult(NamedTuple):
-    """What was written.
+    """The result of an export.
 
     Attributes:
         path: the file.
-        topic: where the poses come from.
-        poses: lines.
-        left_out: records without a pose, or with a time not behind that of the one before.
+        topic: the source of the poses.
+        poses: number of lines.
+        left_out: records without a pose, or not later than the one before.
     """
 
     path: Path
@@ -40,8 +40,8 @@ class _Source(NamedTuple):
     """A topic with poses.
 
     Attributes:
-        frame: what the rotation leads to, and where the position is from.
-        pose: position (m) and quaternion (scalar first) of a record; KeyError, TypeError or
+        frame: the target of the rotation, and the origin of the position.
+        pose: returns position (m) and quaternion (scalar first); raises KeyError, TypeError or
             ValueError where it has none.
     """
 
@@ -86,10 +86,10 @@ def export_tum(
         path: an MCAP log, closed, cut off or damaged.
         output: a new file.
         topic: one of `SOURCES`.
-        progress: called with the bytes done and in all.
+        progress: called with the bytes done and the total.
 
     Raises:
-        BadInput: no log, `output` exists, no such topic, or it has no poses.
+        BadInput: not a log, `output` exists, no such topic, or it has no poses.
     """
     require_mcap(path)
     source = SOURCES.get(topic)
@@ -118,7 +118,7 @@ def export_tum(
 def _poses(
     path: Path, topic: str, source: _Source, progress: Progress
 ) -> Iterator[tuple[int, Pose | None]]:
-    """The time of each sample (UNIX ns), of its arrival where that is all we know, and its pose."""
+    """Yields the time of each pose (UNIX ns; of its arrival if no other is known), and the pose."""
     for channel, stored in messages_of(path, progress):
         if channel.topic == topic and channel.message_encoding == "json":
             try:

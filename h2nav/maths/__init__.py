@@ -1,1 +1,1 @@
-"""Numbers only: rotations, rigid motions, frames. No clock, no I/O, no MAVLink."""
+"""Pure mathematics: rotations, rigid motions, frames. No clock, no I/O, no MAVLink."""

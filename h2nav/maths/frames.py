@@ -1,7 +1,7 @@
 """The only place where an axis flips: NED and ENU, forward-right-down and forward-left-up.
 
 Letters: ``n`` north-east-down, ``e`` east-north-up, ``b`` forward-right-down, ``f``
-forward-left-up. Inside h2nav only ``n`` and ``b`` exist; importers and exporters pass here.
+forward-left-up. Inside h2nav only ``n`` and ``b`` exist; importers and exporters convert here.
 Every change of frame is its own inverse.
 """
 
@@ -37,25 +37,25 @@ def frd_from_flu(v_f: Vec3) -> Vec3:
 
 
 def attitude_enu_flu_from_ned_frd(q_nb: Quat) -> Quat:
-    """q_ef for q_nb: as ROS and Foxglove want it (w >= 0)."""
+    """q_ef for q_nb, the convention of ROS and Foxglove (w >= 0)."""
     return _upper(multiply(multiply(_Q_EN, q_nb), _Q_FB))
 
 
 def attitude_ned_frd_from_enu_flu(q_ef: Quat) -> Quat:
-    """q_nb for q_ef: an attitude from ROS in our frames (w >= 0)."""
+    """q_nb for q_ef: an attitude of ROS in h2nav's frames (w >= 0)."""
     return _upper(multiply(multiply(_Q_EN, q_ef), _Q_FB))
 
 
 def attitude_ned_from_enu(q_es: Quat) -> Quat:
-    """q_ns for q_es: the world is changed, the sensor axes stay as they are (w >= 0)."""
+    """q_ns for q_es: changes the world frame, keeps the sensor axes (w >= 0)."""
     return _upper(multiply(_Q_EN, q_es))
 
 
 def attitude_enu_from_ned(q_ns: Quat) -> Quat:
-    """q_es for q_ns: the world is changed, the sensor axes stay as they are (w >= 0)."""
+    """q_es for q_ns: changes the world frame, keeps the sensor axes (w >= 0)."""
     return _upper(multiply(_Q_EN, q_ns))
 
 
 def _upper(q: Quat) -> Quat:
-    """Of q and -q, which are one rotation, the one with w >= 0."""
+    """The one of q and -q, which are the same rotation, with w >= 0."""
     return q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])

@@ -1,7 +1,7 @@
-"""Linear least squares by five ways, each with what the data can and cannot say.
+"""Linear least squares by five methods, each with the quality of its solution.
 
-Thin layers over numpy. Every solution carries rank, condition number, residuals and the
-covariance of the parameters, and says in `notes` when it is not the plain unique answer.
+Thin layers over numpy. Every solution has rank, condition number, residuals and the covariance of
+the parameters, and `notes` says when it is not the plain unique solution.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """An answer to A x = b with what stands behind it.
+    """A solution of A x = b with its quality.
 
     Attributes:
         x: (n,) the parameters.
@@ -27,9 +27,9 @@ class Solution:
         rank: numerical rank of A (singular values above `rcond` of the largest).
         condition: largest over smallest singular value; inf for a rank-deficient A.
         residuals: (m,) b - A x.
-        covariance: (n, n) of x from the residuals; NaN where m <= rank leaves no residual to
-            judge by. In directions that the data do not see it is infinite and not part of this
-            matrix: `notes` says so.
+        covariance: (n, n) of x from the residuals; NaN where m <= rank leaves no residual. In
+            directions that the data do not observe it is infinite and not part of this matrix:
+            `notes` says so.
         notes: sentences for the user; empty for a unique, well-conditioned answer.
     """
 
@@ -57,8 +57,8 @@ def solve(
             that all columns share.
 
     Returns:
-        The solution; of rank-deficient or under-determined data the one of minimum norm, said in
-        `notes`.
+        The solution; for rank-deficient or under-determined data that of minimum norm, as stated
+        in `notes`.
 
     Raises:
         BadInput: shapes that do not fit, values that are not finite, an unknown solver.
@@ -81,7 +81,7 @@ def solve(
         x = Vt.T @ ((U.T @ b) / sigma)
     elif solver == "normal":
         x = normal_equations(A, b)
-    else:  # for full column rank the minimum-norm answer is the one that QR finds
+    else:  # for full column rank the minimum-norm solution is that of QR
         x = qr_solution(A, b)
     residuals = b - A @ x
     condition = float(sigma[0] / sigma[-1]) if rank == min(A.shape) else np.inf

@@ -1,8 +1,8 @@
 """Planar rigid motions SE(2) on plain numbers.
 
-A pose is (x, y, angle): it takes points of the moving frame to the fixed one. A twist is the
-constant motion (along x, along y, turn) over one step, in the moving frame. The y axis is a
-quarter turn in the direction of positive angles away from x; which side that is, is the caller's.
+A pose is (x, y, angle): it maps points of the moving frame to the fixed one. A twist is the
+constant motion (along x, along y, turn) over one step, in the moving frame. The y axis is a quarter
+turn from x in the direction of positive angles; the caller chooses the side.
 """
 
 import math
@@ -38,7 +38,7 @@ def inverse(pose: Planar) -> Planar:
 
 
 def exp(twist: Planar) -> Planar:
-    """The exact arc: where a constant twist leads in one step; angle wrapped.
+    """The exact arc: the pose after a constant twist over one step; angle wrapped.
 
     Source: docs/motion.md Eq. (17).
     """
@@ -61,7 +61,7 @@ def log(pose: Planar) -> Planar:
 
 
 def adjoint(pose: Planar) -> Matrix3:
-    """Takes a twist in the moving frame to the same twist in the fixed frame."""
+    """Maps a twist in the moving frame to the same twist in the fixed frame."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return ((c, -s, pose[1]), (s, c, -pose[0]), (0.0, 0.0, 1.0))
 

@@ -1,7 +1,7 @@
 """Rigid motions SE(3) as 4 x 4 matrices, for batches and offline work.
 
-A twist is (angular; linear), as in the sources: V = [w; v]. `T` takes points of the moving frame
-to the fixed one. Per-sample code has `h2nav.motion.rigid_step`.
+A twist is (angular; linear), as in the sources: V = [w; v]. `T` maps points of the moving frame to
+the fixed one. `h2nav.motion.rigid_step` is the per-sample counterpart.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def hat(twist: ArrayLike) -> Array:
 
 
 def exp(twist: ArrayLike) -> Array:
-    """Where a constant body twist (6,) leads in one second: the exponential of [V].
+    """The pose after a constant body twist (6,) for one second: the exponential of [V].
 
     Source: docs/motion.md Eq. (5).
     """

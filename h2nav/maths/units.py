@@ -1,4 +1,4 @@
-"""Factors between units, each in this one place."""
+"""Conversion factors between units."""
 
 import math
 

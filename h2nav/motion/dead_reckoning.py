@@ -1,4 +1,4 @@
-"""Dead reckoning: body increments summed up to a pose, by three rules of integration."""
+"""Dead reckoning: sums body increments to a pose, by one of three rules of integration."""
 
 import math
 from enum import StrEnum
@@ -8,7 +8,7 @@ from h2nav.maths.se2 import Planar
 
 
 class Rule(StrEnum):
-    """How an increment that turns is laid into the plane."""
+    """How an increment with a turn is placed in the plane."""
 
     EULER = "euler"  # straight, in the heading before the turn
     MIDPOINT = "midpoint"  # straight, in the heading half-way

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from h2nav.maths.quaternion import Vec3
 from h2nav.motion.finite_time import FiniteTimeGains
 
-# The innovations' statistics remember about this many poses.
+# The innovations' statistics average over about this many poses.
 MEMORY_POSES = 30.0
 # 95 % of chi-square with three degrees of freedom, per degree.
 CHANCE = 2.6
@@ -21,7 +21,7 @@ class Innovations(NamedTuple):
         mean_square: per axis, of the error less its running mean.
         mean: running mean, which is the error that has not yet converged.
         step_s: running mean of the time between poses.
-        poses: how many have been seen.
+        poses: number of poses so far.
     """
 
     mean_square: float = 0.0
@@ -30,13 +30,13 @@ class Innovations(NamedTuple):
     poses: int = 0
 
     def seen(self, e: Vec3, step_s: float) -> "Innovations":
-        """The statistics after one more error `e`, `step_s` after the one before."""
+        """Updates the statistics with the error `e`, `step_s` after the previous one."""
         poses = self.poses + 1
         share = 1.0 / min(float(poses), MEMORY_POSES)
         d = (e[0] - self.mean[0], e[1] - self.mean[1], e[2] - self.mean[2])
         spread = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / 3.0
         return Innovations(
-            # (1 - share) d is the part of d that the new mean leaves over.
+            # (1 - share) d is the part of d that remains relative to the new mean.
             (1.0 - share) * (self.mean_square + share * spread),
             (
                 self.mean[0] + share * d[0],

@@ -1,7 +1,7 @@
 """The finite-time correction of the twist observer: its error system and the exact flow of a step.
 
-A correction acts along the error and only on its length u = |e|, so both the decay of u and the
-integral that moves the bias have closed forms. Sampled like this the correction cannot overshoot.
+A correction acts along the error and depends only on its length u = |e|, so both the decay of u and
+the integral that moves the bias have closed forms. The sampled correction cannot overshoot.
 """
 
 import math
@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 from h2nav.maths.quaternion import Vec3
 
-# Below this length an error has no direction worth following.
+# Below this length the direction of an error is noise.
 TINY = 1e-150
 
 
 class Correction(NamedTuple):
-    """What one step of length T does to an error of length u.
+    """The effect of a step of length T on an error of length u.
 
     Attributes:
         remaining: the error's length after the step.
@@ -82,7 +82,7 @@ class FiniteTimeGains(NamedTuple):
         )
 
     def energy(self, e: Vec3, f: Vec3) -> float:
-        """One channel's part of the Lyapunov function; it never rises.
+        """One channel's part of the Lyapunov function, which never increases.
 
         Source: docs/motion.md Eq. (7).
         """

@@ -1,4 +1,4 @@
-"""What the twist observer remembers and counts."""
+"""State and counters of the twist observer."""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -9,13 +9,13 @@ from h2nav.motion.pose_gate import JumpStreak
 from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import PoseFrame, PoseSample
 
-# Beyond these no vehicle is: rad/s; m/s or m/s^2.
+# Beyond any vehicle: rad/s; m/s or m/s^2.
 MAX_RATE = 200.0
 MAX_LINEAR = 1e4
 
 
 class ObserverEvent(StrEnum):
-    """What is counted besides the verdicts on poses."""
+    """Counted events besides the verdicts on poses."""
 
     SAMPLE_NOT_FINITE = "sample_not_finite"  # or out of range
     SAMPLE_NOT_LATER = "sample_not_later"
@@ -25,14 +25,14 @@ class ObserverEvent(StrEnum):
 
 
 class Rates(NamedTuple):
-    """One IMU sample as it is kept: linear is velocity or acceleration, after the settings."""
+    """A stored IMU sample: linear is velocity or acceleration, depending on the settings."""
 
     t_us: int
     w_b: Vec3
     linear_b: Vec3
 
     def is_possible(self) -> bool:
-        """Whether all values are finite and of this world (NaN fails every comparison)."""
+        """Whether all values are finite and plausible (NaN fails every comparison)."""
         wx, wy, wz = self.w_b
         vx, vy, vz = self.linear_b
         return (

@@ -1,4 +1,4 @@
-"""Noise of wheel odometry: slip per metre, and the covariance that it leads to."""
+"""Noise of wheel odometry: slip per metre, and the resulting covariance."""
 
 import math
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ ZERO3: Matrix3 = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class Slip(NamedTuple):
-    """Random slip; variances grow with the way, so the sum does not depend on the steps.
+    """Random slip; variances grow with the distance, so the sum does not depend on the steps.
 
     Attributes:
-        wheel_m_rtm: one sigma of each wheel's way after 1 m, m / sqrt(m).
+        wheel_m_rtm: one sigma of each wheel's distance after 1 m, m / sqrt(m).
         side_m_rtm: one sigma of the sideways shift after 1 m, m / sqrt(m).
     """
 
@@ -23,7 +23,7 @@ class Slip(NamedTuple):
     side_m_rtm: float
 
     def covariance(self, chassis: Chassis, ways: Sequence[float]) -> Matrix3:
-        """Of the body increment that the wheels' ways make.
+        """Covariance of the body increment for the wheels' distances.
 
         Source: docs/motion.md Eq. (21).
         """

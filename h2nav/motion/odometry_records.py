@@ -1,4 +1,4 @@
-"""Estimates of motion in the form that ODOMETRY carries: body FRD, covariances as 21 numbers."""
+"""Motion estimates in the form of ODOMETRY: body FRD, covariances as 21 numbers."""
 
 import math
 
@@ -7,7 +7,7 @@ from h2nav.maths.se2 import Matrix3
 from h2nav.motion.samples import OdometryRecord, PoseFrame, TwistEstimate
 from h2nav.motion.wheel_odometry import WheelEstimate
 
-# What wheels cannot see (height, roll, pitch) is held to be zero with this one-sigma error.
+# Wheels cannot observe height, roll and pitch: they are zero with this one-sigma error.
 UNSEEN_SIGMA = 1.0
 
 
@@ -47,7 +47,7 @@ def of_wheels(estimate: WheelEstimate) -> OdometryRecord:
 
 
 def _planar_triangle(P: Matrix3) -> tuple[float, ...]:
-    """Six axes of three: y and turn both change sign, so only their products with x do."""
+    """Expands three axes to six: y and turn both change sign, so only their products with x do."""
     unseen = UNSEEN_SIGMA**2
     diagonal = (P[0][0], P[1][1], unseen, unseen, unseen, P[2][2])
     return _upper_triangle(diagonal, {(0, 1): -P[0][1], (0, 5): -P[0][2], (1, 5): P[1][2]})

@@ -1,4 +1,4 @@
-"""Which measured poses may correct the observer: sound, in the right frame, and no jump."""
+"""The gate of measured poses: sound, in the right frame, and no jump."""
 
 import math
 from enum import StrEnum
@@ -14,7 +14,7 @@ UNIT_TOLERANCE = 0.01
 
 
 class PoseVerdict(StrEnum):
-    """What became of a pose."""
+    """The result for a pose."""
 
     USED = "pose_used"
     STARTED = "pose_started"  # the first pose, or the first after a restart
@@ -29,7 +29,7 @@ class PoseVerdict(StrEnum):
 
 
 class PoseError(NamedTuple):
-    """Estimate against a measured pose, in the measured body frame.
+    """Estimate minus measured pose, in the measured body frame.
 
     Attributes:
         e_r: rotation vector, rad.
@@ -41,18 +41,18 @@ class PoseError(NamedTuple):
 
 
 class JumpStreak(NamedTuple):
-    """Poses beyond the gate that came one after another and agree.
+    """Consecutive poses beyond the gate that agree with each other.
 
     Attributes:
-        poses: how many.
-        last: the error of the latest of them.
+        poses: their number.
+        last: the error of the latest.
     """
 
     poses: int = 0
     last: PoseError = PoseError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def and_then(self, error: PoseError, gate_rad: float, gate_m: float) -> "JumpStreak":
-        """The streak with one more; a pose that disagrees with the last begins a new one."""
+        """The streak with another pose; one that disagrees with the last begins a new streak."""
         agrees = (
             math.dist(error.e_r, self.last.e_r) <= gate_rad
             and math.dist(error.e_p, self.last.e_p) <= gate_m
@@ -61,7 +61,7 @@ class JumpStreak(NamedTuple):
 
 
 def unsound(pose: PoseSample, frame: PoseFrame | None) -> PoseVerdict | None:
-    """Why a pose cannot be used at all; None when it can."""
+    """Why a pose cannot be used at all; None if it can."""
     if not all(map(math.isfinite, (*pose.q_ob, *pose.p_o))):
         return PoseVerdict.NOT_FINITE
     if abs(quaternion.norm(pose.q_ob) - 1.0) > UNIT_TOLERANCE:

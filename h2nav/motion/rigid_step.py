@@ -11,7 +11,7 @@ SMALL_ANGLE_SQUARED = 1e-4
 
 
 class RigidState(NamedTuple):
-    """Where the body is and how it moves.
+    """Position, attitude and velocity of the body.
 
     Attributes:
         t_us: time.
@@ -27,7 +27,7 @@ class RigidState(NamedTuple):
 
 
 def left_jacobian_times(phi: Vec3, v: Vec3) -> Vec3:
-    """J_l(phi) v: the mean over the step of v turning with the rotation phi.
+    """J_l(phi) v: the mean of v over the step while it turns by phi.
 
     Source: docs/motion.md Eq. (5).
     """
@@ -63,7 +63,7 @@ def with_velocity(state: RigidState, t_us: int, w_b: Vec3, v_b: Vec3) -> RigidSt
 def with_acceleration(state: RigidState, t_us: int, w_b: Vec3, a_b: Vec3) -> RigidState:
     """Moves with a constant body rate and an acceleration that is constant in the body.
 
-    Exact in attitude and velocity; the way is exact to third order in the step.
+    Exact in attitude and velocity; the position is exact to third order in the step.
 
     Args:
         state: start.

@@ -1,4 +1,4 @@
-"""Immutable records that enter and leave the motion estimators.
+"""Immutable inputs and outputs of the motion estimators.
 
 Frames: ``b`` body (forward, right, down); ``o`` the fixed frame of the pose source, z down
 (LOCAL_FRD or LOCAL_NED). ``q_ob`` is Hamilton, scalar first, and takes body coordinates to ``o``.
@@ -68,7 +68,7 @@ class InertialSample(NamedTuple):
 
 
 class TwistEstimate(NamedTuple):
-    """What the twist observer knows at the time of an IMU sample.
+    """The twist observer's estimate at the time of an IMU sample.
 
     Attributes:
         t_us: time of the sample.
@@ -86,7 +86,7 @@ class TwistEstimate(NamedTuple):
         sigma_v_m_s: of `v_b` and `bias_v`.
         pose_age_s: time since the last pose that was used.
         frame: what ``o`` is.
-        reset_counter: how often pose continuity was broken; not wrapped.
+        reset_counter: number of breaks in pose continuity; not wrapped.
     """
 
     t_us: int
@@ -108,7 +108,7 @@ class TwistEstimate(NamedTuple):
 
 
 class WheelSample(NamedTuple):
-    """Ways that the wheels have rolled since their counters' zero.
+    """Distances that the wheels have rolled since their counters' zero.
 
     Attributes:
         t_us: time of the reading.

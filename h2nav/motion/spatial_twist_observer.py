@@ -1,7 +1,7 @@
 """The source's own form of the twist observer: spatial errors, powers component by component.
 
 A reference for documents and tests, not for flight: its error is scaled by the lever arm |p| of
-the adjoint, and with 30 m of it and steps of 10 ms it diverges (tests/agreement holds this fact).
+the adjoint, and with 30 m of it and steps of 10 ms it diverges (pinned in tests/agreement).
 `TwistObserver` is the estimator.
 """
 

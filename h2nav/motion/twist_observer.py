@@ -1,8 +1,8 @@
 """Finite-time observer of body twist and IMU bias from poses of a camera (source 000, repaired).
 
 Between poses it integrates the IMU exactly. A pose corrects the state *at its own time*, by the
-exact flow of the finite-time error system over the time since the pose before; what the IMU said
-since then is integrated again. So delay, slow rate and drop-outs of the camera cost no stability.
+exact flow of the finite-time error system over the time since the previous pose; the IMU samples
+since then are integrated again. So delay, low rate and drop-outs of the camera cost no stability.
 
     IMU sample -> estimate now            pose -> correction then, estimate now renewed
 """
@@ -33,7 +33,7 @@ from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 HALF_TURN_MARGIN_RAD = 0.02
 MAX_SAMPLES = 2048
 MAX_WAITING = 8
-# So many samples in a row that are not later mean that the autopilot's clock has restarted.
+# This many consecutive samples that are not later mean that the autopilot's clock has restarted.
 NEW_EPOCH_SAMPLES = 10
 # One-sigma error of the acceleration (1 deg of tilt), for the figures between poses.
 ACCELERATION_SIGMA = 0.17
@@ -45,7 +45,7 @@ class TwistObserver:
     A run split in two at any call with `state` and `restore` gives identical estimates.
 
     Attributes:
-        counts: how often each `PoseVerdict` and `ObserverEvent` has happened.
+        counts: number of each `PoseVerdict` and `ObserverEvent`.
     """
 
     def __init__(self, settings: TwistObserverSettings | None = None) -> None:
@@ -79,14 +79,14 @@ class TwistObserver:
         return self._settings.velocity
 
     def use_inertial(self, sample: InertialSample) -> TwistEstimate | None:
-        """Takes one inertial sample (settings: velocity integrated).
+        """Processes one inertial sample (settings: velocity integrated).
 
-        The acceleration is the specific force plus gravity along `down_b`, so it needs the tilt
-        of the attitude filter but no heading and no attitude of the pose source.
+        The acceleration is the specific force plus gravity along `down_b`, so it needs the tilt of
+        the attitude filter but no heading and no attitude of the pose source.
 
         Returns:
             The estimate at the sample's time; None before the first pose, or when the sample was
-            refused (counted).
+            rejected (counted).
         """
         if not self._integrates:
             raise ValueError("the settings say that velocity is measured: call use_twist")
@@ -94,13 +94,13 @@ class TwistObserver:
         return self._use(Rates(sample.t_us, sample.w_b, a_b))
 
     def use_twist(self, sample: TwistSample) -> TwistEstimate | None:
-        """Takes one measured body twist (settings: velocity measured); see `use_inertial`."""
+        """Processes one measured body twist (settings: velocity measured); see `use_inertial`."""
         if self._integrates:
             raise ValueError("the settings say that velocity is integrated: call use_inertial")
         return self._use(Rates(sample.t_us, sample.w_b, sample.v_b))
 
     def use_pose(self, pose: PoseSample) -> PoseVerdict:
-        """Takes one measured pose, at any time after its validity within the history."""
+        """Processes one measured pose, at any time after its validity within the history."""
         pose = pose._replace(t_us=pose.t_us - self._delay_us)
         verdict = unsound(pose, self._frame) or self._place(pose)
         self.counts[verdict] += 1
@@ -115,7 +115,7 @@ class TwistObserver:
         self._fix = Fix(state.t_us, state.p_o, quaternion.IDENTITY, 2)
 
     def restart(self) -> None:
-        """Forgets time, pose and velocity (new epoch, long gap); keeps the learnt biases."""
+        """Forgets time, pose and velocity (new epoch, long gap); keeps the estimated biases."""
         if self._fix is not None:
             self._reset_counter += 1
         self._now = self._anchor = self._fix = self._last_t_us = None
@@ -187,7 +187,7 @@ class TwistObserver:
         return None if self._now is None else self._estimate(self._now, rates)
 
     def _follows(self, t_us: int) -> bool:
-        """Whether a sample is later than the one before; a gap or a new epoch restarts."""
+        """Whether a sample is later than the previous one; a gap or a new epoch restarts."""
         last_us = self._last_t_us
         if last_us is not None and t_us <= last_us:
             self.counts[ObserverEvent.SAMPLE_NOT_LATER] += 1
@@ -210,7 +210,7 @@ class TwistObserver:
         return rigid_step.with_velocity(state, t_us, w_b, minus(rates.linear_b, self._bias_v))
 
     def _trim(self, t_us: int) -> None:
-        """Lets samples go that no pose can reach any more, moving the anchor past them."""
+        """Drops samples too old for any pose and moves the anchor past them."""
         samples = self._samples
         while len(samples) > MAX_SAMPLES or samples[0].t_us < t_us - self._history_us:
             rates = samples.popleft()
@@ -218,7 +218,7 @@ class TwistObserver:
                 self._anchor = self._step(self._anchor, rates.t_us, rates)
 
     def _place(self, pose: PoseSample) -> PoseVerdict:
-        """Finds a sound pose's place in time and uses it there."""
+        """Uses a sound pose at its own time."""
         last_us = self._last_t_us
         if last_us is None or pose.t_us > last_us:
             return self._wait(pose, last_us)
@@ -278,7 +278,7 @@ class TwistObserver:
         return PoseVerdict.USED
 
     def _at(self, t_us: int, anchor: RigidState) -> RigidState:
-        """The state at a time between the anchor and now, by what the IMU said."""
+        """The state at a time between the anchor and now, from the stored IMU samples."""
         state = anchor
         for rates in self._samples:
             if rates.t_us >= t_us:
@@ -287,7 +287,7 @@ class TwistObserver:
         return state
 
     def _error(self, predicted: RigidState, q_ob: Quat, pose: PoseSample) -> PoseError:
-        """Errors against a pose; the way since the last pose counts in the *measured* attitude.
+        """Errors against a pose; the displacement since the last pose uses the *measured* attitude.
 
         Source: docs/motion.md Eq. (3), (8).
         """
@@ -319,7 +319,7 @@ class TwistObserver:
     def _set_velocity(
         self, predicted: RigidState, q_ob: Quat, pose: PoseSample, e_p: Vec3, step_s: float
     ) -> PoseVerdict:
-        """The second pose: all of the position error is velocity that was not yet known."""
+        """Processes the second pose: all of the position error is unknown velocity."""
         v_b = minus(predicted.v_b, scaled(1.0 / step_s, e_p))
         self._settle(RigidState(pose.t_us, q_ob, pose.p_o, v_b), q_ob)
         return PoseVerdict.USED
@@ -352,7 +352,7 @@ class TwistObserver:
         return RigidState(predicted.t_us, q_new, p_o, v_b)
 
     def _settle(self, state: RigidState, q_measured: Quat) -> None:
-        """Makes `state` the anchor and integrates the IMU's samples after it again."""
+        """Makes `state` the anchor and integrates the later IMU samples again."""
         poses = 1 if self._fix is None else 2
         turn = quaternion.multiply(q_measured, quaternion.conjugate(state.q_ob))
         self._fix = Fix(state.t_us, state.p_o, turn, poses)

@@ -1,4 +1,4 @@
-"""Wheel odometry: readings of wheel counters in, planar pose with covariance out.
+"""Wheel odometry: counter readings in, planar pose with covariance out.
 
 Plane of source 004: x ahead at the start, y left, heading counter-clockwise from above.
 `odometry_records.of_wheels` turns an estimate into body FRD.
@@ -16,14 +16,14 @@ from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
 
-# So many readings in a row that are not later mean that the autopilot's clock has restarted.
+# This many consecutive readings that are not later mean that the autopilot's clock has restarted.
 NEW_EPOCH_SAMPLES = 10
 # A counter may jump by this much more than the speed limit allows (coarse time stamps), m.
 JUMP_MARGIN_M = 0.05
 
 
 class WheelEvent(StrEnum):
-    """What is counted."""
+    """Counted events."""
 
     USED = "wheels_used"
     NOT_FINITE = "wheels_not_finite"  # or too few wheels
@@ -38,10 +38,10 @@ class WheelEstimate(NamedTuple):
     Attributes:
         t_us: time of the reading.
         pose: (x, y, heading), m and rad, from the start.
-        twist: (ahead, left, turn rate), m/s and rad/s, mean since the reading before.
+        twist: (ahead, left, turn rate), m/s and rad/s, mean since the previous reading.
         covariance: (3, 3) of `pose`.
         twist_covariance: (3, 3) of `twist`.
-        reset_counter: how often motion was lost (counter jump, new epoch); not wrapped.
+        reset_counter: number of losses of motion (counter jump, new epoch); not wrapped.
     """
 
     t_us: int
@@ -53,7 +53,7 @@ class WheelEstimate(NamedTuple):
 
 
 class WheelState(NamedTuple):
-    """Everything the odometry remembers between two readings."""
+    """The complete state of the odometry between two readings."""
 
     last: WheelSample | None
     pose: Planar
@@ -66,12 +66,12 @@ class WheelState(NamedTuple):
 class WheelOdometry:
     """Dead reckoning by exact arcs with the covariance of slip.
 
-    A damaged reading is refused and counted, and the next sound one spans its interval: counters
-    are cumulative, so no way is lost. A jump of a counter loses the way of one interval: the pose
-    stays, `reset_counter` goes up.
+    A damaged reading is rejected and counted, and the next sound one spans its interval: counters
+    are cumulative, so no distance is lost. A jump of a counter loses the distance of one interval:
+    the pose stays, and `reset_counter` increases.
 
     Attributes:
-        counts: how often each `WheelEvent` has happened.
+        counts: number of each `WheelEvent`.
 
     Raises:
         BadInput: a singular layout.
@@ -91,10 +91,10 @@ class WheelOdometry:
         self.counts: Counter[str] = Counter()
 
     def update(self, sample: WheelSample) -> WheelEstimate | None:
-        """Takes one reading of all counters; further wheels than the layout's are ignored.
+        """Processes one reading of all counters; ignores wheels beyond the layout's.
 
         Returns:
-            The estimate; None for the first reading and for one that was refused (counted).
+            The estimate; None for the first reading and for a rejected one (counted).
         """
         event = self._event(sample)
         self.counts[event] += 1
@@ -126,7 +126,7 @@ class WheelOdometry:
         self._last = None
 
     def state(self) -> WheelState:
-        """The complete memory."""
+        """The complete state."""
         counts = tuple(self.counts.items())
         return WheelState(
             self._last,
@@ -163,7 +163,7 @@ class WheelOdometry:
         return WheelEvent.USED
 
     def _ways(self, last: WheelSample, sample: WheelSample) -> tuple[float, ...]:
-        """Metres that the wheels have rolled between two readings."""
+        """Distances, m, that the wheels have rolled between two readings."""
         return tuple(
             scale * (now - before)
             for scale, before, now in zip(self._scales, last.ways, sample.ways, strict=False)

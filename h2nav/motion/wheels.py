@@ -17,14 +17,14 @@ SINGULAR = 1e-6
 
 
 class Chassis(Protocol):
-    """What dead reckoning asks of a layout of wheels: a linear map to body motion."""
+    """A layout of wheels: a linear map to body motion."""
 
     @property
     def wheel_count(self) -> int:
-        """How many wheels are read."""
+        """Number of wheels."""
 
     def motion(self, wheels: Sequence[float]) -> Planar:
-        """Body motion of the wheels' ways."""
+        """Body motion for the wheels' distances."""
 
     def jacobian(self) -> tuple[tuple[float, ...], ...]:
         """(3, wheel_count) derivative of `motion`."""
@@ -53,7 +53,7 @@ class DifferentialDrive:
         return 2
 
     def motion(self, wheels: Sequence[float]) -> Planar:
-        """Body motion (ahead, 0, turn) of the wheels' (left, right) ways.
+        """Body motion (ahead, 0, turn) for the wheels' (left, right) distances.
 
         Source: docs/motion.md Eq. (13).
         """
@@ -61,7 +61,7 @@ class DifferentialDrive:
         return (0.5 * (left + right), 0.0, (right - left) / self.track_m)
 
     def wheels(self, motion: Planar) -> tuple[float, ...]:
-        """Ways of the wheels (left, right) for a body motion; sideways motion is impossible.
+        """Distances of the wheels (left, right) for a body motion; ignores sideways motion.
 
         Source: docs/motion.md Eq. (14).
         """
@@ -69,7 +69,7 @@ class DifferentialDrive:
         return (motion[0] - offset, motion[0] + offset)
 
     def jacobian(self) -> tuple[tuple[float, ...], ...]:
-        """(3, 2) derivative of `motion` by the wheels' ways."""
+        """(3, 2) derivative of `motion` by the wheels' distances."""
         return ((0.5, 0.5), (0.0, 0.0), (-1.0 / self.track_m, 1.0 / self.track_m))
 
 
@@ -78,8 +78,8 @@ class OmniDrive:
     """Three omni wheels at the rim of a chassis.
 
     Attributes:
-        wheel_angles_rad: where the wheels stand, counter-clockwise from straight ahead. A wheel
-            drives along the rim: counter-clockwise ways are positive.
+        wheel_angles_rad: positions of the wheels, counter-clockwise from straight ahead. A wheel
+            drives along the rim; counter-clockwise distances are positive.
         arm_m: distance of the wheels from the centre.
 
     Raises:
@@ -107,7 +107,7 @@ class OmniDrive:
         return 3
 
     def wheels(self, motion: Planar) -> tuple[float, ...]:
-        """Ways of the three wheels for a body motion.
+        """Distances of the three wheels for a body motion.
 
         Source: docs/motion.md Eq. (15).
         """
@@ -118,7 +118,7 @@ class OmniDrive:
         )
 
     def motion(self, wheels: Sequence[float]) -> Planar:
-        """Body motion of the three wheels' ways.
+        """Body motion for the three wheels' distances.
 
         Source: docs/motion.md Eq. (16).
         """
@@ -152,7 +152,7 @@ class CorrectedChassis:
     """A chassis whose body increments are multiplied by a matrix from calibration.
 
     Attributes:
-        nominal: the chassis as it was drawn.
+        nominal: the chassis as designed.
         correction: (3, 3) on (ahead, left, turn).
     """
 
@@ -165,7 +165,7 @@ class CorrectedChassis:
         return self.nominal.wheel_count
 
     def motion(self, wheels: Sequence[float]) -> Planar:
-        """Corrected body motion of the wheels' ways."""
+        """Corrected body motion for the wheels' distances."""
         a, b, c = self.nominal.motion(wheels)
         x, y, turn = (row[0] * a + row[1] * b + row[2] * c for row in self.correction)
         return (x, y, turn)

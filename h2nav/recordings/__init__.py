@@ -1,1 +1,1 @@
-"""Flight recordings of every kind, as events of the service and as what else they say."""
+"""Flight recordings of every kind, as events of the service and as context for the review."""

@@ -1,7 +1,7 @@
-"""A log that an autopilot wrote itself, as events of the service: whatever its format.
+"""Converts an autopilot's own log, of any format, to events of the service.
 
-The importers of the formats (`dataflash`, `ulog`) say what was recorded, as arrays; here it becomes
-the typed records that the service would have been told in flight, in the order of their times.
+The importers of the formats (`dataflash`, `ulog`) return arrays; this module turns them into the
+typed records that the service would have received in flight, in the order of their times.
 """
 
 from abc import abstractmethod
@@ -40,14 +40,14 @@ from h2nav.wire.vehicle import (
 
 SENDER = (1, 1)
 SECOND_US = 1_000_000
-# Events are made for so long at a time: of few that exist at once the collector sees little.
+# Events are generated in chunks of this length: few at once keep the garbage collector idle.
 BLOCK_US = SECOND_US
-# The service compares ten attitudes a second.
+# The service compares at most ten attitudes a second.
 ATTITUDE_STEP_US = 50_000
 
 
 class Setting(NamedTuple):
-    """A parameter of the autopilot from a time on."""
+    """A parameter of the autopilot and the time from which it holds."""
 
     t_us: int
     name: str
@@ -55,21 +55,21 @@ class Setting(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What a log says.
+    """The contents of a log.
 
     Attributes:
         context: for the review.
         autopilot: MAV_AUTOPILOT.
         vehicle_type: MAV_TYPE.
-        start_us: the autopilot's time at which the context's begins.
+        start_us: the autopilot's time at the beginning of the context.
         readings: of the IMUs.
         receiver: number of the GPS receiver whose fixes are used.
-        fix_us: (N,) when its fixes were measured, on the autopilot's clock.
-        flown: attitude that the autopilot flew by.
-        second: attitude of its second estimator, as AHRS2 tells it.
+        fix_us: (N,) times of its fixes, on the autopilot's clock.
+        flown: attitude that the autopilot used for control.
+        second: attitude of its second estimator, as in AHRS2.
         airspeed_m_s: (N,) along the nose; None without.
         settings: parameters, in order.
-        origin: where it started; None where it is not said.
+        origin: where the vehicle started; None if unknown.
     """
 
     context: Context
@@ -91,8 +91,8 @@ class _Stream(NamedTuple):
 
     Attributes:
         t_us: (N,) their times, in order.
-        message_id: of the MAVLink message that tells the same.
-        make: gives those of a part of them.
+        message_id: of the equivalent MAVLink message.
+        make: creates the messages of a slice.
     """
 
     t_us: Times
@@ -101,13 +101,13 @@ class _Stream(NamedTuple):
 
 
 class AutopilotLog(ImportedLog):
-    """A log that is read as a whole when it is opened.
+    """A log that is read completely when it is opened.
 
     Args:
         path: the file.
 
     Raises:
-        BadInput: the file cannot be read, or is none of its kind.
+        BadInput: the file cannot be read, or is of another kind.
     """
 
     def __init__(self, path: Path) -> None:
@@ -121,14 +121,14 @@ class AutopilotLog(ImportedLog):
 
     @abstractmethod
     def _read(self) -> Recorded:
-        """What the file says."""
+        """Reads the file."""
 
     def context(self) -> Context:
         """Everything else."""
         return self._recorded.context
 
     def events(self) -> Iterator[Event]:
-        """What the service would have been told in flight; `t_ns` never decreases."""
+        """Yields the events of the service in flight; `t_ns` never decreases."""
         streams = [stream for stream in _streams(self._recorded) if len(stream.t_us)]
         size = self.progress[1]
         start_us = self._recorded.start_us
@@ -146,7 +146,7 @@ class AutopilotLog(ImportedLog):
                 block += zip(
                     _envelopes(times[-1], stream.message_id), stream.make(part), strict=False
                 )
-            # What is of one time stays in the order of the streams.
+            # Events of equal time stay in the order of the streams.
             order = np.argsort(np.concatenate(times), kind="stable")
             yield from map(block.__getitem__, order.tolist())
             self.progress = (min(size, size * (end_us - start_us) // length_us), size)
@@ -154,13 +154,13 @@ class AutopilotLog(ImportedLog):
 
 
 def _envelopes(t_us: Times, message_id: int) -> Iterator[Envelope]:
-    """How messages of these times came: at once."""
+    """Envelopes of messages that arrived at the times of their measurement."""
     t_ns = (t_us * 1000).tolist()
     return map(Envelope._make, zip(t_ns, t_ns, repeat(SENDER), repeat(message_id), strict=False))
 
 
 def _streams(recorded: Recorded) -> list[_Stream]:
-    """All that the service is told; of one time, the earlier ones come first."""
+    """All streams of messages to the service; at equal times, earlier streams come first."""
     context = recorded.context
     seconds = _seconds(recorded)
     streams = [_heartbeats(recorded, seconds), _settings(recorded)]
@@ -186,7 +186,7 @@ def _streams(recorded: Recorded) -> list[_Stream]:
 
 
 def _boot_us(start_us: int, t_s: Array) -> Times:
-    """Times of the context on the autopilot's clock."""
+    """Converts times of the context to the autopilot's clock."""
     return start_us + np.round(t_s * 1e6).astype(np.int64)
 
 
@@ -196,7 +196,7 @@ def _seconds(recorded: Recorded) -> Times:
 
 
 def _heartbeats(recorded: Recorded, t_us: Times) -> _Stream:
-    """Once a second, as on the wire; the service listens to who sends them."""
+    """One heartbeat a second, as on the wire; the service binds to their sender."""
     t_s = (t_us - recorded.start_us) * 1e-6
     armed = np.zeros(len(t_us), np.bool_)
     for span in recorded.context.armed:
@@ -274,7 +274,7 @@ def _airspeeds(recorded: Recorded, airspeed: Series) -> _Stream:
 
 
 def _attitudes(start_us: int, track: AttitudeTrack, *, is_second: bool) -> _Stream:
-    """No more of them than are looked at."""
+    """Attitudes, thinned to the rate of the comparison."""
     t_us = _boot_us(start_us, track.t_s)
     step = (t_us - start_us) // ATTITUDE_STEP_US
     kept = np.diff(step, prepend=-1) > 0
@@ -302,7 +302,7 @@ def _texts(recorded: Recorded) -> _Stream:
 
 
 def _readings(recorded: Readings, start_us: int) -> _Stream:
-    """What was measured before the log's first time is left out: nobody is heard before it."""
+    """The readings, without those from before the log's first time."""
     first = int(np.searchsorted(recorded.t_us, start_us))
     readings = Readings(
         recorded.imu,
@@ -333,12 +333,12 @@ def _readings(recorded: Readings, start_us: int) -> _Stream:
 
 
 def _vectors(values: Array) -> Iterator[tuple[float, ...]]:
-    """(N, k) as tuples; columns first, because that makes no lists between."""
+    """Yields the rows of (N, k) as tuples; by columns, which avoids intermediate lists."""
     return zip(*values.T.tolist(), strict=True)
 
 
 def vehicle_name(vehicle_type: int) -> str:
-    """Of a MAV_TYPE, for people."""
+    """The name of a MAV_TYPE for people."""
     entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
     if entry is None or not vehicle_type:
         return ""
@@ -346,17 +346,17 @@ def vehicle_name(vehicle_type: int) -> str:
 
 
 def has_enough_samples(context: Context) -> bool:
-    """Whether an attitude can be made of the recording."""
+    """Whether the recording has enough samples for an attitude."""
     return max(map(imu_rate_hz, context.imus), default=0.0) >= LEAST_HZ
 
 
 def imu_rate_hz(track: ImuTrack) -> float:
-    """Samples a second, by the usual time between two."""
+    """Samples a second, from the usual interval."""
     return Samples(track.stamp_us, track.w_b, track.f_b).rate_hz
 
 
 def what_sensors_lack(context: Context) -> tuple[str, ...]:
-    """What sensors should have told for a better review, one phrase each."""
+    """What the sensors lack for a better review, one phrase each."""
     rates_hz = [imu_rate_hz(track) for track in context.imus]
     fixes = [track for track in context.gps if track.has_fix.any()]
     no_velocity = not any(np.isfinite(track.v_n[track.has_fix, 0]).any() for track in fixes)

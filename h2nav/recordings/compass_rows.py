@@ -1,4 +1,4 @@
-"""What compasses logged, before rows that cannot be a field are left out."""
+"""Statistics of the rows that compasses logged, before implausible ones are removed."""
 
 from collections.abc import Mapping
 
@@ -10,13 +10,13 @@ from h2nav.recordings.context import Array, CompassRows
 def compass_rows(
     compass: int, t_s: Array, values: Array, parameters: Mapping[str, float]
 ) -> CompassRows:
-    """Of one compass.
+    """Statistics of one compass.
 
     Args:
         compass: its number, from 0.
         t_s: (N,) times; at least one.
-        values: (N, 3) of whatever unit.
-        parameters: of the autopilot, which say whether it is used.
+        values: (N, 3) in any unit.
+        parameters: of the autopilot, which tell whether the compass is used.
     """
     changed = (values[1:] != values[:-1]).any(axis=1)
     number = "" if compass == 0 else str(compass + 1)

@@ -1,9 +1,8 @@
-"""What a recording says beside the events that the service takes: whole series, as arrays.
+"""The contents of a recording besides the events of the service: whole series, as arrays.
 
-All times `t_s` are seconds since the beginning of the recording, on the clock by which its events
-come: the arrival at who recorded, or, in a log that the autopilot wrote itself, the autopilot's
-own. Angles and frames are those of the service: body forward-right-down, north-east-down, Hamilton
-quaternions body to NED.
+All times `t_s` are seconds since the beginning of the recording, on the clock of its events: the
+arrival at the recorder or, in an autopilot's own log, the autopilot's clock. Angles and frames are
+those of the service: body forward-right-down, north-east-down, Hamilton quaternions body to NED.
 """
 
 from typing import Any, NamedTuple
@@ -13,12 +12,12 @@ from numpy.typing import NDArray
 
 from h2nav.integrity.findings import Severity
 
-# float64, but for what sensors measured: that is kept with no more digits than the log has of it.
+# float64, except for sensor values, which keep the precision of the log.
 Array = NDArray[np.floating[Any]]
 
 
 class Span(NamedTuple):
-    """A part of the flight.
+    """A period of the flight.
 
     Attributes:
         from_s: its beginning.
@@ -32,12 +31,12 @@ class Span(NamedTuple):
 
 
 class Said(NamedTuple):
-    """A text of the autopilot.
+    """A text message of the autopilot.
 
     Attributes:
-        t_s: when.
-        severity: of it.
-        text: what it said.
+        t_s: its time.
+        severity: of the message.
+        text: the message.
     """
 
     t_s: float
@@ -46,15 +45,15 @@ class Said(NamedTuple):
 
 
 class ImuTrack(NamedTuple):
-    """All samples of one IMU, as they were recorded.
+    """All samples of one IMU, as recorded.
 
-    Who sums or integrates them does it in float64.
+    Sums and integrals over them need float64.
 
     Attributes:
         imu: its number, from 0.
-        source: the message that they come from.
-        t_s: (N,) when they came.
-        stamp_us: (N,) the autopilot's time of each, in which gaps and drifts show.
+        source: their message.
+        t_s: (N,) times of arrival.
+        stamp_us: (N,) the autopilot's time stamps, which show gaps and drift.
         w_b: (N, 3) angular rate, rad/s.
         f_b: (N, 3) specific force, m/s^2.
         m_b_ut: (N, 3) field of the compass of the same number, microtesla; NaN where a sample has
@@ -71,15 +70,15 @@ class ImuTrack(NamedTuple):
 
 
 class CompassTrack(NamedTuple):
-    """All values of one compass that an autopilot's own log has, in the axes of its board.
+    """All values of one compass in an autopilot's own log, in the axes of its board.
 
     Attributes:
         compass: its number, from 0, in the autopilot's order of preference.
-        device_id: as the parameters name it; 0 where the log does not say.
-        t_s: (N,) when they came.
-        m_b_ut: (N, 3) microtesla, with the autopilot's calibration.
-        offset_ut: (N, 3) that is in it; NaN where the log does not say.
-        motor_ut: (N, 3) that was added for the motors; NaN where the log does not say.
+        device_id: as in the parameters; 0 if not logged.
+        t_s: (N,) times of arrival.
+        m_b_ut: (N, 3) microtesla, with the autopilot's calibration applied.
+        offset_ut: (N, 3) offset contained in it; NaN if not logged.
+        motor_ut: (N, 3) motor compensation contained in it; NaN if not logged.
     """
 
     compass: int
@@ -91,12 +90,12 @@ class CompassTrack(NamedTuple):
 
 
 class Burst(NamedTuple):
-    """Samples at the sensor's own rate, which were recorded for a spectrum.
+    """Samples at the sensor's own rate, recorded for a spectrum.
 
     Attributes:
         imu: number of the IMU, from 0.
         sensor: ``gyro`` (rad/s) or ``accelerometer`` (m/s^2).
-        t_s: when it began.
+        t_s: time of the first sample.
         rate_hz: of the samples.
         values: (N, 3) body frame.
     """
@@ -109,11 +108,11 @@ class Burst(NamedTuple):
 
 
 class AttitudeTrack(NamedTuple):
-    """The attitude as one estimator says it.
+    """The attitude of one estimator.
 
     Attributes:
         name: such as ``EKF3``, ``EKF3 core 1``, ``DCM``, ``EKF2`` or ``truth``.
-        t_s: (N,) when.
+        t_s: (N,) times.
         q_nb: (N, 4) body to NED.
     """
 
@@ -123,17 +122,17 @@ class AttitudeTrack(NamedTuple):
 
 
 class GpsTrack(NamedTuple):
-    """All fixes of one receiver; NaN where something is unknown.
+    """All fixes of one receiver; NaN where unknown.
 
     Attributes:
         receiver: its number, from 0.
-        t_s: (N,) when they came.
+        t_s: (N,) times of arrival.
         has_fix: (N,) whether it is a 3D fix.
         latitude_deg: (N,) WGS84.
         longitude_deg: (N,) WGS84.
         altitude_m: (N,) above mean sea level.
         v_n: (N, 3) NED, m/s.
-        sigma_m_s: (N,) accuracy of the velocity as the receiver states it.
+        sigma_m_s: (N,) accuracy of the velocity stated by the receiver.
         satellites: (N,) used.
     """
 
@@ -149,10 +148,10 @@ class GpsTrack(NamedTuple):
 
 
 class Series(NamedTuple):
-    """Anything else over time.
+    """Any other quantity over time.
 
     Attributes:
-        t_s: (N,) when.
+        t_s: (N,) times.
         values: (N,) or (N, k).
     """
 
@@ -164,12 +163,12 @@ class Motors(NamedTuple):
     """Outputs to the motors of a multirotor; NaN where one is switched off.
 
     Attributes:
-        numbers: of the motors as the autopilot counts them, from 1.
-        t_s: (N,) when.
-        pwm_us: (N, k) one column per motor, microseconds of pulse width; outputs without one are
-            scaled to 1000 to 2000.
-        least_us: the width at which they stand still.
-        most_us: the largest width that the autopilot ever sends.
+        numbers: the autopilot's numbers of the motors, from 1.
+        t_s: (N,) times.
+        pwm_us: (N, k) one column per motor, pulse width in microseconds; outputs without a pulse
+            width are scaled to 1000 to 2000.
+        least_us: the width of a motor at rest.
+        most_us: the autopilot's largest width.
     """
 
     numbers: tuple[int, ...]
@@ -179,21 +178,21 @@ class Motors(NamedTuple):
     most_us: float
 
     def share(self) -> Array:
-        """(N, k) 0 to 1 of their range."""
+        """(N, k) share of the range, 0 to 1."""
         span_us = max(self.most_us - self.least_us, 1.0)
         found: Array = np.clip((self.pwm_us - self.least_us) / span_us, 0.0, 1.0)
         return found
 
 
 class Battery(NamedTuple):
-    """One battery; NaN where something is unknown.
+    """One battery; NaN where unknown.
 
     Attributes:
         number: from 0.
-        t_s: (N,) when.
+        t_s: (N,) times.
         voltage_v: (N,).
         current_a: (N,).
-        remaining: (N,) 0 to 1, as the autopilot estimates it.
+        remaining: (N,) 0 to 1, the autopilot's estimate.
     """
 
     number: int
@@ -204,13 +203,13 @@ class Battery(NamedTuple):
 
 
 class VibrationTrack(NamedTuple):
-    """Vibration as the autopilot measures it, at the sensor's own rate.
+    """Vibration measured by the autopilot at the sensor's own rate.
 
     Attributes:
         imu: number of the IMU, from 0.
-        t_s: (N,) when.
-        level: (N, k) m/s^2: ArduPilot's VIBE of each body axis, or PX4's one metric of all.
-        clipped: (N,) samples at the end of the range since boot; it falls where it starts again.
+        t_s: (N,) times.
+        level: (N, k) m/s^2: ArduPilot's VIBE per body axis, or PX4's single metric.
+        clipped: (N,) samples at the end of the range since boot; it drops at a reboot.
     """
 
     imu: int
@@ -220,11 +219,11 @@ class VibrationTrack(NamedTuple):
 
 
 class Esc(NamedTuple):
-    """Telemetry of one motor's controller; NaN where something is unknown.
+    """Telemetry of one motor's controller; NaN where unknown.
 
     Attributes:
         number: from 1.
-        t_s: (N,) when.
+        t_s: (N,) times.
         rpm: (N,) revolutions a minute.
         current_a: (N,).
         temperature_degc: (N,).
@@ -238,16 +237,16 @@ class Esc(NamedTuple):
 
 
 class CompassRows(NamedTuple):
-    """What one compass logged, whether it can be a field or not.
+    """Statistics of the logged rows of one compass, plausible or not.
 
     Attributes:
         compass: number, from 0.
         from_s: first row.
         to_s: last row.
-        rows: how many there are.
-        changes: how often a row differs from the one before.
-        is_zero: all of them are nothing.
-        is_used: the autopilot is set to use it.
+        rows: number of rows.
+        changes: number of rows that differ from the previous one.
+        is_zero: every row is zero.
+        is_used: the autopilot is configured to use it.
     """
 
     compass: int
@@ -260,12 +259,12 @@ class CompassRows(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """Something that the autopilot reports by number: ArduPilot's ERR, PX4's failsafe flags.
+    """A fault reported by number: ArduPilot's ERR, PX4's failsafe flags.
 
     Attributes:
-        t_s: when.
-        subsystem: out of `SUBSYSTEMS`.
-        code: of the subsystem; 0 = over.
+        t_s: its time.
+        subsystem: one of `SUBSYSTEMS`.
+        code: of the subsystem; 0 = resolved.
         text: for people.
     """
 
@@ -276,10 +275,10 @@ class Fault(NamedTuple):
 
 
 class Occurrence(NamedTuple):
-    """An event that the autopilot logs by number, such as arming, take-off or landing.
+    """An event logged by number, such as arming, take-off or landing.
 
     Attributes:
-        t_s: when.
+        t_s: its time.
         number: ArduPilot's LogEvent.
         text: for people.
     """
@@ -290,10 +289,10 @@ class Occurrence(NamedTuple):
 
 
 class ChangedSetting(NamedTuple):
-    """A parameter that was changed during the recording.
+    """A parameter changed during the recording.
 
     Attributes:
-        t_s: when.
+        t_s: time of the change.
         name: of the parameter.
         before: its value until then.
         after: its value from then on.
@@ -324,50 +323,49 @@ SUBSYSTEMS = (
     "thrust_loss",
     "vibration",
 )
-"""What a `Fault` can concern."""
+"""The subsystems of a `Fault`."""
 
 
 class Context(NamedTuple):
-    """Everything of a recording that the review shows or looks at beside the service's findings.
+    """Everything that the review uses of a recording besides the service's findings.
 
     Attributes:
-        firmware: of the autopilot, such as ``ArduCopter V4.0.4``; empty where it is not said.
-        vehicle: what it is, for people, such as ``quadrotor``.
-        vehicle_type: MAV_TYPE; 0 where nobody says.
-        start_unix_s: date of `t_s` = 0; None where nothing tells it.
+        firmware: of the autopilot, such as ``ArduCopter V4.0.4``; empty if unknown.
+        vehicle: its kind for people, such as ``quadrotor``.
+        vehicle_type: MAV_TYPE; 0 if unknown.
+        start_unix_s: date of `t_s` = 0; None if unknown.
         duration_s: of the recording.
         imus: one per IMU.
-        compasses: one per compass; empty where the messages of the IMUs are all there is.
+        compasses: one per compass; empty if only the messages of the IMUs were recorded.
         bursts: for spectra.
-        attitudes: the autopilot's estimators; the first one is the one that it flew by.
+        attitudes: the autopilot's estimators; the first one was used for control.
         truth: the attitude of a simulator; None elsewhere.
         gps: one per receiver.
         modes: flight modes, in order.
         armed: while it was armed.
-        primary: which estimator core or lane was in use; empty where it is not said.
-        said: texts of the autopilot.
+        primary: the estimator core or lane in use; empty if unknown.
+        said: text messages of the autopilot.
         parameters: of the autopilot, the last value of each.
-        throttle: 0 to 1; None where it was not recorded.
-        current_a: of the battery; None where it was not recorded.
-        demand: (N, 3) roll, pitch and heading that the controller was asked for, rad; NaN where
-            nothing was asked.
-        demanded_rates: (N, 3) body rates that it was asked for, rad/s.
-        motors: outputs; None where they were not recorded, or nobody knows which are motors.
-        height_m: above where it started, as the autopilot estimates it.
-        height_demand_m: what the controller was asked for.
-        climb_m_s: positive up, as the autopilot estimates it.
+        throttle: 0 to 1; None if not recorded.
+        current_a: of the battery; None if not recorded.
+        demand: (N, 3) demanded roll, pitch and heading, rad; NaN without a demand.
+        demanded_rates: (N, 3) demanded body rates, rad/s.
+        motors: outputs; None if not recorded, or if the motors among them are unknown.
+        height_m: above the start, the autopilot's estimate.
+        height_demand_m: demanded height.
+        climb_m_s: positive up, the autopilot's estimate.
         baro_height_m: of the barometer alone.
         batteries: one per battery.
         board_v: supply of the autopilot.
         vibrations: one per IMU.
         escs: one per motor whose controller reports.
-        compass_rows: of each compass, how much its rows change.
+        compass_rows: statistics of the rows of each compass.
         faults: in order.
         occurrences: in order.
-        airborne: (N,) 1 while it has left the ground, as the autopilot decides.
+        airborne: (N,) 1 while it is off the ground, by the autopilot's own decision.
         changes: parameters that were changed, in order.
-        wind_n_m_s: (N, 2) north and east, where the air moves to, as the autopilot's estimator
-            says; None where it does not.
+        wind_n_m_s: (N, 2) velocity of the air, north and east, the autopilot's estimate; None if
+            not estimated.
         missing: what the recording lacks for a better review, one phrase each.
         notes: what was damaged or skipped: reason -> count.
     """

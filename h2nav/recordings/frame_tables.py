@@ -1,6 +1,6 @@
 """All frames of a message id of a recording at once: their fields as one structured array.
 
-For whoever looks at a whole flight. One message at a time is decoded by `h2nav.wire.codec`.
+For the analysis of whole flights; `h2nav.wire.codec` decodes single messages.
 """
 
 from collections.abc import Collection
@@ -32,13 +32,13 @@ _TYPES = {
 
 
 class FrameTable(NamedTuple):
-    """The good frames of one message id, in the order in which they came.
+    """The good frames of one message id, in order of arrival.
 
     Attributes:
         t_ns: (N,) time of arrival on the clock of `Recording.received`, never decreasing.
         senders: (N, 2) system and component id.
         fields: (N,) structured, see `fields_type`: `fields["xacc"]` is a column in the units of the
-            dialect. What MAVLink 2 cut off, and extension fields that were not sent, are zero.
+            dialect. Truncated zeros of MAVLink 2 are restored; missing extension fields are zero.
     """
 
     t_ns: NDArray[np.int64]
@@ -50,7 +50,7 @@ class FrameTable(NamedTuple):
 def fields_type(msg_id: int) -> "np.dtype[np.void]":
     """The fields of a message under the dialect's names, in the order of the wire, packed.
 
-    Arrays are subarrays; texts are bytes (``S50``), whose end is their first NUL.
+    Arrays are subarrays; texts are bytes (``S50``) that end at their first NUL.
     """
     columns: list[tuple[str, str, tuple[int, ...]]] = []
     for field in LAYOUTS[msg_id].wire_fields:
@@ -64,7 +64,7 @@ def fields_type(msg_id: int) -> "np.dtype[np.void]":
 
 
 class TableMaker:
-    """Gathers the frames of some ids while a recording is read.
+    """Collects the frames of some ids while a recording is read.
 
     Args:
         ids: of messages of the dialect.
@@ -74,7 +74,7 @@ class TableMaker:
         self._parts: dict[int, list[FrameTable]] = {msg_id: [] for msg_id in ids}
 
     def add(self, found: FoundFrames) -> None:
-        """Takes the next frames."""
+        """Adds the next frames."""
         senders = found.senders()
         for msg_id, parts in self._parts.items():
             rows = np.flatnonzero(found.headers.msg_ids == msg_id)
@@ -88,7 +88,7 @@ class TableMaker:
                 )
 
     def tables(self) -> dict[int, FrameTable]:
-        """One per id, without rows where none came."""
+        """One table per id, empty if none came."""
         return {msg_id: _joined(msg_id, parts) for msg_id, parts in self._parts.items()}
 
 
@@ -96,11 +96,11 @@ def tables(recording: Recording, ids: Collection[int]) -> dict[int, FrameTable]:
     """Reads a recording front to back.
 
     Args:
-        recording: any; its `notes` and `progress` are those of this pass afterwards.
+        recording: any; its `notes` and `progress` reflect this pass afterwards.
         ids: of messages of the dialect.
 
     Returns:
-        One table per id of `ids`, without rows where none came.
+        One table per id of `ids`, empty if none came.
     """
     maker = TableMaker(ids)
     scan = FrameScan()
@@ -110,10 +110,10 @@ def tables(recording: Recording, ids: Collection[int]) -> dict[int, FrameTable]:
 
 
 def _fields(found: FoundFrames, msg_id: int, rows: Integers) -> NDArray[Any]:
-    """Payloads with the zeros that MAVLink 2 cut off, without what the dialect does not know."""
+    """Payloads with the zeros that MAVLink 2 truncated, without bytes unknown to the dialect."""
     size = LAYOUTS[msg_id].size
     at, lengths = found.headers.payload_at[rows], found.headers.lengths[rows]
-    # What stands behind the last frame of the memory does not matter.
+    # The bytes after the last frame of the buffer do not matter.
     payloads = values_at(found.data + bytes(size), at, f"V{size}").view(np.uint8)
     payloads = payloads.reshape(len(rows), size)
     payloads[np.arange(size) >= lengths[:, np.newaxis]] = 0

@@ -1,4 +1,4 @@
-"""A log that the autopilot wrote itself: events of the service, and what else it says."""
+"""An autopilot's own log: events of the service, and the context for the review."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -13,13 +13,13 @@ Event = tuple[Envelope, Message]
 class ImportedLog(ABC):
     """Typed records behind the wire boundary, in the order of their times.
 
-    The clock of the events is the autopilot's own: arrival and measurement are one.
+    The clock of the events is the autopilot's own: arrival and measurement coincide.
 
     Attributes:
         path: the file.
         kind: ``dataflash`` or ``ulog``.
-        unix_offset_ns: UNIX time minus the `t_ns` of the events; 0 where nothing tells the date.
-        unix_start_ns: UNIX time of the first event; 0 where nothing tells the date.
+        unix_offset_ns: UNIX time minus the `t_ns` of the events; 0 if the date is unknown.
+        unix_start_ns: UNIX time of the first event; 0 if the date is unknown.
         progress: bytes read, and bytes of the file.
         notes: what was damaged or skipped: reason -> count.
     """
@@ -35,9 +35,9 @@ class ImportedLog(ABC):
 
     @abstractmethod
     def events(self) -> Iterator[Event]:
-        """What the service would have been told in flight; `t_ns` never decreases.
+        """Yields the events of the service in flight; `t_ns` never decreases.
 
-        IMU readings come as `h2nav.wire.imu.RECORDED_IMU` with the number of their IMU.
+        IMU readings are `h2nav.wire.imu.RECORDED_IMU` with the number of their IMU.
         """
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""Samples of IMUs and compasses of a log: the usable ones, thinned out, each with its field."""
+"""Usable samples of IMUs and compasses of a log, thinned out, each with its field."""
 
 from typing import Any, NamedTuple
 
@@ -17,17 +17,17 @@ from h2nav.wire.imu import (
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-# A slower stream is none that an attitude could be made of.
+# A slower stream does not suffice for an attitude.
 LEAST_HZ = 20.0
-# The filters' gains are made for 50 to 200 Hz, and a faster stream brings them nothing: the means
-# hold all that was turned and accelerated.
+# The filters' gains are made for 50 to 200 Hz, and faster streams add nothing: means preserve the
+# integrals of rate and force.
 FASTEST_HZ = 255.0
 THINNED_HZ = 200.0
-# A group of samples does not reach over a pause of so many periods.
+# A group of samples does not extend over a gap of this many periods.
 PAUSE_PERIODS = 3.0
-# A field that no sample follows so soon is lost.
+# A field without a sample within this time is dropped.
 FIELD_WAITS_US = 200_000
-# A field of the earth or of a magnet, not of a broken row.
+# Bounds of a field of the earth or of a magnet, as opposed to a damaged row.
 LARGEST_FIELD_UT = 1e6
 
 
@@ -45,21 +45,21 @@ class Samples(NamedTuple):
     f_b: Array
 
     def only(self, wanted: Mask) -> "Samples":
-        """The samples that are wanted."""
+        """The selected samples."""
         if wanted.all():
             return self
         return Samples(self.t_us[wanted], self.w_b[wanted], self.f_b[wanted])
 
     @property
     def period_us(self) -> float:
-        """The usual time between two samples; infinite where there are not two."""
+        """The usual interval between samples; infinite for fewer than two."""
         steps = np.diff(self.t_us)
         steps = steps[steps > 0]
         return float(np.median(steps)) if len(steps) else np.inf
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second, by the usual time between two."""
+        """Samples a second, from the usual interval."""
         return 1e6 / self.period_us
 
 
@@ -67,7 +67,7 @@ class Fields(NamedTuple):
     """Values of one compass, in order.
 
     Attributes:
-        t_us: (M,) when each was measured.
+        t_us: (M,) time of each measurement.
         m_b_ut: (M, 3) microtesla, body frame.
     """
 
@@ -76,7 +76,7 @@ class Fields(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """What the service is told of one IMU.
+    """The readings of one IMU for the service.
 
     Attributes:
         imu: its number, from 0.
@@ -84,7 +84,7 @@ class Readings(NamedTuple):
         w_b: (N, 3) rad/s.
         f_b: (N, 3) m/s^2.
         m_b_ut: (N, 3) microtesla; NaN where a sample has no new field.
-        clipped: (N,) a value stands at the end of a usual sensor's range.
+        clipped: (N,) a value is at the end of a usual sensor's range.
         ages: of the values at their times, where the log shows them.
     """
 
@@ -100,7 +100,7 @@ class Readings(NamedTuple):
 def track_of(
     imu: int, source: str, t_s: Array, samples: Samples, fields: Fields | None
 ) -> ImuTrack:
-    """Samples and the fields of their own compass, for the review: as narrow as logs have them."""
+    """Samples and the fields of their own compass, for the review, at the precision of the log."""
     return ImuTrack(
         imu,
         source,
@@ -113,7 +113,7 @@ def track_of(
 
 
 def usable(samples: Samples) -> Mask:
-    """(N,) which samples are within physical bounds, as the wire boundary has them."""
+    """(N,) whether samples are within the physical bounds of the wire boundary."""
     with np.errstate(invalid="ignore"):
         rates: Any = (np.abs(samples.w_b) <= LARGEST_RATE_RAD_S).all(axis=1)
         forces = (np.abs(samples.f_b) <= LARGEST_FORCE_M_S2).all(axis=1)
@@ -122,13 +122,13 @@ def usable(samples: Samples) -> Mask:
 
 
 def usable_fields(fields: Fields) -> Fields:
-    """The fields that can be some."""
+    """The plausible fields."""
     good = can_be_fields(fields.m_b_ut)
     return Fields(fields.t_us[good], fields.m_b_ut[good])
 
 
 def can_be_fields(m_b_ut: Array) -> Mask:
-    """(N,) which of (N, 3) are numbers that a compass can give."""
+    """(N,) which rows of (N, 3) are finite and plausible for a compass."""
     with np.errstate(invalid="ignore"):
         good: Any = (np.abs(m_b_ut) <= LARGEST_FIELD_UT).all(axis=1) & m_b_ut.any(axis=1)
     return np.asarray(good, np.bool_)
@@ -145,7 +145,7 @@ def field_age_s(t_us: Times, fields: Fields | None) -> float | None:
 
 
 def with_fields(t_us: Times, fields: Fields | None) -> Array:
-    """(N, 3) the field that each sample brings: one that was measured since the one before it."""
+    """(N, 3) the new field of each sample: one measured since the previous sample."""
     found = np.full((len(t_us), 3), np.nan)
     if fields is None or not len(t_us):
         return found
@@ -160,7 +160,7 @@ def with_fields(t_us: Times, fields: Fields | None) -> Array:
 def readings_of(
     imu: int, samples: Samples, fields: Fields | None, rates_age_s: float | None = None
 ) -> Readings:
-    """What the service is told, at most about 200 times a second.
+    """The readings for the service, at most about 200 a second.
 
     Args:
         imu: its number, from 0.
@@ -194,7 +194,7 @@ def readings_of(
 
 
 def _groups(samples: Samples, size: int) -> NDArray[np.intp]:
-    """Where groups of so many samples begin, none of them over a pause."""
+    """Beginnings of groups of `size` samples, none of which extends over a gap."""
     number = np.arange(len(samples.t_us))
     pauses = np.diff(samples.t_us, prepend=samples.t_us[0]) > PAUSE_PERIODS * samples.period_us
     since_pause = number - np.maximum.accumulate(np.where(pauses, number, 0))

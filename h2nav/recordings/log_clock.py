@@ -1,7 +1,7 @@
-"""The clock of a log that an autopilot wrote: which rows' times can be believed.
+"""The clock of an autopilot's log: decides which rows have plausible times.
 
-Rows stand in a file in about the order of their times. So a time that does not fit between those of
-its neighbours in the file is damage, and not a moment hours away.
+Rows are stored roughly in the order of their times. So a time that does not fit between those of
+its neighbours in the file is damage, not a moment hours away.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-# Loggers buffer, and tasks of low priority write late: rows overtake each other by less.
+# Loggers buffer, and low-priority tasks write late: rows overtake each other by less than this.
 SLACK_US = 5_000_000
 NEIGHBOURS = 2
 MOST_AT_ONCE = 10
@@ -26,10 +26,10 @@ class LogClock:
 
     Args:
         places: (N,) of rows in the file, in order.
-        t_us: (N,) their times; of the kind of row of which there are most.
+        t_us: (N,) their times, for the most frequent kind of row.
 
     Attributes:
-        start_us: first time that can be believed; 0 where there is none.
+        start_us: first plausible time; 0 without any.
         end_us: the last one.
     """
 
@@ -40,7 +40,7 @@ class LogClock:
         self.end_us = int(self._t_us[-1]) if len(self._t_us) else 0
 
     def believes(self, places: Times, t_us: Times) -> Mask:
-        """(N,) whether rows are of about the time of their neighbours in the file."""
+        """(N,) whether the times of rows agree with those of their neighbours in the file."""
         if not len(self._t_us):
             return np.zeros(len(places), np.bool_)
         following = np.searchsorted(self._places, places)
@@ -50,7 +50,7 @@ class LogClock:
         return believed
 
     def at(self, places: Times) -> Times:
-        """(N,) the times at places of the file: those of the rows before them."""
+        """(N,) the times at places in the file: those of the rows before them."""
         if not len(self._t_us):
             return np.zeros(len(places), np.int64)
         before = np.maximum(np.searchsorted(self._places, places) - 1, 0)
@@ -67,15 +67,15 @@ class LogClock:
 
 
 def is_running(t_us: Times) -> bool:
-    """Whether times go on at all: some are never set, some are those of several rows."""
+    """Whether the times advance at all: some are never set, some repeat over several rows."""
     return bool(np.count_nonzero(np.diff(t_us)) * MOST_AT_ONCE >= len(t_us) - 1)
 
 
 def in_order(t_us: Times) -> Mask:
-    """(N,) whether to keep a row, so that times never go back.
+    """(N,) which rows to keep so that times never decrease.
 
-    Of two neighbours in disorder, the one that is farther from those around both is wrong. Only so
-    one wrong time costs one row, and not all rows up to that time.
+    Of two neighbours out of order, the one farther from the times around both is wrong, so that one
+    wrong time costs one row, not every row up to that time.
     """
     back = np.flatnonzero(np.diff(t_us) < 0)
     kept = np.ones(len(t_us), np.bool_)
@@ -89,7 +89,7 @@ def in_order(t_us: Times) -> Mask:
 
 def _usual(t_us: Times) -> NDArray[np.float64]:
     """(N,) the median of each time and its neighbours."""
-    # Reflected, so that the first and the last do not vouch for themselves.
+    # Reflected, so that the first and the last time do not confirm themselves.
     if len(t_us) <= NEIGHBOURS:
         return np.full(len(t_us), np.median(t_us))
     padded = np.pad(t_us, NEIGHBOURS, mode="reflect")
@@ -99,12 +99,12 @@ def _usual(t_us: Times) -> NDArray[np.float64]:
 
 
 def _undamaged(t_us: Times) -> Mask:
-    """(N,) whether a time is like those of its neighbours, and none of those before it is later."""
+    """(N,) whether a time agrees with its neighbours', and no earlier time is later."""
     good = (t_us >= 0) & (t_us < LATEST_US)
     good[good] = np.abs(t_us[good] - _usual(t_us[good])) <= SLACK_US if good.any() else False
     good[good] = in_order(t_us[good])
     kept = np.flatnonzero(good)
-    # Of parts that lie hours apart the longest one is the flight, whatever the others are.
+    # Of parts that lie hours apart, the longest one is the flight.
     edges = [0, *(np.flatnonzero(np.diff(t_us[kept]) > LONGEST_PAUSE_US) + 1), len(kept)]
     part = int(np.argmax(np.diff(edges)))
     good[:] = False

@@ -1,4 +1,4 @@
-"""A log's channels as Parquet files: typed columns, units in the fields' metadata."""
+"""Exports a log's channels as Parquet files: typed columns, units in the fields' metadata."""
 
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack
@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from h2nav.log.channel_tables import Column, Destination, ExportResult, export_tables
 from h2nav.log.survey import Progress
 
-# Rows become compact arrays after so many, and a row group of the file after so many of those.
+# Rows per compact array; the same number of arrays makes a row group of the file.
 _BATCH_ROWS = 2048
 _GROUP_BATCHES = 32
 _TIME = pa.timestamp("ns", tz="UTC")
@@ -44,8 +44,8 @@ def export_parquet(
 ) -> ExportResult:
     """Writes the channels of a log to `folder`; see `export_tables`.
 
-    Columns `log_time` and `publish_time` are UTC with nanoseconds. Values that a schema does not
-    describe become JSON text.
+    The columns `log_time` and `publish_time` are UTC with nanoseconds. Values without a schema
+    become JSON text.
     """
     with ExitStack() as stack:
 
@@ -86,7 +86,7 @@ class _ParquetTable:
                 self._write()
 
     def _pack(self) -> None:
-        """Makes arrays of the rows; ValueError where one does not fit its column."""
+        """Converts the rows to arrays; raises ValueError where one does not fit its column."""
         rows, self._rows = self._rows, []
         try:
             arrays = [

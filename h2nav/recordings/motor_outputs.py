@@ -1,4 +1,4 @@
-"""Which of an autopilot's outputs drive motors, and over which range.
+"""Finds the outputs of an autopilot that drive motors, and their range.
 
 Sources: ArduPilot's SRV_Channel.h (functions 33 to 40 and 82 to 85) and AP_MotorsMulticopter.cpp
 (`output_to_pwm`, MOT_SPIN_MAX; 2015 MOT_THST_MAX; before, MOT_TCRV_MAXPCT); PX4's output functions
@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.recordings.context import Array, Motors
 
-# MAV_TYPE of the vehicles that motors alone hold in the air: how many they have.
+# Number of motors of each MAV_TYPE that flies by motors alone.
 MULTIROTORS = {
     mavlink.MAV_TYPE_TRICOPTER: 3,
     mavlink.MAV_TYPE_QUADROTOR: 4,
@@ -23,9 +23,9 @@ MULTIROTORS = {
 }
 ARDUPILOT_MOTORS = {**{33 + i: 1 + i for i in range(8)}, **{82 + i: 9 + i for i in range(4)}}
 PX4_MOTORS = {101 + i: 1 + i for i in range(12)}
-# A width that a motor's controller understands; what a channel without an output shows is none.
+# Pulse widths that a motor controller accepts; unused channels show others.
 NARROWEST_US, WIDEST_US = 800.0, 2300.0
-# Unused channels of old logs hold whatever was in memory, and stand still.
+# Unused channels of old logs hold random memory, and never change.
 MOVING_US = 5.0
 
 
@@ -35,7 +35,7 @@ def ardupilot_channels(
     """Column of the outputs, from 0 -> number of its motor, from 1; empty for other vehicles.
 
     Args:
-        parameters: as they were at the beginning.
+        parameters: their values at the beginning.
         vehicle_type: MAV_TYPE.
         pwm_us: (N, k) all outputs.
     """
@@ -46,7 +46,7 @@ def ardupilot_channels(
     if any(function is not None for function in functions.values()):
         pairs = ((i, int(value)) for i, value in functions.items() if value is not None)
         return {i: ARDUPILOT_MOTORS[value] for i, value in pairs if value in ARDUPILOT_MOTORS}
-    # Until 2016 motors had the first channels, and the firmware alone knew how many.
+    # Until 2016 motors used the first channels, and only the firmware knew how many.
     free = [i for i in range(count, 8) if not parameters.get(f"RC{i + 1}_FUNCTION", 0.0)]
     more = [i for i in free if i < pwm_us.shape[1] and _drives_a_motor(pwm_us[:, i])]
     known = range(min(count, pwm_us.shape[1]))
@@ -69,7 +69,7 @@ def px4_channels(parameters: Mapping[str, float], vehicle_type: int) -> dict[int
 
 
 def ardupilot_range(parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Width of a motor that stands still and the widest that is ever sent, microseconds."""
+    """Pulse widths of a motor at rest and of the largest output, microseconds."""
     least = parameters.get("MOT_PWM_MIN") or parameters.get("RC3_MIN") or 1000.0
     most = parameters.get("MOT_PWM_MAX") or parameters.get("RC3_MAX") or 2000.0
     share = parameters.get("MOT_SPIN_MAX") or parameters.get("MOT_THST_MAX", 0.0)
@@ -83,7 +83,7 @@ def ardupilot_range(parameters: Mapping[str, float]) -> tuple[float, float]:
 def motors_of(
     channels: Mapping[int, int], t_s: Array, pwm_us: Array, ends_us: tuple[float, float]
 ) -> Motors | None:
-    """The columns that are motors, in the order of their numbers; None without any.
+    """The columns of motors, in the order of their numbers; None without any.
 
     Args:
         channels: column -> number of the motor.

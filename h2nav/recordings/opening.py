@@ -1,4 +1,4 @@
-"""Any flight recording, opened by what it holds and not by its name."""
+"""Opens any flight recording by its content, not by its name."""
 
 from pathlib import Path
 
@@ -16,15 +16,15 @@ Source = Recording | ImportedLog
 
 
 def open_flight(path: Path | str) -> Source:
-    """Telemetry logs, raw MAVLink, our own logs, and the logs that autopilots write themselves.
+    """Opens telemetry logs, raw MAVLink, logs of h2nav, and autopilots' own logs.
 
     Raises:
-        BadInput: there is no such file, it cannot be read, or it is none of these.
+        BadInput: there is no such file, it cannot be read, or it is of another kind.
     """
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
-            raise BadInput(f"{path}: is no file; expected a recording")
+            raise BadInput(f"{path}: is not a file; expected a recording")
         with path.open("rb") as stream:
             start = stream.read(PROBE_BYTES)
     except OSError as error:

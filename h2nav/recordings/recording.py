@@ -1,4 +1,4 @@
-"""Any recording as the bytes that arrived and when: telemetry log, raw bytes, our own MCAP."""
+"""Any recording as received bytes with their times: telemetry log, raw bytes, MCAP of h2nav."""
 
 import contextlib
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import TlogReader, looks_like_tlog
 
 NS_PER_S = 1_000_000_000
-SYNTHETIC_BYTES_S = 11_520  # a serial line at 115,200 baud, which is what raw captures come from
+SYNTHETIC_BYTES_S = 11_520  # a serial line at 115,200 baud, the usual source of raw captures
 SYNTHETIC_CHUNK = 64
 _PROBE_BYTES = 1 << 18
 
@@ -36,8 +36,8 @@ class Recording:
         times_are_synthetic: the file holds no arrival times; they follow from the byte count.
         attachments: name -> attachment (MCAP).
         metadata: name -> texts (MCAP).
-        notes: what was damaged or skipped in the pass so far: reason -> count.
-        progress: bytes read in the present pass, and bytes of the file.
+        notes: what was damaged or skipped so far in this pass: reason -> count.
+        progress: bytes read in this pass, and bytes of the file.
     """
 
     kind = ""
@@ -53,24 +53,24 @@ class Recording:
 
     @property
     def unix_start_ns(self) -> int:
-        """UNIX time of the first arrival; 0 for a recording without arrivals or without times."""
+        """UNIX time of the first arrival; 0 without arrivals or times."""
         if self.times_are_synthetic:
             return 0
-        # A pass of its own: it must not disturb the progress and notes of one under way.
+        # A separate pass, so that progress and notes of a running one are not disturbed.
         first = next(type(self)(self.path).received(), None)
         return first[0] + self.unix_offset_ns if first else 0
 
     def batches(self) -> Iterator[Arrivals]:
-        """What arrived, in order, over all links; many arrivals at a time."""
+        """Yields all arrivals of all links in order, many at a time."""
         raise NotImplementedError
 
     def received(self) -> Iterator[tuple[int, bytes]]:
-        """The same one by one: host monotonic time (ns, never decreasing) and bytes."""
+        """Yields single arrivals: host monotonic time (ns, never decreasing) and bytes."""
         for batch in self.batches():
             yield from batch.pieces()
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
-        """The JSON records of a topic (MCAP): (unix_ns, fields); none elsewhere."""
+        """Yields the JSON records of a topic (MCAP): (unix_ns, fields); none for other kinds."""
         return iter(())
 
 
@@ -94,17 +94,17 @@ class TlogRecording(Recording):
 
 
 class BytesRecording(Recording):
-    """The bytes of a link and nothing else, as a capture of a serial line has them.
+    """The bytes of a link and nothing else, such as a capture of a serial line.
 
-    They are given out in pieces of `SYNTHETIC_CHUNK` at `SYNTHETIC_BYTES_S`, from time 0 on. Only
-    the autopilot's own times, inside the messages, are real.
+    They are returned in pieces of `SYNTHETIC_CHUNK` at `SYNTHETIC_BYTES_S`, from time 0 on. Only
+    the autopilot's time stamps inside the messages are real.
     """
 
     kind = "bytes"
     times_are_synthetic = True
 
     def batches(self) -> Iterator[Arrivals]:
-        """Pieces of equal size at a constant rate."""
+        """Yields pieces of equal size at a constant rate."""
         position = 0
         with self.path.open("rb") as stream:
             while data := stream.read(BATCH_BYTES):
@@ -117,7 +117,7 @@ class BytesRecording(Recording):
 
 
 class McapRecording(Recording):
-    """Our own log, closed or cut off, intact or damaged; nothing but a front-to-back pass."""
+    """A log of h2nav, closed or cut off, intact or damaged; read front to back only."""
 
     kind = "mcap"
 
@@ -129,23 +129,23 @@ class McapRecording(Recording):
             self.unix_offset_ns = int(about.get("unix_offset_ns", "0"))
 
     def batches(self) -> Iterator[Arrivals]:
-        """Each received piece with its exact monotonic time, in the order of arrival."""
+        """Yields each received piece with its exact monotonic time, in order of arrival."""
         return gathered(self.received())
 
     def received(self) -> Iterator[tuple[int, bytes]]:
-        """The same one by one."""
+        """Yields single arrivals."""
         for topic, _, stored in self._messages(RAW_ENCODING):
             if topic.startswith(RECEIVED_TOPIC):
                 yield stored.log_ns - self.unix_offset_ns, stored.data
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
-        """The records of `topic` as they were written; NaN reads None."""
+        """Yields the records of `topic` as written; NaN reads as None."""
         for found, encoding, stored in self._messages("json"):
             if found == topic and encoding == "json":
                 yield stored.log_ns, orjson.loads(stored.data)
 
     def _read_outline(self) -> None:
-        """Attachments and metadata, wherever they stand."""
+        """Reads attachments and metadata, wherever they are in the file."""
         with self.path.open("rb") as stream:
             for entry in LogScan(stream, outline=True).entries():
                 if entry.opcode == Opcode.ATTACHMENT:
@@ -157,7 +157,7 @@ class McapRecording(Recording):
                     self.metadata[texts.name] = texts.metadata
 
     def _messages(self, wanted: str) -> Iterator[tuple[str, str, StoredMessage]]:
-        """Topic, encoding and message of all channels of the encoding `wanted`."""
+        """Yields topic, encoding and message of every channel of the encoding `wanted`."""
         directory = Directory(self.path)
         with self.path.open("rb") as stream:
             scan = LogScan(stream)
@@ -177,7 +177,7 @@ class McapRecording(Recording):
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Finds out what the file is, by its content, and opens it.
+    """Opens a recording; its content decides the kind.
 
     Raises:
         BadInput: there is no such file, it cannot be read, or it holds no MAVLink.
@@ -196,8 +196,8 @@ def open_recording(path: Path | str) -> Recording:
     if deframer.feed(start) or deframer.flush():
         return BytesRecording(path)
     raise BadInput(
-        f"{path}: no recording; expected a telemetry log (.tlog), raw MAVLink bytes, MCAP, or an "
-        "autopilot's own log (.bin, .log, .ulg)"
+        f"{path}: not a recording; expected a telemetry log (.tlog), raw MAVLink bytes, MCAP, "
+        "or an autopilot's own log (.bin, .log, .ulg)"
     )
 
 

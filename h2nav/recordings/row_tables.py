@@ -1,4 +1,4 @@
-"""Rows of one kind out of an autopilot's own log, as columns."""
+"""Rows of one kind in an autopilot's own log, as columns."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -10,14 +10,14 @@ Array = NDArray[np.float64]
 
 
 class Table:
-    """All rows of one message; a column is taken out of the file when it is asked for.
+    """All rows of one message; columns are extracted from the file on demand.
 
     Args:
         name: of the message.
-        places: (N,) where each row stands in the file, bytes from its beginning.
-        rows: (M,) structured, one field per column, as they were stored; never copied.
-        divisors: of the columns that are stored as multiples of a fraction.
-        wanted: (N,) which of `rows` are meant, by number; None = all of them.
+        places: (N,) position of each row in the file, bytes.
+        rows: (M,) structured, one field per column, as stored; never copied.
+        divisors: of the columns stored as multiples of a fraction.
+        wanted: (N,) numbers of the selected `rows`; None = all of them.
 
     Attributes:
         name: of the message.
@@ -47,13 +47,13 @@ class Table:
         return column in self.columns
 
     def only(self, wanted: NDArray[np.bool_]) -> "Table":
-        """The rows that are wanted."""
+        """The selected rows."""
         numbers = self._wanted
         numbers = np.flatnonzero(wanted) if isinstance(numbers, slice) else numbers[wanted]
         return Table(self.name, self.places[wanted], self._rows, self._divisors, numbers)
 
     def kind(self, column: str) -> str:
-        """How the column is stored, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
+        """The storage type of a column, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
         return str(self._rows.dtype[column].base.kind)
 
     def is_scaled(self, column: str) -> bool:
@@ -72,7 +72,7 @@ class Table:
         return values
 
     def integers(self, column: str) -> NDArray[np.int64]:
-        """(N,) of a column of integers, as stored; what is beyond int64 is its end."""
+        """(N,) of a column of integers, as stored; clamped to int64."""
         stored: NDArray[Any] = self._stored(column)
         if stored.dtype.kind == "f":
             stored = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
@@ -82,12 +82,12 @@ class Table:
         return stored.astype(np.int64)
 
     def texts(self, column: str) -> list[str]:
-        """(N,) of a column of characters, up to the first zero; what is no UTF-8 is replaced."""
+        """(N,) of a column of characters, up to the first zero; replaces invalid UTF-8."""
         stored = self._stored(column).tolist()
         return [bytes(v).split(b"\0", 1)[0].decode("utf-8", "replace") for v in stored]
 
     def _numbers(self, column: str) -> Array:
-        with np.errstate(invalid="ignore"):  # damage may be any kind of NaN
+        with np.errstate(invalid="ignore"):  # damage may hold any kind of NaN
             values = self._stored(column).astype(np.float64)
         divisor = self._divisors.get(column)
         return values if divisor is None else values / divisor
@@ -98,18 +98,18 @@ class Table:
 
 
 def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
-    """The rows that might begin at each byte of the data: a view, in which they overlap."""
+    """The rows that might begin at each byte of the data: a view with overlapping rows."""
     return np.ndarray((max(len(data) - row.itemsize + 1, 0),), row, data, strides=(1,))
 
 
 class Source(NamedTuple):
-    """Where the rows of one message stand in a file.
+    """The location of the rows of one message in a file.
 
     Attributes:
         data: of the file.
         places: (N,) of the rows, bytes from its beginning.
-        row: gives the form of a row, None where it is no good.
-        divisors: of the columns that are stored as multiples of a fraction.
+        row: returns the type of a row, None if it is invalid.
+        divisors: of the columns stored as multiples of a fraction.
     """
 
     data: bytes
@@ -126,14 +126,14 @@ class Source(NamedTuple):
 
 
 class LogTables:
-    """The messages of a log by name; a table is made when it is asked for, and not kept.
+    """The messages of a log by name; tables are created on demand and not kept.
 
     Args:
-        sources: of the messages that occur; tables where they had to be made at once.
+        sources: of the messages present; tables if they had to be created at once.
         notes: what was damaged or skipped: reason -> count.
 
     Attributes:
-        names: of the messages that occur.
+        names: of the messages present.
         notes: reason -> count.
     """
 
@@ -143,7 +143,7 @@ class LogTables:
         self.notes = notes
 
     def find(self, name: str, *columns: str) -> Table | None:
-        """The table of a message; None where it does not occur or lacks one of the columns."""
+        """The table of a message; None if it is absent or lacks one of the columns."""
         source = self._sources.get(name)
         if source is None:
             return None
@@ -153,6 +153,6 @@ class LogTables:
         return table
 
     def rows(self, name: str) -> int:
-        """How often a message occurs."""
+        """Number of rows of a message."""
         source = self._sources.get(name)
         return 0 if source is None else len(source.places)

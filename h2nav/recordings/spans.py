@@ -1,4 +1,4 @@
-"""Stretches of time in which something stays the same."""
+"""Spans of time during which a value stays the same."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,7 +10,7 @@ def spans(t_s: Sequence[float], names: Iterable[str], end_s: float) -> tuple[Spa
 
     Args:
         t_s: (N,) times, in order.
-        names: (N,) what holds from each time on; where it is empty there is no span.
+        names: (N,) the name from each time on; an empty name makes no span.
         end_s: end of the last one.
     """
     found: list[Span] = []
@@ -27,7 +27,7 @@ def spans(t_s: Sequence[float], names: Iterable[str], end_s: float) -> tuple[Spa
 
 
 def without(found: Iterable[Span], others: Iterable[Span]) -> tuple[Span, ...]:
-    """Spans less others, which are in order and do not overlap."""
+    """The spans minus others, which are sorted and do not overlap."""
     rest = []
     cuts = tuple(others)
     for span in found:

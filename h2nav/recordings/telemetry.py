@@ -1,4 +1,4 @@
-"""The context of recorded telemetry: what MAVLink messages say beside the service's events.
+"""The context of recorded telemetry: the content of MAVLink messages besides service events.
 
 Sources: the MAVLink common and ardupilotmega message definitions.
 """
@@ -67,13 +67,13 @@ MESSAGE_IDS = frozenset(
         *controls.MESSAGE_IDS,
     }
 )
-"""What `context_of` reads."""
+"""The messages that `context_of` reads."""
 
 Tables = Mapping[int, FrameTable]
 
 
 def read_context(recording: Recording) -> Context:
-    """What a recording says, in a pass of its own."""
+    """Reads the context of a recording, in a separate pass."""
     maker, scan = TableMaker(MESSAGE_IDS), FrameScan()
     start_ns: int | None = None
     end_ns = 0
@@ -89,13 +89,13 @@ def read_context(recording: Recording) -> Context:
 def context_of(
     tables: Tables, start_ns: int, end_ns: int, unix_offset_ns: int, notes: dict[str, int]
 ) -> Context:
-    """What the frames of `MESSAGE_IDS` say.
+    """Extracts the context from the frames of `MESSAGE_IDS`.
 
     Args:
         tables: message id -> its frames, of all senders.
         start_ns: arrival of the first bytes of the recording.
         end_ns: of the last.
-        unix_offset_ns: UNIX time minus the times of arrival; 0 where nobody knows.
+        unix_offset_ns: UNIX time minus the times of arrival; 0 if unknown.
         notes: what was damaged or skipped in the file.
     """
     beats = _heartbeats(tables)
@@ -162,7 +162,7 @@ class _Clock:
 
 
 def _heartbeats(tables: Tables) -> FrameTable | None:
-    """Those of the autopilot that sent most of them."""
+    """The heartbeats of the autopilot that sent most of them."""
     table = tables.get(HEARTBEAT)
     if table is None:
         return None
@@ -175,7 +175,7 @@ def _heartbeats(tables: Tables) -> FrameTable | None:
 
 
 def _of_sender(tables: Tables, beats: FrameTable | None) -> Tables:
-    """What the autopilot sent; everything where none said that it is one."""
+    """The frames of the autopilot; all frames if there were no heartbeats of one."""
     if beats is None:
         return tables
     sender = beats.senders[0]
@@ -199,7 +199,7 @@ def _usual_kind(beats: FrameTable) -> tuple[int, int]:
 
 
 def _imus(clock: _Clock, autopilot: int) -> tuple[ImuTrack, ...]:
-    """One per IMU: of its messages the one that the service prefers, unless it hardly comes."""
+    """One track per IMU: of the message that the service prefers, unless it hardly comes."""
     ranked = preference(autopilot, "auto")
     found = []
     for imu in range(MOST_IMUS):
@@ -257,7 +257,7 @@ def _highres_track(clock: _Clock, table: FrameTable, imu: int) -> ImuTrack:
 def _compass_rows(
     imus: tuple[ImuTrack, ...], parameters: dict[str, float]
 ) -> tuple[CompassRows, ...]:
-    """Of the messages of the IMUs, in which a compass that is not there shows nothing."""
+    """Of the IMUs' messages, in which an absent compass shows zeros."""
     found = []
     for track in imus:
         has_field = np.isfinite(track.m_b_ut[:, 0])
@@ -360,7 +360,7 @@ def _armed(clock: _Clock, duration_s: float) -> tuple[Span, ...]:
 
 
 def _said(clock: _Clock) -> tuple[Said, ...]:
-    """Whole texts: MAVLink 2 sends longer ones in pieces of one id, and identical ones once."""
+    """Whole texts: MAVLink 2 splits long ones into chunks of one id; duplicates count once."""
     table = clock[mavlink.MAVLINK_MSG_ID_STATUSTEXT]
     if table is None:
         return ()
@@ -376,7 +376,7 @@ def _said(clock: _Clock) -> tuple[Said, ...]:
             level = Severity(min(max(int(row["severity"]), Severity.CRITICAL), Severity.INFO))
             found.append((t_s, level, text))
         last_id = number
-    # Chunks of 50 bytes may have cut a character in two.
+    # Chunks of 50 bytes may have split a character.
     return tuple(Said(t_s, level, text.decode(errors="replace")) for t_s, level, text in found)
 
 
@@ -386,7 +386,7 @@ def _firmware(said: Iterable[Said]) -> str:
 
 
 def _parameters(clock: _Clock, autopilot: int) -> dict[str, float]:
-    """PX4 sends the bits of its integers in place of the float."""
+    """The parameters; PX4 sends the bits of its integers in place of the float."""
     table = clock[mavlink.MAVLINK_MSG_ID_PARAM_VALUE]
     if table is None:
         return {}
@@ -432,7 +432,7 @@ def _wind(clock: _Clock) -> Series | None:
 
 
 def _date(clock: _Clock) -> float | None:
-    """UNIX time of the start, by the autopilot's own clock."""
+    """UNIX time of the start, by the autopilot's clock."""
     table = clock[mavlink.MAVLINK_MSG_ID_SYSTEM_TIME]
     if table is None:
         return None
@@ -444,9 +444,9 @@ def _date(clock: _Clock) -> float | None:
 
 
 def _missing(context: Context, has_autopilot: bool) -> tuple[str, ...]:
-    """What the recording lacks for a better review."""
+    """What the recording lacks for a better review, one phrase each."""
     lacks = {
-        "no heartbeats of an autopilot, so that nobody knows what flew": not has_autopilot,
+        "no heartbeats of an autopilot, so that the vehicle is unknown": not has_autopilot,
         "no attitude of the autopilot": not context.attitudes,
         "no throttle": context.throttle is None,
     }

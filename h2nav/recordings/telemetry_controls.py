@@ -1,4 +1,4 @@
-"""What telemetry says of the vehicle and its control: demands, outputs, height, supply, faults.
+"""Vehicle and control in telemetry: demands, outputs, height, supply, faults.
 
 Sources: the MAVLink common and ardupilotmega message definitions.
 """
@@ -69,11 +69,11 @@ STATES = {
 }
 
 Find = Callable[[int], tuple[FrameTable, Array] | None]
-"""Message id -> its frames and their times since the recording began; None without any."""
+"""Message id -> its frames and their times since the beginning; None without any."""
 
 
 def demand(find: Find) -> Series | None:
-    """Roll, pitch and heading that the controllers were asked for."""
+    """Demanded roll, pitch and heading."""
     found = find(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET)
     if found is not None:
         table, t_s = found
@@ -89,12 +89,12 @@ def demand(find: Find) -> Series | None:
     values = np.full((len(t_s), 3), np.nan)
     for column, name in enumerate(("nav_roll", "nav_pitch")):
         values[:, column] = table.fields[name] * DEG
-    # Zero from the first to the last is what an autopilot sends that does not fill it.
+    # An autopilot that does not fill the message sends zeros throughout.
     return Series(t_s, values) if np.nan_to_num(values).any() else None
 
 
 def demanded_rates(find: Find) -> Series | None:
-    """Body rates that the controllers were asked for."""
+    """Demanded body rates."""
     found = find(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET)
     if found is None:
         return None
@@ -125,7 +125,7 @@ def motors(
 
 
 def height(find: Find) -> Series | None:
-    """Above where it started; by the position, else above mean sea level."""
+    """Height above the start by the position, otherwise above mean sea level."""
     found = find(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     if found is not None:
         return Series(found[1], found[0].fields["relative_alt"] * MILLI)
@@ -140,7 +140,7 @@ def climb(find: Find) -> Series | None:
 
 
 def batteries(find: Find) -> tuple[Battery, ...]:
-    """The first one, as it is in the system's status."""
+    """The first battery, from the system status."""
     found = find(mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     if found is None:
         return ()
@@ -196,7 +196,7 @@ def escs(find: Find) -> tuple[Esc, ...]:
 
 
 def faults(find: Find) -> tuple[Fault, ...]:
-    """The state of the system, and the battery's, as they begin and end."""
+    """State of the system and of the battery, as they begin and end."""
     found = [
         *_states(find, HEARTBEAT, "system_status", "failsafe", STATES),
         *_states(find, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, "charge_state", "battery", CHARGES),
@@ -227,7 +227,7 @@ def _states(
 
 
 def airborne(find: Find) -> Series | None:
-    """1 while it has left the ground."""
+    """1 while it is off the ground."""
     found = find(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
     if found is None:
         return None

@@ -1,9 +1,10 @@
 """Recorded trials with truth, in the `.npz` form of public inertial data sets.
 
 Keys: `fs` Hz (or `t` s per sample), `gyr` rad/s (N, 3), `acc` m/s^2 (N, 3; specific force),
-optionally `mag` any unit (N, 3; NaN rows bring no new sample), `q` truth (N, 4) w, x, y, z from the
-sensor to east-north-up, `mask` (N,) samples that count, `heading_fixed` (False: a constant heading
-offset is removed before scoring), `gps` rows of time s, ground speed m/s, course deg, altitude m.
+optionally `mag` any unit (N, 3; NaN rows carry no new field), `q` truth (N, 4) w, x, y, z from the
+sensor to east-north-up, `mask` (N,) samples that are scored, `heading_fixed` (False: a constant
+heading offset is removed before scoring), `gps` rows of time s, ground speed m/s, course deg,
+altitude m.
 """
 
 from collections.abc import Mapping
@@ -30,10 +31,10 @@ ToldOf = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class Told(NamedTuple):
-    """What an autopilot gives a filter besides the samples.
+    """An input of a filter besides the samples.
 
     Attributes:
-        row: number of the sample that it was known before.
+        row: number of the sample that it precedes.
         what: the record.
     """
 
@@ -50,16 +51,16 @@ class Trial(NamedTuple):
         t_us: (N,) sample times, microseconds from the first sample's.
         w_s: (N, 3) angular rate, rad/s, in sensor axes.
         f_s: (N, 3) specific force, m/s^2.
-        m_s: (N, 3) magnetic field, NaN rows where no new one came; None without magnetometer.
+        m_s: (N, 3) magnetic field, NaN rows without a new one; None without magnetometer.
         q_es: (N, 4) truth, sensor to east-north-up; None when there is none.
         mask: (N,) samples that are scored.
         heading_fixed: False when the truth's heading has an arbitrary constant offset.
         gps: (M, 4) time s on the samples' clock, ground speed m/s, course deg, altitude m; None.
-        clipped: (N,) samples that are no measure of the motion; None when none is marked.
-        told: in order, on the clock of `t_us`.
-        declination_rad: of magnetic north from the truth's; what knows only the magnetometer is
-            turned by it.
-        notes: what a reader of the results has to know.
+        clipped: (N,) samples that do not measure the motion; None when none is marked.
+        told: further inputs, in order, on the clock of `t_us`.
+        declination_rad: of magnetic north from the truth's; estimates from the magnetometer alone
+            are rotated by it.
+        notes: remarks for readers of the results.
     """
 
     name: str
@@ -79,7 +80,7 @@ class Trial(NamedTuple):
 
 
 def trial_paths(place: Path) -> list[Path]:
-    """The trials of a folder, or the one that is given.
+    """The trials of a folder, or the given one.
 
     Raises:
         BadInput: there is none.
@@ -96,13 +97,13 @@ def trial_paths(place: Path) -> list[Path]:
 
 
 def usual_rate_hz(t_us: npt.NDArray[np.int64]) -> float:
-    """The mean rate without the gaps; times in whole milliseconds would spoil a median."""
+    """The mean rate without the gaps; a median would suffer from times in whole milliseconds."""
     steps = np.diff(t_us)
     return 1e6 / float(np.mean(steps[steps <= 1.5 * np.median(steps)]))
 
 
 def read_trial(path: Path) -> Trial:
-    """One `.npz` trial.
+    """Reads one `.npz` trial.
 
     Raises:
         BadInput: one line per error, naming the file and the key.
@@ -178,8 +179,8 @@ def _times(
             t_us = np.round(past_s * 1e6).astype(np.int64)
         if not np.all(np.abs(past_s) < LONGEST_S) or not np.all(np.diff(t_us) > 0):
             raise BadInput(
-                f"{path}: t: expected finite times in s that rise from sample to sample, over at "
-                f"most {LONGEST_S:g} s"
+                f"{path}: t: expected finite times in s that increase from sample to sample, over "
+                f"at most {LONGEST_S:g} s"
             )
         return t_us, usual_rate_hz(t_us)
     rate_hz = float(arrays["fs"])

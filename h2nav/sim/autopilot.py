@@ -1,7 +1,7 @@
-"""The fake autopilot: a vehicle on a scenario that speaks MAVLink as ArduPilot or PX4 does.
+"""The fake autopilot: a vehicle on a scenario that speaks MAVLink like ArduPilot or PX4.
 
-It does no I/O and knows no clock: messages and host times go in, messages with their times come
-out. With the same options and the same input at the same times, the output is the same.
+It does no I/O and has no clock: it takes messages and host times and returns messages with their
+times. Equal options and equal input at equal times give equal output.
 """
 
 import math
@@ -29,7 +29,7 @@ from h2nav.sim.wheel_streams import wheel_stream
 SYSTEM_ID = 1
 IDENTITY = (SYSTEM_ID, AUTOPILOT_COMPONENT)
 REBOOT_SILENCE_NS = SECOND_NS
-# Faults that do something when they begin.
+# Faults with an effect at the moment they begin.
 MOMENTOUS = ("reboot", "rate", "power-off")
 TIMESYNC_EVERY = 10
 _FRAME_OVERHEAD = 12
@@ -37,21 +37,21 @@ _FRAME_OVERHEAD = 12
 
 @dataclass(frozen=True, slots=True)
 class AutopilotOptions:
-    """What a fake autopilot is.
+    """Options of a fake autopilot.
 
     Attributes:
         scenario: the flight.
         personality: ArduPilot or PX4.
         seed: of all random numbers.
-        faults: what goes wrong and when.
+        faults: the scheduled faults.
         sensor: the kind of IMU on board.
-        imus: how many of them, each with a compass.
-        extra_streams: messages of other components that it forwards.
-        boot_text: show the text that a serial port shows at power-on.
+        imus: number of IMUs, each with a compass.
+        extra_streams: forwarded messages of other components.
+        boot_text: send the text of a serial port at power-on.
         line_bytes_per_s: capacity of a serial line; None = no limit.
         wrong: calibration of the first IMU and its compass.
         parameters: set before it is switched on.
-        asks_to_arm: asks for an authorization when it shall arm.
+        asks_to_arm: requests an authorization before it arms.
     """
 
     scenario: Scenario
@@ -69,13 +69,13 @@ class AutopilotOptions:
 
 
 class Outgoing(NamedTuple):
-    """Something to put on the link.
+    """A message for the link.
 
     Attributes:
-        t_ns: host time at which it is sent.
+        t_ns: host time of sending.
         sysid: system id of the sender.
         compid: component id of the sender.
-        message: a message of pymavlink's dialect, or bytes that are no frame.
+        message: a message of pymavlink's dialect, or bytes that are not a frame.
     """
 
     t_ns: int
@@ -88,7 +88,7 @@ class FakeAutopilot:
     """One autopilot on one link.
 
     Args:
-        options: what it is.
+        options: of the autopilot.
     """
 
     def __init__(self, options: AutopilotOptions) -> None:
@@ -129,16 +129,16 @@ class FakeAutopilot:
 
     @property
     def next_deadline_ns(self) -> int:
-        """When `advance` has something to give next."""
+        """When `advance` returns the next message."""
         return self._now_ns if self._outbox else self._next_event_ns()
 
     @property
     def is_unpowered(self) -> bool:
-        """Whether its power has been taken away."""
+        """Whether its power is off."""
         return self._is_unpowered
 
     def advance(self, t_ns: int) -> list[Outgoing]:
-        """Everything that is sent until `t_ns`, in order; the first call switches the power on.
+        """Returns everything sent until `t_ns`, in order; the first call switches the power on.
 
         Args:
             t_ns: host time, never earlier than in the call before.
@@ -148,7 +148,7 @@ class FakeAutopilot:
         return sent
 
     def begin(self, t_ns: int, fault: Fault) -> None:
-        """A fault begins now.
+        """Begins a fault now.
 
         Args:
             t_ns: host time, never earlier than in the call before.
@@ -159,7 +159,7 @@ class FakeAutopilot:
         self._befall(fault)
 
     def end(self, t_ns: int, faults: Iterable[Fault]) -> None:
-        """Faults that act end now.
+        """Ends active faults now.
 
         Args:
             t_ns: host time, never earlier than in the call before.
@@ -186,16 +186,16 @@ class FakeAutopilot:
         self.vehicle.depart(t_ns + REBOOT_SILENCE_NS, scenario)
 
     def skip_to(self, t_ns: int) -> None:
-        """Leaves out what should have been sent before `t_ns`, when its process was stopped."""
+        """Skips what was due before `t_ns`, for a process that was stopped."""
         self.streams.skip_to(t_ns)
         self._heartbeat_ns = max(self._heartbeat_ns, t_ns)
 
     def on_message(self, t_ns: int, sysid: int, compid: int, msg_id: int, fields: Any) -> None:
-        """Takes a message that arrived at host time `t_ns`; its answers come with `advance`.
+        """Takes a message that arrived at host time `t_ns`; `advance` returns the answers.
 
         Args:
             t_ns: never earlier than in the call before.
-            sysid: of the sender; one that pretends to be this autopilot is ignored.
+            sysid: of the sender; a sender with this autopilot's id is ignored.
             compid: of the sender.
             msg_id: of the message.
             fields: its fields as attributes.
@@ -243,7 +243,7 @@ class FakeAutopilot:
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
     def _work(self) -> None:
-        """Does what is due at the present instant."""
+        """Does what is due now."""
         now_ns = self._now_ns
         self.vehicle.go_to(now_ns)
         if self._silent_until_ns is not None:
@@ -268,7 +268,7 @@ class FakeAutopilot:
                 self._send_other(message)
 
     def _befall(self, fault: Fault) -> None:
-        """What a fault does at the instant at which it begins; most only act from then on."""
+        """Applies the immediate effect of a fault; most act only from then on."""
         if fault.name == "reboot":
             self._reboot()
         elif fault.name == "power-off":
@@ -277,7 +277,7 @@ class FakeAutopilot:
             self._commands.override_rates(self._now_ns, float(fault.argument))
 
     def _boot(self) -> None:
-        """What is sent at power-on."""
+        """Sends the power-on messages."""
         text = self.options.personality.boot_text if self.options.boot_text else ()
         for piece in text:
             self._outbox.append(Outgoing(self._now_ns, *IDENTITY, piece))
@@ -343,7 +343,7 @@ class FakeAutopilot:
 
 
 def _streams_of(options: AutopilotOptions) -> tuple[Stream, ...]:
-    """Everything that can be had."""
+    """All available streams."""
     streams = (*options.personality.streams, *options.extra_streams)
     if options.scenario.wheels_at is None:
         return streams
@@ -351,7 +351,7 @@ def _streams_of(options: AutopilotOptions) -> tuple[Stream, ...]:
 
 
 def heartbeat(personality: Personality, vehicle: Vehicle) -> Any:
-    """The HEARTBEAT of the vehicle's present state."""
+    """The HEARTBEAT of the vehicle's current state."""
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if vehicle.is_armed else 0
     return mavlink.MAVLink_heartbeat_message(
         vehicle.scenario.mav_type if personality.mav_type is None else personality.mav_type,
@@ -364,7 +364,7 @@ def heartbeat(personality: Personality, vehicle: Vehicle) -> Any:
 
 
 def _concerns_us(fields: Any) -> bool:
-    """Whether a message is for everybody or for this autopilot."""
+    """Whether a message is addressed to all or to this autopilot."""
     system = getattr(fields, "target_system", 0)
     component = getattr(fields, "target_component", 0)
     return system in (0, SYSTEM_ID) and component in (0, AUTOPILOT_COMPONENT)

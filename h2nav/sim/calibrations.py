@@ -1,8 +1,8 @@
-"""The first IMU and its compass, mounted or calibrated wrongly, and the parameters that undo it.
+"""A wrongly mounted or calibrated first IMU and compass, and the parameters that correct it.
 
-What the autopilot shows is its sensors' raw values, corrected by the parameters that are set at the
-time, as ArduPilot corrects them. While its compass is wrong, so is the heading that it flies by:
-the model of an estimator that follows its compass alone.
+The autopilot sends its sensors' raw values, corrected with its current parameters as ArduPilot
+corrects them. While its compass is wrong, so is its heading: the model of an estimator that follows
+its compass alone.
 """
 
 import math
@@ -15,22 +15,22 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 UT_PER_MG = 0.1
 ZERO, ONE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-# Thrust of a multirotor that hovers; more thrust takes as much more throttle.
+# Throttle of a hovering multirotor; more thrust takes proportionally more.
 HOVER_THROTTLE = 0.35
-# COMPASS_ORIENT counts in steps of 45 deg about the vertical, then goes on otherwise.
+# COMPASS_ORIENT counts in steps of 45 deg about the vertical; larger values mean other rotations.
 YAW_STEP_DEG, YAW_STEPS = 45.0, 8
 SCALES = 0.7, 1.3
 
 
 class Miscalibration(NamedTuple):
-    """What is wrong with the first IMU and its compass.
+    """Errors of the first IMU and its compass.
 
     Attributes:
         compass_offset_mg: field of the vehicle's own parts, body axes.
-        compass_turned_deg: the compass is mounted turned by this about the vertical.
-        compass_scale: what it shows of each axis.
+        compass_turned_deg: rotation of the compass about the vertical.
+        compass_scale: scale factor per axis.
         motor_field_mg: field of the motors at full throttle, body axes.
-        accelerometer_scale: what it shows of each axis.
+        accelerometer_scale: scale factor per axis.
     """
 
     compass_offset_mg: Vec3 = ZERO
@@ -40,7 +40,7 @@ class Miscalibration(NamedTuple):
     accelerometer_scale: Vec3 = ONE
 
     def shown(self, sample: ImuSample, throttle: float, own: Mapping[str, float]) -> ImuSample:
-        """A sample of sound sensors as these ones and their parameters show it."""
+        """Applies the errors and the correction by parameters to a sample of sound sensors."""
         raw_b = _each(sample.f_b, self.accelerometer_scale, lambda f, scale: f * scale)
         shift = _axes(own, "INS_ACCOFFS_", 0.0)
         scale = _axes(own, "INS_ACCSCAL_", 1.0)
@@ -51,7 +51,7 @@ class Miscalibration(NamedTuple):
         return sample._replace(f_b=f_b, m_b_ut=field)
 
     def _field(self, m_b_ut: Vec3, throttle: float, own: Mapping[str, float]) -> Vec3:
-        """The corrected field, microtesla, of the true one."""
+        """The corrected field, microtesla, for the true field."""
         added = _each(
             self.compass_offset_mg,
             self.motor_field_mg,
@@ -82,12 +82,12 @@ SOUND = Miscalibration()
 
 
 def throttle_of(f_b: Vec3) -> float:
-    """Of a multirotor in the air that is pushed by this force, 0 to 1."""
+    """Throttle of a multirotor in the air with this specific force, 0 to 1."""
     return min(HOVER_THROTTLE * math.hypot(*f_b) / GRAVITY_M_S2, 1.0)
 
 
 def heading_error_rad(q_nb: Quat, m_b_ut: Vec3, declination_rad: float) -> float:
-    """Of a heading by compass: what it would show less the true one."""
+    """Error of a heading by compass: shown minus true."""
     north, east, _ = quaternion.rotate(q_nb, m_b_ut)
     return math.remainder(declination_rad - math.atan2(east, north), math.tau)
 

@@ -1,4 +1,4 @@
-"""The autopilot's answers to commands: streams, single messages, versions, reboot."""
+"""The autopilot's replies to commands: streams, single messages, versions, reboot."""
 
 import math
 from typing import Any
@@ -23,11 +23,11 @@ class CommandServer:
     """Obeys COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM.
 
     Args:
-        personality: whose rules hold.
+        personality: its rules.
         streams: of the link.
         vehicle: at the instant of the command.
-        asks_to_arm: as PX4 with COM_ARM_AUTH_REQ and two requests to arm: the first one asks for an
-            authorization, and one that comes while that holds is accepted; motors stay as they are.
+        asks_to_arm: as PX4 with COM_ARM_AUTH_REQ: the first request to arm asks for an
+            authorization, and one during its validity is accepted; motors stay as they are.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class CommandServer:
         self._wants_reboot = False
 
     def handle(self, t_ns: int, sender: tuple[int, int], msg_id: int, fields: Any) -> list[Any]:
-        """Obeys one message and returns the answers; a message that is no command gives none.
+        """Obeys one message and returns the replies; other messages give none.
 
         Args:
             t_ns: host time.
@@ -70,7 +70,7 @@ class CommandServer:
         return wanted
 
     def override_rates(self, t_ns: int, rate_hz: float) -> None:
-        """Gives every running stream another rate, without a word about it."""
+        """Gives every running stream another rate without notice."""
         for message_id in self._streams.running():
             self._streams.set_interval(t_ns, message_id, round(SECOND_NS / rate_hz))
 
@@ -92,7 +92,7 @@ class CommandServer:
         return mavlink.MAV_RESULT_UNSUPPORTED, []
 
     def _arm(self, t_ns: int, wanted: float) -> tuple[int, list[Any]]:
-        """The scenario decides about the motors, not the link; who asks others says so."""
+        """Replies to an arm command; the scenario alone decides about the motors."""
         if not self._asks_to_arm or wanted != 1.0:
             return mavlink.MAV_RESULT_DENIED, []
         if t_ns < self._authorized_until_ns:
@@ -102,7 +102,7 @@ class CommandServer:
         return mavlink.MAV_RESULT_TEMPORARILY_REJECTED, [asks]
 
     def _authorized(self, t_ns: int, ack: Any) -> None:
-        """An answer to who asked for an authorization."""
+        """Takes the reply to a request for authorization."""
         if ack.command == mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST and ack.result == ACCEPTED:
             self._authorized_until_ns = t_ns + ack.result_param2 * SECOND_NS
 
@@ -150,7 +150,7 @@ class CommandServer:
         )
 
     def _data_stream(self, t_ns: int, fields: Any) -> None:
-        """Overrides the intervals of a group, unasked and unacknowledged, as ArduPilot does."""
+        """Overrides the intervals of a group without acknowledgement, as ArduPilot does."""
         if not self._personality.takes_data_streams:
             return
         rate_hz = fields.req_message_rate if fields.start_stop else 0
@@ -160,13 +160,13 @@ class CommandServer:
 
 
 def _texts(form: str, message_id: int) -> list[Any]:
-    """STATUSTEXT in as many pieces as it takes; none without a form."""
+    """STATUSTEXT in as many chunks as needed; none without a form."""
     text = form.format(message_id).encode()
     return [
         mavlink.MAVLink_statustext_message(
             mavlink.MAV_SEVERITY_INFO,
             text[start : start + _TEXT_BYTES],
-            # A text of one piece has the id 0, which is no id.
+            # A text of one chunk has the id 0, which means no id.
             message_id % 65535 + 1 if len(text) > _TEXT_BYTES else 0,
             start // _TEXT_BYTES,
         )
@@ -175,5 +175,5 @@ def _texts(form: str, message_id: int) -> list[Any]:
 
 
 def _whole(number: float) -> int:
-    """A message id that came as a float; -1 if it is none."""
+    """A message id sent as a float; -1 if it is not whole."""
     return int(number) if math.isfinite(number) else -1

@@ -1,4 +1,4 @@
-"""A bad line: frames get lost, doubled, late, out of order, or mixed with noise."""
+"""A bad line: frames are lost, duplicated, late, reordered, or mixed with noise."""
 
 import heapq
 import random
@@ -9,9 +9,9 @@ _LATEST_SWAP_NS = 20_000_000
 
 
 class Delivery:
-    """Takes frames as they are sent and gives them as they arrive.
+    """Takes frames when they are sent and returns them when they arrive.
 
-    Without a fault that acts, frames pass unchanged and at once.
+    Without an active fault, frames pass unchanged and at once.
 
     Args:
         schedule: the faults.
@@ -30,7 +30,7 @@ class Delivery:
 
     @property
     def next_deadline_ns(self) -> int | None:
-        """When the next frame arrives; None while none is under way."""
+        """When the next frame arrives; None while none is in transit."""
         return self._queue[0][0] if self._queue else None
 
     def put(self, t_ns: int, frame: bytes) -> None:
@@ -59,14 +59,14 @@ class Delivery:
             self._push(due_ns, frame)
 
     def take(self, t_ns: int) -> list[bytes]:
-        """What has arrived until `t_ns`, in order."""
+        """Returns what has arrived until `t_ns`, in order."""
         arrived = []
         while self._queue and self._queue[0][0] <= t_ns:
             arrived.append(heapq.heappop(self._queue)[2])
         return arrived
 
     def clear(self) -> None:
-        """Loses everything under way."""
+        """Loses everything in transit."""
         self._queue.clear()
 
     def _push(self, due_ns: int, data: bytes) -> None:

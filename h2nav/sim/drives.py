@@ -1,4 +1,4 @@
-"""Drives of a rover with two driven wheels: exact arcs, and the way of each wheel."""
+"""Drives of a rover with two driven wheels: exact arcs, and the distance of each wheel."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ class Arc(NamedTuple):
 
 
 class _Start(NamedTuple):
-    """Where an arc begins."""
+    """The beginning of an arc."""
 
     t_s: float
     north_m: float
@@ -32,13 +32,13 @@ class _Start(NamedTuple):
 
 
 def _after(start: _Start, arc: Arc, share: float) -> _Start:
-    """Where the rover is after a share of an arc; exact."""
+    """The rover's place after a share of an arc; exact."""
     turn, way = share * arc.turn_rad, share * arc.way_m
     # A chord of an arc: sin(x)/x of half the turn, along the mean heading.
     half = 0.5 * turn
     chord = way * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     heading = start.yaw + half
-    # Turning right, as yaw counts it, the left wheel goes further.
+    # In a right turn (positive yaw) the left wheel goes further.
     return _Start(
         start.t_s + share * arc.length_s,
         start.north_m + chord * math.cos(heading),
@@ -82,7 +82,7 @@ class Drive:
         return from_angles(EulerAngles(jets.ZERO, jets.ZERO, yaw), Path(north, east, jets.ZERO))
 
     def wheels(self, t_s: float) -> tuple[float, float]:
-        """The way of the left and of the right wheel, m."""
+        """Distance of the left and of the right wheel, m."""
         start, arc = self._piece(t_s)
         here = _after(start, arc, jets.step(t_s, start.t_s, arc.length_s)[0])
         return here.left_m, here.right_m

@@ -1,4 +1,4 @@
-"""What can go wrong with the fake autopilot, and when, as in ``gyro-scale=1.02@10+5/2``."""
+"""Faults of the fake autopilot and their times, as in ``gyro-scale=1.02@10+5/2``."""
 
 import math
 import re
@@ -20,16 +20,16 @@ _UNTIMED = re.compile(r"(?P<name>[a-z-]+)(=(?P<value>[^@/]+))?(/(?P<imu>[1-3]))?
 
 
 class FaultKind(NamedTuple):
-    """One fault that can be asked for.
+    """A fault that can be requested.
 
     Attributes:
         summary: one line of help.
-        default: argument when none is given, "" where there is nothing to choose; None = one is
-            required, the name of a message.
+        default: argument if none is given, "" if there is no choice; None = required, the name of
+            a message.
         choices: the words allowed as argument; empty = a number.
         low: smallest number.
         high: largest number.
-        of_imu: it is a fault of one IMU or its compass, the first unless another one is named.
+        of_imu: it affects one IMU or its compass, by default the first.
     """
 
     summary: str
@@ -112,7 +112,7 @@ FAULT_KINDS: dict[str, FaultKind] = {
 
 
 class Fault(NamedTuple):
-    """A fault and its time, in seconds since the simulator started, and the IMU that has it."""
+    """A fault with its time, in seconds since the simulator started, and its IMU."""
 
     name: str
     argument: float | str
@@ -121,7 +121,7 @@ class Fault(NamedTuple):
     imu: int = 1
 
     def acts(self, t_s: float) -> bool:
-        """Whether it is there at `t_s`."""
+        """Whether it is active at `t_s`."""
         return self.start_s <= t_s < self.start_s + self.length_s
 
 
@@ -129,7 +129,7 @@ def parse_fault(text: str) -> Fault:
     """Reads ``NAME[=ARGUMENT]@START[+DURATION][/IMU]``, such as ``drop=0.2@10+5``.
 
     Raises:
-        BadInput: it is not of this form, or the fault or its argument is not known.
+        BadInput: wrong form, or unknown fault or argument.
     """
     match = _FORM.fullmatch(text)
     if match is None:
@@ -145,12 +145,12 @@ def parse_untimed_fault(text: str, start_s: float, length_s: float = math.inf) -
     """Reads ``NAME[=ARGUMENT][/IMU]``, such as ``gyro-scale=1.05/2``.
 
     Args:
-        text: of this form.
-        start_s: when it begins, in seconds since the simulator started.
-        length_s: how long it lasts.
+        text: in this form.
+        start_s: beginning, in seconds since the simulator started.
+        length_s: duration.
 
     Raises:
-        BadInput: it is not of this form, or the fault or its argument is not known.
+        BadInput: wrong form, or unknown fault or argument.
     """
     match = _UNTIMED.fullmatch(text)
     if match is None:
@@ -193,7 +193,7 @@ def _argument(text: str, name: str, value: str | None) -> float | str:
 
 
 class FaultSchedule:
-    """Which faults act at which time; they may begin and end while somebody looks on."""
+    """The faults and their times; faults may be added and ended while the simulator runs."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults: dict[str, list[Fault]] = {}
@@ -201,11 +201,11 @@ class FaultSchedule:
         self._replace(faults)
 
     def __contains__(self, name: str) -> bool:
-        """Whether a fault acts at any time at all."""
+        """Whether a fault of this name is scheduled at any time."""
         return name in self._faults
 
     def __iter__(self) -> Iterator[Fault]:
-        """All of them, those of one name together."""
+        """Yields all faults, grouped by name."""
         return (fault for faults in self._faults.values() for fault in faults)
 
     def __bool__(self) -> bool:
@@ -213,12 +213,12 @@ class FaultSchedule:
         return bool(self._faults)
 
     def begin(self, fault: Fault) -> None:
-        """Adds a fault, and forgets those that are over when it begins."""
+        """Adds a fault, and removes those that are over when it begins."""
         t_s = fault.start_s
         self._replace([*(old for old in self if t_s < old.start_s + old.length_s), fault])
 
     def end(self, t_s: float, ended: Iterable[Fault]) -> None:
-        """Takes faults away that act at `t_s`; the others stay.
+        """Removes faults that are active at `t_s`; the others stay.
 
         Args:
             t_s: seconds since the simulator started.
@@ -228,26 +228,26 @@ class FaultSchedule:
         self._replace(fault for fault in self if not (fault in gone and fault.acts(t_s)))
 
     def of_imu(self, imu: int) -> "FaultSchedule":
-        """The faults of one IMU, 1 being the first; it follows every change of this schedule."""
+        """The faults of one IMU, 1 being the first, as a live view of this schedule."""
         if imu not in self._parts:
             self._parts[imu] = FaultSchedule(self._only_of(imu))
         return self._parts[imu]
 
     def acting(self, name: str, t_s: float) -> list[Fault]:
-        """The faults of this name that act at `t_s`."""
+        """The faults of this name that are active at `t_s`."""
         return [fault for fault in self._faults.get(name, ()) if fault.acts(t_s)]
 
     def acts(self, name: str, t_s: float) -> bool:
-        """Whether the fault acts at `t_s`."""
+        """Whether the fault is active at `t_s`."""
         return name in self._faults and bool(self.acting(name, t_s))
 
     def number(self, name: str, t_s: float) -> float | None:
-        """The argument of the fault if it acts at `t_s`, else None."""
+        """The argument of the fault if it is active at `t_s`, otherwise None."""
         acting = self.acting(name, t_s)
         return float(acting[0].argument) if acting else None
 
     def words(self, name: str, t_s: float) -> list[str]:
-        """The arguments of all faults of this name that act at `t_s`."""
+        """The arguments of all faults of this name that are active at `t_s`."""
         return [str(fault.argument) for fault in self.acting(name, t_s)]
 
     def starts(self, name: str) -> list[Fault]:

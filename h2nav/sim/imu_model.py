@@ -1,9 +1,9 @@
-"""Inertial and magnetic sensors with the faults that data sheets admit, seeded and repeatable.
+"""Inertial and magnetic sensors with data-sheet errors, seeded and repeatable.
 
-One model serves two uses: sample by sample for the fake autopilot, and whole flights at once for
-`evaluate paper`. Both draw the same random numbers in the same order and give the same samples.
+One model works sample by sample for the fake autopilot and on whole flights for `evaluate paper`.
+Both draw the same random numbers in the same order and give the same samples.
 
-Noise densities are one-sided, as data sheets state them: samples at rate f carry white noise of
+Noise densities are one-sided, as in data sheets: samples at rate f carry white noise of
 density * sqrt(f / 2).
 """
 
@@ -27,20 +27,20 @@ NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
 _COLUMNS = 12
 _BLOCK = 256
 _SHORTEST_S = 1e-3
-# A gyro that is asked less often than this is not one long integral: it shows its latest value.
+# A gyro read less often than this is not one long integral: it returns its latest value.
 _LONGEST_INTEGRAL_S = 0.05
 _SHAKES_HZ = (87.0, 113.0, 71.0)
 
 
 class GyroSampling(Enum):
-    """What a gyro sample is."""
+    """The meaning of a gyro sample."""
 
     INSTANT = "instant"  # the rate at the sample's time
     MEAN = "mean"  # the mean rate since the sample before
 
 
 class ImuParameters(NamedTuple):
-    """What a sensor does to the truth; per axis, body frame.
+    """Errors of a sensor; per axis, body frame.
 
     Attributes:
         name: of the part.
@@ -99,11 +99,11 @@ MPU_9250 = ImuParameters(
 
 
 class Disturbance(NamedTuple):
-    """What the surroundings add to one sample, before the sensor's range limits it.
+    """Effects of the surroundings on one sample, before the sensor's range limits it.
 
     Attributes:
         hard_iron_ut: field added in the body frame, microtesla.
-        vibration_m_s2: amplitude of a shaking of the sensor, m/s^2, at 87 Hz and about.
+        vibration_m_s2: amplitude of a vibration of the sensor, m/s^2, near 87 Hz.
     """
 
     hard_iron_ut: Vec3 = NO_OFFSET
@@ -114,7 +114,7 @@ CALM = Disturbance()
 
 
 class Readings(NamedTuple):
-    """What ideal sensors read on a whole flight: arrays of one row per sample.
+    """Readings of ideal sensors over a whole flight: arrays with one row per sample.
 
     Attributes:
         t_us: (N,) int64, time stamps.
@@ -132,7 +132,7 @@ class Readings(NamedTuple):
 
 
 class ImuBatch(NamedTuple):
-    """What real sensors read on a whole flight; shapes and units as in `Readings`.
+    """Readings of real sensors over a whole flight; shapes and units as in `Readings`.
 
     Attributes:
         gyro_bias: (N, 3) the true bias in each sample, rad/s.
@@ -163,7 +163,7 @@ def readings(
     field: EarthField,
     gyro_sampling: GyroSampling = GyroSampling.MEAN,
 ) -> Readings:
-    """What ideal sensors read on a flight, to be given to `ImuModel.batch` of many seeds.
+    """Readings of ideal sensors on a flight, for `ImuModel.batch` with many seeds.
 
     Args:
         motion_at: the truth at t seconds.
@@ -190,7 +190,7 @@ class ImuModel:
         parameters: the sensor.
         field: the earth's field where the vehicle is.
         seed: of all its random numbers.
-        rate_hz: what the noise of the first sample is for; later ones go by their time stamps.
+        rate_hz: sets the noise of the first sample; later ones use their time stamps.
     """
 
     def __init__(
@@ -223,13 +223,13 @@ class ImuModel:
         disturbance: Disturbance = CALM,
         field_q_nb: Quat | None = None,
     ) -> ImuSample:
-        """One sample; `ImuSample.clipped` says that a value stands at the end of its range.
+        """Returns one sample; `ImuSample.clipped` is set if a value is at the end of its range.
 
         Args:
             t_us: time stamp, later than that of the sample before.
-            motion: the truth that rates and forces show.
-            disturbance: what the surroundings add.
-            field_q_nb: the attitude that the field shows; None = that of `motion`.
+            motion: the truth for rates and forces.
+            disturbance: of the surroundings.
+            field_q_nb: the attitude for the field; None = that of `motion`.
         """
         dt_s = self._first_dt_s
         if self._before_us is not None:
@@ -256,13 +256,13 @@ class ImuModel:
         return ImuSample(t_us, gyro, accel, mag, gyro_clipped or accel_clipped or mag_clipped)
 
     def batch(self, ideal: Readings) -> ImuBatch:
-        """A whole undisturbed flight: what a new model's `sample` gives, sample after sample.
+        """Returns a whole undisturbed flight, equal to a new model's `sample` called in turn.
 
         Args:
             ideal: made with this sensor's gyro sampling.
 
         Raises:
-            ValueError: samples have been taken from this model before.
+            ValueError: samples have already been taken from this model.
         """
         if self._before_us is not None:
             raise ValueError("a batch is the whole flight of a new model")
@@ -294,7 +294,7 @@ class ImuModel:
 
 
 class _IdealImu:
-    """Sensors without errors, which show the truth as this kind of gyro does."""
+    """Sensors without errors, with this kind of gyro."""
 
     def __init__(self, gyro_sampling: GyroSampling, field: EarthField) -> None:
         self._sampling = gyro_sampling
@@ -324,7 +324,7 @@ class _Digits:
     def read(
         self, true: Vec3, offset: Sequence[float], sigma: float, noise: Sequence[float]
     ) -> tuple[Vec3, bool]:
-        """Three noisy values as they come out, and whether one stands at its limit."""
+        """Three noisy values after conversion, and whether one is at its limit."""
         step, highest = self._step, self._highest
         counts = [
             round((x + b + sigma * n) / step) for x, b, n in zip(true, offset, noise, strict=True)
@@ -342,7 +342,7 @@ class _Digits:
 
 
 def _shaken(force: Vec3, t_us: int, amplitude_m_s2: float) -> Vec3:
-    """Specific force with a vibration whose frequencies no usual sampling rate sees as they are."""
+    """Specific force with a vibration that aliases at every usual sampling rate."""
     t_s = t_us * 1e-6
     x, y, z = (
         f + amplitude_m_s2 * math.sin(2.0 * math.pi * hz * t_s)

@@ -1,4 +1,4 @@
-"""IMU messages, each in the units and with the truncation that the real autopilots give it."""
+"""IMU messages with the units and the truncation of the real autopilots."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ RAW_SENSORS = mavlink.MAV_DATA_STREAM_RAW_SENSORS
 TEMPERATURE_CDEG = 2932
 _UNSCALED_FIELD = 1e6
 _ALL_UPDATED = 0x1FFF
-# PX4's estimator has taken all but this share of the gyro bias out, once it has settled.
+# Once settled, PX4's estimator has removed all but this share of the gyro bias.
 _PX4_BIAS_LEFT = 0.05
 _PX4_SETTLING_S = 15.0
 
@@ -30,7 +30,7 @@ def _integers(sample: ImuSample) -> tuple[int, ...]:
 
 
 def raw_imu(vehicle: Vehicle) -> Any:
-    """ArduPilot's RAW_IMU: not raw at all, but scaled."""
+    """ArduPilot's RAW_IMU, which is scaled in spite of its name."""
     values = _integers(vehicle.imu(0))
     return mavlink.MAVLink_raw_imu_message(vehicle.stamp_usec, *values, 0, TEMPERATURE_CDEG)
 
@@ -42,7 +42,7 @@ def scaled_imu(vehicle: Vehicle) -> Any:
 
 
 def scaled_imu2(vehicle: Vehicle) -> Any | None:
-    """The second IMU, where there is one."""
+    """The second IMU, if there is one."""
     if vehicle.imus < 2:
         return None
     values = _integers(vehicle.imu(1))
@@ -50,7 +50,7 @@ def scaled_imu2(vehicle: Vehicle) -> Any | None:
 
 
 def scaled_imu3(vehicle: Vehicle) -> Any | None:
-    """The third IMU; on a board with two a third compass: accelerometer and gyro are all zero."""
+    """The third IMU; on a board with two, a third compass with accelerometer and gyro zero."""
     if vehicle.imus < 2:
         return None
     has_third = vehicle.imus > 2
@@ -59,14 +59,14 @@ def scaled_imu3(vehicle: Vehicle) -> Any | None:
 
 
 def highres_imu_ardupilot(vehicle: Vehicle) -> Any:
-    """SI and gauss, no bias removed; gyro and accelerometer of the first IMU that has new data."""
+    """SI and gauss, bias included; gyro and accelerometer of the first IMU with new data."""
     gyro, accel = vehicle.gyro_in_use, vehicle.accel_in_use
     sample = vehicle.imu(0)._replace(w_b=vehicle.imu(gyro).w_b, f_b=vehicle.imu(accel).f_b)
     return _highres(vehicle, vehicle.stamp_usec, sample.w_b, sample, accel)
 
 
 def highres_imu_px4(vehicle: Vehicle) -> Any:
-    """SI and gauss, the estimator's gyro bias removed."""
+    """SI and gauss, without the gyro bias that the estimator removes."""
     sample = vehicle.imu(0)
     known = 1.0 - _PX4_BIAS_LEFT - math.exp(-vehicle.boot_us * 1e-6 / _PX4_SETTLING_S)
     known = max(known, 0.0)

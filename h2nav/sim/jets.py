@@ -1,4 +1,4 @@
-"""Functions of time with their first three derivatives, so that a motion is exact to its jerk.
+"""Functions of time with their first three derivatives: motions are exact to their jerk.
 
 A jet is the tuple (x, x', x'', x''') at one instant. The scenarios are sums and products of the few
 jets below; derivatives then follow by the product rule and are never differenced.
@@ -13,7 +13,7 @@ ZERO: Jet = (0.0, 0.0, 0.0, 0.0)
 
 
 def constant(x: float) -> Jet:
-    """The function that stands still at x."""
+    """The constant function x."""
     return (x, 0.0, 0.0, 0.0)
 
 
@@ -28,7 +28,7 @@ def sinusoid(t_s: float, amplitude: float, omega_rad_s: float, phase_rad: float 
 def step(t_s: float, start_s: float, length_s: float) -> Jet:
     """A rise from 0 to 1 between `start_s` and `start_s + length_s`, three times differentiable.
 
-    It is the polynomial of degree seven whose first three derivatives vanish at both ends.
+    The polynomial of degree seven whose first three derivatives vanish at both ends.
     """
     x = (t_s - start_s) / length_s
     if x <= 0.0:

@@ -1,6 +1,6 @@
-"""What a user tells the fake autopilot while it flies: an order in a line or by a key, an answer.
+"""Orders to the fake autopilot while it flies, from lines or keys, with a reply.
 
-The names are those of the command line; ``on`` and ``off`` stand in the place of times.
+Names are those of the command line, with ``on`` and ``off`` in place of times.
 """
 
 import math
@@ -12,7 +12,7 @@ from h2nav.sim.faults import FAULT_KINDS, Fault, FaultKind, parse_untimed_fault
 from h2nav.sim.personalities import PERSONALITIES
 from h2nav.sim.scenarios import SCENARIOS, scenario
 
-# What one key stands for: the faults that are most worth seeing, and the orders without arguments.
+# Orders of single keys: the most instructive faults, and the orders without arguments.
 KEYS = {
     "g": "gps-lost",
     "j": "gps-step",
@@ -40,7 +40,7 @@ list                                         the names of scenarios and faults
 keys                                         what single keys do on a terminal
 help                                         this list
 quit                                         the program ends"""
-# Over as soon as they have begun.
+# Faults without duration.
 _INSTANT = ("reboot", "rate")
 
 
@@ -48,7 +48,7 @@ class Orders:
     """Carries out orders.
 
     Args:
-        autopilot: that flies.
+        autopilot: to command.
     """
 
     def __init__(self, autopilot: FakeAutopilot) -> None:
@@ -63,17 +63,17 @@ class Orders:
         }
 
     def obey(self, t_ns: int, line: str) -> str:
-        """Carries out one line.
+        """Carries out one line and returns the reply.
 
         Args:
             t_ns: host time, never earlier than in any call of the autopilot before.
             line: such as ``gps-lost on`` or ``scenario hover``.
 
         Returns:
-            What has happened, for people; empty for an empty line.
+            The result, for people; empty for an empty line.
 
         Raises:
-            BadInput: it is no order, or it cannot be carried out now.
+            BadInput: not an order, or not possible now.
         """
         words = line.split()
         if not words:
@@ -102,7 +102,7 @@ class Orders:
         return f"scenario {name}: {chosen.summary}"
 
     def _fault(self, t_ns: int, words: list[str]) -> str:
-        """A fault begins or ends."""
+        """Begins or ends a fault."""
         name, sign, argument = words[0].partition("=")
         text = name.replace("_", "-") + sign + argument
         name = text.partition("=")[0].partition("/")[0]
@@ -133,7 +133,7 @@ class Orders:
             self._need_power()
         if fault.name in _INSTANT:
             fault = fault._replace(length_s=0.0)
-        # One number at a time: what acts on a value asks for the number once.
+        # One number at a time, because a value is read once per fault name.
         replaced = [
             old
             for old in self._meant(t_ns, fault.name, str(fault.imu))
@@ -148,7 +148,7 @@ class Orders:
         return f"over: {', '.join(map(shown, faults))}"
 
     def _meant(self, t_ns: int, name: str, imu: str) -> list[Fault]:
-        """The acting faults of a name, of one IMU or of any."""
+        """The active faults of a name, of one IMU or of any."""
         return [one for one in self._acting(t_ns) if one.name == name and imu in ("", str(one.imu))]
 
     def _acting(self, t_ns: int) -> list[Fault]:
@@ -171,14 +171,14 @@ def _seconds(text: str) -> float:
 
 
 def shown(fault: Fault) -> str:
-    """A fault as it is written in an order."""
+    """A fault in the form of an order."""
     argument = f"{fault.argument:g}" if isinstance(fault.argument, float) else fault.argument
     imu = f"/{fault.imu}" if FAULT_KINDS[fault.name].of_imu else ""
     return f"{fault.name}{'=' if argument else ''}{argument}{imu}"
 
 
 def key_table() -> str:
-    """What each key stands for, several to a line."""
+    """The orders of the keys, several per line."""
     entries = [
         f"{key} {order}" for key, order in {**KEYS, ":": "type an order", "q": "quit"}.items()
     ]

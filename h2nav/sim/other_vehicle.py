@@ -1,4 +1,4 @@
-"""A second autopilot on the same link: at rest, nose 30 deg up, and not to be used."""
+"""A second autopilot on the same link, at rest, nose 30 deg up, which must be ignored."""
 
 import copy
 import math
@@ -14,7 +14,7 @@ _YAW = 1.0
 
 
 def of_other_vehicle(message: Any) -> Any | None:
-    """What the second autopilot sends while the first sends `message`; None = nothing."""
+    """What the second autopilot sends when the first sends `message`; None = nothing."""
     if isinstance(message, mavlink.MAVLink_heartbeat_message):
         return message
     other = copy.copy(message)

@@ -1,4 +1,4 @@
-"""The autopilot's parameters: a handful of the real names, answered as the protocol wants it."""
+"""The autopilot's parameters: a few of the real names, served by the parameter protocol."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ class ParameterServer:
 
     @property
     def values(self) -> Mapping[str, float]:
-        """As they stand now."""
+        """The current values."""
         return self._values
 
     def every_value(self) -> list[Any]:
@@ -28,14 +28,14 @@ class ParameterServer:
         return [self._message(index) for index in range(len(self._names))]
 
     def read(self, fields: Any) -> Any | None:
-        """The answer to PARAM_REQUEST_READ, by index or by name; None = no such parameter."""
+        """Returns the reply to PARAM_REQUEST_READ, by index or name; None = no such parameter."""
         if fields.param_index >= 0:
             known = fields.param_index < len(self._names)
             return self._message(fields.param_index) if known else None
         return self._by_name(fields.param_id)
 
     def write(self, fields: Any) -> Any | None:
-        """Obeys PARAM_SET and answers with the value that now stands."""
+        """Applies PARAM_SET and returns the new value."""
         if fields.param_id in self._values and math.isfinite(fields.param_value):
             self._values[fields.param_id] = fields.param_value
         return self._by_name(fields.param_id)

@@ -1,4 +1,4 @@
-"""What differs between makes of autopilots, as observed: one record each."""
+"""The observed differences between makes of autopilots, one record each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2
 from h2nav.sim.vehicle import Ages
 
 MS_NS = 1_000_000
-# Of the first IMU and its compass, as a vehicle has them that was never calibrated.
+# For the first IMU and its compass, as on a vehicle that was never calibrated.
 UNCALIBRATED = {
     **{f"INS_ACCOFFS_{axis}": 0.0 for axis in "XYZ"},
     **{f"INS_ACCSCAL_{axis}": 1.0 for axis in "XYZ"},
@@ -36,7 +36,7 @@ PLANE_LOOP_HZ = 50
 
 
 class Personality(NamedTuple):
-    """How one make of autopilot behaves.
+    """The behaviour of one make of autopilot.
 
     Attributes:
         name: as on the command line.
@@ -44,16 +44,16 @@ class Personality(NamedTuple):
         base_mode: of its heartbeat while disarmed.
         custom_modes: of its heartbeat on the ground and in the air.
         flight_sw_version: of AUTOPILOT_VERSION: major, minor, patch, kind of release.
-        streams: what it can send.
-        interval_ns: the interval it keeps when asked for one, ns; None = it refuses.
-        refusal: MAV_RESULT of a refused or unknown stream.
-        too_fast_text: STATUSTEXT about a refused rate, with {} for the message id; empty = none.
+        streams: that it can send.
+        interval_ns: requested interval -> the one it uses, ns; None = it refuses.
+        refusal: MAV_RESULT for a refused or unknown stream.
+        too_fast_text: STATUSTEXT on a refused rate, with {} for the message id; empty = none.
         unknown_text: the same about an unknown message.
         takes_data_streams: whether it obeys REQUEST_DATA_STREAM.
         stamp_jitter_us: the largest delay between an IMU sample and its time stamp.
-        ages: how old what its messages show is at their time.
+        ages: how old the content of its messages is at their time stamp.
         parameters: values by name.
-        boot_text: what a serial port shows at power-on, before and after the first heartbeats.
+        boot_text: text of a serial port at power-on, before and after the first heartbeats.
         mav_type: MAV_TYPE of its heartbeat; None = that of the scenario's vehicle.
     """
 
@@ -76,7 +76,7 @@ class Personality(NamedTuple):
 
 
 def _ardupilot_interval(loop_hz: int) -> Callable[[int], int | None]:
-    """ArduPilot cuts to whole milliseconds and sends at some 80 % of its main loop at most.
+    """ArduPilot truncates to whole milliseconds and sends at most at 80 % of its main loop.
 
     A loop of 50 Hz gives 40 Hz, one of 400 Hz gives 333.
     """
@@ -90,7 +90,7 @@ def _ardupilot_interval(loop_hz: int) -> Callable[[int], int | None]:
 
 
 def _as_asked(asked_ns: int) -> int | None:
-    """PX4 keeps microseconds and refuses no rate; it sends a thousand times a second at most."""
+    """PX4 keeps microseconds and refuses no rate; it sends at most at 1000 Hz."""
     return max(asked_ns, MS_NS)
 
 
@@ -114,7 +114,7 @@ ARDUPILOT = Personality(
     takes_data_streams=True,
     # The stamp is taken when the message is sent; intervals were seen to vary by 0.09 ms.
     stamp_jitter_us=200,
-    # A low-pass of 20 Hz; the compass is read at 10 Hz, and the mean since the last time is shown.
+    # A low-pass of 20 Hz; the compass is read at 10 Hz and averaged between messages.
     ages=Ages(0.01125, 0.05),
     parameters={
         "SYSID_THISMAV": 1.0,
@@ -136,7 +136,7 @@ ARDUPILOT = Personality(
     ),
 )
 
-# The loop of planes and rovers is slow: many a rate that a copter grants is refused.
+# The loop of planes and rovers is slow: it refuses many rates that a copter grants.
 ARDUPLANE = ARDUPILOT._replace(
     name="arduplane",
     custom_modes=(0, 10),
@@ -159,7 +159,7 @@ ARDUPLANE = ARDUPILOT._replace(
     mav_type=mavlink.MAV_TYPE_FIXED_WING,
 )
 
-# PX4's mode `onboard`: what comes on a companion's link without a word.
+# PX4's mode `onboard`: the default streams of a companion's link.
 _PX4_DEFAULTS_HZ = {
     "attitude": 100.0,
     "attitude_quaternion": 50.0,
@@ -212,7 +212,7 @@ def personality(name: str) -> Personality:
     """The personality called `name`.
 
     Raises:
-        BadInput: there is none of that name.
+        BadInput: there is none.
     """
     if name not in PERSONALITIES:
         known = ", ".join(PERSONALITIES)

@@ -1,4 +1,4 @@
-"""The exact motion of a rigid vehicle, from Euler angles or from the path of a multirotor."""
+"""Exact motion of a rigid vehicle, from Euler angles or from the path of a multirotor."""
 
 import math
 from typing import NamedTuple
@@ -12,14 +12,14 @@ ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Motion(NamedTuple):
-    """Where a vehicle is and how it moves at one instant.
+    """Position and motion of a vehicle at one instant.
 
     Attributes:
         q_nb: attitude, body (FRD) to NED with true north.
         w_b: angular rate of the body, rad/s.
-        a_n: acceleration, NED, m/s^2, gravity not in it.
+        a_n: acceleration, NED, m/s^2, without gravity.
         v_n: velocity, NED, m/s.
-        p_n: position, NED, m from the place where the scenario starts.
+        p_n: position, NED, m from the start of the scenario.
     """
 
     q_nb: Quat
@@ -30,7 +30,7 @@ class Motion(NamedTuple):
 
 
 class EulerAngles(NamedTuple):
-    """Jets of the z-y-x angles, rad; pitch may run beyond +-90 deg."""
+    """Jets of the z-y-x angles, rad; pitch may exceed +-90 deg."""
 
     roll: Jet
     pitch: Jet
@@ -46,7 +46,7 @@ class Path(NamedTuple):
 
 
 def specific_force(motion: Motion) -> Vec3:
-    """Returns what an ideal accelerometer in the centre measures, body frame, m/s^2."""
+    """Returns the reading of an ideal accelerometer in the centre, body frame, m/s^2."""
     a = motion.a_n
     w, x, y, z = motion.q_nb
     return quaternion.rotate((w, -x, -y, -z), (a[0], a[1], a[2] - GRAVITY_M_S2))
@@ -55,8 +55,8 @@ def specific_force(motion: Motion) -> Vec3:
 def mean_rate(before: Quat, after: Quat, dt_s: float) -> Vec3:
     """The constant body rate, rad/s, that turns `before` into `after` in `dt_s`.
 
-    This is what a gyro shows that integrates between its samples. The vehicle must turn by less
-    than half a turn meanwhile.
+    This is the reading of a gyro that integrates between its samples. The vehicle must turn by less
+    than half a turn.
     """
     w, x, y, z = before
     turn = quaternion.log(quaternion.multiply((w, -x, -y, -z), after))
@@ -99,7 +99,7 @@ def of_multirotor(path: Path, wind: Path, yaw: Jet, drag_per_s: float) -> Motion
         drag_per_s: drag acceleration per speed through the air, 1/s.
 
     Raises:
-        ValueError: the path asks for less than a fifth of the thrust of hovering.
+        ValueError: the path needs less than a fifth of the thrust of hovering.
     """
     k = drag_per_s
     thrust = [path[i][2] + k * (path[i][1] - wind[i][1]) for i in range(3)]

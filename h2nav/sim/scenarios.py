@@ -1,7 +1,7 @@
 """Named flights with exact truth: attitude, rate, acceleration, velocity and position at any time.
 
 Every scenario is defined for all t >= 0. Beyond `Scenario.duration_s` the periodic ones repeat and
-the others hold their last state; before 0 the vehicle stands as it does at 0.
+the others hold their last state; before 0 the vehicle is at rest in its initial state.
 """
 
 import math
@@ -27,12 +27,12 @@ class Scenario(NamedTuple):
     Attributes:
         name: as on the command line.
         summary: one line of help.
-        duration_s: the length that shows all of it.
+        duration_s: length that shows all of it.
         motion_at: the truth at t seconds after the start.
         armed_s: when the motors are armed; None = never.
-        airborne_s: when the vehicle leaves the ground, or a rover its place; None = never.
+        airborne_s: when the vehicle takes off, or a rover starts; None = never.
         mav_type: MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover.
-        wheels_at: way of the left and right wheel, m, at t seconds; None without wheels.
+        wheels_at: distance of the left and right wheel, m, at t seconds; None without wheels.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Scenario(NamedTuple):
         return self.armed_s is not None and t_s >= self.armed_s
 
     def is_airborne(self, t_s: float) -> bool:
-        """Whether the vehicle has left the ground at `t_s`."""
+        """Whether the vehicle is off the ground at `t_s`."""
         return self.airborne_s is not None and t_s >= self.airborne_s
 
 
@@ -61,7 +61,7 @@ def scenario(name: str) -> Scenario:
     """The scenario called `name`.
 
     Raises:
-        BadInput: there is none of that name.
+        BadInput: there is none.
     """
     if name not in SCENARIOS:
         known = ", ".join(SCENARIOS)
@@ -76,7 +76,7 @@ def _rest(_t_s: float) -> Motion:
 def _sinusoidal(
     roll_deg: float, pitch_deg: float, yaw_deg: float, omega_rad_s: float
 ) -> Callable[[float], Motion]:
-    """Roll, pitch and yaw in phase, as the source paper's two cases are understood here."""
+    """Roll, pitch and yaw in phase: our reading of the source paper's two cases."""
 
     def motion_at(t_s: float) -> Motion:
         roll, pitch, yaw = (
@@ -92,12 +92,12 @@ REST_S = 3.0
 
 
 def _from_rest(path: Path, rise: Jet) -> Path:
-    """A path that grows out of its origin."""
+    """A path that starts at its origin."""
     return Path(*(jets.product(rise, axis) for axis in path))
 
 
 def _hover(t_s: float) -> Motion:
-    """Holding a place in gusty wind: the tilt is that of leaning into the gusts."""
+    """Holds its place in gusty wind by leaning into the gusts."""
     rise = jets.step(t_s, REST_S, 3.0)
     path = Path(
         jets.total((jets.sinusoid(t_s, 0.30, 0.9), jets.sinusoid(t_s, 0.015, 4.1, 1.0))),
@@ -109,7 +109,7 @@ def _hover(t_s: float) -> Motion:
 
 
 def _gusts(t_s: float) -> Path:
-    """The path of air that comes to blow with 3 m/s from the south-west, with gusts of 1 m/s."""
+    """The path of air that starts to blow with 3 m/s from the south-west, with gusts of 1 m/s."""
     rise = jets.step(t_s, REST_S, 3.0)
     steady = jets.scaled(jets.ramp(t_s, REST_S, 3.0), 2.1)
     north = jets.total((jets.sinusoid(t_s, 1.4, 0.71), jets.sinusoid(t_s, 0.2, 2.9)))
@@ -122,7 +122,7 @@ def _gusts(t_s: float) -> Path:
 
 
 def _aggressive(t_s: float) -> Motion:
-    """A Lissajous figure at up to 11 m/s and 60 deg of tilt, the nose turning all the while."""
+    """A Lissajous figure at up to 11 m/s and 60 deg of tilt, with the nose turning."""
     rise = jets.step(t_s, REST_S, 6.0)
     path = Path(
         jets.total((jets.sinusoid(t_s, 9.0, 0.95), jets.sinusoid(t_s, 0.25, 3.1, 0.4))),
@@ -142,7 +142,7 @@ STILL_AIR = Path(jets.ZERO, jets.ZERO, jets.ZERO)
 
 
 def _spin(t_s: float) -> Motion:
-    """At rest for 2 s, then up to 360 deg/s about the vertical while wobbling by 10 deg."""
+    """At rest for 2 s, then up to 360 deg/s about the vertical with 10 deg of wobble."""
     rise = jets.step(t_s, 2.0, 2.0)
     return from_angles(
         EulerAngles(
@@ -154,7 +154,7 @@ def _spin(t_s: float) -> Motion:
 
 
 def _loop(t_s: float) -> Motion:
-    """At rest for 2 s, then looping at 90 deg/s exactly through both pitch poles."""
+    """At rest for 2 s, then loops at 90 deg/s exactly through both pitch poles."""
     rise = jets.step(t_s, 2.0, 2.0)
     return from_angles(
         EulerAngles(
@@ -179,7 +179,7 @@ class _Leg(NamedTuple):
 
 TAKE_OFF_S = 5.0
 _TAKE_OFF = _Leg(4.0, down_m=-8.0, turn_deg=10.0)
-# A round trip, flown again and again; its legs add up to nothing but whole turns.
+# A round trip that repeats; its legs add up to whole turns.
 _ROUND = (
     _Leg(4.0, north_m=14.0, turn_deg=35.0),
     _Leg(3.5, east_m=10.0, down_m=-2.0),
@@ -195,7 +195,7 @@ def _flight(t_s: float) -> Motion:
     since_s = t_s - TAKE_OFF_S
     legs: list[tuple[float, _Leg]] = [(0.0, _TAKE_OFF)]
     start_s = _TAKE_OFF.length_s
-    # Whole rounds end where they began: only the round that is being flown counts.
+    # Whole rounds end where they began, so only the current one counts.
     if since_s > start_s:
         start_s += _ROUND_S * math.floor((since_s - start_s) / _ROUND_S)
     for leg in _ROUND:
@@ -213,7 +213,7 @@ def _flight(t_s: float) -> Motion:
 
 
 def _light_wind(since_s: float) -> Path:
-    """Gusts of 1 m/s that take hold as the vehicle leaves the ground."""
+    """Gusts of 1 m/s that begin at take-off."""
     rise = jets.step(since_s, 0.0, _TAKE_OFF.length_s)
     return Path(
         jets.product(rise, jets.sinusoid(since_s, 1.0, 0.8)),

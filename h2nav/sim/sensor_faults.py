@@ -1,4 +1,4 @@
-"""Faults of the sensors themselves: what they do to a sample of an IMU, or to a fix of the GPS."""
+"""Faults of the sensors: their effect on a sample of an IMU or a fix of the receiver."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.faults import AXES, FaultSchedule
 from h2nav.sim.imu_model import CALM, Disturbance
 
-# Beyond what any message can say, so that integers stand at their ends.
+# Beyond the range of any message, so that integers saturate.
 _BEYOND_RANGE = 1e9
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -23,7 +23,7 @@ def _limited(v: Vec3, limit: float) -> Vec3:
     return (x, y, z)
 
 
-# What each fault makes of a sample, given its argument; those that act are applied in this order.
+# Effect of each fault on a sample, given its argument; active ones are applied in this order.
 SAMPLE_FAULTS: dict[str, Callable[[ImuSample, float], ImuSample]] = {
     "gyro-bias": lambda s, x: s._replace(w_b=(s.w_b[0] + x * DEG, s.w_b[1], s.w_b[2])),
     "gyro-scale": lambda s, x: s._replace(w_b=_scaled(s.w_b, x)),
@@ -38,12 +38,12 @@ SAMPLE_FAULTS: dict[str, Callable[[ImuSample, float], ImuSample]] = {
     "compass-reversed": lambda s, _: s._replace(m_b_ut=_scaled(s.m_b_ut or ZERO, -1.0)),
     "no-mag": lambda s, _: s._replace(m_b_ut=ZERO),
 }
-# What each fault makes of the axis that is its argument.
+# Effect of each fault on the axis in its argument.
 AXIS_FAULTS: dict[str, Callable[[float], float]] = {
     "saturate": lambda value: math.copysign(_BEYOND_RANGE, value),
     "nan": lambda _: math.nan,
 }
-# The axes that repeat the values of when the fault began.
+# The axes that keep their values from the beginning of the fault.
 FROZEN_AXES = {
     "imu-frozen": AXES,
     "gyro-frozen": AXES[0:3],
@@ -64,14 +64,14 @@ class SensorFaults:
         self._held: dict[str, float] = {}
 
     def disturbance(self, t_s: float) -> Disturbance:
-        """What the surroundings add at `t_s`."""
+        """Effects of the surroundings at `t_s`."""
         if not self._schedule:
             return CALM
         iron = self._schedule.number("hard-iron", t_s) or 0.0
         return Disturbance((iron, 0.0, 0.0), self._schedule.number("vibration", t_s) or 0.0)
 
     def apply(self, t_s: float, sample: ImuSample) -> ImuSample:
-        """The sample as the faulty sensor gives it."""
+        """The sample of the faulty sensor."""
         if not self._schedule:
             self._held.clear()
             return sample
@@ -92,18 +92,18 @@ class SensorFaults:
         )
 
     def has_gyro_data(self, t_s: float) -> bool:
-        """Whether the gyro has new values, as far as the autopilot notices."""
+        """Whether the gyro has new values from the autopilot's point of view."""
         return not self._acts(("imu-frozen", "gyro-frozen"), t_s)
 
     def has_accel_data(self, t_s: float) -> bool:
-        """Whether the accelerometer has new values, as far as the autopilot notices."""
+        """Whether the accelerometer has new values from the autopilot's point of view."""
         return not self._acts(("imu-frozen", "accel-frozen"), t_s)
 
     def _acts(self, names: tuple[str, ...], t_s: float) -> bool:
         return any(self._schedule.acts(name, t_s) for name in names)
 
     def _frozen(self, t_s: float) -> list[str]:
-        """The axes that stand still at `t_s`."""
+        """The axes frozen at `t_s`."""
         frozen = self._schedule.words("stuck", t_s)
         for name, axes in FROZEN_AXES.items():
             if self._schedule.acts(name, t_s):
@@ -112,11 +112,11 @@ class SensorFaults:
 
 
 class GpsReading(NamedTuple):
-    """What a receiver measures.
+    """A receiver's measurement.
 
     Attributes:
-        has_fix: whether it knows where it is.
-        p_n: position, NED, m from the place where the scenario starts.
+        has_fix: whether it has a fix.
+        p_n: position, NED, m from the start of the scenario.
         v_n: velocity, NED, m/s.
     """
 
@@ -126,9 +126,9 @@ class GpsReading(NamedTuple):
 
 
 def faulty_gps(schedule: FaultSchedule, t_s: float, reading: GpsReading) -> GpsReading:
-    """The reading with the receiver's faults at `t_s`, but for ``gps-lag``.
+    """The reading with the receiver's faults at `t_s`, except ``gps-lag``.
 
-    An error of the velocity is one of the position as well, as of a receiver that is led astray.
+    A velocity error also moves the position, as with a spoofed receiver.
     """
     (north_m, east_m, down_m), (north_m_s, east_m_s, down_m_s) = reading.p_n, reading.v_n
     for fault in schedule.acting("gps-step", t_s):

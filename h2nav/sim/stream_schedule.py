@@ -1,4 +1,4 @@
-"""When each stream is due, on a line that may be too slow for all of them."""
+"""Schedules the streams on a line that may be too slow for all of them."""
 
 import heapq
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from h2nav.sim.streams import Stream
 
 SECOND_NS = 1_000_000_000
-# A sender's buffer: what is due while this much waits is put off, as ArduPilot does.
+# A sender's buffer: streams are deferred while this much is queued, as ArduPilot does.
 _LINE_BUFFER_NS = 20_000_000
 
 
@@ -14,8 +14,8 @@ class StreamSchedule:
     """Intervals and due times of the streams of one link.
 
     Args:
-        streams: all that can be had.
-        line_bytes_per_s: what the line carries; None = anything.
+        streams: all that are available.
+        line_bytes_per_s: capacity of the line; None = unlimited.
     """
 
     def __init__(self, streams: Iterable[Stream], line_bytes_per_s: float | None = None) -> None:
@@ -30,23 +30,23 @@ class StreamSchedule:
         self.put_off = 0
 
     def offer(self, streams: Iterable[Stream]) -> None:
-        """From now on these can be had and no others; none may be running."""
+        """Replaces the available streams; none may be running."""
         self._streams = {stream.message_id: stream for stream in streams}
 
     @property
     def next_deadline_ns(self) -> int | None:
         """When the next stream is due; None while none is running."""
-        # Entries that a newer interval has replaced are passed over.
+        # Entries replaced by a newer interval are skipped.
         while self._due and self._current.get(self._due[0][2]) != self._due[0][1]:
             heapq.heappop(self._due)
         return self._due[0][0] if self._due else None
 
     def stream(self, message_id: int) -> Stream | None:
-        """The stream of a message, None if this autopilot does not have it."""
+        """The stream of a message, None if this autopilot lacks it."""
         return self._streams.get(message_id)
 
     def interval_ns(self, message_id: int) -> int:
-        """The present interval of a stream; 0 = not running."""
+        """The current interval of a stream; 0 = not running."""
         return self._intervals_ns.get(message_id, 0)
 
     def of_group(self, group: int) -> list[int]:
@@ -58,11 +58,11 @@ class StreamSchedule:
         ]
 
     def running(self) -> list[int]:
-        """Message ids of the streams that run."""
+        """Message ids of the running streams."""
         return list(self._intervals_ns)
 
     def start_defaults(self, t_ns: int) -> None:
-        """Starts what is sent without being asked for."""
+        """Starts the streams that are sent without a request."""
         for message_id, stream in self._streams.items():
             if stream.default_hz > 0.0:
                 self.set_interval(t_ns, message_id, round(SECOND_NS / stream.default_hz))
@@ -76,18 +76,18 @@ class StreamSchedule:
             self._push(t_ns + interval_ns, message_id)
 
     def stop_all(self) -> None:
-        """No stream runs any more."""
+        """Stops all streams."""
         self._intervals_ns.clear()
         self._current.clear()
         self._due.clear()
 
     def skip_to(self, t_ns: int) -> None:
-        """Leaves out what should have been sent before `t_ns`."""
+        """Skips what was due before `t_ns`."""
         for message_id, interval_ns in list(self._intervals_ns.items()):
             self.set_interval(t_ns, message_id, interval_ns)
 
     def has_room(self, t_ns: int) -> bool:
-        """Whether the line takes another message at `t_ns`."""
+        """Whether the line accepts another message at `t_ns`."""
         return self._line_free_ns - t_ns <= _LINE_BUFFER_NS
 
     def occupy(self, t_ns: int, size_bytes: int) -> None:
@@ -95,11 +95,11 @@ class StreamSchedule:
         self._line_free_ns = max(self._line_free_ns, t_ns) + size_bytes * self._ns_per_byte
 
     def pop_due(self, t_ns: int) -> Stream | None:
-        """Takes the stream that is due (see `next_deadline_ns`) and plans its next turn.
+        """Returns the due stream (see `next_deadline_ns`) and schedules its next turn.
 
         Returns:
-            None if the line is full at `t_ns`. Streams that are put off queue for the line, so
-            that all of them get slower alike.
+            None if the line is full at `t_ns`. Deferred streams queue for the line, so that all of
+            them slow down alike.
         """
         message_id = heapq.heappop(self._due)[2]
         if not self.has_room(t_ns):

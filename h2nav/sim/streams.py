@@ -1,7 +1,7 @@
-"""The messages that any autopilot of the simulator can send: one row each, maker and default rate.
+"""The messages that the simulated autopilots can send: one row each, maker and default rate.
 
-A maker turns the vehicle at its present instant into a message, or into None when there is nothing
-to say. A new message is a new row in a personality's table; nothing else changes.
+A maker turns the vehicle's current state into a message, or None. A new message is a new row in a
+personality's table; nothing else changes.
 """
 
 import math
@@ -21,14 +21,14 @@ AUTOPILOT_COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 
 class Stream(NamedTuple):
-    """One message that an autopilot sends at a rate.
+    """A message that an autopilot sends at a rate.
 
     Attributes:
         make: the message at the vehicle's present instant.
         message: pymavlink's class of it.
-        default_hz: its rate before anybody asks; 0 = not sent.
-        group: the MAV_DATA_STREAM that REQUEST_DATA_STREAM finds it in; None = in none.
-        compid: who sends it; others than the autopilot are forwarded by it.
+        default_hz: its rate without a request; 0 = not sent.
+        group: its MAV_DATA_STREAM for REQUEST_DATA_STREAM; None = in none.
+        compid: the sender; the autopilot forwards messages of other components.
     """
 
     make: Callable[[Vehicle], Any | None]
@@ -44,7 +44,7 @@ class Stream(NamedTuple):
 
 
 def clipped_int16(x: float) -> int:
-    """Truncates toward zero, as a C cast does; what is not a number reads 0."""
+    """Truncates toward zero, as a C cast does; NaN becomes 0."""
     if math.isnan(x):
         return 0
     return int(min(max(x, -INT16_END), INT16_END))
@@ -75,7 +75,7 @@ def ahrs2(vehicle: Vehicle) -> Any:
 def gps_raw_int(vehicle: Vehicle) -> Any:
     """A position fix with metre noise and a velocity with the noise of a good receiver.
 
-    A receiver that has lost its fix goes on with its last idea of both, as ArduPilot's was seen to.
+    A receiver that has lost its fix repeats its last position and velocity, as ArduPilot's does.
     """
     measured = vehicle.gps
     latitude, longitude, altitude_m = vehicle.geographic(measured.p_n)
@@ -167,7 +167,7 @@ def extended_sys_state(vehicle: Vehicle) -> Any:
 
 
 def sys_status(vehicle: Vehicle) -> Any:
-    """Sensors present and well, half a battery."""
+    """Sensors present and healthy, half a battery."""
     sensors = (
         mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
         | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -228,7 +228,7 @@ ALL_AUTOPILOTS: tuple[Stream, ...] = (
         group=mavlink.MAV_DATA_STREAM_EXTENDED_STATUS,
     ),
     Stream(system_time, mavlink.MAVLink_system_time_message, group=mavlink.MAV_DATA_STREAM_EXTRA3),
-    # Neither real autopilot nor ground station has the truth; a simulator of ArduPilot sends it,
-    # and ours does so with both personalities.
+    # Neither a real autopilot nor a ground station knows the truth; a simulator of ArduPilot sends
+    # it, and this one sends it with both personalities.
     Stream(simstate, mavlink.MAVLink_simstate_message, group=mavlink.MAV_DATA_STREAM_EXTRA3),
 )

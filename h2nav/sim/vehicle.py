@@ -43,20 +43,20 @@ HOME = Place(
 UNIX_AT_START_US = 1_790_000_000_000_000
 EARTH_RADIUS_M = 6_371_000.0
 WRAP = 1 << 32
-# Of the gyro bias that is left after the calibration at power-on, per axis.
+# Gyro bias left after the calibration at power-on, per axis.
 LEFT_BIAS_DEG_S = 0.1
-# Deviations of roll, pitch and yaw of the autopilot's estimators, rad: of the one that it flies on,
-# and of the one that it keeps beside it.
+# Deviations of roll, pitch and yaw of the autopilot's estimators, rad: of the main one and of the
+# second one.
 OWN_ERROR: Vec3 = (0.1 * DEG, 0.1 * DEG, 0.4 * DEG)
 SECOND_ERROR: Vec3 = (0.4 * DEG, 0.4 * DEG, 1.2 * DEG)
 
 
 class Ages(NamedTuple):
-    """How old what the autopilot's messages show is at their time, s.
+    """Age of the content of the autopilot's messages at their time stamp, s.
 
     Attributes:
-        rates_s: rates and forces, which have gone through a low-pass.
-        field_s: the field, which is read now and then.
+        rates_s: rates and forces, which have passed a low-pass.
+        field_s: the field, which is read less often.
     """
 
     rates_s: float
@@ -73,16 +73,16 @@ class Estimate(NamedTuple):
 
 
 class Vehicle:
-    """A vehicle on its scenario, looked at with `go_to`; all else is of the latest instant.
+    """A vehicle on its scenario, advanced with `go_to`; all else refers to the latest instant.
 
     Args:
         scenario: the flight.
-        sensors: of what kind each IMU on board is; each has a compass.
+        sensors: the kind of each IMU on board; each has a compass.
         schedule: faults of the sensors and of the clock.
         seed: of all random numbers.
         stamp_jitter_us: the largest delay between a sample and its time stamp.
-        ages: of what the sensors show. Each sample is an instant of the past: what a low-pass does
-            to a motion that is slow against it.
+        ages: of the sensors' values. Each sample is an earlier instant: the effect of a low-pass on
+            a slow motion.
     """
 
     def __init__(
@@ -119,16 +119,16 @@ class Vehicle:
         self._stamp_us: int | None = None
 
     def miscalibrate(self, wrong: Miscalibration, parameters: Mapping[str, float]) -> None:
-        """The first IMU and its compass are wrong, and corrected by these parameters as they stand.
+        """Makes the first IMU and its compass wrong, corrected by the current parameters.
 
         Args:
-            wrong: what they are.
+            wrong: their errors.
             parameters: of the autopilot; they may change.
         """
         self._wrong, self._parameters = wrong, parameters
 
     def switch_on(self, t_ns: int) -> None:
-        """The autopilot starts, or starts again, at host time `t_ns`; its clock begins at zero."""
+        """Starts or restarts the autopilot at host time `t_ns`; its clock begins at zero."""
         self._boot_ns = t_ns
         if self._start_ns is None:
             self._start_ns = self._departed_ns = t_ns
@@ -136,15 +136,15 @@ class Vehicle:
         self.go_to(t_ns)
 
     def depart(self, t_ns: int, scenario: Scenario) -> None:
-        """Another scenario begins at host time `t_ns`; until then the vehicle stands at its start.
+        """Begins another scenario at host time `t_ns`; until then the vehicle is at its start.
 
-        Nothing leads from where the vehicle was to there, so the autopilot has to be off meanwhile.
+        The vehicle jumps there, so the autopilot has to be off meanwhile.
         """
         self.scenario = scenario
         self._departed_ns = t_ns
 
     def go_to(self, t_ns: int) -> None:
-        """Looks at host time `t_ns`, never earlier than the time before."""
+        """Advances to host time `t_ns`, never earlier than the time before."""
         if t_ns == self._t_ns:
             return
         self._t_ns = t_ns
@@ -156,13 +156,13 @@ class Vehicle:
         self._samples.clear()
 
     def seconds_at(self, t_ns: int) -> float:
-        """Seconds since the simulator started, which faults count in, at host time `t_ns`."""
+        """Seconds since the simulator started, the time of faults, at host time `t_ns`."""
         assert self._start_ns is not None
         return (t_ns - self._start_ns) * 1e-9
 
     @property
     def stamp_us(self) -> int:
-        """What IMU messages of this instant are stamped with, since boot."""
+        """The time stamp of IMU messages at this instant, since boot."""
         if self._stamp_us is None:
             self._stamp_us = self.boot_us + self.random.randint(0, self._stamp_jitter_us)
         return self._stamp_us
@@ -189,7 +189,7 @@ class Vehicle:
 
     @property
     def unix_us(self) -> int:
-        """The vehicle's idea of UNIX time: the same in every run."""
+        """The vehicle's UNIX time: the same in every run."""
         return UNIX_AT_START_US + round(self.t_s * 1e6)
 
     @property
@@ -198,7 +198,7 @@ class Vehicle:
         return self._past(0.0)
 
     def _past(self, age_s: float) -> Motion:
-        """The truth of so long ago, which costs more than all that is made of it."""
+        """The truth `age_s` ago, cached because it is the most expensive part."""
         motion = self._motions.get(age_s)
         if motion is None:
             motion = self._motions[age_s] = self.scenario.motion(self.flown_s - age_s)
@@ -225,7 +225,7 @@ class Vehicle:
 
     @property
     def second_estimate(self) -> Estimate:
-        """The estimate that the autopilot keeps beside its own: coarser, and without its faults."""
+        """The autopilot's second estimate: coarser, and without the faults."""
         return self._estimate(self._second_error.at(self.t_s))
 
     def _estimate(self, error: Vec3) -> Estimate:
@@ -234,7 +234,7 @@ class Vehicle:
         return Estimate(roll + error[0], pitch + error[1], turned, self.motion.w_b)
 
     def _compass_error_rad(self) -> float:
-        """Of a heading that follows the first compass, where that is wrong."""
+        """Error of a heading that follows the first compass, where that is wrong."""
         field = self.imu(0).m_b_ut if self._wrong != SOUND else None
         if field is None:
             return 0.0
@@ -243,7 +243,7 @@ class Vehicle:
 
     @property
     def throttle(self) -> float:
-        """0 to 1; where motors disturb nothing it is that of a hover."""
+        """0 to 1; without a motor field it is that of a hover."""
         if not self.is_airborne:
             return 0.0
         if self._wrong.motor_field_mg == ZERO:
@@ -252,7 +252,7 @@ class Vehicle:
 
     @property
     def imus(self) -> int:
-        """How many IMUs there are."""
+        """Number of IMUs."""
         return len(self._imus)
 
     def imu(self, index: int) -> ImuSample:
@@ -274,19 +274,19 @@ class Vehicle:
 
     @property
     def gyro_in_use(self) -> int:
-        """The first IMU whose gyro has new values; the first of all where none has."""
+        """The first IMU whose gyro has new values; otherwise the first of all."""
         has_data = (faults.has_gyro_data(self.t_s) for faults in self._faults)
         return next((index for index, has in enumerate(has_data) if has), 0)
 
     @property
     def accel_in_use(self) -> int:
-        """The first IMU whose accelerometer has new values; the first of all where none has."""
+        """The first IMU whose accelerometer has new values; otherwise the first of all."""
         has_data = (faults.has_accel_data(self.t_s) for faults in self._faults)
         return next((index for index, has in enumerate(has_data) if has), 0)
 
     @property
     def gps(self) -> GpsReading:
-        """What the receiver measures, without its noise."""
+        """The receiver's measurement without noise."""
         lag_s = self._schedule.number("gps-lag", self.t_s)
         motion = self._past(lag_s or 0.0)
         return faulty_gps(self._schedule, self.t_s, GpsReading(True, motion.p_n, motion.v_n))
@@ -296,7 +296,7 @@ class Vehicle:
         return self._imus[index].gyro_bias
 
     def has_fault(self, name: str) -> bool:
-        """Whether a fault acts now."""
+        """Whether a fault is active now."""
         return self._schedule.acts(name, self.t_s)
 
     def denies(self, message_name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Poses of a visual odometry, as if the autopilot forwarded them from another component."""
+"""Poses of visual odometry, as if the autopilot forwarded them from another component."""
 
 import math
 import random
@@ -50,7 +50,7 @@ class _Pose(NamedTuple):
 
 
 class _Camera:
-    """Looks at the vehicle and makes messages of what it sees."""
+    """Observes the vehicle and makes messages of its poses."""
 
     def __init__(self, options: VisionOptions, seed: int) -> None:
         self._options = options
@@ -89,7 +89,7 @@ class _Camera:
 
 
 def vision_stream(options: VisionOptions, seed: int) -> Stream:
-    """The stream of poses, sent unasked.
+    """The stream of poses, sent without a request.
 
     Args:
         options: of the source.

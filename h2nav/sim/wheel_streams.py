@@ -11,13 +11,13 @@ from h2nav.sim.streams import Stream
 from h2nav.sim.vehicle import Vehicle
 
 ENCODER_STEP_M = 0.001
-# One-sigma error of a wheel's way after one metre; it grows with the root of the way.
+# One-sigma error of a wheel's distance after one metre; it grows with the root of the distance.
 SLIP_M_RTM = 0.002
 _WHEELS_IN_MESSAGE = 16
 
 
 class _Encoders:
-    """What the encoders of the left (0) and right (1) wheel count."""
+    """Counts of the encoders of the left (0) and right (1) wheel."""
 
     def __init__(self, wheels_at: WheelsAt, seed: int) -> None:
         self._wheels_at = wheels_at
@@ -37,10 +37,10 @@ class _Encoders:
 
 
 def wheel_stream(wheels_at: WheelsAt, seed: int) -> Stream:
-    """The stream of WHEEL_DISTANCE, on request.
+    """The stream of WHEEL_DISTANCE, sent on request.
 
     Args:
-        wheels_at: true way of each wheel at t seconds.
+        wheels_at: true distance of each wheel at t seconds.
         seed: of slip.
     """
     return Stream(

@@ -1,7 +1,7 @@
 """Proof that a gain is stabilising, has the stated H2 norm and is optimal; needs no solver.
 
-`prove` makes a certificate for a plant and a gain, `verify` checks one by matrix products,
-eigenvalues and one linear system, `accept` decides whether a method's claim is true.
+`prove` creates a certificate for a plant and a gain, `verify` checks one by matrix products,
+eigenvalues and one linear system, `accept` decides whether the result of a method is optimal.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ OPTIMAL = 1e-4
 
 
 class CertificateError(Exception):
-    """A gain that gets no certificate; the message names why."""
+    """A gain without a certificate; the message names the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopCertificate:
-    """What is proved of one closed loop.
+    """The proof for one closed loop.
 
     Attributes:
         spectral_abscissa_per_s: largest real part of the error dynamics' eigenvalues; for a
@@ -99,14 +99,14 @@ def prove(plant: Plant, L: Matrix) -> LoopCertificate:
 def verify(
     plant: Plant, L: Matrix, stored: LoopCertificate, optimality_limit: float = OPTIMAL
 ) -> list[str]:
-    """Everything that is wrong with a stored certificate; empty when it holds.
+    """Everything that is wrong with a stored certificate; empty if it holds.
 
     Args:
         plant: rebuilt from the gain file's model, never read from the certificate.
         L: the gain as deployed.
         stored: the certificate of the file.
-        optimality_limit: largest optimality residual allowed; `inf` for a gain that is meant to
-            be stable with a known norm, not optimal.
+        optimality_limit: largest optimality residual allowed; `inf` for a gain that should be
+            stable with a known norm, not optimal.
     """
     try:
         fresh = prove(plant, L)
@@ -140,10 +140,10 @@ def verify(
 
 
 def accept(plant: Plant, candidate: Candidate) -> LoopCertificate:
-    """The certificate of a method's claim, whatever the method says of itself.
+    """The certificate of a method's result, whatever status the method reports.
 
     Raises:
-        CertificateError: the gain is unstable or not optimal, or its norm not the claimed one.
+        CertificateError: the gain is unstable or not optimal, or its norm differs from the claim.
     """
     certificate = prove(plant, candidate.L)
     if not abs(candidate.claimed_h2_norm - certificate.h2_norm) <= HONEST * certificate.h2_norm:
@@ -162,7 +162,7 @@ def accept(plant: Plant, candidate: Candidate) -> LoopCertificate:
 def optimality_residual(plant: Plant, L: Matrix, P: Matrix) -> float:
     """Relative distance of `L` from the gain that is optimal for its own covariance `P`.
 
-    Taken row by row, the worst counts: a state with a small gain must not hide behind the others.
+    The worst row counts: a state with a small gain must not hide behind the others.
 
     Source: docs/derivation.md Eq. (4.19).
     """

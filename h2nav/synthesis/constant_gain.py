@@ -1,4 +1,4 @@
-"""What a gain file says of the constant-gain filter: its integers, and that they are stable."""
+"""The constant-gain filter's section of a gain file: its integers and their stability."""
 
 import math
 
@@ -29,8 +29,8 @@ def fixed_point_section(file: GainFile, place: str) -> dict[str, object]:
 def spectral_radius(gains: ConstantGains) -> float:
     """Largest magnitude of an eigenvalue of the filter's error from sample to sample.
 
-    Below one: the filter with exactly these gains is stable. The error has six states, attitude
-    and bias; with a correction that acts one step later there are nine.
+    Below one, the filter with exactly these gains is stable. The error has six states, attitude and
+    bias; with a correction that acts one step later there are nine.
 
     Source: docs/fixed-point.md Eq. (14).
     """

@@ -1,7 +1,7 @@
-"""The `certificate` section of a gain file: made from proofs of its loops, and checked again.
+"""The `certificate` section of a gain file: made from proofs of its loops, and verified.
 
-A kind of gain file has a function from the file to its `Loop`s, which rebuilds every plant from
-the file's model; nothing in the certificate itself is believed.
+Each kind of gain file has a function that rebuilds the plants of its `Loop`s from the file's model;
+nothing in the certificate itself is trusted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,21 +26,21 @@ from h2nav.synthesis.plant import Matrix, Plant
 # A gain may differ from its design by rounding only.
 DESIGNED = 1e-9
 
-# The rounding error is a difference of nearly equal gains, which come out of iterations.
+# The rounding error is a difference of nearly equal gains from iterations.
 REPEATABLE_GAIN = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """One closed loop that a gain file vouches for.
+    """One closed loop that a gain file certifies.
 
     Attributes:
         name: key in the certificate.
         plant: rebuilt from the model.
         L: (n, p) the gain that the filter applies, in the plant's terms.
         optimality_limit: as for `certificate.verify`.
-        design: the gain that the model leads to, where that is not the optimum of `plant` but a
-            rule; the filter's gain must equal it.
+        design: the gain given by the model, where a rule and not the optimum of `plant` defines
+            it; the filter's gain must equal it.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Loop:
     design: Matrix | None = None
 
     def problems(self, proof: LoopCertificate) -> list[str]:
-        """What is wrong with the loop's gain or with a proof of it."""
+        """What is wrong with the loop's gain or its proof."""
         lines = verify(self.plant, self.L, proof, self.optimality_limit)
         if self.design is not None:
             distance = relative_distance(self.L, self.design)
@@ -60,10 +60,10 @@ class Loop:
 
 
 class Verdict(NamedTuple):
-    """What checking a gain file found.
+    """The result of checking a gain file.
 
     Attributes:
-        problems: everything that is wrong; empty when the certificate holds.
+        problems: everything that is wrong; empty if the certificate holds.
         spectral_abscissa_per_s: recomputed, the worst of all loops; None when a loop has no proof.
         h2_norm: recomputed, of the first loop.
     """
@@ -77,8 +77,8 @@ def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, o
     """The file with its integer image and a new certificate over all its other sections.
 
     Args:
-        file: complete but for the two.
-        loops: that it vouches for.
+        file: complete except for the two sections.
+        loops: to certify.
         fixed_point: the section of its integer image.
 
     Raises:
@@ -102,7 +102,7 @@ def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, o
 
 
 def checked(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]) -> Verdict:
-    """Checks a file's certificate against its loops, without believing anything in it.
+    """Checks a file's certificate against its loops, without trusting any of it.
 
     Args:
         file: of any kind.

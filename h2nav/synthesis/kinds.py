@@ -1,4 +1,4 @@
-"""What a gain file of each kind vouches for: its loops and its integer image."""
+"""The kinds of gain files: their loops and their integer images."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
 
 
 class Kind(NamedTuple):
-    """How a kind of gain file is checked; both take the file and its place, for errors.
+    """How to check a kind of gain file; both functions take the file and its place, for errors.
 
     Attributes:
         loops: of its certificate.
@@ -27,14 +27,14 @@ KINDS: dict[str, Kind] = {
 
 
 def check(file: GainFile, place: str) -> Verdict:
-    """What a gain file's certificate is worth.
+    """Checks a gain file's certificate.
 
     Args:
         file: of any kind.
         place: its path, for errors.
 
     Raises:
-        BadInput: model or gains are not what the file's kind needs.
+        BadInput: model or gains are invalid for the file's kind.
     """
     kind = KINDS[file.filter_name]
     return checked(file, kind.loops(file, place), kind.fixed_point(file, place))

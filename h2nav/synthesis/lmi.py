@@ -1,7 +1,7 @@
-"""The H2-optimal gain by convex optimisation, as the source slides do it.
+"""The H2-optimal gain by convex optimisation, as in the source slides.
 
-One semidefinite programme serves both times: the discrete inequality is written in the delta
-form, in which it tends to the slides' continuous inequality as the step goes to zero.
+One semidefinite programme serves continuous and discrete time: the discrete inequality is in delta
+form, which tends to the slides' continuous inequality as the step goes to zero.
 """
 
 import time
@@ -38,7 +38,7 @@ def solve_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
         solver: a key of `SOLVER_OPTIONS`.
 
     Raises:
-        SynthesisError: when the solver returns nothing. What it does return is only a claim: see
+        SynthesisError: the solver returns nothing. A result is only a claim: see
             `certificate.accept`.
 
     Source: docs/derivation.md Eq. (4.8) (continuous), (4.16) (discrete).
@@ -57,7 +57,7 @@ def solve_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
 def solve_raw_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
     """The slides' programme in physical units with the solver's own tolerances.
 
-    Unsafe, for demonstration only: the result is far from optimal whatever the solver says.
+    For demonstration only: the result is far from optimal, whatever status the solver reports.
     """
     delta = delta_form(plant)
     started = time.perf_counter()
@@ -72,7 +72,7 @@ def solve_raw_lmi(plant: Plant, solver: str = "CLARABEL") -> Candidate:
 def _solve(
     plant: DeltaPlant, C_z: Matrix, solver: str, options: Mapping[str, float | int]
 ) -> tuple[Matrix, Matrix, str]:
-    """Gain, X and the solver's word for one programme."""
+    """Gain, X and the solver's status for one programme."""
     n, p = plant.F.shape[0], plant.C.shape[0]
     X = cp.Variable((n, n), symmetric=True)
     Q = cp.Variable((C_z.shape[0], C_z.shape[0]), symmetric=True)
@@ -112,5 +112,5 @@ def _dynamics_inequality(plant: DeltaPlant, X: Any, W: Any) -> Any:
 
 
 def _claimed_norm(C_z: Matrix, X: Matrix) -> float:
-    """The norm that X claims: X^-1 bounds the error covariance."""
+    """The norm claimed by X: X^-1 bounds the error covariance."""
     return float(np.sqrt(np.trace(C_z @ linalg.solve(X, C_z.T))))

@@ -1,4 +1,4 @@
-"""What every synthesis method returns, whatever it is."""
+"""The common result of all synthesis methods."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ from h2nav.synthesis.plant import Matrix
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A gain that a method claims to be optimal; only a certificate makes it more than a claim.
+    """A gain that a method claims to be optimal; a certificate proves it.
 
     Attributes:
         method: "lmi_clarabel", "lmi_scs", "riccati" or "closed_form".
         L: (n, p) observer gain, per second (continuous plant) or per step (discrete plant).
-        claimed_h2_norm: the norm that the method itself reports.
-        status: the solver's own word.
-        wall_time_s: how long it took; None where nothing was measured.
+        claimed_h2_norm: the norm that the method reports.
+        status: the solver's status.
+        wall_time_s: duration; None if not measured.
     """
 
     method: str
@@ -27,11 +27,11 @@ class Candidate:
 
 
 class SynthesisError(Exception):
-    """A method found no gain; the message names the cause."""
+    """A method found no gain; the message names the reason."""
 
 
 def relative_distance(L: Matrix, reference: Matrix) -> float:
-    """How far a gain is from another one, by blocks of three states with one unit each.
+    """Distance of a gain from another one, by blocks of three states with one unit each.
 
     Args:
         L: (n, p).

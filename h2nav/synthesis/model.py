@@ -1,4 +1,4 @@
-"""A sensor model in the units of data sheets, its checks, and what the synthesis makes of it."""
+"""A sensor model in the units of data sheets: checks, and conversion for the synthesis."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ DEG = math.pi / 180.0
 STANDARD_GRAVITY_M_S2 = 9.80665
 # An optional number that was not given.
 ABSENT = math.nan
-# Heading information goes with cos^2(dip): beyond this the problem has no finite heading gain.
+# Heading information is proportional to cos^2(dip): beyond this the heading gain is not finite.
 MAX_DIP_DEG = 89.9
 
 
@@ -48,7 +48,7 @@ class Magnetometer:
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """What the vehicle adds to the sensors' own noise, as white noise in the same units."""
+    """Noise of the vehicle in addition to the sensors' own, as white noise in the same units."""
 
     rotation_deg_s_rthz: Annotated[float, Within(0, 100)] = 0.0
     acceleration_ug_rthz: Annotated[float, Within(0, 1e7)] = 0.0
@@ -70,9 +70,9 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Everything the gains of a sensor are made from.
+    """Everything that the gains of a sensor depend on.
 
-    `source` says where the figures come from; it is kept in every gain file.
+    `source` names the origin of the figures and is kept in every gain file.
     """
 
     name: str
@@ -95,7 +95,7 @@ def densities(model: SensorModel, place: str) -> SensorDensities:
         place: the file, for errors.
 
     Raises:
-        BadInput: one line per combination of values that has no well-posed synthesis.
+        BadInput: one line per combination of values without a well-posed synthesis.
 
     Source: docs/derivation.md Eq. (4.1).
     """
@@ -133,10 +133,10 @@ def vector_sensors(densities: SensorDensities) -> tuple[VectorSensor, VectorSens
 
 
 def needs_place(model: SensorModel, place: str) -> bool:
-    """Whether the field is given by place and date and must be looked up.
+    """Whether the field is given by place and date, to be looked up.
 
     Raises:
-        BadInput: neither or both ways of giving the field are complete.
+        BadInput: neither form of the field, or both, are complete.
     """
     given = model.field
     by_value = [not math.isnan(x) for x in (given.norm_ut, given.dip_deg)]
@@ -152,7 +152,7 @@ def needs_place(model: SensorModel, place: str) -> bool:
 
 
 def with_field(model: SensorModel, field: EarthField) -> SensorModel:
-    """The model with its field by value; the place stays as a note of where it comes from."""
+    """The model with its field by value; the place stays as a note of its origin."""
     given = replace(
         model.field,
         norm_ut=field.norm_ut,
@@ -163,7 +163,7 @@ def with_field(model: SensorModel, field: EarthField) -> SensorModel:
 
 
 def given_values(model: SensorModel) -> dict[str, object]:
-    """The model as nested plain values, without what was not given; what a gain file stores."""
+    """The given values of a model as nested plain values, as stored in a gain file."""
     sections: dict[str, object] = {}
     for key, value in asdict(model).items():
         if isinstance(value, dict):
@@ -178,7 +178,7 @@ def given_values(model: SensorModel) -> dict[str, object]:
 
 
 def model_from_values(values: Mapping[str, object], place: str) -> SensorModel:
-    """The model that `given_values` stored.
+    """The model stored by `given_values`.
 
     Raises:
         BadInput: the section is not such a model.

@@ -1,4 +1,4 @@
-"""Linear models that gains are synthesised for, and the one way they are discretised.
+"""Linear plants for the synthesis, and their discretisation.
 
 A plant is ``x' = A x + B_w w``, ``y = C_y x + D_w w``, ``z = C_z x`` with unit white noise ``w``
 (continuous: density 1/Hz; discrete: variance 1). An observer with gain ``L`` makes the error
@@ -41,7 +41,7 @@ class Plant:
 
 
 class VectorSensor(NamedTuple):
-    """A sensor of a direction that is known in the inertial frame.
+    """A sensor of a direction known in the inertial frame.
 
     Attributes:
         v_n: the vector in NED, in the sensor's unit, as `y = R^T v`.

@@ -67,7 +67,7 @@ def optimal_gain(plant: Plant, P: Matrix) -> Matrix:
 
 
 def closed_loop_covariance(plant: Plant, L: Matrix) -> Matrix:
-    """Error covariance that a gain leads to; meaningless unless the loop is stable.
+    """Error covariance with a gain; meaningless unless the loop is stable.
 
     Uses the delta form, in which a fast rate loses no digits.
 
@@ -89,7 +89,7 @@ def closed_loop_covariance(plant: Plant, L: Matrix) -> Matrix:
 
 
 def _state_size(plant: Plant) -> Matrix:
-    """Sizes of the states that bring noise and dynamics to the same order."""
+    """Sizes of the states that scale noise and dynamics to the same order."""
     delta = delta_form(plant)
     size = np.sqrt(np.diag(delta.G @ delta.G.T))
     largest = float(np.max(size))

@@ -15,7 +15,7 @@ from h2nav.synthesis.plant import Matrix, Plant
 
 @dataclass(frozen=True, slots=True)
 class DeltaPlant:
-    """A plant in delta form; a continuous plant is the same thing with step 0.
+    """A plant in delta form; a continuous plant has step 0.
 
     (x+ - x)/h = F x + G w,  y = C x + D w,  w of density 1/Hz.
 
@@ -58,7 +58,7 @@ def delta_form(plant: Plant) -> DeltaPlant:
 
 
 def delta_gain(plant: Plant, L: Matrix) -> Matrix:
-    """The gain per second that belongs to a gain per step (or is one already)."""
+    """Converts a gain per step to a gain per second (a continuous gain already is)."""
     return L / plant.dt_s if plant.dt_s else L
 
 
@@ -66,9 +66,9 @@ def scale(plant: Plant, P: Matrix) -> tuple[DeltaPlant, Scaling]:
     """The plant in delta form and in natural units, and how to undo them.
 
     Args:
-        plant: what to scale.
-        P: (n, n) rough error covariance; its diagonal sets the units of the states. Only the
-            conditioning depends on it, never the result.
+        plant: to be scaled.
+        P: (n, n) rough error covariance; its diagonal sets the units of the states. It affects only
+            the conditioning, never the result.
 
     Source: docs/derivation.md Eq. (4.13).
     """

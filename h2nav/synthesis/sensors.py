@@ -1,7 +1,7 @@
-"""From a sensor model to a certified gain file of a sensor, whose kind is named two_stage.
+"""From a sensor model to a certified gain file of kind two_stage.
 
-Deployed are the bias-free attitude gains, one per accelerometer weight. The plant with gyro bias is
-synthesised as well, by every method: its gain is what the constant-gain filter uses.
+The bias-free attitude gains are deployed, one per accelerometer weight. The plant with gyro bias is
+also synthesised, by every method: the constant-gain filter uses its gain.
 """
 
 import math
@@ -51,7 +51,7 @@ _DIGITS = 12
 
 
 class Synthesis(NamedTuple):
-    """A gain file and what is not written into it.
+    """A gain file and figures that are not written into it.
 
     Attributes:
         file: certified.
@@ -73,7 +73,7 @@ class _Problem(NamedTuple):
 def synthesize(
     model: SensorModel, rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
-    """The certified gains of a model at a rate.
+    """Synthesises the certified gains of a model at a rate.
 
     Args:
         model: with its field by value.
@@ -117,7 +117,7 @@ def loops(file: GainFile, place: str) -> list[Loop]:
     """The closed loops of a two_stage file, with plants rebuilt from its model.
 
     Raises:
-        BadInput: a section of the file is not what this kind needs.
+        BadInput: a section of the file is invalid for this kind.
     """
     noise = densities(model_from_values(file.model, place), place)
     gains = sensor_gains(file, place)
@@ -135,7 +135,7 @@ def loops(file: GainFile, place: str) -> list[Loop]:
     for number, (level, design) in enumerate(zip(gains.levels, designed, strict=True)):
         weighted = _weighted(sensors, design.force_weight)
         plant = discretise(attitude_plant(noise.gyro, weighted), dt_s)
-        # A moving vehicle's gains follow rules beside the optimum; only level 0 must be optimal.
+        # A moving vehicle's gains follow rules other than the optimum; only level 0 is optimal.
         limit = DEPLOYED_LIMIT if number == 0 else math.inf
         L = deployed_gain(level, plant)
         loop = Loop(f"{WITHOUT_BIAS}_level_{number}", plant, L, limit, deployed_gain(design, plant))
@@ -177,7 +177,7 @@ def deployed_gain(level: GainLevel, plant: Plant) -> Matrix:
 def _compare(
     plant: Plant, closed_form: Candidate, lmi_solvers: Sequence[str]
 ) -> tuple[dict[str, object], dict[str, float]]:
-    """What each method says of one plant, and how long the solvers took."""
+    """Each method's result for one plant, and the solvers' times."""
     section: dict[str, object] = {
         "closed_form": _recorded(closed_form, accept(plant, closed_form), 0.0)
     }
@@ -200,10 +200,10 @@ def _compare(
 
 
 def _methods(lmi_solvers: Sequence[str]) -> dict[str, Callable[[Plant], Candidate]]:
-    """The methods that the closed form is compared with."""
+    """The methods compared with the closed form."""
     methods: dict[str, Callable[[Plant], Candidate]] = {"riccati": solve_riccati}
     if lmi_solvers:
-        # Only here: cvxpy takes a second to import, and checking a certificate needs no solver.
+        # Imported here: cvxpy takes a second, and checking a certificate needs no solver.
         from h2nav.synthesis.lmi import solve_lmi
 
         for solver in lmi_solvers:

@@ -45,7 +45,7 @@ _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
 
 
 class Synthesis(NamedTuple):
-    """A gain file and what is not written into it.
+    """A gain file and figures that are not written into it.
 
     Attributes:
         file: certified.
@@ -88,16 +88,16 @@ def tilt_gain(gyro_density: float, velocity_density: float) -> Candidate:
 def synthesize(
     document: Mapping[str, object], rate_hz: float, place: str, lmi_solvers: Sequence[str]
 ) -> Synthesis:
-    """The certified gain sets of a disturbance model at a rate.
+    """Synthesises the certified gain sets of a disturbance model at a rate.
 
     Args:
         document: the model file's mapping, `kind: velocity_aided`.
         rate_hz: sample rate of the filter.
         place: the model's file, for errors.
-        lmi_solvers: which solvers run the H2 LMI beside Riccati and closed form.
+        lmi_solvers: solvers of the H2 LMI, besides Riccati and closed form.
 
     Raises:
-        BadInput: a key of the model is missing, unknown or out of its limits.
+        BadInput: a key of the model is missing, unknown or outside its limits.
         CertificateError: no trustworthy gain; cannot happen for a model inside its limits.
     """
     disturbance = checked_model(document, place)

@@ -1,4 +1,4 @@
-"""Writes an analysed kernel as freestanding C99: same names, same comments, same arithmetic."""
+"""Writes an analysed kernel as freestanding C99 with the same names, comments and arithmetic."""
 
 import ast
 from collections.abc import Mapping, Sequence
@@ -128,7 +128,7 @@ class _FunctionWriter:
         self._expressions = ExpressionWriter(kernel, facts, function, self._found, runtime)
         self._homes = home_blocks(function.node.body)
         self._lines: list[str] = []
-        # The functions of the entry's own module and single expressions melt into their callers.
+        # Functions of the entry's own module and single expressions are inlined.
         self.inline = False
         self._declared: set[str] = {argument.arg for argument in function.node.args.args}
         self._last_line = function.node.body[0].lineno - 1

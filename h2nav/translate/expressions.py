@@ -1,4 +1,4 @@
-"""Kind and range of one expression; comparisons narrow the ranges of what they compare."""
+"""Kind and range of an expression; comparisons narrow the ranges of their operands."""
 
 import ast
 from collections.abc import Callable

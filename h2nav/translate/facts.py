@@ -1,4 +1,4 @@
-"""What the analysis knows while it runs through a kernel, and what it has found at the end."""
+"""State of the analysis while it runs through a kernel, and its results."""
 
 import ast
 from dataclasses import dataclass, field
@@ -66,14 +66,14 @@ class State:
 
 
 def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
-    """What holds for both; None when one is a float and the other an integer."""
+    """The common kind and range; None if one is a float and the other an integer."""
     if isinstance(a, Interval) and isinstance(b, Interval):
         return a.hull(b)
     return FLOAT if isinstance(a, Float) and isinstance(b, Float) else None
 
 
 def join_states(a: State | None, b: State | None) -> State | None:
-    """What holds after either path; a name that only one path sets is unset afterwards."""
+    """The state after either path; a name that only one path sets is unset afterwards."""
     if a is None or b is None:
         return a or b
     joined = State()
@@ -91,7 +91,7 @@ def join_states(a: State | None, b: State | None) -> State | None:
 
 @dataclass(slots=True)
 class FunctionFacts:
-    """What is true of one function over all its calls.
+    """The proven facts of one function over all its calls.
 
     Attributes:
         scalars: hull of every scalar variable, arguments included.
@@ -108,7 +108,7 @@ class FunctionFacts:
 
 @dataclass(slots=True)
 class Facts:
-    """The outcome of the analysis, from which the C types follow.
+    """The result of the analysis, which determines the C types.
 
     Attributes:
         nodes: hull of every expression over all visits.

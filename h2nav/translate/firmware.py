@@ -1,6 +1,6 @@
 """The files of an exported integer filter: C source, header, example, test vectors.
 
-What differs between the filters stands in `firmware_velocity_aided` and `firmware_constant_gain`.
+`firmware_velocity_aided` and `firmware_constant_gain` hold what differs between the filters.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ STRUCT_NAMES = {"State": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2na
 
 
 class IntegerForm(NamedTuple):
-    """One integer filter, as C needs to know it.
+    """The C form of one integer filter.
 
     Attributes:
         kernel: its files; the entry is called from outside.
@@ -41,12 +41,12 @@ class IntegerForm(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the filter: the same equations in floats have it too."""
+        """Name of the filter, shared with its floating-point form."""
         return self.kernel.name.removesuffix("_integer")
 
 
 class Firmware(NamedTuple):
-    """What distinguishes one exported filter from another of its form.
+    """Identity of one exported filter.
 
     Attributes:
         version: of h2nav.

@@ -1,4 +1,4 @@
-"""What is particular to the exported constant-gain filter: its interface in C."""
+"""The C interface of the exported constant-gain filter."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What is particular to the exported velocity-aided filter: its interface in C."""
+"""The C interface of the exported velocity-aided filter."""
 
 from typing import Final
 

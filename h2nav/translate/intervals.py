@@ -1,4 +1,4 @@
-"""Intervals of Python integers: what an expression of bounded integers can reach."""
+"""Intervals of Python integers: the possible results of bounded operands."""
 
 from typing import NamedTuple
 

@@ -1,9 +1,9 @@
-"""Runs a kernel on intervals: every path, every loop pass, every call; proves what it can reach.
+"""Runs a kernel on intervals, over every path, loop pass and call, to prove its ranges.
 
-Loops have constant bounds and are run pass by pass; functions are run anew for each call; at a
-join the hull of both paths holds. Arguments that are records start inside their declared ranges,
-and every entry point must leave them inside: the declaration is thereby an invariant of any
-sequence of calls, proved by induction.
+Loops have constant bounds and are run pass by pass; functions are run again for each call; at a
+join the hull of both paths holds. Records in the arguments start inside their declared ranges, and
+every entry point must leave them inside: so the declaration is an invariant of any sequence of
+calls, proved by induction.
 """
 
 import ast
@@ -33,7 +33,7 @@ Argument = Scalar | Array | Structure
 
 
 def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] = ()) -> Facts:
-    """Runs every entry point from all inputs it may meet.
+    """Runs every entry point from all possible inputs.
 
     Args:
         kernel: the translated modules.
@@ -133,7 +133,7 @@ class _Analysis:
         return result
 
     def remember(self, function: Function, found: FunctionFacts) -> None:
-        """Joins what one call found with the calls before."""
+        """Joins the result of one call with those of earlier calls."""
         known = self.facts.functions.setdefault(function.name, FunctionFacts())
         for name, scalar in found.scalars.items():
             joined = join_scalars(known.scalars.get(name, scalar), scalar)

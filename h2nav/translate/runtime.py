@@ -1,7 +1,7 @@
 """The C forms of the integer operations that C does not define for negative numbers.
 
-They are the counterparts of Python's ``>>``, ``abs`` and `h2nav.maths.fixedpoint.clamp`. None of
-them branches on most compilers, so that a step costs the same number of instructions whatever the
+They are the counterparts of Python's ``>>``, ``abs`` and `h2nav.maths.fixedpoint.clamp`. Most
+compilers make no branch of them, so a step takes the same number of instructions whatever the
 samples are.
 """
 

@@ -16,7 +16,7 @@ from h2nav.errors import BadInput
 Number = int | float
 ConstantValue = Number | tuple["ConstantValue", ...]
 
-# Modules whose names the translator knows itself.
+# Modules with built-in support in the translator.
 INTRINSIC_MODULES = (
     "math",
     "dataclasses",
@@ -43,7 +43,7 @@ class Source(NamedTuple):
 
 
 class Refused(BadInput):
-    """The kernel holds something that the translator does not understand or cannot prove."""
+    """The kernel contains something that the translator does not support or cannot prove."""
 
     def __init__(self, path: str, node: ast.AST, reason: str) -> None:
         super().__init__(f"{path}:{getattr(node, 'lineno', 0)}: {reason}")
@@ -66,7 +66,7 @@ class Constant(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A kernel function with the file and the comments it came with."""
+    """A kernel function with its file and comments."""
 
     name: str
     path: str
@@ -75,7 +75,7 @@ class Function:
 
 
 class Record(NamedTuple):
-    """A record of `h2nav.attitude.record`, as its module declares it.
+    """A record of `h2nav.attitude.record`, as declared in its module.
 
     Attributes:
         name: of the class, which annotates arguments.
@@ -90,7 +90,7 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """One name space made of all given modules, in order of definition."""
+    """One name space of all given modules, in order of definition."""
 
     constants: dict[str, Constant] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
@@ -98,7 +98,7 @@ class Kernel:
 
 
 def read_kernel(sources: Sequence[Source]) -> Kernel:
-    """The constants and functions of `sources`, each of which may import from those before it.
+    """Reads the constants and functions of `sources`, each of which may import earlier ones.
 
     Raises:
         Refused: a statement outside the subset, or a name defined twice.

@@ -1,5 +1,5 @@
 """The wire boundary: MAVLink fields to typed records within physical bounds, and back.
 
-Nothing behind it looks at a field of the dialect. A message is read once, by one reader, into a
-record whose values make sense, or it is refused by name; what is written always fits its fields.
+Code behind it never looks at a field of the dialect. One reader parses each message into a record
+within physical bounds, or rejects it with a named reason; outgoing values always fit their fields.
 """

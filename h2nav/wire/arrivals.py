@@ -1,4 +1,4 @@
-"""Many arrivals of a recording at once: one piece of memory, and where each of them lies in it."""
+"""Many arrivals of a recording at once: one buffer, and where each arrival lies in it."""
 
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
@@ -12,15 +12,15 @@ BATCH_BYTES = 1 << 21
 
 
 class Arrivals(NamedTuple):
-    """What arrived one after the other: arrival i is `data[starts[i] : ends[i]]`.
+    """Consecutive arrivals: arrival i is `data[starts[i] : ends[i]]`.
 
     Attributes:
-        data: the bytes; between the arrivals there may be others, those of the container.
-        starts: (N,) where each begins.
-        ends: (N,) where each ends, not behind the beginning of the next one.
+        data: the bytes; bytes of the container may lie between arrivals.
+        starts: (N,) beginning of each.
+        ends: (N,) end of each, at most the beginning of the next.
         t_ns: (N,) host monotonic time of each, never decreasing.
-        framed: the container gives out one frame, or a damaged stretch, at a time; else the
-            arrivals lie side by side, and frames may go across.
+        framed: each arrival is one frame or one damaged stretch; otherwise arrivals are contiguous
+            and frames may span them.
     """
 
     data: bytes
@@ -30,22 +30,22 @@ class Arrivals(NamedTuple):
     framed: bool
 
     def pauses(self, length_ns: int) -> list[int]:
-        """Numbers of the arrivals that came later than so long after the one before."""
+        """Numbers of the arrivals that came later than `length_ns` after the previous one."""
         pauses: list[int] = (np.flatnonzero(np.diff(self.t_ns) > length_ns) + 1).tolist()
         return pauses
 
     def piece(self, number: int) -> bytes:
-        """The bytes of one."""
+        """The bytes of one arrival."""
         return self.data[self.starts[number] : self.ends[number]]
 
     def pieces(self) -> Iterator[tuple[int, bytes]]:
-        """Time (ns) and bytes of one after the other."""
+        """Yields time (ns) and bytes of each arrival."""
         places = zip(self.t_ns.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)
         return ((t_ns, self.data[start:end]) for t_ns, start, end in places)
 
 
 def gathered(pieces: Iterable[tuple[int, bytes]]) -> Iterator[Arrivals]:
-    """Pieces side by side, some `BATCH_BYTES` at a time."""
+    """Joins pieces into batches of about `BATCH_BYTES`."""
     times: list[int] = []
     parts: list[bytes] = []
     size = 0

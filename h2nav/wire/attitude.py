@@ -1,4 +1,4 @@
-"""The attitude as an autopilot reports it, and that of its second estimator."""
+"""Attitudes that an autopilot reports: of its main and its second estimator."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from h2nav.maths.quaternion import Quat, from_euler
 from h2nav.wire.refused import need_finite, need_within
 
-# Angles come from -pi to pi, and from some senders from 0 to 2 pi.
+# Angles range from -pi to pi; some senders use 0 to 2 pi.
 LARGEST_ANGLE_RAD = 2.0 * math.pi + 1e-3
 
 
@@ -14,8 +14,8 @@ class ReportedAttitude(NamedTuple):
     """ATTITUDE or AHRS2.
 
     Attributes:
-        is_second: it is that of AHRS2.
-        time_ms: since the autopilot's boot, as it was sent; None where the message has no time.
+        is_second: from AHRS2.
+        time_ms: since the autopilot's boot, as sent; None where the message has no time.
         q_nb: attitude, body to NED.
     """
 
@@ -30,7 +30,7 @@ def attitude(m: Any) -> ReportedAttitude:
 
 
 def ahrs2(m: Any) -> ReportedAttitude:
-    """AHRS2 of ArduPilot, which carries no time."""
+    """AHRS2 of ArduPilot, which has no time stamp."""
     return ReportedAttitude(True, None, _attitude(m))
 
 

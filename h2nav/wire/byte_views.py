@@ -1,4 +1,4 @@
-"""Many places of a piece of memory looked at together."""
+"""Vectorised access to many places of a buffer."""
 
 from typing import Any
 
@@ -10,12 +10,12 @@ MARKER_1, MARKER_2 = 0xFE, 0xFD
 
 
 def values_at(data: bytes, at: NDArray[np.int64], kind: DTypeLike) -> NDArray[Any]:
-    """What stands at each place, whether aligned or not.
+    """The value at each place, aligned or not.
 
     Args:
-        data: the memory.
+        data: the buffer.
         at: (N,) places; each has room for one value.
-        kind: of the values, such as ``>u8``, ``V30`` or a structured type.
+        kind: type of the values, such as ``>u8``, ``V30`` or a structured type.
 
     Returns:
         (N,) a copy.
@@ -28,10 +28,10 @@ def values_at(data: bytes, at: NDArray[np.int64], kind: DTypeLike) -> NDArray[An
 
 
 def is_marker(octets: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Whether each byte looks like a start marker."""
+    """Whether each byte equals a start marker."""
     return octets - np.uint8(MARKER_2) <= np.uint8(MARKER_1 - MARKER_2)
 
 
 def marker_places(octets: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Where bytes that look like start markers stand."""
+    """The places of bytes that equal a start marker."""
     return np.flatnonzero(is_marker(octets))

@@ -1,7 +1,7 @@
-"""Frames to records and messages to frames, both by the tables of pymavlink's dialect.
+"""Decodes frames to records and encodes messages to frames, from pymavlink's dialect tables.
 
-Decoding makes an immutable record per message: ``RAW_IMU(time_usec=..., xacc=..., ...)``, fields by
-their dialect names in the dialect's order. Encoding takes pymavlink's own message objects.
+Decoding returns an immutable record per message: ``RAW_IMU(time_usec=..., xacc=..., ...)``, fields
+named and ordered as in the dialect. Encoding takes pymavlink's own message objects.
 """
 
 from collections import namedtuple
@@ -33,34 +33,34 @@ _CODES = {
 
 
 def decode(frame: Frame) -> Any:
-    """The fields of a frame.
+    """Decodes the fields of a frame.
 
     Args:
-        frame: from a `Deframer`, so of a known id.
+        frame: from a `Deframer`, so its id is known.
 
     Returns:
         A NamedTuple named after the message (its type is `record_type(frame.msg_id)`): numbers as
         int and float in the units of the dialect, arrays as tuples, texts as str up to their first
-        NUL. Zero bytes that MAVLink 2 cut off are back; extension fields that the sender did not
-        send are zero; surplus bytes of a newer dialect are dropped. Never raises; floats may
-        be NaN or infinite, as they came.
+        NUL. Zero bytes that MAVLink 2 truncated are restored; extension fields that were not sent
+        are zero; surplus bytes of a newer dialect are dropped. Never raises; floats may be NaN or
+        infinite.
     """
     return DECODERS[frame.msg_id](frame.payload)
 
 
 def record_type(msg_id: int) -> type[Any]:
-    """The NamedTuple class that `decode` makes for a message id; KeyError for an unknown id."""
+    """The NamedTuple class of a message id; KeyError for an unknown id."""
     return _RECORDS[msg_id]
 
 
 class Encoder:
-    """Makes one component's outgoing frames, with its sequence number.
+    """Encodes the frames of one component and numbers them.
 
     Args:
         sysid: system id of the sender, 1..255.
         compid: component id of the sender, 1..255.
         version: MAVLink version of the frames, 2 or 1.
-        signer: signs the frames, which takes MAVLink 2; None = they stay unsigned.
+        signer: signs the frames (MAVLink 2 only); None leaves them unsigned.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Encoder:
         self._signer = signer
 
     def encode(self, message: ardupilotmega.MAVLink_message) -> bytes:
-        """One whole frame.
+        """Encodes one frame.
 
         Args:
             message: an object of pymavlink's dialect, such as ``MAVLink_heartbeat_message(...)``.
@@ -91,7 +91,7 @@ class Encoder:
 
 
 def _decoder(layout: MessageLayout, record: type[Any]) -> Callable[[bytes], Any]:
-    """The function payload -> record of one message."""
+    """Builds the decoder of one message: payload -> record."""
     codes = (f"{field.length or ''}{_CODES[field.type_name]}" for field in layout.wire_fields)
     unpack, size, make = Struct("<" + "".join(codes)).unpack_from, layout.size, tuple.__new__
     gather = _gatherer(layout)
@@ -105,7 +105,7 @@ def _decoder(layout: MessageLayout, record: type[Any]) -> Callable[[bytes], Any]
 
 
 def _gatherer(layout: MessageLayout) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """The function unpacked values in wire order -> fields in dialect order."""
+    """Builds the reordering of one message: values in wire order -> fields in dialect order."""
     places: dict[str, Any] = {}  # index, or slice of an array
     texts = set()
     position = 0
@@ -137,4 +137,4 @@ _RECORDS: dict[int, type[Any]] = {
 DECODERS: dict[int, Callable[[bytes], Any]] = {
     msg_id: _decoder(layout, _RECORDS[msg_id]) for msg_id, layout in LAYOUTS.items()
 }
-"""Message id -> the function payload to fields behind `decode`."""
+"""Message id -> decoder of its payload."""

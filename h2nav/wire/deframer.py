@@ -1,21 +1,20 @@
-"""Bytes in, checked MAVLink 1 and 2 frames out; pure, no clock, no I/O.
+"""Splits bytes into checked MAVLink 1 and 2 frames; pure, no clock, no I/O.
 
 The rules of this file:
 
-1. A frame is given out when its id is in the dialect and its checksum fits, and only then. A frame
-   of an unknown id cannot be checked, so it is never given out.
-2. After anything that fails, the search resumes at the byte behind the failed start marker. So no
-   damage costs an intact frame.
-3. A start marker whose frame is still incomplete does not hold back a good frame that lies inside
-   the bytes it asks for: the frame that is complete first wins. Two exceptions, for which the
-   deframer waits: messages that may rightly carry whole frames in their payload
-   (`MessageLayout.carries_bytes`: file transfer, tunnel, log data) at their known length, so that
-   frames out of a downloaded log are never taken for live ones; and the signature of a frame whose
-   checksum has fitted.
-4. The outcome depends on the bytes alone, not on how they are cut into pieces. Fewer than
+1. A frame is returned if and only if its id is in the dialect and its checksum matches. A frame of
+   an unknown id cannot be checked, so it is never returned.
+2. After any failure the search resumes at the byte after the failed start marker, so no damage
+   costs an intact frame.
+3. A start marker with an incomplete frame does not hold back a good frame inside the bytes that it
+   claims: the frame that completes first wins. In two cases the deframer waits instead: messages
+   whose payload may legitimately carry whole frames (`MessageLayout.carries_bytes`: file transfer,
+   tunnel, log data) at their known length, so that frames in a downloaded log are never taken for
+   live ones; and the signature of a frame whose checksum matched.
+4. The result depends on the bytes alone, not on how they are split into pieces. Fewer than
    `LONGEST_FRAME` bytes are kept between calls.
-5. Every byte ends in a frame or in `DeframerCounters.skipped_bytes`; every failed start marker is
-   counted under one reason.
+5. Every byte is part of a frame or counted in `DeframerCounters.skipped_bytes`; every failed start
+   marker is counted under one reason.
 
 Why not pymavlink's parser: docs/design/001-deframer.md.
 """
@@ -36,16 +35,16 @@ LONGEST_FRAME = 280  # MAVLink 2: header 10, payload 255, checksum 2, signature 
 _MARKER_1, _MARKER_2 = 0xFE, 0xFD
 HEADER_1_SIZE, HEADER_2_SIZE = 6, 10
 _UNPACK_HEADER_1 = Struct("<xBBBBB").unpack_from  # length, seq, sysid, compid, id
-# length, incompat flags, seq, sysid, compid, id in the lower 24 bits. It reads one byte beyond the
+# length, incompat flags, seq, sysid, compid, id in the lower 24 bits. Reads one byte beyond the
 # header, which even an empty frame has (its checksum).
 _UNPACK_HEADER_2 = Struct("<xBBxBBBI").unpack_from
-# The third byte of the message ids that there are (0: none is above 65,535).
+# The possible third bytes of message ids (0: no id is above 65,535).
 _ID_ENDS = frozenset(msg_id >> 16 for msg_id in LAYOUTS)
 _ID_END_CLASS = b"[" + b"".join(re.escape(bytes([end])) for end in sorted(_ID_ENDS)) + b"]"
 _OTHER_END_CLASS = _ID_END_CLASS.replace(b"[", b"[^", 1)
-# Crafted garbage costs little Python: a MAVLink 2 marker is found only where its flags and the end
-# of its id are known or not there yet, a MAVLink 1 marker not before five more of its kind (message
-# 254 is shorter).
+# Crafted garbage must cost little Python: a MAVLink 2 marker matches only where its flags and the
+# end of its id are known or still missing, a MAVLink 1 marker only before at most four more of its
+# kind (message 254 is shorter).
 _FIND_START = re.compile(
     rb"\xfe(?!\xfe{5})|\xfd(?:.[\x00\x01](?:.{6}" + _ID_END_CLASS + rb"|.{0,6}\Z)|.?\Z)", re.DOTALL
 ).search
@@ -57,16 +56,16 @@ _new = tuple.__new__
 
 
 class Frame(NamedTuple):
-    """A whole frame of a known id whose checksum fits.
+    """A whole frame of a known id with a matching checksum.
 
     Attributes:
         msg_id: message id.
         sysid: sender's system id.
         compid: sender's component id.
         seq: sender's sequence number, 0..255.
-        payload: as received; MAVLink 2 cuts zero bytes off its end.
+        payload: as received; MAVLink 2 truncates trailing zero bytes.
         version: 1 or 2, the MAVLink version of the frame.
-        signed: a signature is attached (the last 13 bytes of `raw`); it is not verified here.
+        signed: a signature is attached (the last 13 bytes of `raw`); not verified here.
         raw: all bytes of the frame, from the start marker on.
     """
 
@@ -80,28 +79,28 @@ class Frame(NamedTuple):
     raw: bytes
 
 
-# A good frame where it stands in a piece of memory: time (ns) at which it was complete, message id,
-# (system id, component id), where it begins, where its payload begins and ends.
+# A good frame inside a buffer: time (ns) of its completion, message id, (system id, component id),
+# its beginning, beginning and end of its payload.
 PlacedFrame = tuple[int, int, tuple[int, int], int, int, int]
 
 
 class DeframerCounters(NamedTuple):
-    """What has become of the bytes since the deframer was made.
+    """Statistics of the bytes since the deframer was created.
 
     Attributes:
         bytes_in: bytes fed.
-        frames: frames given out.
+        frames: frames returned.
         frames_v1: those of MAVLink 1.
         frames_signed: those with a signature.
-        frames_longer: those longer than the dialect knows: the sender has a newer dialect, the
-            surplus is an extension field that we do not know.
-        bad_crc: start markers with a plausible header whose checksum did not fit, or inside of
+        frames_longer: those longer than the dialect defines: the sender has a newer dialect, and
+            the surplus is an unknown extension field.
+        bad_crc: start markers with a plausible header whose checksum did not match, or inside
             which another good frame began.
-        unknown_id: start markers with an id that the dialect does not know.
-        bad_length: MAVLink 1 start markers with a length that their message cannot have.
+        unknown_id: start markers with an id outside the dialect.
+        bad_length: MAVLink 1 start markers with an impossible length for their message.
         unknown_flags: MAVLink 2 start markers with incompatibility flags other than "signed".
         truncated: start markers whose frame was incomplete when the stream ended (`flush`).
-        skipped_bytes: bytes outside of the given frames: noise, text, damaged frames.
+        skipped_bytes: bytes outside the returned frames: noise, text, damaged frames.
     """
 
     bytes_in: int = 0
@@ -117,9 +116,9 @@ class DeframerCounters(NamedTuple):
     skipped_bytes: int = 0
 
 
-# Why there is no frame at a start marker. Plain integers: noise asks for a verdict at every marker.
+# Why there is no frame at a start marker. Plain integers: noise is checked at every marker.
 _INCOMPLETE = 0
-_AWAITED = 1  # incomplete, and nothing behind it may be given out before it is decided
+_AWAITED = 1  # incomplete, and nothing after it may be returned before it is decided
 _BAD_CRC = 2
 _UNKNOWN_ID = 3
 _BAD_LENGTH = 4
@@ -132,7 +131,7 @@ _REASONS = {
     _UNKNOWN_FLAGS: "unknown_flags",
 }
 
-# The per-frame path reads these once; a tuple per id is cheaper than attributes of the layout.
+# Read once for the per-frame path; a tuple per id is cheaper than attributes of the layout.
 _KNOWN: dict[int, tuple[bytes, int, int, bool]] = {
     msg_id: (bytes([layout.crc_extra]), layout.size, layout.base_size, layout.carries_bytes)
     for msg_id, layout in LAYOUTS.items()
@@ -140,16 +139,16 @@ _KNOWN: dict[int, tuple[bytes, int, int, bool]] = {
 
 
 class Deframer:
-    """Cuts one link's byte stream into frames.
+    """Splits one link's byte stream into frames.
 
-    One deframer per link, all links alike: datagrams are fed as they come (a transparent
-    serial-to-UDP bridge may cut a frame in two), and what a lost datagram leaves behind is
-    overtaken by the next good frame.
+    One deframer per link, for every kind of link: datagrams are fed as they come (a transparent
+    serial-to-UDP bridge may split a frame), and the next good frame overtakes the rest of a frame
+    whose end was lost.
     """
 
     def __init__(self) -> None:
-        self._pending = b""  # begins at the first start marker that is not decided yet
-        self._pending_counted = 0  # leading bytes of it that an earlier frame has accounted for
+        self._pending = b""  # begins at the first undecided start marker
+        self._pending_counted = 0  # its leading bytes that an earlier frame has accounted for
         self._counts = dict.fromkeys(DeframerCounters._fields, 0)
 
     @property
@@ -159,12 +158,12 @@ class Deframer:
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes kept because the frame that they may begin is incomplete."""
+        """Number of bytes kept because they may begin an incomplete frame."""
         return len(self._pending)
 
     @property
     def undecided_bytes(self) -> int | None:
-        """Bytes kept that nothing is known of yet; None where a given frame ends among them."""
+        """Number of kept bytes that are undecided; None where a returned frame ends among them."""
         return None if self._pending_counted else len(self._pending)
 
     def give_back(self) -> None:
@@ -173,14 +172,14 @@ class Deframer:
         self._pending = b""
 
     def pass_over(self, size: int, frames: int, frames_v1: int, signed: int, longer: int) -> None:
-        """Counts whole frames that somebody else has checked by the same rules.
+        """Counts whole frames that a caller has checked by the same rules.
 
         Args:
-            size: their bytes; none is kept at present, and none would be kept behind them.
-            frames: how many they are.
+            size: their bytes; nothing is pending now, and nothing would be after them.
+            frames: their number.
             frames_v1: those of MAVLink 1.
             signed: those with a signature.
-            longer: those that are longer than the dialect knows.
+            longer: those longer than the dialect defines.
         """
         counts = self._counts
         counts["bytes_in"] += size
@@ -193,10 +192,10 @@ class Deframer:
         """Takes the next bytes of the stream.
 
         Args:
-            data: any number of bytes, cut anywhere.
+            data: any number of bytes, split anywhere.
 
         Returns:
-            The frames that these bytes completed, in their order.
+            The frames that these bytes complete, in order.
         """
         size = len(data)
         self._counts["bytes_in"] += size
@@ -208,7 +207,7 @@ class Deframer:
         return self._scan(self._pending + data if self._pending else data, ended=False)
 
     def flush(self) -> list[Frame]:
-        """Declares that the stream has ended (end of file, link down, a peer gone silent).
+        """Ends the stream (end of file, link down, silent peer).
 
         Returns:
             Good frames that an incomplete one held back. Nothing is pending afterwards.
@@ -216,7 +215,7 @@ class Deframer:
         return self._scan(self._pending, ended=True)
 
     def _scan(self, buffer: bytes, ended: bool) -> list[Frame]:
-        """Finds the frames of `buffer` and keeps what is undecided, nothing if `ended`."""
+        """Finds the frames of `buffer`; keeps the undecided bytes, none if `ended`."""
         frames: list[Frame] = []
         rejects: list[tuple[int, int]] = []  # failed start markers since the last frame
         size = len(buffer)
@@ -239,8 +238,8 @@ class Deframer:
                 frames.append(found)
                 if signed or raw[-1] >= _MARKER_2:
                     # The frame may have lost bytes here and borrowed them from the next one: the
-                    # checksum does not cover the signature, and the next marker may have stood in
-                    # for a last byte of its kind.
+                    # checksum does not cover the signature, and the next marker may equal the lost
+                    # last byte.
                     at -= SIGNATURE_SIZE if signed else 1
                 continue
             rejects.append((at, found))
@@ -259,7 +258,7 @@ class Deframer:
         return frames
 
     def _count_unusual(self, frame: Frame) -> None:
-        """Counts a frame that is not plain MAVLink 2."""
+        """Counts a frame other than plain MAVLink 2."""
         counts = self._counts
         counts["frames_v1"] += frame.version == 1
         counts["frames_signed"] += frame.signed
@@ -273,10 +272,10 @@ class Deframer:
         rejects: list[tuple[int, int]],
         ended: bool,
     ) -> None:
-        """Counts the bytes from `start` to `stop`, which are no frame, and each marker in them."""
+        """Counts the bytes from `start` to `stop`, which hold no frame, and each marker in them."""
         counts = self._counts
         counts["skipped_bytes"] += stop - start
-        # The search passes over three kinds of markers in silence: all that are not in `rejects`.
+        # The search skips three kinds of marker silently: all those missing from `rejects`.
         unknown_ids = len(_FIND_UNKNOWN_IDS.findall(buffer, start, stop + _ID_END_AT))
         counts["unknown_id"] += unknown_ids
         counts["unknown_flags"] += buffer.count(_MARKER_2, start, stop) - unknown_ids
@@ -296,19 +295,19 @@ def frame_at(data: bytes, at: int) -> Frame:
 
 
 def begins_with_frame(data: bytes) -> bool:
-    """Whether the first byte begins a good frame that is whole; costs one checksum at the most."""
+    """Whether a whole good frame begins at the first byte; costs at most one checksum."""
     return bool(data) and not isinstance(_frame_at(data, 0, len(data)), int)
 
 
 def _is_plain(frame: Frame, size: int) -> bool:
-    """Whether so many bytes are this frame of MAVLink 2, and nothing of it is looked at again."""
+    """Whether the frame is `size` bytes of MAVLink 2, none of which needs another look."""
     msg_id, _, _, _, payload, version, signed, raw = frame
     is_whole = len(raw) == size and raw[-1] < _MARKER_2
     return is_whole and version == 2 and not signed and len(payload) <= _KNOWN[msg_id][1]
 
 
 def _silent_reason(buffer: bytes, at: int) -> str:
-    """The reason under which a marker is counted where the search passes over it."""
+    """The reason under which a silently skipped marker is counted."""
     if buffer[at] == _MARKER_1:
         return "bad_length"
     return "unknown_id" if _FIND_UNKNOWN_IDS.match(buffer, at) else "unknown_flags"
@@ -345,7 +344,7 @@ def _frame_at(buffer: bytes, at: int, size: int) -> Frame | int:
 
 
 def _incomplete_v2(buffer: bytes, at: int, size: int) -> int:
-    """What is known of a MAVLink 2 start marker with less than an empty frame behind it."""
+    """The verdict on a MAVLink 2 start marker with less than an empty frame after it."""
     if size - at > 2 and buffer[at + 2] > SIGNED_FLAG:
         return _UNKNOWN_FLAGS
     if size - at >= HEADER_2_SIZE:

@@ -1,7 +1,7 @@
-"""The MAVLink dialect as tables: what each known message id looks like on the wire.
+"""The MAVLink dialect as tables: the wire layout of each known message id.
 
-pymavlink's generated dialect is the one source; only extension fields that it describes in words
-and lacks in its tables are written down here.
+The source is pymavlink's generated dialect; only extension fields that it documents but lacks in
+its tables are added here.
 """
 
 from typing import NamedTuple
@@ -58,7 +58,7 @@ class MessageLayout(NamedTuple):
         base_size: payload bytes without the MAVLink 2 extension fields (never too large).
         crc_extra: the byte that ends every checksum of this message.
         carries_bytes: the payload has room for foreign bytes (file transfer, tunnel, log data), so
-            it may rightly contain whole MAVLink frames.
+            it may legitimately contain whole MAVLink frames.
     """
 
     msg_id: int
@@ -71,7 +71,7 @@ class MessageLayout(NamedTuple):
     carries_bytes: bool
 
 
-# Extension fields stand behind all others, and no checksum depends on them.
+# Extension fields follow all others, and no checksum depends on them.
 MISSING_EXTENSIONS: dict[str, tuple[WireField, ...]] = {
     "TIMESYNC": (
         WireField("target_system", "uint8_t", 0),
@@ -107,10 +107,10 @@ def _layout(message: type[ardupilotmega.MAVLink_message]) -> MessageLayout:
 def _base_size(name: str, fields: tuple[WireField, ...], crc_extra: int) -> int:
     """Payload bytes without extension fields.
 
-    The generated tables do not tell base fields from extensions, but CRC_EXTRA is a checksum over
-    the definition of the base fields alone, so the shortest list of fields that gives it ends
-    before the extensions. A chance hit (3 of 301 messages) is shorter than the truth: checks
-    that rest on this size become more lenient, never stricter.
+    The generated tables do not mark extensions, but CRC_EXTRA is a checksum over the definition of
+    the base fields alone: the shortest prefix of the fields that reproduces it ends before the
+    extensions. A chance match (3 of 301 messages) is shorter than the truth, so checks that use
+    this size become more lenient, never stricter.
     """
     checksum = crc16.mcrf4xx(f"{name} ".encode())
     size = 0

@@ -1,4 +1,4 @@
-"""Which of many places hold good frames: the rules of `h2nav.wire.deframer`, for all at once."""
+"""The rules of `h2nav.wire.deframer` applied to many places at once."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,9 +21,9 @@ from h2nav.wire.dialect import LAYOUTS
 SHORTEST_2 = HEADER_2_SIZE + CHECKSUM_SIZE
 """Bytes of an empty frame of MAVLink 2."""
 _SHORTEST_1 = HEADER_1_SIZE + CHECKSUM_SIZE
-# Checksums are computed for so many frames of a size at a time, which fit into a near cache.
+# Checksums are computed for this many frames of one size at a time, which fit into a near cache.
 _TOGETHER = 4096
-_IDS = max(LAYOUTS) + 2  # the last one stands for all that are larger, and unknown
+_IDS = max(LAYOUTS) + 2  # the last one stands for all larger, unknown ids
 
 _KNOWN = np.zeros(_IDS, dtype=bool)
 _EXTRA = np.zeros(_IDS, dtype=np.uint8)
@@ -42,7 +42,7 @@ _BYTE_STEP = np.array([crc16.mcrf4xx(byte, 0) for byte in _BYTES], dtype=np.uint
 _PAIR = np.arange(1 << 16, dtype=np.uint16)
 _FIRST_STEP = _PAIR >> 8 ^ _BYTE_STEP[_PAIR & 0xFF]
 _PAIR_STEP = _FIRST_STEP >> 8 ^ _BYTE_STEP[_FIRST_STEP & 0xFF]
-# The checksum begins behind the start marker with 0xFFFF; so it is before the marker.
+# The checksum begins after the start marker with 0xFFFF; this is its value before the marker.
 _BEFORE = {
     marker: next(
         state for state in range(1 << 16) if crc16.mcrf4xx(bytes([marker]), state) == 0xFFFF
@@ -52,7 +52,7 @@ _BEFORE = {
 
 
 class Headers(NamedTuple):
-    """What the headers at many places say.
+    """The contents of the headers at many places.
 
     Attributes:
         at: (N,) where they begin.
@@ -71,7 +71,7 @@ class Headers(NamedTuple):
     lengths: Integers
 
     def those(self, chosen: NDArray[np.bool_] | Integers) -> "Headers":
-        """Some of them."""
+        """A selection of them."""
         return Headers(
             self.at[chosen],
             self.ends[chosen],
@@ -83,7 +83,7 @@ class Headers(NamedTuple):
 
     @property
     def are_longer(self) -> NDArray[np.bool_]:
-        """(N,) Longer than the dialect knows."""
+        """(N,) longer than the dialect defines."""
         return self.lengths > _FULL_SIZE[self.msg_ids]
 
     @property
@@ -96,11 +96,11 @@ def headers_at(data: bytes, at: Integers) -> Headers:
     """Reads headers.
 
     Args:
-        data: the memory.
+        data: the buffer.
         at: (N,) places.
 
     Returns:
-        Those that have a known id, known flags and a possible length, and room for the frame.
+        The headers with a known id, known flags, a possible length, and room for the frame.
     """
     at = at[at <= len(data) - SHORTEST_2]
     octets = np.frombuffer(data, dtype=np.uint8)
@@ -117,7 +117,7 @@ def headers_at(data: bytes, at: Integers) -> Headers:
 
 
 def have_right_checksums(data: bytes, headers: Headers) -> NDArray[np.bool_]:
-    """(N,) Whether the checksum of each frame fits."""
+    """(N,) whether the checksum of each frame matches."""
     right = np.zeros(len(headers.at), dtype=bool)
     covered = headers.payload_at + headers.lengths - headers.at
     order = np.argsort(covered, kind="stable")
@@ -130,7 +130,7 @@ def have_right_checksums(data: bytes, headers: Headers) -> NDArray[np.bool_]:
 
 
 def _of_one_size(data: bytes, covered: int, headers: Headers) -> NDArray[np.bool_]:
-    """The same of frames with so many bytes before their checksum."""
+    """The same for frames with `covered` bytes before their checksum."""
     whole = values_at(data, headers.at, f"V{covered + CHECKSUM_SIZE}").view(np.uint8)
     whole = whole.reshape(len(headers.at), covered + CHECKSUM_SIZE)
     pairs = np.ascontiguousarray(whole[:, : covered - covered % 2]).view("<u2").T
@@ -145,10 +145,10 @@ def _of_one_size(data: bytes, covered: int, headers: Headers) -> NDArray[np.bool
 
 
 def is_plain_end(data: bytes, ends: Integers, followers: Integers) -> NDArray[np.bool_]:
-    """(N,) Whether the last byte of a frame is not taken for the start marker of another one.
+    """(N,) whether the last byte of a frame cannot be taken for another start marker.
 
     Args:
-        data: the memory.
+        data: the buffer.
         ends: (N,) where good frames end.
         followers: (N,) where the next good frames begin, whose bytes follow in the stream.
     """

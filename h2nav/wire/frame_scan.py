@@ -1,8 +1,8 @@
-"""The frames of a recording, many at a time: what a `Deframer` gives, without reading every byte.
+"""Scans a recording for frames, many at a time, with the same result as a `Deframer`.
 
-Where good frames follow each other without anything between them, the places of all of them are
-found at once. Whatever else there is goes through a `Deframer`, arrival by arrival, until it stands
-at the beginning of such frames again. Frames, counters and times of arrival are the same.
+Where good frames are contiguous, all of them are found at once. Everything else goes through a
+`Deframer`, arrival by arrival, until it reaches the beginning of contiguous frames again. Frames,
+counters and times of arrival are the same.
 """
 
 from collections.abc import Collection
@@ -24,11 +24,11 @@ from h2nav.wire.frame_checks import (
 
 
 class WantedFrames(NamedTuple):
-    """Frames of some ids, one by one.
+    """Frames of some ids.
 
     Attributes:
-        arrivals: number of the arrival that completed each.
-        placed: where each is, and how it came, with as many entries.
+        arrivals: number of the arrival that completed each frame.
+        placed: place and origin of each frame, of the same length.
     """
 
     arrivals: list[int]
@@ -36,10 +36,10 @@ class WantedFrames(NamedTuple):
 
 
 class FoundFrames(NamedTuple):
-    """The frames that some arrivals completed, in the order in which they came.
+    """The frames completed by some arrivals, in order.
 
     Attributes:
-        data: where they stand.
+        data: the buffer that holds them.
         t_ns: (N,) time of each arrival.
         arrivals: (M,) number of the arrival that completed each frame, never decreasing.
         headers: of the M frames.
@@ -51,7 +51,7 @@ class FoundFrames(NamedTuple):
     headers: Headers
 
     def wanted(self, ids: Collection[int]) -> WantedFrames:
-        """Those of these message ids."""
+        """The frames with these message ids."""
         chosen = np.isin(self.headers.msg_ids, list(ids))
         headers, arrivals = self.headers.those(chosen), self.arrivals[chosen]
         keys = self.senders()[chosen].tolist()
@@ -78,11 +78,11 @@ class FrameScan:
     """Finds the frames of one recording.
 
     Args:
-        whole_frames: no frame goes from one arrival to the next; what looks like the beginning of
-            one at an arrival's end is none.
+        whole_frames: no frame spans two arrivals; an incomplete frame at an arrival's end is
+            damage.
 
     Attributes:
-        deframer: has the counters.
+        deframer: holds the counters.
     """
 
     def __init__(self, *, whole_frames: bool = False) -> None:
@@ -90,10 +90,10 @@ class FrameScan:
         self._whole_frames = whole_frames
 
     def frames_of(self, arrivals: Arrivals) -> FoundFrames:
-        """What the next arrivals complete."""
+        """Returns the frames that the next arrivals complete."""
         clean = _CleanFrames(arrivals, self._whole_frames)
         found = _Found(arrivals)
-        number, at = 0, 0  # the next byte is the one at `at`, of this arrival
+        number, at = 0, 0  # the next byte is at `at`, in this arrival
         while number < len(arrivals.starts):
             at = max(at, int(arrivals.starts[number]))
             run = self._run(clean, at)
@@ -112,7 +112,7 @@ class FrameScan:
         return frames + self.deframer.flush() if self._whole_frames else frames
 
     def _run(self, clean: "_CleanFrames", at: int) -> slice | None:
-        """Clean frames that begin at `at`, or with the undecided bytes before it; counts them."""
+        """Counts and returns the clean frames that begin at `at` or at the undecided bytes."""
         undecided = self.deframer.undecided_bytes
         if undecided is None or undecided > (0 if clean.arrivals.framed else at):
             return None
@@ -132,12 +132,12 @@ class FrameScan:
 
 
 class _CleanFrames:
-    """Good frames that a `Deframer` would give out where it comes upon them, keeping nothing.
+    """Good frames that a `Deframer` would return without keeping any bytes.
 
     Attributes:
-        arrivals: that they stand in.
+        arrivals: that contain them.
         headers: of all good frames.
-        completed_by: (N,) number of the arrival that has the last byte of each.
+        completed_by: (N,) number of the arrival with the last byte of each.
     """
 
     def __init__(self, arrivals: Arrivals, whole_frames: bool) -> None:
@@ -154,7 +154,7 @@ class _CleanFrames:
         followed = self._followed(begun_by)
         goes_across = begun_by != self.completed_by
         if not whole_frames:
-            # A good frame inside the first part of another one would be given out instead of it.
+            # A good frame inside the first part of another one would be returned instead of it.
             goes_across &= (
                 np.searchsorted(headers.at, headers.ends) > np.arange(len(headers.at)) + 1
             )
@@ -162,7 +162,7 @@ class _CleanFrames:
         self._last = np.flatnonzero(~followed)
 
     def _followed(self, begun_by: Integers) -> NDArray[np.bool_]:
-        """(N,) Whether the next good frame follows without anything between them."""
+        """(N,) whether the next good frame follows immediately."""
         headers = self.headers
         if self.arrivals.framed:
             side_by_side = begun_by[1:] == begun_by[:-1] + 1
@@ -171,9 +171,9 @@ class _CleanFrames:
         return np.append(side_by_side, np.zeros(min(len(headers.at), 1), dtype=bool))
 
     def _may_hold_marker(self, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(N,) Whether bytes at the end of each have to be looked at as though none had come.
+        """(N,) whether the last bytes of each frame must be searched for a start marker.
 
-        The checksum covers no signature, and a last byte like a start marker may be the next one's.
+        The checksum covers no signature, and a last byte may equal the next frame's start marker.
         """
         headers, data = self.headers, self.arrivals.data
         held = is_marker(np.frombuffer(data, dtype=np.uint8)[headers.ends - 1])
@@ -186,7 +186,7 @@ class _CleanFrames:
         return held
 
     def run(self, at: int) -> slice:
-        """Clean frames of which the first begins at `at` and each follows the one before."""
+        """The contiguous clean frames from `at` on."""
         first = int(np.searchsorted(self.headers.at, at))
         if first == len(self.headers.at) or self.headers.at[first] != at:
             return slice(0, 0)
@@ -198,7 +198,7 @@ class _CleanFrames:
 
 
 class _Found:
-    """Gathers runs and single frames in their order."""
+    """Collects runs and single frames in order."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals

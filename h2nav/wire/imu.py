@@ -1,8 +1,8 @@
-"""The IMU messages of MAVLink as the autopilots really send them, in body SI units.
+"""The IMU messages of MAVLink as autopilots really send them, in body SI units.
 
 One table row per message; a new IMU message is a new row. The units differ (milli-g, mrad/s and
-mgauss in integers; SI and gauss in HIGHRES_IMU), and HIGHRES_IMU of ArduPilot before 2026-02 shows
-the field 10^6 too large, which is recognised and undone.
+mgauss in integers; SI and gauss in HIGHRES_IMU), and HIGHRES_IMU of ArduPilot before 2026-02
+reports the field 10^6 too large, which is detected and corrected.
 """
 
 import math
@@ -17,18 +17,18 @@ from h2nav.wire.refused import Refused, need_finite, need_time, need_within
 
 MILLI_G = GRAVITY_M_S2 * 1e-3
 INT16_END = 32_767
-# No usual gyro measures more. Autopilots cast to int16 without a limit, so that 32.8 to 34.9 rad/s
-# come as -32.8 to -30.6: such a value may mean either.
+# No common gyro measures more. Autopilots cast to int16 without a limit, so 32.8 to 34.9 rad/s
+# arrive as -32.8 to -30.6: such a value is ambiguous.
 GYRO_RANGE_RAD_S = math.radians(2000.0)
 AMBIGUOUS_MRAD_S = math.floor(2 * (INT16_END + 1) - GYRO_RANGE_RAD_S * 1e3)
-# The end of the range as it shows after a bias of 10 deg/s has been subtracted.
+# The end of the range after subtraction of a bias of 10 deg/s.
 CLIPPED_RATE_RAD_S = GYRO_RANGE_RAD_S - math.radians(10.0)
-# Of the usual 16 g; from here on ArduPilot too counts a sample as clipped.
+# Of the usual 16 g; from here on ArduPilot also counts a sample as clipped.
 CLIPPED_FORCE_MG = 15_500
 CLIPPED_FORCE_M_S2 = 15.5 * GRAVITY_M_S2
 UT_PER_MGAUSS = 0.1
 UT_PER_GAUSS = 100.0
-# Beyond any gyro (4,000 deg/s) and any accelerometer (200 g) that flies.
+# Beyond any gyro (4,000 deg/s) and any accelerometer (200 g) in use.
 LARGEST_RATE_RAD_S = 100.0
 LARGEST_FORCE_M_S2 = 200.0 * GRAVITY_M_S2
 # A field beyond this cannot come from the earth or from a magnet near the sensor's range.
@@ -37,7 +37,7 @@ HIGHRES_FIELD_FAULT = 1e6
 HIGHRES_MAG_BITS = 0x1C0
 HIGHRES_MOTION_BITS = 0x3F
 MOST_IMUS = 3
-# Of readings from a log that the autopilot wrote itself; MAVLink's ids have 24 bits.
+# For readings from an autopilot's own log; MAVLink's ids have 24 bits.
 RECORDED_IMU = 1 << 24
 
 
@@ -61,8 +61,8 @@ class ImuReading(NamedTuple):
         w_b: angular rate, rad/s.
         f_b: specific force, m/s^2; never exactly zero.
         m_b_ut: magnetic field, microtesla; None where the message carries no field.
-        clipped: a value stands at the end of its message's or of any usual sensor's range.
-        imu: number of the IMU, from 0, where the message says it; None where its name does.
+        clipped: a value is at the end of its message's or of any usual sensor's range.
+        imu: number of the IMU, from 0, if the message carries it; None if its name implies it.
         ages: of the values, where the recording shows them; None where only their kind is known.
     """
 
@@ -84,7 +84,7 @@ def _integers(time: int, m: Any) -> ImuReading:
     p, q, r = m.xgyro, m.ygyro, m.zgyro
     x, y, z = m.xacc, m.yacc, m.zacc
     if x == 0 and y == 0 and z == 0:
-        # SCALED_IMU3 of a vehicle with two IMUs and three compasses looks so.
+        # SCALED_IMU3 of a vehicle with two IMUs and three compasses.
         raise Refused("zero_force")
     a, b, c = m.xmag, m.ymag, m.zmag
     no_field = a == 0 and b == 0 and c == 0
@@ -117,7 +117,7 @@ def _highres_imu(m: Any) -> ImuReading:
         gauss = UT_PER_GAUSS
         field = _highres_field((m.xmag * gauss, m.ymag * gauss, m.zmag * gauss))
     rate, force = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
-    # What no sensor clips is finite and within all other limits: only the rest is looked at twice.
+    # An unclipped value is finite and within all other limits: only the rest is checked twice.
     clipped = not (_is_within(CLIPPED_RATE_RAD_S, *rate) and _is_within(CLIPPED_FORCE_M_S2, *force))
     if clipped:
         need_finite("non_finite", *rate, *force)
@@ -127,13 +127,13 @@ def _highres_imu(m: Any) -> ImuReading:
         need_within("rate_out_of_range", LARGEST_RATE_RAD_S, *rate)
         need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
     time = need_time("time_out_of_range", m.time_usec)
-    # MAVLink 1 has no number, and what is beyond any IMU is none.
+    # MAVLink 1 has no number; an impossible number counts as none.
     imu = m.id if m.id < MOST_IMUS else 0
     return ImuReading(time, rate, force, field, clipped, imu)
 
 
 def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
-    """The field with ArduPilot's factor undone; None where it is all zero or absurd."""
+    """The field without ArduPilot's factor; None where it is all zero or absurd."""
     norm_ut = math.hypot(*m_b_ut)
     need_finite("non_finite", norm_ut)
     if norm_ut > ABSURD_FIELD_UT:
@@ -147,16 +147,16 @@ def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
 
 
 class ImuMessage(NamedTuple):
-    """One row: how to read a message.
+    """One row: how to read an IMU message.
 
     Attributes:
         name: of the message.
         message_id: of the message.
         time_unit_us: microseconds per count of its time.
-        read: its fields to a reading; raises `Refused`. None where an importer made the reading.
-        bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already taken the bias out.
-        raw_field_of: autopilots that put the field of the sensor into it, not calibrated.
-        imu: number of its IMU, from 0; of HIGHRES_IMU as a rule, see `ImuReading.imu`.
+        read: fields to reading; raises `Refused`. None where an importer made the reading.
+        bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already removed the bias.
+        raw_field_of: autopilots that send the sensor's uncalibrated field.
+        imu: number of its IMU, from 0; for HIGHRES_IMU the default, see `ImuReading.imu`.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Keeps signing keys that pass in the clear out of recordings."""
+"""Keeps signing keys sent in the clear out of recordings."""
 
 import re
 
@@ -11,11 +11,10 @@ _FIND_HEADER = re.compile(
 
 
 class KeyBlanker:
-    """Puts zeros in the place of the key of each SETUP_SIGNING frame of one byte stream.
+    """Zeroes the key of each SETUP_SIGNING frame of one byte stream.
 
-    The number of bytes, and all others, stay as they are. A frame that was blanked fails its
-    checksum when the recording is read: it counts as `bad_crc` there, and nothing else changes
-    because nothing obeys the message.
+    All other bytes stay unchanged. A blanked frame fails its checksum when the recording is read
+    and counts as `bad_crc`; nothing else changes, because the service ignores the message.
     """
 
     def __init__(self) -> None:
@@ -23,7 +22,7 @@ class KeyBlanker:
         self._keys: list[tuple[int, int]] = []  # places of keys, from the next byte on
 
     def blanked(self, data: bytes) -> bytes:
-        """The next bytes of the stream, cut anywhere, without keys."""
+        """The next bytes of the stream, split anywhere, without keys."""
         window = self._before + data
         match = _FIND_HEADER(window)
         while match:

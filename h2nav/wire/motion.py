@@ -1,4 +1,4 @@
-"""Measured poses and wheel distances: what their messages mean in our frames."""
+"""Measured poses and wheel distances, converted to h2nav's frames."""
 
 from typing import Any, NamedTuple
 
@@ -15,17 +15,17 @@ FAILED_QUALITY = -1
 BODY_FLU = 13
 BODY_FRD = (mavlink.MAV_FRAME_BODY_FRD, mavlink.MAV_FRAME_BODY_NED)
 
-# Why a pose is refused before anybody looks at who sent it.
+# Why a pose is rejected before its sender is considered.
 POSE_NOT_FINITE = PoseVerdict.NOT_FINITE.value
 POSE_WRONG_FRAME = PoseVerdict.WRONG_FRAME.value
 POSE_STRAY_TIME = "pose_stray_time"
 WHEELS_STRAY_TIME = "wheels_stray_time"
-POSE_FAILED = "pose_failed"  # the source says that it has lost track
-POSE_OF_AUTOPILOT = "pose_of_autopilot"  # the autopilot's own estimate is no measurement
+POSE_FAILED = "pose_failed"  # the source reports that it has lost track
+POSE_OF_AUTOPILOT = "pose_of_autopilot"  # the autopilot's own estimate is not a measurement
 
 
 class PoseReading(NamedTuple):
-    """A pose message in our frames.
+    """A pose in h2nav's frames.
 
     Attributes:
         usec: its time stamp, on whichever clock; 0 = none.
@@ -55,7 +55,7 @@ class WheelDistances(NamedTuple):
 
 
 def odometry(m: Any) -> PoseReading:
-    """ODOMETRY of a camera; refuses the autopilot's own and frames that do not fit."""
+    """ODOMETRY of a camera; rejects the autopilot's own and unsupported frames."""
     if m.estimator_type == mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT:
         raise Refused(POSE_OF_AUTOPILOT)
     if m.quality == FAILED_QUALITY:
@@ -67,7 +67,7 @@ def odometry(m: Any) -> PoseReading:
 
 
 def vision_position_estimate(m: Any) -> PoseReading:
-    """Its heading is that of the source: north is not promised, so the frame is LOCAL_FRD."""
+    """Its heading is the source's own, not necessarily from north: the frame is LOCAL_FRD."""
     angles, p = (m.roll, m.pitch, m.yaw), (m.x, m.y, m.z)
     need_finite(POSE_NOT_FINITE, *angles, *p)
     q = quaternion.from_euler(*angles)
@@ -84,12 +84,12 @@ def att_pos_mocap(m: Any) -> PoseReading:
 
 
 def wheel_distance(m: Any) -> WheelDistances:
-    """WHEEL_DISTANCE; distances that are no numbers are judged where wheels are known."""
+    """WHEEL_DISTANCE; distances that are not finite are checked where the wheels are known."""
     return WheelDistances(need_time(WHEELS_STRAY_TIME, m.time_usec), tuple(m.distance[: m.count]))
 
 
 def _in_our_frames(world: int, body: int, q: Quat, p: Vec3) -> tuple[Quat, Vec3, PoseFrame]:
-    """Attitude, position and frame with z down and body FRD; refuses frames that do not fit."""
+    """Attitude, position and frame with z down and body FRD; rejects unsupported frames."""
     if body in BODY_FRD:
         if world == mavlink.MAV_FRAME_LOCAL_FRD:
             return q, p, PoseFrame.LOCAL_FRD

@@ -1,6 +1,6 @@
-"""Everything that we send: each writer makes one message whose fields hold what is put there.
+"""Outgoing messages: each writer returns one message whose values fit its fields.
 
-Times wrap where MAVLink wraps them; every other value is clamped to what its field can hold.
+Times wrap as in MAVLink; every other value is clamped to the range of its field.
 """
 
 import math
@@ -16,13 +16,13 @@ from h2nav.motion.samples import OdometryRecord, PoseFrame
 UINT32_MASK = 0xFFFF_FFFF
 INT32_END = (1 << 31) - 1
 INT64_END = (1 << 63) - 1
-# Of an angle of which nothing is known: any value is as likely as any other.
+# Of an unknown angle: uniformly distributed.
 UNKNOWN_ANGLE_VARIANCE = math.pi**2 / 3.0
 # Euler angles have no finite covariance at their poles.
 LEAST_COSINE = 1e-3
 LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 STATUS_TEXT_SIZE = 50
-# A longer text is cut: people read it beside a map.
+# Longer texts are truncated: they are read next to a map.
 STATUS_TEXT_CHUNKS = 4
 ELLIPSIS = "\u2026"
 MAV_FRAMES = {
@@ -60,10 +60,10 @@ def attitude_quaternion(estimate: AttitudeEstimate) -> OutMessage:
 
 
 def attitude_quaternion_cov(estimate: AttitudeEstimate) -> OutMessage:
-    """ATTITUDE_QUATERNION_COV: what ATTITUDE_QUATERNION says, and how good it is.
+    """ATTITUDE_QUATERNION_COV: ATTITUDE_QUATERNION with its covariance.
 
-    The covariance is that of roll, pitch and yaw, rad^2; an unknown deviation is that of an angle
-    of which nothing is known.
+    The covariance is that of roll, pitch and yaw, rad^2; an unknown deviation is that of a
+    uniformly distributed angle.
     """
     _, pitch, _ = quaternion.to_euler(estimate.q_nb)
     cosine = max(math.cos(pitch), LEAST_COSINE)
@@ -83,7 +83,7 @@ def attitude_quaternion_cov(estimate: AttitudeEstimate) -> OutMessage:
 
 
 def estimator_status(t_us: int, flags: int, vel_ratio: float, mag_ratio: float) -> OutMessage:
-    """ESTIMATOR_STATUS; what we do not estimate is 0, as from PX4.
+    """ESTIMATOR_STATUS; ratios that are not estimated are 0, as from PX4.
 
     Args:
         t_us: time of the sample.
@@ -129,20 +129,20 @@ def odometry(record: OdometryRecord, estimator_type: int, quality: int) -> OutMe
 
 
 def time_sync(tc1_ns: int, ts1_ns: int, target: Address) -> OutMessage:
-    """TIMESYNC to one component; `tc1_ns` 0 asks."""
+    """TIMESYNC to one component; `tc1_ns` = 0 makes it a request."""
     return _TargetedTimesync(_clamped(tc1_ns, INT64_END), _clamped(ts1_ns, INT64_END), target)
 
 
 def status_text(severity: int, text: str, text_id: int) -> list[OutMessage]:
-    """STATUSTEXT, in as many chunks as the text needs; no character is cut in two.
+    """STATUSTEXT, in as many chunks as the text needs, without splitting a character.
 
-    A chunk that is not full is the last one for who puts them together, so that one with less room
-    than its next character needs is filled up with spaces.
+    Receivers take a chunk that is not full for the last one, so a chunk whose next character does
+    not fit is padded with spaces.
 
     Args:
         severity: MAV_SEVERITY.
-        text: what does not fit into `STATUS_TEXT_CHUNKS` is cut, and ends with an ellipsis.
-        text_id: 1 to 65535, another one for each text.
+        text: truncated, with an ellipsis, to `STATUS_TEXT_CHUNKS`.
+        text_id: 1 to 65535, different for each text.
     """
     chunks = _chunks(text)
     if len(chunks) > STATUS_TEXT_CHUNKS:
@@ -158,12 +158,12 @@ def status_text(severity: int, text: str, text_id: int) -> list[OutMessage]:
 
 
 def _encoded(text: str) -> bytes:
-    """UTF-8 without NUL; what is no character, as in a name of a file, becomes a question mark."""
+    """UTF-8 without NUL; undecodable bytes, as in a file name, become question marks."""
     return text.replace("\0", " ").encode(errors="replace")
 
 
 def _chunks(text: str) -> list[bytes]:
-    """Full ones, and a last one that is not where there are several."""
+    """Full chunks; where there are several, the last one is not full."""
     chunks = [b""]
     for character in _encoded(text).decode():
         octets = character.encode()
@@ -177,16 +177,16 @@ def _chunks(text: str) -> list[bytes]:
 
 
 def command_ack(command: int, result: int, asker: Address) -> OutMessage:
-    """COMMAND_ACK to who asked."""
+    """COMMAND_ACK to the sender of the command."""
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *asker)
 
 
 def arm_authorization(result: int, for_s: int, asker: Address) -> OutMessage:
-    """COMMAND_ACK to MAV_CMD_ARM_AUTHORIZATION_REQUEST; PX4 takes param 2 for how long it holds.
+    """COMMAND_ACK to MAV_CMD_ARM_AUTHORIZATION_REQUEST; PX4 reads the validity from param 2.
 
     Args:
         result: MAV_RESULT.
-        for_s: the answer holds for so long, s.
+        for_s: validity of the answer, s.
         asker: system and component id of the autopilot.
     """
     command = mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST
@@ -194,7 +194,7 @@ def arm_authorization(result: int, for_s: int, asker: Address) -> OutMessage:
 
 
 def arming_opinion(value: int) -> OutMessage:
-    """NAMED_VALUE_INT `h2_arm`: 1 nothing is wrong, 0 nothing is known, -n: n things are wrong."""
+    """NAMED_VALUE_INT `h2_arm`: 1 nothing is wrong, 0 unknown, -n: n things are wrong."""
     return mavlink.MAVLink_named_value_int_message(0, b"h2_arm", value)
 
 
@@ -212,12 +212,12 @@ def param_value(name: str, value: float, index: int, count: int) -> OutMessage:
 
 
 def param_request_read(target: Address, name: str) -> OutMessage:
-    """PARAM_REQUEST_READ of a parameter by its name."""
+    """PARAM_REQUEST_READ of a parameter by name."""
     return mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
 
 
 def autopilot_version(major: int, minor: int, patch: int) -> OutMessage:
-    """AUTOPILOT_VERSION of this component, which is where MAVLink asks for a version."""
+    """AUTOPILOT_VERSION of this component, MAVLink's message for a version."""
     version = major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV
     nothing = [0] * 8
     return mavlink.MAVLink_autopilot_version_message(
@@ -226,7 +226,7 @@ def autopilot_version(major: int, minor: int, patch: int) -> OutMessage:
 
 
 def set_message_interval(target: Address, message_id: int, rate_hz: float) -> OutMessage:
-    """COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL; a rate of 0 is the default one."""
+    """COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL; a rate of 0 means the default."""
     nothing = (0.0,) * 5
     return mavlink.MAVLink_command_long_message(
         *target,
@@ -239,7 +239,7 @@ def set_message_interval(target: Address, message_id: int, rate_hz: float) -> Ou
 
 
 def request_message(target: Address, message_id: int) -> OutMessage:
-    """COMMAND_LONG with MAV_CMD_REQUEST_MESSAGE, for one message now."""
+    """COMMAND_LONG with MAV_CMD_REQUEST_MESSAGE: one message, now."""
     nothing = (0.0,) * 6
     return mavlink.MAVLink_command_long_message(
         *target, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, float(message_id), *nothing
@@ -252,7 +252,7 @@ def request_data_stream(target: Address, group: int, rate_hz: float) -> OutMessa
 
 
 class _TargetedTimesync(mavlink.MAVLink_timesync_message):  # type: ignore[misc]
-    """TIMESYNC with its extension fields, which pymavlink's dialect describes but does not have."""
+    """TIMESYNC with its extension fields, which pymavlink's dialect documents but lacks."""
 
     def __init__(self, tc1: int, ts1: int, target: Address) -> None:
         super().__init__(tc1, ts1)
@@ -280,7 +280,7 @@ def _known(ratio: float) -> float:
 
 
 def _variance(sigma_rad: float) -> float:
-    """Of an angle; NaN: it is unknown."""
+    """Variance of an angle; NaN if it is unknown."""
     if math.isnan(sigma_rad):
         return UNKNOWN_ANGLE_VARIANCE
     return min(sigma_rad, math.pi) ** 2

@@ -1,4 +1,4 @@
-"""Where the vehicle is and how fast it moves, as receivers and estimators report it."""
+"""Position and velocity of the vehicle from receivers and estimators."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ UNKNOWN_UINT16 = 65_535
 FULL_CIRCLE_CDEG = 36_000
 HIGHEST_ALTITUDE_M = 100_000.0
 FASTEST_M_S = 1_000.0
-# Without vel_acc (an extension field) a 3D fix is taken at this accuracy.
+# Accuracy assumed for a 3D fix without vel_acc (an extension field).
 DEFAULT_SIGMA_M_S = 0.5
 
 
@@ -31,7 +31,7 @@ class Place(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """GPS_GLOBAL_ORIGIN and HOME_POSITION: where the vehicle has been, not where it is.
+    """GPS_GLOBAL_ORIGIN and HOME_POSITION: an earlier position, not the current one.
 
     Attributes:
         place: of the origin.
@@ -48,7 +48,7 @@ class GpsFix(NamedTuple):
         place: of the antenna.
         v_n: velocity over ground in NED, m/s; None where unknown. The message has no vertical
             component, which is NaN then; autopilots' own logs have it.
-        sigma_m_s: accuracy of the velocity as the receiver states it.
+        sigma_m_s: accuracy of the velocity stated by the receiver.
     """
 
     time_us: int
@@ -74,7 +74,7 @@ class EstimatedVelocity(NamedTuple):
 
 
 def gps_raw_int(m: Any) -> GpsFix | NoFix:
-    """GPS_RAW_INT; refuses a position that is none and a course beyond a full circle."""
+    """GPS_RAW_INT; rejects an invalid position and a course beyond a full circle."""
     if m.fix_type < mavlink.GPS_FIX_TYPE_3D_FIX:
         return NoFix()
     place = _place("gps_position_out_of_range", m.lat, m.lon, m.alt)
@@ -100,7 +100,7 @@ def origin(m: Any) -> Origin:
 
 
 def local_position(m: Any) -> EstimatedVelocity:
-    """LOCAL_POSITION_NED; refuses a velocity that is no number or beyond any aircraft."""
+    """LOCAL_POSITION_NED; rejects a velocity that is not finite or beyond any aircraft."""
     v_n = (m.vx, m.vy, m.vz)
     need_within("velocity_out_of_range", FASTEST_M_S, *v_n)
     return EstimatedVelocity(m.time_boot_ms * 1000, v_n)

@@ -1,17 +1,17 @@
-"""What others ask of us: commands and parameters."""
+"""Requests of other components: commands and parameters."""
 
 import math
 from typing import Any, NamedTuple
 
 
 class Command(NamedTuple):
-    """COMMAND_LONG and COMMAND_INT, as far as we obey any.
+    """The parts of COMMAND_LONG and COMMAND_INT that the service uses.
 
     Attributes:
         command: MAV_CMD.
         param1: first parameter; may be NaN or infinite.
         param2: second parameter; likewise.
-        target: system and component id that it is meant for; 0 = every one.
+        target: addressed system and component id; 0 = all.
     """
 
     command: int
@@ -30,9 +30,9 @@ class ParameterRead(NamedTuple):
     """PARAM_REQUEST_READ.
 
     Attributes:
-        name: of the parameter; counts where `place` is None.
-        place: of the parameter, from 0; None = asked for by name.
-        target: system and component id that it is meant for; 0 = every one.
+        name: of the parameter; used if `place` is None.
+        place: of the parameter, from 0; None = requested by name.
+        target: addressed system and component id; 0 = all.
     """
 
     name: str
@@ -45,8 +45,8 @@ class ParameterWrite(NamedTuple):
 
     Attributes:
         name: of the parameter.
-        value: NaN and infinity are None.
-        target: system and component id that it is meant for; 0 = every one.
+        value: None for NaN and infinity.
+        target: addressed system and component id; 0 = all.
     """
 
     name: str
@@ -58,7 +58,7 @@ Question = Command | ParameterList | ParameterRead | ParameterWrite
 
 
 def command(m: Any) -> Command:
-    """COMMAND_LONG, COMMAND_INT: their first parameters have the same names."""
+    """COMMAND_LONG, COMMAND_INT: the fields used have the same names in both."""
     return Command(m.command, m.param1, m.param2, _target(m))
 
 
@@ -68,7 +68,7 @@ def param_request_list(m: Any) -> ParameterList:
 
 
 def param_request_read(m: Any) -> ParameterRead:
-    """PARAM_REQUEST_READ; a negative index means that the name counts."""
+    """PARAM_REQUEST_READ; a negative index selects by name."""
     return ParameterRead(m.param_id, m.param_index if m.param_index >= 0 else None, _target(m))
 
 

@@ -1,4 +1,4 @@
-"""Every message that the service reads, with its reader: the whole boundary in one table."""
+"""Every message that the service reads, with its reader: the inbound boundary in one table."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -47,7 +47,7 @@ Message = (
 
 
 class Envelope(NamedTuple):
-    """How a message came.
+    """Origin and times of a message.
 
     Attributes:
         t_ns: host monotonic time of its arrival.
@@ -70,7 +70,7 @@ MOTION_READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_ATT_POS_MOCAP: motion.att_pos_mocap,
     mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE: motion.wheel_distance,
 }
-"""Those that only estimators of motion want."""
+"""Messages wanted only by motion estimators."""
 
 READERS: dict[int, Reader] = {
     **{row.message_id: row.read for row in IMU_MESSAGES.values() if row.read is not None},
@@ -97,11 +97,11 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_PARAM_SET: questions.param_set,
     **MOTION_READERS,
 }
-"""Message id -> fields under the dialect's names to a typed record; raises `Refused`."""
+"""Message id -> reader: dialect fields to a typed record; raises `Refused`."""
 
 
 def message_name(message_id: int) -> str:
-    """Such as ``RAW_IMU``."""
+    """The dialect's name, such as ``RAW_IMU``."""
     if message_id == RECORDED_IMU:
         return IMU_MESSAGES[RECORDED_IMU].name
     return str(mavlink.mavlink_map[message_id].msgname)

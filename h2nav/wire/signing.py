@@ -1,8 +1,8 @@
-"""MAVLink 2 signing: which frames are admitted, and how ours are signed; no I/O and no clock.
+"""MAVLink 2 signing: admits signed frames and signs outgoing ones; no I/O and no clock.
 
 A signature is the last 13 bytes of a frame: link id, time stamp (48 bits, 10 us since 2015-01-01
-UTC), and the first 48 bits of SHA-256 over the key and all of the frame before them. A stream is
-what one (system id, component id, link id) sends; its stamps only grow.
+UTC), and the first 48 bits of SHA-256 over the key and the rest of the frame. A stream is the
+traffic of one (system id, component id, link id); its stamps only increase.
 
 Source: https://mavlink.io/en/guide/message_signing.html
 """
@@ -24,7 +24,7 @@ NS_PER_STAMP = 10_000
 STAMPS_PER_S = 100_000
 LARGEST_STAMP = 2**48 - 1
 NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
-"""How far a new stream may be behind our own stamp: one minute."""
+"""How far a new stream may lag behind the local stamp: one minute."""
 MOST_STREAMS = 256
 SETUP_SIGNING_ID = 256
 
@@ -41,7 +41,7 @@ Stream = tuple[int, int, int]
 
 
 class Refusal(StrEnum):
-    """Why a frame is refused while signing is on; also the names of its counters."""
+    """Why a frame is rejected while signing is on; also the names of its counters."""
 
     MAVLINK_1 = "mavlink_1"
     UNSIGNED = "unsigned"
@@ -59,9 +59,9 @@ def stamp_at(unix_ns: int) -> int:
 
 
 def without_signature(raw: bytes) -> bytes:
-    """A whole frame of a known id as it would be unsigned, with the checksum that it then has.
+    """Removes the signature of a frame and updates its checksum.
 
-    For recordings: whoever finds a signature in one can try passphrases on it.
+    For recordings: a recorded signature would allow passphrases to be tried offline.
     """
     if raw[0] != _MARKER_2 or not raw[_FLAGS_AT] & SIGNED_FLAG:
         return raw
@@ -69,11 +69,11 @@ def without_signature(raw: bytes) -> bytes:
 
 
 class LocalStamp:
-    """Our own time stamp: never behind the clock, never behind what was used or heard.
+    """The local time stamp: never behind the clock, never behind a used or received stamp.
 
     Args:
-        unix_ns: reads the host's clock, which may be wrong and may be set while we run.
-        at_least: stamps that are given out are greater than this one.
+        unix_ns: reads the host's clock, which may be wrong or set while running.
+        at_least: issued stamps are greater than this one.
     """
 
     def __init__(self, unix_ns: Callable[[], int], at_least: int = 0) -> None:
@@ -82,40 +82,40 @@ class LocalStamp:
 
     @property
     def latest(self) -> int:
-        """The greatest stamp given out or heard."""
+        """The greatest stamp issued or received."""
         return self._latest
 
     @property
     def ahead_s(self) -> float:
-        """By how much the stamps have run ahead of the host's clock; 0 while they follow it."""
+        """How far the stamps have run ahead of the host's clock; 0 while they follow it."""
         return (self.current() - stamp_at(self._unix_ns())) / STAMPS_PER_S
 
     def current(self) -> int:
-        """What a stamp given out now would be at least."""
+        """The least value of the next stamp."""
         return max(self._latest, stamp_at(self._unix_ns()))
 
     def next(self) -> int:
-        """A stamp for one frame, greater than all before.
+        """Issues a stamp for one frame, greater than all before.
 
-        At `LARGEST_STAMP`, which no clock reaches before 2104, it stays, and receivers refuse.
+        It stops at `LARGEST_STAMP`, which no clock reaches before 2104; receivers then reject.
         """
         self._latest = min(max(self._latest + 1, stamp_at(self._unix_ns())), LARGEST_STAMP)
         return self._latest
 
     def follow(self, stamp: int) -> None:
-        """Takes over the stamp of a frame that was signed with the key, if it is greater."""
+        """Adopts the stamp of a frame that was signed with the key, if it is greater."""
         self._latest = max(self._latest, stamp)
 
 
 class Signer:
-    """Signs what one link sends.
+    """Signs the outgoing frames of one link.
 
     Attributes:
-        streams: that it has signed for.
+        streams: for which it has signed.
 
     Args:
         key: 32 bytes.
-        link_id: 0..255; no other link with the same system and component id may have it.
+        link_id: 0..255; unique among links with the same system and component id.
         stamp: of this host.
     """
 
@@ -126,7 +126,7 @@ class Signer:
         self._stamp = stamp
 
     def signed(self, raw: bytes) -> bytes:
-        """An unsigned MAVLink 2 frame of a known id with signature, stamped later than the last."""
+        """Signs an unsigned MAVLink 2 frame of a known id, stamped later than the last."""
         self.streams.add((raw[_SYSID_AT], raw[_SYSID_AT + 1], self._link_id))
         stamp = self._stamp.next().to_bytes(_STAMP_SIZE, "little")
         frame = _with_flags(raw[:-CHECKSUM_SIZE], SIGNED_FLAG) + bytes((self._link_id,)) + stamp
@@ -134,18 +134,18 @@ class Signer:
 
 
 class SignatureChecker:
-    """Decides on each frame of a link whose traffic must be signed.
+    """Checks each frame of a link whose traffic must be signed.
 
-    The table of streams holds `MOST_STREAMS`; only a key holder gets into it. When it is full,
-    streams more than a minute behind our stamp are forgotten (what they have sent would be refused
-    as `OLD_STAMP`), and where there are none, new streams are refused; known ones go on.
+    The table of streams holds `MOST_STREAMS`; only a key holder can add to it. When it is full,
+    streams more than a minute behind the local stamp are forgotten (their old frames would be
+    rejected as `OLD_STAMP`); if there are none, new streams are rejected and known ones continue.
 
     Args:
         key: 32 bytes.
-        stamp: of this host; it follows the frames that are admitted.
-        accept_unsigned: ids of the messages that are taken without a signature, of either MAVLink
-            version (the firmware of SiK radios cannot sign its RADIO_STATUS).
-        own_streams: ours; what comes back of them is refused.
+        stamp: of this host; it follows the admitted frames.
+        accept_unsigned: ids of messages accepted without a signature, of either MAVLink version
+            (the firmware of SiK radios cannot sign its RADIO_STATUS).
+        own_streams: of this host; frames that return on them are rejected.
     """
 
     def __init__(
@@ -163,23 +163,23 @@ class SignatureChecker:
 
     @property
     def streams(self) -> int:
-        """Streams that are known."""
+        """Number of known streams."""
         return len(self._latest)
 
     def would_admit(self, frame: Frame) -> bool:
-        """Whether `admit` would take a frame; changes nothing."""
+        """Whether `admit` would accept a frame; changes nothing."""
         return self.objection(frame) is None
 
     def would_answer(self, frame: Frame) -> bool:
-        """Whether our frames should go to where a frame came from; changes nothing.
+        """Whether outgoing frames may go to the sender of a frame; changes nothing.
 
-        Beside senders that are admitted it means those whose clock is behind, as that of an
-        autopilot before its first GPS fix is: they are admitted after they have heard our stamp.
+        Besides admitted senders this includes those with a slow clock, such as an autopilot before
+        its first GPS fix: they are admitted once they have received the local stamp.
         """
         return frame.signed and self.objection(frame) in (None, Refusal.OLD_STAMP)
 
     def admit(self, frame: Frame) -> Refusal | None:
-        """Takes a frame, which moves its stream and our own stamp on, or refuses it."""
+        """Admits a frame and advances its stream and the local stamp, or returns a refusal."""
         objection = self.objection(frame)
         if objection is None and frame.signed:
             stream, stamp, _ = _signature(frame)
@@ -190,7 +190,7 @@ class SignatureChecker:
         return objection
 
     def objection(self, frame: Frame) -> Refusal | None:
-        """Why `admit` would refuse a frame, None if it would not; changes nothing."""
+        """Why `admit` would reject a frame; None if it would not. Changes nothing."""
         if frame.msg_id == SETUP_SIGNING_ID:
             return Refusal.SETUP_SIGNING
         if not frame.signed:
@@ -203,7 +203,7 @@ class SignatureChecker:
         return self._stamp_objection(stream, stamp)
 
     def _stamp_objection(self, stream: Stream, stamp: int) -> Refusal | None:
-        """What is wrong with the stamp of a frame whose signature is right."""
+        """What is wrong with the stamp of a frame whose signature matches."""
         if stream in self._own_streams:
             return Refusal.REFLECTED
         latest = self._latest.get(stream)
@@ -216,33 +216,33 @@ class SignatureChecker:
         return Refusal.TOO_MANY_STREAMS
 
     def _make_room(self) -> None:
-        """Forgets streams that could not come back with anything that they have sent."""
+        """Forgets streams whose old frames would be rejected anyway."""
         if len(self._latest) < MOST_STREAMS:
             return
         oldest = self._oldest_new()
         self._latest = {stream: at for stream, at in self._latest.items() if at >= oldest}
 
     def _oldest_new(self) -> int:
-        """The oldest stamp that a new stream may begin with."""
+        """The oldest stamp with which a new stream may begin."""
         return self._stamp.current() - NEW_STREAM_BEHIND
 
 
 def _signature(frame: Frame) -> tuple[Stream, int, bytes]:
-    """Stream, stamp and hash that a signed frame claims to have."""
+    """The stream, stamp and hash that a signed frame claims."""
     raw = frame.raw
     link_id, low, high, digest = _UNPACK_SIGNATURE(raw, len(raw) - SIGNATURE_SIZE)
     return (frame.sysid, frame.compid, link_id), low | high << 32, digest
 
 
 def _digest(keyed: "hashlib._Hash", content: bytes) -> bytes:
-    """The hash of a signature, from one that has taken the key in already."""
+    """The hash of a signature; `keyed` already contains the key."""
     hashed = keyed.copy()
     hashed.update(content)
     return hashed.digest()[:_HASH_SIZE]
 
 
 def _with_flags(body: bytes, flags: int) -> bytes:
-    """Header and payload of a MAVLink 2 frame with other flags and the checksum that fits them."""
+    """Header and payload of a MAVLink 2 frame with other flags and the matching checksum."""
     crc_extra = LAYOUTS[int.from_bytes(body[_ID_AT], "little")].crc_extra
     body = body[:_FLAGS_AT] + bytes((flags,)) + body[_FLAGS_AT + 1 :]
     checksum = crc16.mcrf4xx(bytes((crc_extra,)), crc16.mcrf4xx(body[1:]))

@@ -1,9 +1,9 @@
 """Telemetry logs (`.tlog`): entries of big-endian UNIX microseconds and a raw MAVLink frame.
 
-An entry carries no checksum of its own time, and its length follows from the frame's header. So an
-entry counts as sound when another one, or the end of the file, follows it where it should. After
-damage the bytes up to the next sound entry are passed on with the last good time: the deframer
-finds the intact frames among them.
+An entry carries no checksum of its time, and its length follows from the frame's header. So an
+entry counts as sound when another entry, or the end of the file, follows it at the expected place.
+After damage the bytes up to the next sound entry are passed on with the last good time: the
+deframer finds the intact frames among them.
 """
 
 import sys
@@ -27,11 +27,11 @@ class TlogReader:
     """Reads entries front to back with bounded memory.
 
     Attributes:
-        position: bytes given out so far.
-        damaged_bytes: bytes that were not part of a sound entry.
-        damaged_stretches: how many runs of such bytes there were.
-        corrected_times: times that did not fit between their neighbours' and were replaced.
-        clock_steps_back: times at which the recorder's clock was set back; it stands still there.
+        position: bytes returned so far.
+        damaged_bytes: bytes outside sound entries.
+        damaged_stretches: number of runs of such bytes.
+        corrected_times: times replaced because they did not fit between their neighbours'.
+        clock_steps_back: how often the recorder's clock was set back; time stands still there.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -46,9 +46,9 @@ class TlogReader:
         self.corrected_times = self.clock_steps_back = 0
 
     def batches(self) -> Iterator[Arrivals]:
-        """All entries in the order of the file; those of one block of the file at a time.
+        """Yields all entries in order, those of one block of the file at a time.
 
-        An arrival is the frame of a sound entry, or what stood there instead. Its time is the
+        An arrival is the frame of a sound entry, or the bytes found instead. Its time is the
         recorder's UNIX time.
         """
         while self._fill():
@@ -70,7 +70,7 @@ class TlogReader:
         return len(self._buffer) - self._at < _NEED
 
     def _block(self) -> Arrivals:
-        """What the buffer holds, up to what cannot be judged before more is read."""
+        """The decided part of the buffer; the rest needs more bytes."""
         seen = _Seen(self._buffer, self._ended)
         starts: list[Integers] = []
         ends: list[Integers] = []
@@ -92,7 +92,7 @@ class TlogReader:
         return Arrivals(self._buffer, np.concatenate(starts), np.concatenate(ends), t_ns, True)
 
     def _entry(self, seen: "_Seen") -> tuple[int, int, int]:
-        """Any entry or damaged stretch: where its bytes begin and end, and its time, us."""
+        """The next entry or damaged stretch: beginning and end of its bytes, and its time, us."""
         at = self._at
         end = seen.end_of_sound(at)
         if end:
@@ -124,16 +124,16 @@ class TlogReader:
 
 
 class _Seen:
-    """All that looks like an entry in a block of a file, and where one is followed by the next.
+    """Everything that looks like an entry in a block of a file, and its successors.
 
     Args:
         buffer: the block.
         ended: the file ends with it.
 
     Attributes:
-        at: (N,) where each begins.
-        ends: (N,) where the next one should begin.
-        times_us: (N,) their times as they stand there.
+        at: (N,) beginning of each.
+        ends: (N,) expected beginning of the next one.
+        times_us: (N,) their times as stored.
     """
 
     def __init__(self, buffer: bytes, ended: bool) -> None:
@@ -154,7 +154,7 @@ class _Seen:
         self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
         goes_on = (self.ends[:-1] == self.at[1:]) & (self.times_us[:-1] <= self.times_us[1:])
         self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
-        # Behind this there may be an entry that cannot be judged yet.
+        # Beyond this an entry cannot be judged yet.
         last = len(data) if ended else len(data) - _NEED
         self._judged = int(np.searchsorted(self.at, last, "right"))
 
@@ -162,8 +162,8 @@ class _Seen:
         """The entries from `at` on that follow each other in place and time.
 
         Args:
-            at: where the first one has to begin.
-            last_us: time of the one before, as it stands in the file.
+            at: beginning of the first one.
+            last_us: stored time of the previous one.
         """
         first = int(np.searchsorted(self.at, at))
         if first == len(self.at) or self.at[first] != at or self.times_us[first] < last_us:
@@ -172,19 +172,19 @@ class _Seen:
         return slice(first, min(end, self._judged))
 
     def end_of_sound(self, at: int) -> int:
-        """Where the entry at `at` ends; 0 where no sound one begins."""
+        """The end of the entry at `at`; 0 if no sound entry begins there."""
         place = int(np.searchsorted(self._sound_at, at))
         is_sound = place < len(self._sound_at) and self._sound_at[place] == at
         return int(self._sound_ends[place]) if is_sound else 0
 
     def next_sound(self, at: int) -> int:
-        """Where the first sound entry behind `at` begins; beyond the buffer without one."""
+        """The beginning of the first sound entry after `at`; beyond the buffer if there is none."""
         place = int(np.searchsorted(self._sound_at, at, "right"))
         return int(self._sound_at[place]) if place < len(self._sound_at) else sys.maxsize
 
 
 def looks_like_tlog(start: bytes) -> bool:
-    """Whether a file that begins so holds time stamps between its frames.
+    """Whether a file with this beginning holds time stamps between its frames.
 
     Args:
         start: the first bytes of the file, a few thousand of them.
@@ -202,7 +202,7 @@ def _raw_time(buffer: bytes, at: int) -> int:
 
 
 def _entry_size(buffer: bytes, at: int) -> int:
-    """Bytes of the entry that begins at `at`; 0 when none can begin there or be recognised."""
+    """Length of the entry at `at`, bytes; 0 if no entry can begin there or be recognised."""
     frame = at + TIME_SIZE
     if frame + 3 > len(buffer) or not _EARLIEST_US <= _raw_time(buffer, at) <= _LATEST_US:
         return 0

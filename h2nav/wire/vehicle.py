@@ -1,4 +1,4 @@
-"""What an autopilot reports of itself and its vehicle: heartbeat, state, clocks, speed, answers."""
+"""Reports of an autopilot on itself and its vehicle: heartbeat, state, clocks, speed, replies."""
 
 import math
 from typing import Any, NamedTuple
@@ -30,12 +30,12 @@ class Heartbeat(NamedTuple):
 
     @property
     def is_of_autopilot(self) -> bool:
-        """Whether an autopilot sends it, and not a ground station, a camera or the like."""
+        """Whether the sender is an autopilot, and not a ground station, a camera or the like."""
         return bool(self.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
 
     @property
     def is_of_ground_station(self) -> bool:
-        """Whether somebody is there who reads texts."""
+        """Whether the sender is a ground station, which displays texts."""
         return bool(self.vehicle_type == mavlink.MAV_TYPE_GCS)
 
 
@@ -43,7 +43,7 @@ class LandedState(NamedTuple):
     """EXTENDED_SYS_STATE.
 
     Attributes:
-        on_ground: None while the autopilot does not know.
+        on_ground: None while unknown to the autopilot.
     """
 
     on_ground: bool | None
@@ -53,7 +53,7 @@ class SystemTime(NamedTuple):
     """SYSTEM_TIME.
 
     Attributes:
-        unix_s: UNIX time, s; None while the autopilot does not know it.
+        unix_s: UNIX time, s; None while unknown to the autopilot.
     """
 
     unix_s: float | None
@@ -70,12 +70,12 @@ class Airspeed(NamedTuple):
 
 
 class TimeSyncMessage(NamedTuple):
-    """TIMESYNC: a question (`tc1_ns` 0) or an answer.
+    """TIMESYNC: a request (`tc1_ns` 0) or a reply.
 
     Attributes:
-        tc1_ns: the answering clock; 0 in a question.
-        ts1_ns: the asking clock.
-        target: system and component id that it is meant for; (0, 0) = everybody.
+        tc1_ns: the replying clock; 0 in a request.
+        ts1_ns: the requesting clock.
+        target: addressed system and component id; (0, 0) = all.
     """
 
     tc1_ns: int
@@ -89,7 +89,7 @@ class CommandAck(NamedTuple):
     Attributes:
         command: MAV_CMD.
         result: MAV_RESULT.
-        target: system and component id that asked; (0, 0) where the sender leaves it out.
+        target: system and component id of the requester; (0, 0) if the sender omits it.
     """
 
     command: int
@@ -102,8 +102,7 @@ class ParameterValue(NamedTuple):
 
     Attributes:
         name: of the parameter.
-        value: as ArduPilot sends all of them, and PX4 those that are floats; NaN and infinity are
-            None.
+        value: from ArduPilot any, from PX4 those that are floats; None for NaN and infinity.
     """
 
     name: str
@@ -135,8 +134,8 @@ class Vibration(NamedTuple):
     """VIBRATION.
 
     Attributes:
-        levels: of the three axes, m/s^2 from ArduPilot; PX4 puts other metrics there. NaN and
-            infinity are 0.
+        levels: of the three axes, m/s^2 from ArduPilot; PX4 sends other metrics. 0 for NaN and
+            infinity.
         clips: clipped samples of each accelerometer since boot.
     """
 
@@ -157,7 +156,7 @@ def landed_state(m: Any) -> LandedState:
 
 
 def system_time(m: Any) -> SystemTime:
-    """SYSTEM_TIME; refuses a date outside 2010 to 2100, such as one in nanoseconds."""
+    """SYSTEM_TIME; rejects a date outside 2010 to 2100, such as one in nanoseconds."""
     if m.time_unix_usec == 0:
         return SystemTime(None)
     unix_s = m.time_unix_usec * 1e-6
@@ -167,7 +166,7 @@ def system_time(m: Any) -> SystemTime:
 
 
 def airspeed(m: Any) -> Airspeed:
-    """VFR_HUD, with NaN where there is no sensor; refuses a speed beyond any aircraft's."""
+    """VFR_HUD, with NaN where there is no sensor; rejects a speed beyond any aircraft's."""
     if math.isnan(m.airspeed):
         return Airspeed(None)
     need_within("airspeed_out_of_range", FASTEST_AIRSPEED_M_S, m.airspeed)
@@ -175,13 +174,13 @@ def airspeed(m: Any) -> Airspeed:
 
 
 def time_sync(m: Any) -> TimeSyncMessage:
-    """TIMESYNC; refuses clocks that have run for a century."""
+    """TIMESYNC; rejects clocks that have run for a century."""
     need_within("clock_out_of_range", LATEST_CLOCK_NS, m.tc1, m.ts1)
     return TimeSyncMessage(m.tc1, m.ts1, (m.target_system, m.target_component))
 
 
 def status_text(m: Any) -> StatusText:
-    """STATUSTEXT; the codec has made a text of whatever its bytes are."""
+    """STATUSTEXT; the codec has already made its bytes a text."""
     return StatusText(m.text)
 
 
@@ -194,7 +193,7 @@ def firmware(m: Any) -> Firmware:
 
 
 def param_value(m: Any) -> ParameterValue:
-    """PARAM_VALUE; integers of PX4 are bits that are no number of ours."""
+    """PARAM_VALUE; integers of PX4 are bit patterns, not numbers."""
     return ParameterValue(m.param_id, m.param_value if math.isfinite(m.param_value) else None)
 
 
@@ -204,7 +203,7 @@ def command_ack(m: Any) -> CommandAck:
 
 
 def vibration(m: Any) -> Vibration:
-    """VIBRATION; what is no number says nothing."""
+    """VIBRATION; values that are not finite count as 0."""
     x, y, z = (
         level if math.isfinite(level) else 0.0
         for level in (m.vibration_x, m.vibration_y, m.vibration_z)

@@ -183,7 +183,7 @@ def test_an_unknown_home_is_named_with_its_key(tmp_path):
         ("filter: {gains: /nowhere/gains.yaml}", "filter.gains: /nowhere/gains.yaml: no such"),
         ("filter: {gains: mpu9250_100hz}", "gains of kind two_stage, but filter.name default"),
         ("filter: {gains: mpu6050_100hz}", "filter.gains: gain file mpu6050_100hz: not shipped"),
-        ("link:\n  url: udpin:0.0.0.0:1\n  url: udpin:0.0.0.0:2", ":3: url stands here and in"),
+        ("link:\n  url: udpin:0.0.0.0:1\n  url: udpin:0.0.0.0:2", ":3: url occurs here and in"),
     ],
 )
 def test_check_config_refuses_what_the_daemon_would_refuse(tmp_path, capsys, text, says):

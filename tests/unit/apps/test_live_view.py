@@ -205,7 +205,7 @@ def test_one_that_talks_nonsense_is_ended(beside):
     beside.run(0.1)
     beside.viewer.end.send(b"{}")
     (said,) = beside.run(0.1)
-    assert "talks nonsense" in said.text
+    assert "sent an invalid message" in said.text
     assert beside.viewer.was_killed
 
 

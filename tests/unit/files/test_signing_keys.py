@@ -67,7 +67,7 @@ def test_what_is_missing_or_no_file_is_told_in_one_line(tmp_path):
     assert "signing-key -o" in complaint(tmp_path / "absent")
     assert "Is a directory" in complaint(tmp_path)
     os.mkfifo(tmp_path / "fifo", 0o600)
-    assert "no regular file" in complaint(tmp_path / "fifo")
+    assert "not a regular file" in complaint(tmp_path / "fifo")
 
 
 def test_a_written_key_is_read_back_and_private(tmp_path):

@@ -84,7 +84,7 @@ def test_a_path_that_is_taken_is_refused_in_a_line(server, path, tmp_path):
     with pytest.raises(BadInput, match="another program listens"):
         EventSocket(path)
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(BadInput, match="is no socket"):
+    with pytest.raises(BadInput, match="is not a socket"):
         EventSocket(tmp_path / "file")
     with pytest.raises(BadInput, match=r"events\.socket: .*No such file"):
         EventSocket(tmp_path / "absent" / "events")

@@ -28,13 +28,13 @@ GOOD = {
     ),
 }
 BAD = {
-    "": "is no kind of link",
-    "14550": "is no kind of link",
-    "tcpin:0.0.0.0:5760": "'tcpin' is no kind of link",
-    "COM3,115200": "is no kind of link",
+    "": "is not a kind of link",
+    "14550": "is not a kind of link",
+    "tcpin:0.0.0.0:5760": "'tcpin' is not a kind of link",
+    "COM3,115200": "is not a kind of link",
     "udpin:14550": "is not HOST:PORT",
     "udpin::14550": "is not HOST:PORT",
-    "udpin:::1:14550": "IPv6 address stands in [brackets]",
+    "udpin:::1:14550": "IPv6 address needs [brackets]",
     "udpin:0.0.0.0": "is not HOST:PORT",
     "udpin:0.0.0.0:14550:14551": "is not HOST:PORT",
     "udpin:0.0.0.0:+1": "is not HOST:PORT",

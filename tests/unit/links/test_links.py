@@ -93,5 +93,5 @@ def test_every_kind_can_be_closed_and_comes_back(link: Link) -> None:
 
 
 def test_bad_url_is_refused_at_once() -> None:
-    with pytest.raises(BadInput, match="'bluetooth' is no kind of link"):
+    with pytest.raises(BadInput, match="'bluetooth' is not a kind of link"):
         open_link("bluetooth:00:11:22")

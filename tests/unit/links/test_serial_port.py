@@ -85,7 +85,7 @@ def test_what_is_no_serial_port_is_called_so(clock: Clock) -> None:
     link = open_link("serial:/dev/null:115200")
     link.maintain(clock.t_ns)
     assert not link.is_up
-    assert link.last_error.endswith("/dev/null: is no serial port")
+    assert link.last_error.endswith("/dev/null: is not a serial port")
 
 
 def test_unplugging_wakes_the_loop_and_closes_the_descriptor(

@@ -56,7 +56,7 @@ def test_refused_then_there_then_restarted(stack: ExitStack, clock: Clock) -> No
     stack.callback(link.close)
     for _ in range(20):
         link.maintain(clock.t_ns)
-    assert "nobody listens there" in link.last_error
+    assert "no program listens there" in link.last_error
     assert link.statistics.errors == 1
 
     listener = server(stack, port)

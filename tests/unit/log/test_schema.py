@@ -129,7 +129,7 @@ def test_fields_that_are_no_scalars_are_refused() -> None:
         record_format(Nested)
     with pytest.raises(TypeError, match=r"Mixed\.value"):
         record_format(Mixed)
-    with pytest.raises(TypeError, match="tuple is no NamedTuple"):
+    with pytest.raises(TypeError, match="tuple is not a NamedTuple"):
         record_format(tuple)
 
 
