@@ -1,1 +1,1 @@
-"""One module per command; they only wire the rooms together."""
+"""One module per command; they only connect the rooms."""

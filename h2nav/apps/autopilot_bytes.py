@@ -1,4 +1,4 @@
-"""The fake autopilot as bytes: encoded, and sent over a line that may be bad; still without I/O."""
+"""The fake autopilot as a byte stream: encoded, sent over an optionally bad line; no I/O."""
 
 from typing import NamedTuple
 
@@ -15,8 +15,8 @@ class AutopilotSigning(NamedTuple):
     """MAVLink 2 signing of the vehicle's links.
 
     Attributes:
-        signer: signs whatever the vehicle sends.
-        checker: decides on what it hears; frames that it refuses are neither obeyed nor forwarded.
+        signer: signs everything that the vehicle sends.
+        checker: checks incoming frames; rejected ones are neither obeyed nor forwarded.
     """
 
     signer: Signer
@@ -24,13 +24,13 @@ class AutopilotSigning(NamedTuple):
 
 
 class AutopilotBytes:
-    """Wires a fake autopilot to codec and delivery.
+    """Connects a fake autopilot to codec and delivery.
 
     Args:
         autopilot: new.
         start_ns: host time at which its power is switched on.
-        links: how many it is connected to; all of them get the same.
-        signing: of all links; None = nothing is signed or verified.
+        links: number of links; all carry the same.
+        signing: of all links; None = frames are neither signed nor verified.
     """
 
     def __init__(
@@ -50,27 +50,26 @@ class AutopilotBytes:
         self._refused = 0
         self._frames = 0
         self._bytes = 0
-        # The power goes on now, even if the link is not up yet.
+        # Power is on from now, even if the link is not up yet.
         self._collect(autopilot.advance(start_ns))
 
     @property
     def next_deadline_ns(self) -> int:
-        """When `advance` has something to give next."""
+        """When `advance` returns the next frame."""
         arrival_ns = self._delivery.next_deadline_ns
         due_ns = self._autopilot.next_deadline_ns
         return due_ns if arrival_ns is None else min(arrival_ns, due_ns)
 
     @property
     def reboots(self) -> int:
-        """How often the autopilot has rebooted."""
+        """Number of reboots of the autopilot."""
         return self._autopilot.reboots
 
     def received(self, t_ns: int, data: bytes, link: int = 0) -> list[bytes]:
         """Takes bytes from a link at host time `t_ns`.
 
         Returns:
-            The frames among them that an autopilot forwards to its other links: all that are not
-            for itself.
+            The frames among them that an autopilot forwards to its other links: all except its own.
         """
         forwarded = []
         for frame in self._deframers[link].feed(data):
@@ -86,7 +85,7 @@ class AutopilotBytes:
         return forwarded
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Frames (and other bytes) that reach the link until `t_ns`, in order."""
+        """Returns frames (and other bytes) that reach the link until `t_ns`, in order."""
         self._collect(self._autopilot.advance(t_ns))
         arrived = self._delivery.take(t_ns)
         self._frames += len(arrived)
@@ -94,12 +93,12 @@ class AutopilotBytes:
         return arrived
 
     def skip_if_late(self, t_ns: int) -> None:
-        """Leaves out what is overdue by more than `LONGEST_CATCH_UP_NS`, instead of a burst."""
+        """Skips what is overdue by more than `LONGEST_CATCH_UP_NS`, instead of a burst."""
         if t_ns - self._autopilot.next_deadline_ns > LONGEST_CATCH_UP_NS:
             self._autopilot.skip_to(t_ns)
 
     def counts(self) -> dict[str, object]:
-        """What has happened so far, for people and tests."""
+        """Statistics, for people and tests."""
         return {
             "messages": dict(sorted(self._sent.items())),
             "frames_sent": self._frames,

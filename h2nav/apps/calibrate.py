@@ -1,4 +1,4 @@
-"""`h2nav calibrate`: parameters out of flights, as a file to load; nothing is sent to a vehicle."""
+"""`h2nav calibrate`: parameters from flights, as a file to load; sends nothing to a vehicle."""
 
 import argparse
 from pathlib import Path
@@ -12,11 +12,11 @@ from h2nav.errors import TaskFailed
 
 _FORMATS = ("ardupilot", "qgroundcontrol", "px4")
 _CLOSING = """\
-The attitude that sensors are compared with is made without any compass, from past and future.
+The sensors are compared with an attitude that uses no compass but past and future samples.
 FILE.param is ArduPilot's NAME,VALUE, FILE.params QGroundControl's five columns, any other of PX4
-`param set` lines. Only what is significantly better is in the file; of the rest it is said why.
-Where the recording holds no parameters, name a file that a ground station saved (--parameters).
-Nothing is ever sent to a vehicle: look at the values, load them, and fly carefully after."""
+`param set` lines. The file holds significant improvements; the others are listed with a reason.
+Where the recording holds no parameters, name a file saved by a ground station (--parameters).
+Nothing is ever sent to a vehicle: check the values, load them, and fly carefully afterwards."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parameters",
         type=Path,
         metavar="FILE",
-        help="parameters that the vehicle flew with, as a ground station saves them",
+        help="parameters of the vehicle in that flight, as saved by a ground station",
     )
     playback.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")

@@ -1,4 +1,4 @@
-"""`h2nav certify`: checks gain files against their own models, without any solver."""
+"""`h2nav certify`: verifies gain files against their own models, without a solver."""
 
 import argparse
 import sys
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _checked(path_or_name: str) -> dict[str, object]:
-    """What is to be said of one file; a file that cannot be read counts as not certified."""
+    """The result for one file; an unreadable file counts as not certified."""
     from h2nav.files import gain_files
     from h2nav.synthesis.kinds import check
 

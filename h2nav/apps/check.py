@@ -1,4 +1,4 @@
-"""`h2nav check`: listens to a vehicle on the ground for a while, and says what is wrong with it."""
+"""`h2nav check`: checks a vehicle on the ground before arming."""
 
 import argparse
 import dataclasses
@@ -19,9 +19,9 @@ from h2nav.service.settings import OutputSettings
 
 MOST_S = 3600.0
 _CLOSING = """\
-Exit status: 0 nothing is wrong with what could be judged; 1 something is, or nothing could be
-judged; 2 bad input. The vehicle stands still, disarmed. It is asked for messages and told nothing
-else: this neither arms nor disarms, and a status of 0 is no promise (docs/preflight.md)."""
+Exit status: 0 no check failed, of those that were possible; 1 a check failed, or none was possible;
+2 bad input. The vehicle must stand still, disarmed. It receives requests for messages and nothing
+else: this neither arms nor disarms, and a status of 0 is no guarantee (docs/preflight.md)."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def verdict_of(service: Service) -> dict[str, Any]:
-    """What is known, as JSON has it."""
+    """The result, in the form of the JSON document."""
     faults, judged = service.before_arming
     return {
         "ok": bool(judged) and not faults,
@@ -79,7 +79,7 @@ def verdict_of(service: Service) -> dict[str, Any]:
 
 
 def _listening(url: str) -> Configuration:
-    """Defaults, with no log and nothing that is sent of an attitude."""
+    """The default configuration without a log and without outputs."""
     quiet = OutputSettings(
         attitude_rate_hz=0.0,
         attitude_quaternion_rate_hz=0.0,
@@ -92,11 +92,11 @@ def _listening(url: str) -> Configuration:
 
 def _show(found: dict[str, Any]) -> None:
     if not found["vehicle"]:
-        print("no autopilot was heard")
+        print("no autopilot was detected")
     elif found["armed"]:
-        print("the vehicle is armed: nothing was judged")
+        print("the vehicle is armed: no check was made")
     elif not found["judged"]:
-        print("nothing could be judged: it has to stand still, and to send its IMU's messages")
+        print("no check was possible: the vehicle has to stand still and send its IMU's messages")
     for fault in found["faults"]:
         print(f"wrong: {fault['text']} (at most {fault['limit']:.3g})")
     if found["ok"]:

@@ -1,4 +1,4 @@
-"""``h2nav check-config``: every error of a configuration file with its place; examples, schema."""
+"""``h2nav check-config``: lists every error of a configuration file; examples, schema."""
 
 import argparse
 import sys
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Checks the file; 0 when it is fine, 2 when it is not."""
+    """Checks the file; returns 0 if it is valid, 2 if not."""
     if args.example:
         print(example(args.example), end="")
         return 0
@@ -56,10 +56,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def checked(path: Path) -> Configuration:
-    """The configuration of a file.
+    """Reads the configuration of a file.
 
     Raises:
-        BadInput: the daemon would not start with it.
+        BadInput: the daemon would refuse it.
     """
     chosen = configuration.read(path)
     try:
@@ -76,14 +76,14 @@ def checked(path: Path) -> Configuration:
 
 
 def example(name: str) -> str:
-    """An example that names the schema by its whole path, as it will be kept elsewhere."""
+    """An example that refers to the schema by its absolute path, since it will be copied."""
     path = _examples()[name]
     text = path.read_text(encoding="utf-8")
     return text.replace(f"={SCHEMA}", f"={path.with_name(SCHEMA)}", 1)
 
 
 def _examples() -> dict[str, Path]:
-    """Name -> path of the configurations that come with h2nav."""
+    """Name -> path of the example configurations shipped with h2nav."""
     packaged = Path(str(resources.files("h2nav"))) / "configs"
     folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "configs"
     return {path.stem: path for path in folder.glob("*.yaml")}

@@ -1,4 +1,4 @@
-"""What may be typed after each command, as its parser says: options, their values, arguments."""
+"""The words accepted after each command, from its parser: options, their values, arguments."""
 
 import argparse
 from collections.abc import Iterable
@@ -12,16 +12,16 @@ from h2nav.sim.scenarios import SCENARIOS
 
 
 class Kind(Enum):
-    """What a value is."""
+    """The kind of a value."""
 
-    NOTHING = "nothing"  # that could be proposed, such as a number
+    NOTHING = "nothing"  # no completion is possible, for example of a number
     FILES = "files"
     FOLDERS = "folders"
     WORDS = "words"
 
 
 class Value(NamedTuple):
-    """What stands behind an option, or in the place of an argument.
+    """The value of an option or argument.
 
     Attributes:
         kind: of it.
@@ -37,7 +37,7 @@ class Option(NamedTuple):
 
     Attributes:
         names: such as ``-c`` and ``--config``.
-        value: that it takes; None = it takes none.
+        value: of the option; None = it takes none.
         summary: one line of help.
     """
 
@@ -53,7 +53,7 @@ class CommandWords(NamedTuple):
         command: its words, such as ``log info``; empty = before any command.
         summary: one line of help.
         options: of it.
-        argument: what stands without an option.
+        argument: words without an option.
     """
 
     command: str
@@ -62,7 +62,7 @@ class CommandWords(NamedTuple):
     argument: Value
 
 
-# Values that a parser leaves open, because their error is ours or because something may follow.
+# Values that the parser leaves open, because the command itself checks them or accepts more.
 OPEN_VALUES: dict[tuple[str, str], Iterable[str]] = {
     ("fake-autopilot", "--scenario"): SCENARIOS,
     ("fake-autopilot", "--autopilot"): PERSONALITIES,
@@ -71,7 +71,7 @@ OPEN_VALUES: dict[tuple[str, str], Iterable[str]] = {
 
 
 def command_words(command: str, summary: str, parser: argparse.ArgumentParser) -> CommandWords:
-    """What may be typed after a command.
+    """Extracts the words accepted after a command.
 
     Args:
         command: its words.
@@ -79,7 +79,7 @@ def command_words(command: str, summary: str, parser: argparse.ArgumentParser) -
         parser: with all its arguments declared.
     """
     options, argument = [], Value(Kind.NOTHING)
-    for action in parser._actions:  # argparse shows them nowhere else
+    for action in parser._actions:  # argparse has no public access
         if not action.option_strings:
             argument = _value(command, action)
             continue

@@ -1,4 +1,4 @@
-"""``h2nav completion``: a script that completes commands, options and values in a shell."""
+"""``h2nav completion``: prints a shell script that completes commands, options and values."""
 
 import argparse
 import importlib
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _lines(listed: Mapping[tuple[str, ...], tuple[str, str, str]]) -> list[CommandWords]:
-    """Every command, and every group of them, as its own parser has it."""
+    """Every command and group of commands, as its own parser declares it."""
     top = argparse.ArgumentParser(prog="h2nav")
     top.add_argument("--version", action="store_true", help="version and backend, then exit")
     lines = [command_words("", "", top)]

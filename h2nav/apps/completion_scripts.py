@@ -1,11 +1,11 @@
-"""Completion for bash, zsh and fish: scripts that hold every word, so that no key starts Python."""
+"""Completion for bash, zsh and fish: self-contained scripts, so that no key press starts Python."""
 
 from collections.abc import Sequence
 from shlex import quote
 
 from h2nav.apps.command_words import CommandWords, Kind, Option, Value
 
-# What bash and zsh are told alike; `current` is the word under the cursor.
+# Shared by bash and zsh; `current` is the word under the cursor.
 _SHARED = """\
 _h2nav_propose() {{
     local before="$1" command="" word
@@ -68,17 +68,17 @@ complete -c h2nav -f
 
 
 def bash_script(lines: Sequence[CommandWords]) -> str:
-    """To be sourced, by hand or from the folder of completions."""
+    """A script to source, by hand or from the folder of completions."""
     return _BASH.format(shared=_shared(lines))
 
 
 def zsh_script(lines: Sequence[CommandWords]) -> str:
-    """To be sourced, or a file `_h2nav` in `fpath`."""
+    """A script to source, or a file `_h2nav` in `fpath`."""
     return _ZSH.format(shared=_shared(lines))
 
 
 def fish_script(lines: Sequence[CommandWords]) -> str:
-    """To be sourced, by hand or from the folder of completions."""
+    """A script to source, by hand or from the folder of completions."""
     made = [_FISH.format(commands=" ".join(map(_fish_quoted, _steps(lines))))]
     for line in lines:
         at = f'complete -c h2nav -n "__h2nav_at {_fish_quoted(line.command)}"'
@@ -95,7 +95,7 @@ SCRIPTS = {"bash": bash_script, "zsh": zsh_script, "fish": fish_script}
 
 
 def _below(lines: Sequence[CommandWords], command: str) -> dict[str, str]:
-    """The words that lead on from a command, with their help."""
+    """The words that may follow a command, with their help."""
     prefix = f"{command} " if command else ""
     found = {}
     for line in lines:
@@ -135,7 +135,7 @@ def _call(value: Value) -> str:
 
 
 def _fish_option(option: Option) -> str:
-    """Its names, what it takes, and its help."""
+    """Its names, its value, and its help."""
     names = [
         f"-l {name[2:]}" if name.startswith("--") else f"-s {name[1:]}" for name in option.names
     ]

@@ -1,4 +1,4 @@
-"""The daemon's configuration file: its sections, their defaults, and what cannot work together."""
+"""The daemon's configuration file: sections, defaults, contradictions."""
 
 import dataclasses
 import os
@@ -47,7 +47,7 @@ AUTOPILOT_COMPONENT_ID = 1  # MAV_COMP_ID_AUTOPILOT1, the only one that autopilo
 
 @dataclass(frozen=True, slots=True)
 class LinkSettings:
-    """The way to the autopilot.
+    """The connection to the autopilot.
 
     Attributes:
         url: udpin:HOST:PORT, udpout:HOST:PORT, serial:DEVICE:BAUD or tcp:HOST:PORT.
@@ -56,7 +56,7 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
-# Name of a filter -> the arithmetics that it has, the usual one first.
+# Name of a filter -> its arithmetics, the default one first.
 ARITHMETICS = {
     "default": ("float", "fixed"),
     "velocity_aided": ("float", "fixed"),
@@ -66,17 +66,18 @@ ARITHMETICS = {
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Which estimator runs.
+    """The estimator.
 
     Attributes:
-        name: `velocity_aided`; `default` is the one that h2nav recommends, today the same;
-            `constant_gain` in integers, as on the smallest microcontrollers.
-        arithmetic: `float`, or `fixed` for the 32-bit integers that microcontrollers run.
+        name: `velocity_aided`; `default` is the recommended one, today the same; `constant_gain`
+            in integers, as on the smallest microcontrollers.
+        arithmetic: `float`, or `fixed` for the 32-bit integers of microcontrollers.
         vehicle_class: `auto` = from the type in the autopilot's heartbeat.
         gains: a gain file, `~` = the home of the daemon's user; `auto` = the shipped one for class
             (or sensor) and rate.
-        sensor: whose shipped gains `constant_gain` takes.
-        gyro_sampling: `mean`, as the sensor integrates between samples; no filter takes others.
+        sensor: whose shipped gains `constant_gain` uses.
+        gyro_sampling: `mean`, for sensors that integrate between samples; nothing else is
+            supported.
     """
 
     name: Annotated[str, OneOf(tuple(ARITHMETICS))] = "default"
@@ -94,16 +95,16 @@ class LogSettings:
     """The MCAP log.
 
     Attributes:
-        folder: where logs go, `~` = the home of the daemon's user; empty = no log.
-        max_file_mb: size at which a new file is begun.
-        max_file_minutes: age at which a new file is begun.
-        max_files: how many of our files stay; the oldest are deleted.
-        max_run_mb: what one run may take; beyond it the run's own oldest files go, so that no
-            flood of input rotates earlier flights away. 0 = a quarter of what `max_files` of
-            `max_file_mb` take, or of the disk's room for logs where that is less.
-        min_free_mb: free space that is left on the disk.
-        decode_autopilot: write the autopilot's common messages as channels that viewers plot as
-            well (`h2nav log decode` does it afterwards).
+        folder: where logs are written, `~` = the home of the daemon's user; empty = no log.
+        max_file_mb: size at which a new file begins.
+        max_file_minutes: age at which a new file begins.
+        max_files: number of logs that are kept; the oldest are deleted.
+        max_run_mb: space for one run; beyond it the run's own oldest files are deleted, so that no
+            flood of input deletes earlier flights. 0 = a quarter of `max_files` times
+            `max_file_mb`, or of the disk's space for logs where that is less.
+        min_free_mb: free space that stays on the disk.
+        decode_autopilot: also write the autopilot's common messages as channels for plots
+            (`h2nav log decode` does it afterwards).
     """
 
     folder: str = ""
@@ -120,12 +121,13 @@ class SigningSettings:
     """MAVLink 2 signing, both directions.
 
     Attributes:
-        key_file: 32 bytes or 64 hexadecimal digits, mode 0600; empty = signing is off: nothing is
-            signed, and signatures are not looked at.
-        link_id: of our frames; links under the same system and component id need different ones.
-        state_file: where our time stamp survives a restart; made when missing.
-        accept_unsigned: messages that are taken without a signature, which also means in
-            MAVLink 1; by default what the firmware of telemetry radios sends.
+        key_file: 32 bytes or 64 hexadecimal digits, mode 0600; empty = signing is off: frames are
+            neither signed nor verified.
+        link_id: of outgoing frames; links under the same system and component id need different
+            ones.
+        state_file: where the time stamp survives a restart; created if missing.
+        accept_unsigned: messages accepted without a signature, and hence in MAVLink 1; by default
+            those that the firmware of telemetry radios sends.
     """
 
     key_file: str = ""
@@ -148,10 +150,10 @@ class SigningSettings:
 
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
-    """What others see while the daemon runs; read-only, and open to whoever reaches the ports.
+    """The live view while the daemon runs: read-only, open to all who can reach the ports.
 
     Attributes:
-        address: HOST:PORT of the status page and the metrics; empty = nothing is shown.
+        address: HOST:PORT of the status page and the metrics; empty = off.
         foxglove_port: of the Foxglove WebSocket on the same host; 0 = none.
     """
 
@@ -161,11 +163,11 @@ class LiveSettings:
 
 @dataclass(frozen=True, slots=True)
 class EventSettings:
-    """What other programs of this computer are told while the daemon runs.
+    """Events for other programs of this computer while the daemon runs.
 
     Attributes:
-        socket: path of a Unix socket that sends the events of ``h2nav run --json`` to whoever
-            connects, such as /run/h2nav/events; empty = none.
+        socket: path of a Unix socket that sends the events of ``h2nav run --json`` to every
+            client, such as /run/h2nav/events; empty = none.
     """
 
     socket: str = ""
@@ -203,7 +205,7 @@ class Configuration:
         )
 
     def as_mapping(self) -> dict[str, Any]:
-        """Every key with its value, as the file would show it; for the log and for replay."""
+        """Every key with its value, as in the file; for the log and for replay."""
         return dataclasses.asdict(self)
 
 
@@ -233,8 +235,8 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
     """The configuration with `~` and `~user` in its paths replaced by home folders.
 
     Args:
-        configuration: as it was written.
-        place: where it comes from, for errors.
+        configuration: as written.
+        place: its source, for errors.
 
     Raises:
         BadInput: one line per path with an unknown home.
@@ -262,7 +264,7 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
 
 
 def contradictions(configuration: Configuration) -> list[str]:
-    """What is well-formed and yet cannot work, with key and remedy for each."""
+    """Values that are valid and yet cannot work, with key and remedy for each."""
     link = _link_complaints(configuration.link.url) or _bandwidth_complaints(configuration)
     return [
         *link,
@@ -283,22 +285,22 @@ def _link_complaints(url: str) -> list[str]:
 
 
 def _identity_complaints(configuration: Configuration) -> list[str]:
-    """A component that shares its id with the autopilot is taken for the autopilot."""
+    """A component with the autopilot's id would be mistaken for the autopilot."""
     ours, asked = configuration.output.component_id, configuration.autopilot.component_id
     if ours == AUTOPILOT_COMPONENT_ID:
         taken = "the autopilot's: its ground stations would take our messages for its own"
     elif ours == asked:
-        taken = "that of autopilot.component_id: nobody could tell us from the autopilot"
+        taken = "that of autopilot.component_id: ours could not be told from the autopilot's"
     else:
         return []
     return [
         f"output.component_id: {ours} is {taken}; leave it out (191, an onboard computer), or "
-        "give one that nobody has"
+        "give an unused one"
     ]
 
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
-    """One filter exists in integers only."""
+    """A filter that exists in integers only."""
     possible = ARITHMETICS[settings.name]
     if settings.arithmetic not in possible:
         return [f"filter.arithmetic: {settings.name} runs in {possible[0]} arithmetic; set that"]
@@ -306,7 +308,7 @@ def _filter_complaints(settings: FilterSettings) -> list[str]:
 
 
 def _motion_complaints(configuration: Configuration) -> list[str]:
-    """What the estimators of motion cannot do in the daemon."""
+    """What the motion estimators cannot do in the daemon."""
     complaints = []
     try:
         configuration.odometry.chassis()
@@ -324,13 +326,13 @@ def _motion_complaints(configuration: Configuration) -> list[str]:
     ):
         complaints.append(
             f"motion.pose_component_id: {motion.pose_component_id} is our own component id; "
-            "give that of the camera, or 0 for the first one heard"
+            "give that of the camera, or 0 for the first one received"
         )
     return complaints
 
 
 def _signing_complaints(settings: SigningSettings) -> list[str]:
-    """What signing cannot do without. The key itself is read at the start: a replay has none."""
+    """Missing parts of signing. The key itself is read at the start: a replay has none."""
     complaints = []
     if settings.key_file and not settings.state_file:
         complaints.append(
@@ -357,20 +359,20 @@ def _live_complaints(settings: LiveSettings) -> list[str]:
         return [f"live.address: {line}" for line in error.lines]
     if address.port and address.port == settings.foxglove_port:
         return [
-            f"live.foxglove_port: {address.port} is the port of live.address too; give another, "
+            f"live.foxglove_port: {address.port} is also the port of live.address; give another, "
             "or 0 for no Foxglove WebSocket"
         ]
     return []
 
 
 class LinkLoad(NamedTuple):
-    """What the configuration puts on the link to the autopilot, bytes/s.
+    """The load that the configuration puts on the link to the autopilot, bytes/s.
 
     Attributes:
-        imu_frame: bytes of one IMU message; the longest where the choice is left open.
-        besides: what the autopilot sends because of us besides its IMU.
-        inbound: all that the autopilot sends because of us.
-        outbound: what we send.
+        imu_frame: bytes of one IMU message; the longest where the choice is open.
+        besides: requested from the autopilot besides its IMU.
+        inbound: everything requested from the autopilot.
+        outbound: sent by h2nav.
     """
 
     imu_frame: int
@@ -380,7 +382,7 @@ class LinkLoad(NamedTuple):
 
 
 def link_load(configuration: Configuration) -> LinkLoad:
-    """Estimates the load from the rates that are asked for."""
+    """Estimates the load from the requested rates."""
     asked, output, motion = configuration.autopilot, configuration.output, configuration.motion
     besides = OTHER_TRAFFIC_BYTES_S
     besides += asked.compare_rate_hz * (ATTITUDE_FRAME_BYTES + 0.5 * AHRS2_FRAME_BYTES)
@@ -400,7 +402,7 @@ def link_load(configuration: Configuration) -> LinkLoad:
 
 
 def _bandwidth_complaints(configuration: Configuration) -> list[str]:
-    """A serial link must carry what is asked for; autopilots acknowledge rates that it cannot."""
+    """A serial link must carry the requested rates; autopilots acknowledge any."""
     link = parse_link_url(configuration.link.url)
     if not isinstance(link, SerialUrl):
         return []
@@ -423,7 +425,7 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
 
 
 def warnings(configuration: Configuration) -> list[str]:
-    """What works and may yet be unwise, each with its key."""
+    """Values that work but may be unwise, each with its key."""
     return [
         *_link_warnings(configuration),
         *_live_warnings(configuration.live),
@@ -449,6 +451,6 @@ def _live_warnings(settings: LiveSettings) -> list[str]:
     if not settings.address or parse_listen_address(settings.address).is_loopback:
         return []
     return [
-        f"live.address: {settings.address} shows attitude, state and configuration to whoever "
-        "reaches it, without a password; 127.0.0.1 shows them to this machine alone"
+        f"live.address: {settings.address} shows attitude, state and configuration, without a "
+        "password, to all who can reach it; 127.0.0.1 shows them to this machine alone"
     ]

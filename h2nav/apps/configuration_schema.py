@@ -1,7 +1,7 @@
-"""The JSON Schema of the configuration file, for editors that check and complete while one types.
+"""The JSON Schema of the configuration file, for editors that check and complete.
 
-It is made from the settings records: their fields, defaults and limits, and what their docstrings
-say of each key.
+It is generated from the settings records: fields, defaults, limits, and the docstrings' text for
+each key.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from h2nav.apps.configuration import Configuration
 from h2nav.validation import AutoOrWithin, Limit, OneOf, Within
 
-DRAFT = "http://json-schema.org/draft-07/schema#"  # which the language servers for YAML know
+DRAFT = "http://json-schema.org/draft-07/schema#"  # the draft that YAML language servers know
 TYPES = {int: "integer", float: "number", str: "string", bool: "boolean"}
 _ATTRIBUTES = "Attributes:"
 _ENTRY = re.compile(r"    (\w+): (.*)")
@@ -79,15 +79,15 @@ def _limited(limit: Limit) -> dict[str, Any]:
 
 
 def _plain(value: float) -> float:
-    """Without a fraction where it has none.
+    """A whole number as an int.
 
-    To `typing`, hints with Within(0, 1) and Within(0.0, 1.0) are one: it gives what it met first.
+    `typing` treats hints with Within(0, 1) and Within(0.0, 1.0) as one and returns the first.
     """
     return int(value) if float(value).is_integer() else value
 
 
 def _described(record_type: type[Any]) -> tuple[str, dict[str, str]]:
-    """What a docstring says of a record, and of each of its fields."""
+    """The docstring's text for a record and for each of its fields."""
     text = inspect.getdoc(record_type) or ""
     summary, _, rest = text.partition(_ATTRIBUTES)
     meanings: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""What the daemon shows: a live panel on a terminal, else journal-style lines or JSON events."""
+"""The daemon's output: a live panel on a terminal, otherwise journal-style lines or JSON events."""
 
 import os
 import sys
@@ -18,19 +18,18 @@ from h2nav.wire.deframer import Frame
 
 REFRESH_NS = 200_000_000
 EVENT_NS = 1_000_000_000
-# An estimate that is older is not the attitude now.
+# An older estimate is not shown as the present attitude.
 STALE_NS = 500_000_000
 
 
 class Console:
-    """Looks on at the pipeline and shows what happens.
+    """Observes the pipeline and displays it.
 
-    Nobody has to be there to read it: a terminal or pipe that goes away, or that nobody reads,
-    costs the output, not the flight.
+    A terminal or pipe that is closed or not read loses output and never blocks the daemon.
 
     Args:
         events_as_json: write status events to standard output, one JSON document a line.
-        stream: where people read; standard error by default.
+        stream: for people; standard error by default.
     """
 
     message_ids: frozenset[int] = frozenset()
@@ -51,38 +50,38 @@ class Console:
         self._about: dict[str, Any] = {}
 
     def show_events(self, say: Callable[[str], object]) -> None:
-        """Events go there as well, one JSON document a line."""
+        """Also passes events to `say`, one JSON document per line."""
         self._sinks.append(say)
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """Frames are not shown."""
+        """Ignores frames."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
-        """Remembers it for panel and events."""
+        """Stores the estimate for panel and events."""
         self._latest, self._latest_ns = estimate, t_ns
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """Shows a line; the panel stays below it."""
+        """Shows a line above the panel."""
         self._event("notice", t_ns, {"severity": severity.word, "text": text})
         prefix = f"<{int(severity)}>" if self._is_journal else f"{severity.word}: "
         self._say(f"{prefix}{text}")
 
     def finding(self, t_ns: int, phase: Phase, finding: Finding) -> None:
-        """Writes an event; for people, a notice says what has begun."""
+        """Writes an event; people read the notice of its beginning."""
         self._event("finding", t_ns, {"phase": phase.value, **as_mapping(finding)})
 
     def started(self, t_ns: int, about: dict[str, Any]) -> None:
-        """The first event of a run: what runs, and on which link."""
+        """Writes the first event of a run: program, configuration, link."""
         self._about = about
         self._event("started", t_ns, about)
 
     def catch_up(self, t_ns: int, sight: Sight, findings: Iterable[Finding]) -> list[str]:
-        """What a program that comes late has missed: what runs, how it is, which findings are open.
+        """Returns what a new client has missed: program, status, open findings.
 
         Args:
             t_ns: host time.
-            sight: what there is to be seen; its status carries the panel's lines as well.
-            findings: that are open.
+            sight: the current display; its status also carries the panel's lines.
+            findings: the open ones.
         """
         status = {**_status(sight), "panel": panel_lines(sight, self._fresh(t_ns))}
         return [
@@ -99,7 +98,7 @@ class Console:
 
         Args:
             t_ns: host time.
-            look: what there is to be seen at that time; asked only where it is shown.
+            look: returns the display at a time; called only if it is shown.
         """
         is_event = bool(self._sinks) and t_ns - self._event_ns >= EVENT_NS
         is_drawn = self._footer is not None and t_ns - self._shown_ns >= REFRESH_NS
@@ -114,7 +113,7 @@ class Console:
             self._footer.draw(panel_lines(sight, self._fresh(t_ns)))
 
     def closing(self, t_ns: int, health: HealthRecord, log: Path | None) -> None:
-        """The last event of a run, and what became of it; the panel goes."""
+        """Writes the last event and the summary of a run, and removes the panel."""
         if self._footer is not None:
             self._footer.remove()
         self._say(
@@ -131,7 +130,7 @@ class Console:
             self._lines.say(f"{line}\n")
 
     def _fresh(self, t_ns: int) -> EstimateRecord | None:
-        """The newest estimate, unless it is too old to be shown."""
+        """The newest estimate, unless it is stale."""
         if self._latest is None or t_ns - self._latest_ns > STALE_NS:
             return None
         return estimate_record(self._latest)
@@ -155,7 +154,7 @@ class Console:
 
 
 def _attitude(record: EstimateRecord | None) -> dict[str, Any] | None:
-    """Our attitude as an event shows it."""
+    """The attitude of h2nav in the form of an event."""
     if record is None:
         return None
     q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
@@ -172,7 +171,7 @@ def _status(sight: Sight) -> dict[str, Any]:
 
 
 def _compared(status: StatusRecord) -> dict[str, Any]:
-    """What an event shows besides the health: the other attitude, and what is wrong."""
+    """The part of an event besides health: the other attitude and the alarms."""
     theirs = autopilot_attitude(status)
     told = {"source": status.autopilot_source, "age_ms": status.autopilot_age_ms}
     return {
@@ -195,14 +194,14 @@ def _angles(q_nb: Quat) -> dict[str, Any]:
 
 
 def _can_be_drawn_on(stream: TextIO) -> bool:
-    """Whether it is a terminal whose cursor can be moved."""
+    """Whether it is a terminal with a movable cursor."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def _is_journal(stream: TextIO) -> bool:
-    """Whether the stream is the one that systemd has connected to its journal.
+    """Whether systemd has connected the stream to its journal.
 
-    The variable alone says little: every program that is started from a service inherits it.
+    The variable alone does not suffice: every program started from a service inherits it.
     """
     try:
         status = os.fstat(stream.fileno())

@@ -1,7 +1,7 @@
 """The daemon's loop: one thread waits for the link and the clock, and does everything in turn.
 
-Only the log's disk writes happen elsewhere (the recorder's thread). Nothing in the loop raises on
-bad input, blocks on a peer, or runs more often than there is work.
+Only the log is written elsewhere (the recorder's thread). Nothing in the loop raises on bad input,
+blocks on a peer, or runs more often than there is work.
 """
 
 import gc
@@ -24,17 +24,17 @@ from h2nav.service.effects import Notice
 LONGEST_WAIT_NS = 100_000_000
 LINK_RECORD_NS = 1_000_000_000
 CLOCK_STEP_NS = 500_000_000
-# No round lasts so long unless the program was stopped or starved.
+# A turn takes this long only if the program was stopped or starved.
 STALL_NS = 400_000_000
-# Reads of a backlog in one round; then the clock gets its turn.
+# Reads per turn while there is a backlog, before timers run.
 READS_PER_ROUND = 8
 STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-# The recorder's thread shares the interpreter; with Python's 5 ms it could hold an attitude back.
+# The recorder's thread shares the interpreter; Python's 5 ms switch could delay an attitude.
 THREAD_SWITCH_S = 1e-4
 
 
 class StopSignals:
-    """SIGTERM, SIGINT and SIGHUP as a flag and as something that `select` wakes up for."""
+    """Turns SIGTERM, SIGINT and SIGHUP into a flag that also wakes `select`."""
 
     def __init__(self) -> None:
         self.stopped = False
@@ -44,7 +44,7 @@ class StopSignals:
 
     @contextmanager
     def installed(self) -> Iterator["StopSignals"]:
-        """The handlers are in place inside the block."""
+        """Installs the handlers inside the block."""
         before = {number: signal.getsignal(number) for number in STOPPING}
         before_fd = signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
         for number in before:
@@ -63,13 +63,13 @@ class StopSignals:
 
 
 class Daemon:
-    """Link, pipeline and clock, turned by `turn`.
+    """Runs link, pipeline and clock, one `turn` after the other.
 
     Args:
         link: to the autopilot.
-        pipeline: what is done with its bytes.
-        clock: the host's UNIX clock as it was at the start.
-        manager: systemd, if it is there.
+        pipeline: processes the bytes.
+        clock: the host's UNIX clock at the start.
+        manager: systemd, if present.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class Daemon:
         self._arrived_ns = 0
 
     def turns(self, stop: StopSignals, until_ns: int | None = None) -> Iterator[int]:
-        """Works until a stop signal or a monotonic time; gives the time after each round."""
+        """Runs until a stop signal or a monotonic time; yields the time after each turn."""
         sys.setswitchinterval(THREAD_SWITCH_S)
-        gc.freeze()  # what was loaded stays; a full collection over it would take milliseconds
+        gc.freeze()  # loaded objects stay; a full collection over them would take milliseconds
         self._manager.ready()
         while not stop.stopped:
             now_ns = time.monotonic_ns()
@@ -97,7 +97,7 @@ class Daemon:
         self._manager.stopping()
 
     def turn(self, now_ns: int, wake: socket.socket) -> int:
-        """One round: maintain the link, wait, read, process, and do what is due by the clock.
+        """Maintains the link, waits, reads, processes, and runs timers.
 
         Returns:
             The time after the wait and the reading.
@@ -124,11 +124,11 @@ class Daemon:
         return now_ns
 
     def _read(self) -> None:
-        """Processes what has arrived; the rest is left for the next round."""
+        """Processes what has arrived, up to a limit; the rest is left for the next turn."""
         for _ in range(READS_PER_ROUND):
             for data, stamp_ns in self._link.read():
                 now_ns = time.monotonic_ns()
-                # The kernel's stamp went by the UNIX clock, which may have been set since.
+                # The kernel's stamp follows the UNIX clock, which may have been set since.
                 arrived_ns = now_ns if stamp_ns is None else min(stamp_ns, now_ns)
                 self._arrived_ns = max(self._arrived_ns, arrived_ns)
                 self._pipeline.received(self._arrived_ns, data, now_ns)
@@ -136,13 +136,13 @@ class Daemon:
                 break
 
     def _notice_stall(self, now_ns: int) -> None:
-        """Reports when the last round ended much longer ago than a round takes."""
+        """Reports a previous turn that ended much longer ago than a turn takes."""
         if self._round_ns is not None and now_ns - self._round_ns > STALL_NS:
             self._pipeline.stalled(now_ns, now_ns - self._round_ns)
         self._round_ns = now_ns
 
     def _watch_clock(self, now_ns: int) -> None:
-        """Notes a step of the host's UNIX clock; nothing but the log depends on it."""
+        """Reports a step of the host's UNIX clock; only the log depends on it."""
         step_ns = self._clock.step_ns() - self._known_step_ns
         if abs(step_ns) > CLOCK_STEP_NS:
             self._known_step_ns += step_ns

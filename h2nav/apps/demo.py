@@ -1,4 +1,4 @@
-"""``h2nav demo``: the fake autopilot and the daemon over loopback, an error table, a log."""
+"""``h2nav demo``: runs fake autopilot and daemon over loopback; error table and log."""
 
 import argparse
 import contextlib
@@ -40,12 +40,12 @@ from h2nav.sim.scenarios import SCENARIOS
 from h2nav.wire.deframer import Frame
 
 DEFAULT_SECONDS = 20.0
-# There is something to look at.
+# Scenarios with visible motion.
 LIVE_SECONDS = 600.0
 LONGEST_SECONDS = 3600.0
-# The demo fails when it does not come near this: something is broken then.
+# The demo fails above this error: something is broken then.
 WORST_TOTAL_DEG = 5.0
-# The fake autopilot ends by itself soon after us, should nobody be left to end it.
+# The fake autopilot stops by itself soon after the demo, should the demo be killed.
 SPARE_S = 10.0
 PATIENCE_S = 5.0
 LONGEST_ANSWER = 65536
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Flies the demo; TaskFailed when the daemon did not do its job."""
+    """Flies the demo; raises TaskFailed if the daemon did not work."""
     if args.seconds is None:
         args.seconds = DEFAULT_SECONDS if args.live is None else LIVE_SECONDS
     if not 0.0 < args.seconds <= LONGEST_SECONDS:
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         raise KeyboardInterrupt
     table = onlooker.reference.table()
     log = None if session.recorder is None else session.recorder.path
-    # Whoever breaks the vehicle wants to see what becomes of it.
+    # With injected faults the result is the user's business.
     complaint = "" if user.has_ordered else _complaint(health, table)
     _show(args, health, table, log, ok=not complaint)
     if complaint:
@@ -105,9 +105,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _configuration(args: argparse.Namespace) -> Configuration:
-    """What the daemon runs with."""
+    """The daemon's configuration."""
     if args.open and args.live is None:
-        raise BadInput("--open: there is no page without --live; give both")
+        raise BadInput("--open: without --live there is no page; give both")
     folder = args.log_dir or Path(tempfile.mkdtemp(prefix="h2nav-demo-"))
     configuration = Configuration(
         link=LinkSettings("udpin:127.0.0.1:0"),
@@ -122,15 +122,15 @@ def _configuration(args: argparse.Namespace) -> Configuration:
 
 
 def _open_page(url: str) -> None:
-    """Opens the page in the user's browser, whose start may take its time."""
+    """Opens the page in the user's browser, which may start slowly."""
     threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
 class _Onlooker(Console):
-    """Shows what the daemon shows, collects the error table, and serves who gives orders.
+    """Displays the daemon, collects the error table, and passes orders on.
 
     Args:
-        opens_page: in the browser, once it is there.
+        opens_page: in the browser, once it is served.
     """
 
     def __init__(self, *, opens_page: bool) -> None:
@@ -159,7 +159,7 @@ class _Onlooker(Console):
 
 
 class _FakeAutopilot:
-    """The other side, as a process of its own, as a real autopilot is."""
+    """The fake autopilot as a separate process, as a real one is."""
 
     def __init__(self, port: int | None, args: argparse.Namespace, said: IO[bytes]) -> None:
         words = ["--connect", f"udpout:127.0.0.1:{port}", "--seconds", f"{args.seconds + SPARE_S}"]
@@ -171,11 +171,11 @@ class _FakeAutopilot:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=said,
-            process_group=0,  # Ctrl-C is for us; we end it
+            process_group=0,  # Ctrl-C is for the demo, which ends it
         )
 
     def check(self) -> None:
-        """TaskFailed with its last words when it has ended before its time."""
+        """Raises TaskFailed with its last output if it has ended early."""
         status = self._process.poll()
         if status is not None:
             self._said.seek(0)
@@ -185,13 +185,13 @@ class _FakeAutopilot:
     def order(self, line: str) -> None:
         """Passes an order on."""
         assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # `check` says what has become of it
+        with contextlib.suppress(BrokenPipeError):  # `check` reports what happened to it
             self._process.stdin.write(f"{line}\n".encode())
             self._process.stdin.flush()
 
     def answers(self) -> list[str]:
-        """What it has said since the last call, in whole lines."""
-        # Not by reading on: the place in the file is the other process's as well.
+        """Returns its output since the last call, in whole lines."""
+        # Without moving the file's position, which the other process shares.
         new = os.pread(self._said.fileno(), LONGEST_ANSWER, self._heard)
         whole = new[: new.rfind(b"\n") + 1]
         self._heard += len(whole)
@@ -208,11 +208,11 @@ class _FakeAutopilot:
 
 
 class _User:
-    """Who gives the fake autopilot orders, if somebody sits at the terminal.
+    """The orders of a user at the terminal, if there is one.
 
     Attributes:
-        has_ordered: something was ordered.
-        has_quit: the demo shall end now.
+        has_ordered: an order was given.
+        has_quit: the user wants to end the demo.
     """
 
     def __init__(self, orders: OrderInput, autopilot: _FakeAutopilot, stop: StopSignals) -> None:
@@ -223,7 +223,7 @@ class _User:
         self.has_quit = False
 
     def serve(self) -> list[str]:
-        """Passes orders on; what the fake autopilot has answered. TaskFailed where it has ended."""
+        """Passes orders on and returns the replies; raises TaskFailed if the autopilot ended."""
         self._autopilot.check()
         keyboard = self._orders.fileno()
         if keyboard is not None and select.select([keyboard], [], [], 0)[0]:
@@ -241,7 +241,7 @@ class _User:
 
 @contextmanager
 def _fake_autopilot(port: int | None, args: argparse.Namespace) -> Iterator[_FakeAutopilot]:
-    """A fake autopilot that is gone after the block, whatever happens in it."""
+    """A fake autopilot that ends with the block, whatever happens in it."""
     with tempfile.TemporaryFile() as said:
         autopilot = _FakeAutopilot(port, args, said)
         try:
@@ -251,7 +251,7 @@ def _fake_autopilot(port: int | None, args: argparse.Namespace) -> Iterator[_Fak
 
 
 def _complaint(health: HealthRecord, table: ErrorTable) -> str:
-    """What went wrong, in one line; empty when all is well."""
+    """What went wrong, in one line; empty if nothing did."""
     if table.compared == 0:
         reason = f" ({health.reason})" if health.reason else ""
         return (
@@ -286,9 +286,9 @@ def _show(
         for name in ("roll", "pitch", "yaw", "tilt", "total"):
             print(f"  {name:5} {getattr(table, name):7.3f}")
     if log is None:
-        print("\nno log: its folder could not be used")
+        print("\nno log: its folder is not usable")
         return
     print(f"\nlog: {log}\n\nnext, try")
     print(f"  h2nav log info {log}")
-    print(f"  h2nav replay {log} --no-log     # the very same estimates again")
+    print(f"  h2nav replay {log} --no-log     # the same estimates again")
     print("  h2nav run --connect udpin:0.0.0.0:14550 --log-dir logs     # a real autopilot")

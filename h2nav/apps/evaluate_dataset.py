@@ -1,4 +1,4 @@
-"""`h2nav evaluate dataset`: filters side by side on recorded trials with truth."""
+"""`h2nav evaluate dataset`: compares filters on recorded trials with truth."""
 
 import argparse
 import sys
@@ -55,8 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--smooth",
         action="store_true",
-        help="run each of our filters backward as well, and show beside it what both directions "
-        "together know: NAME_smoothed; vqf_offline beside vqf",
+        help="also run each of our filters backward and add the smoothed estimate: NAME_smoothed; "
+        "vqf_offline beside vqf",
     )
     parser.add_argument("--gps", action="store_true", help="use the trials' GPS velocities")
     parser.add_argument(
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.0,
         metavar="DEG",
         help="declination of the truth's north, for --gps on .npz trials whose north is magnetic; "
-        "recordings bring their own",
+        "recordings have their own",
     )
     parser.add_argument(
         "--cruise-speed-m-s",

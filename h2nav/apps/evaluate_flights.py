@@ -1,4 +1,4 @@
-"""`h2nav evaluate flights`: our service next to the autopilot's estimators, against the truth."""
+"""`h2nav evaluate flights`: compares the service and the autopilot's estimators with the truth."""
 
 import argparse
 import functools
@@ -41,8 +41,8 @@ recording's start; airborne is while the vehicle says that it is armed and not l
 NAME.tlog.events or NAME.events (lines of the autopilot's time in s and a text) split a flight into
 phases: `PHASE word` begins one.
 
-NEES is the mean of (error / predicted deviation) squared: 1 for an honest prediction, more for one
-that is too good."""
+NEES is the mean of (error / predicted deviation) squared: 1 for a consistent prediction, more for
+an optimistic one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,7 +115,7 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
 
 
 def _longest_first(tasks: Sequence[Task]) -> list[Task]:
-    """So that no processor is left with a long flight while the others have nothing to do."""
+    """Sorts long flights first, so that no processor ends up with one while the others idle."""
     return sorted(tasks, key=lambda task: -task.path.stat().st_size)
 
 
@@ -175,7 +175,7 @@ def _errors(figures: Document | None, is_best: bool) -> str:
 
 
 def _honesty(figures: Document) -> str:
-    """NEES and shares; empty for who predicts nothing."""
+    """NEES and shares; empty for an estimator without predictions."""
     if "nees_tilt" not in figures and "nees_heading" not in figures:
         return f"{'':{_HONESTY_WIDTH}}"
     nees = [figures.get(f"nees_{name}") for name in ("tilt", "heading")]
@@ -186,7 +186,7 @@ def _honesty(figures: Document) -> str:
 
 
 def _remarks(flight: Document) -> list[str]:
-    """What a reader of a flight's figures has to know, where it is not the usual."""
+    """Remarks on unusual figures of a flight."""
     remarks = [] if flight["truth"] == "SIMSTATE" else [f"truth: {flight['truth']}"]
     return remarks + list(flight["notes"])
 

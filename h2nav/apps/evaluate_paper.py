@@ -1,4 +1,4 @@
-"""`h2nav evaluate paper`: the source paper's two cases, the slides' tables next to ours."""
+"""`h2nav evaluate paper`: the source paper's two cases beside the slides' tables."""
 
 import argparse
 import sys

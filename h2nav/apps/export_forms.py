@@ -1,4 +1,4 @@
-"""The integer filters for `h2nav export c`: integers of the gains, test vectors."""
+"""The integer filters of `h2nav export c`: their gains as integers, test vectors."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED
 
 
 class Image(NamedTuple):
-    """What a gain file is to an integer filter.
+    """A gain file in the form of an integer filter.
 
     Attributes:
         gains: of the kernel, a record.
@@ -51,13 +51,13 @@ class Vectors(NamedTuple):
 
 
 class ExportedForm(NamedTuple):
-    """An integer filter with all that an export needs.
+    """An integer filter with everything for its export.
 
     Attributes:
-        text: what it is in C.
-        former_name: on the command line.
-        kinds: of gain files that it can be made from; the first form of a kind is its usual one.
-        image: integers of a gain file; BadInput when its formats do not hold them.
+        text: its C text.
+        former_name: earlier name on the command line.
+        kinds: of suitable gain files; the first form of a kind is its default.
+        image: integers of a gain file; raises BadInput if they do not fit their formats.
         vectors: test vectors with these gains.
     """
 
@@ -102,7 +102,7 @@ def _integers(record: object, record_type: type) -> list[int]:
 
 
 def constant_gain_vectors(gains: constant_gain.Gains) -> Vectors:
-    """Ordinary motion first, then whatever the formats hold."""
+    """Ordinary motion first, then random numbers within the formats."""
     memory = constant_gain.State()
     constant_gain_step.reset(memory)
     return _vectors(
@@ -114,7 +114,7 @@ def constant_gain_vectors(gains: constant_gain.Gains) -> Vectors:
 
 
 def velocity_aided_vectors(gains: velocity_aided.Gains) -> Vectors:
-    """Motion with fields, then with fixes too, then whatever the formats hold."""
+    """Motion with fields, then also with fixes, then random numbers within the formats."""
     memory = velocity_aided.State()
     start.reset(memory, gains)
     return _vectors(
@@ -128,7 +128,7 @@ def velocity_aided_vectors(gains: velocity_aided.Gains) -> Vectors:
 def step_of_any_length(
     memory: velocity_aided.State, gains: velocity_aided.Gains, sample: velocity_aided.Sample
 ) -> int:
-    """What ``h2nav_step`` of the velocity-aided filter does; the sample is the same afterwards."""
+    """The counterpart of ``h2nav_step`` of the velocity-aided filter; leaves the sample as is."""
     given = sample.dt_us, sample.has_mag, sample.has_fix
     bits = 0
     if sample.dt_us > LONGEST_GAP_US:
@@ -142,7 +142,7 @@ def step_of_any_length(
 
 
 def _anything(record_type: type, rng: random.Random) -> Any:
-    """A record with every number anywhere in its range."""
+    """A record with every number random in its range."""
     record = record_type()
     numbers = [
         rng.randint(*(found.range or (0, 0)))
@@ -154,7 +154,7 @@ def _anything(record_type: type, rng: random.Random) -> Any:
 
 
 def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constant_gain.Sample]:
-    """Ordinary motion first, then whatever the formats hold."""
+    """Ordinary motion first, then random numbers within the formats."""
     rng = random.Random(seed)
     samples = []
     for number in range(rows_wanted):
@@ -171,9 +171,9 @@ def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constan
 
 
 def velocity_aided_samples(rows_wanted: int = 320, seed: int = 1) -> list[velocity_aided.Sample]:
-    """Motion with fields, then with fixes too, then whatever the formats hold; some are long.
+    """Motion with fields, then also with fixes, then random numbers; some samples are long.
 
-    No more rows than fit 32 kB, the largest table of an AVR.
+    At most as many rows as fit into 32 kB, the largest table of an AVR.
     """
     rng = random.Random(seed)
     samples = []

@@ -1,4 +1,4 @@
-"""The extras of the installation: what a command says where the packages of one are missing."""
+"""The optional extras of the installation, and the message where one is missing."""
 
 import importlib
 import importlib.metadata
@@ -12,12 +12,12 @@ from h2nav.errors import BadInput
 
 
 def require(extra: str, asker: str, *modules: str) -> None:
-    """Imports other people's modules, before any work is begun that would need them.
+    """Imports third-party modules before any work that needs them begins.
 
     Args:
         extra: of `pyproject.toml`, such as ``synthesis``.
-        asker: the command or the option that needs it, as it is typed.
-        modules: all that it will import, such as ``scipy.linalg``.
+        asker: the command or option that needs it, as typed.
+        modules: to be imported, such as ``scipy.linalg``.
 
     Raises:
         BadInput: one of them, or a module behind it, cannot be imported.
@@ -36,12 +36,12 @@ def require(extra: str, asker: str, *modules: str) -> None:
 
 
 def require_installed(extra: str, asker: str, *packages: str) -> None:
-    """The same for packages that another process will import: looks for them only.
+    """Checks for packages that another process will import.
 
     Args:
         extra: of `pyproject.toml`.
-        asker: the command or the option that needs it, as it is typed.
-        packages: by the names under which they are imported.
+        asker: the command or option that needs it, as typed.
+        packages: by their import names.
 
     Raises:
         BadInput: one of them is missing.
@@ -60,19 +60,19 @@ def _package(module: str) -> str:
 
 
 def _project(module: str) -> str:
-    """The name under which pip knows the package of a module."""
+    """The package name of a module for pip."""
     package = _package(module)
     return importlib.metadata.packages_distributions().get(package, [package])[0]
 
 
 def _one_line(module: str, error: ImportError) -> str:
-    """What the error says, with the module's name."""
+    """The error's text with the module's name."""
     said = " ".join(str(error).split())
     return said if module in said else f"{module}: {said}"
 
 
 def _pip() -> str:
-    """The pip of this environment; by its interpreter where the word alone means another one."""
+    """The pip of this environment; through its interpreter if the command is another one's."""
     python = Path(sys.executable)
     found = shutil.which("pip")
     if found is not None and Path(found).parent == python.parent:

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         action="append",
         metavar="URL",
-        help=f"one of {FORMS}, {SERVER_FORMS}. If given twice, each hears the other",
+        help=f"one of {FORMS}, {SERVER_FORMS}. If given twice, each receives the other's messages",
     )
     parser.add_argument("--scenario", default="flight", metavar="NAME", help="default: flight")
     parser.add_argument(
@@ -113,12 +113,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parameters",
         type=Path,
         metavar="FILE",
-        help="parameters to start with, as `h2nav calibrate` writes them",
+        help="parameters to start with, as written by `h2nav calibrate`",
     )
     parser.add_argument(
         "--arm-authorization",
         action="store_true",
-        help="when it is told to arm, ask others on the link whether it may, as PX4 does",
+        help="request an authorization on the link before arming, as PX4 does",
     )
     parser.add_argument(
         "--signing-key",
@@ -135,7 +135,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Flies until the time is over or a signal comes."""
+    """Flies until the time is over or a signal arrives."""
     options = _options(args)
     signing = None if args.signing_key is None else _signing(args.signing_key)
     links = [open_server_link(url) for url in args.connect]
@@ -166,7 +166,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wait_for(links: list[Link], wake: socket.socket) -> None:
-    """Gives the links a second to open, so that the first heartbeat is not lost."""
+    """Waits up to a second for the links to open, so that the first heartbeat is not lost."""
     for _ in range(100):
         for link in links:
             link.maintain(time.monotonic_ns())
@@ -178,7 +178,7 @@ def _wait_for(links: list[Link], wake: socket.socket) -> None:
 
 
 class _User:
-    """Who gives orders; the answers go to standard error."""
+    """Carries out the user's orders; replies go to standard error."""
 
     def __init__(self, source: OrderInput, orders: Orders) -> None:
         self._source = source
@@ -186,11 +186,11 @@ class _User:
         self.has_quit = False
 
     def fileno(self) -> int | None:
-        """What to wait for, if anybody is there."""
+        """The descriptor to wait on, if there is input."""
         return self._source.fileno()
 
     def serve(self, t_ns: int) -> None:
-        """Carries out what has been ordered."""
+        """Carries out new orders."""
         for line in self._source.read():
             if line.strip() == QUIT:
                 self.has_quit = True
@@ -230,13 +230,13 @@ def _turn(vehicle: AutopilotBytes, links: list[Link], user: _User, wake: socket.
             link.write(data)
     if vehicle.reboots != reboots:
         for link in links:
-            # A rebooted autopilot comes back from another port.
+            # A rebooted autopilot returns from another port.
             if link.url.startswith("udpout"):
                 link.close()
 
 
 def _hear(vehicle: AutopilotBytes, links: list[Link], number: int, now_ns: int) -> None:
-    """Passes what has come on one link to the vehicle, and what it forwards to the others."""
+    """Passes bytes of one link to the vehicle, and forwarded frames to the other links."""
     for data, _ in links[number].read():
         for frame in vehicle.received(now_ns, data, number):
             for other, link in enumerate(links):
@@ -278,7 +278,7 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
 
 
 def _wrong(args: argparse.Namespace) -> Miscalibration:
-    """What was asked to be wrong; numbers that a sensor can have."""
+    """The requested miscalibration, within the range of a sensor."""
     wrong = Miscalibration(
         tuple(args.compass_offset),
         args.compass_turned,

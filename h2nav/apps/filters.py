@@ -1,4 +1,4 @@
-"""Makes the filter that a configuration and a vehicle ask for; knows where its gains come from."""
+"""Creates the filter for a configuration and a vehicle, from its gain file."""
 
 from collections.abc import Callable, Mapping
 
@@ -18,7 +18,7 @@ VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 
 
 def vehicle_class(vehicle_type: int) -> str:
-    """The class of a MAV_TYPE: what moves like a multirotor is taken for one."""
+    """The class of a MAV_TYPE; vehicles that move like a multirotor count as one."""
     if vehicle_type in FIXED_WINGS:
         return "fixed-wing"
     return "rover" if vehicle_type in ROVERS else "multirotor"
@@ -38,15 +38,15 @@ def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str
 
 
 def algorithm(settings: FilterSettings) -> str:
-    """The one name of the filter that the settings ask for."""
+    """The name of the filter that the settings select."""
     return "velocity_aided" if settings.name == "default" else settings.name
 
 
 class FilterFactory:
-    """Filters for vehicles, from gain files that were read and checked beforehand.
+    """Creates filters for vehicles, from gain files read and checked beforehand.
 
     Args:
-        settings: which filter.
+        settings: select the filter.
         names: vehicle class -> name of its gain file.
         files: the gain files by name.
 
@@ -67,13 +67,13 @@ class FilterFactory:
         self._settings = settings
         self._names = names
         self._files = files
-        # A file that cannot make a filter is an error now, not at the first heartbeat in flight.
+        # A file that cannot make a filter must fail now, not at the first heartbeat in flight.
         for file in files.values():
             self._filter_from(file)
 
     @classmethod
     def shipped(cls, settings: FilterSettings, imu_rate_hz: float) -> "FilterFactory":
-        """Reads the files that the configuration names, all of them now, before any flight.
+        """Reads every file that the configuration may need, before any flight.
 
         Raises:
             BadInput: a file is missing, changed, or not certified.
@@ -86,7 +86,7 @@ class FilterFactory:
     def recorded(
         cls, settings: FilterSettings, imu_rate_hz: float, contents: Mapping[str, bytes]
     ) -> "FilterFactory":
-        """The gain files that a log carries.
+        """Uses the gain files attached to a log.
 
         Raises:
             BadInput: one is missing, changed, or not certified.
@@ -108,7 +108,7 @@ class FilterFactory:
         return {name: gain_files.text_of(file) for name, file in self._files.items()}
 
     def filter_for(self, identity: Identity) -> AttitudeFilter:
-        """A new filter for this vehicle."""
+        """Creates a filter for this vehicle."""
         wanted = self._settings.vehicle_class
         name = vehicle_class(identity.vehicle_type) if wanted == "auto" else wanted
         return self._filter_from(self._files[self._names[name]])

@@ -1,4 +1,4 @@
-"""`h2nav fleet`: the reviews of thousands of flights, on all cores of this machine or a cluster."""
+"""`h2nav fleet`: reviews thousands of flights, on all cores of this machine or on a cluster."""
 
 import argparse
 import functools
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", help="an existing Dask cluster, such as tcp://host:8786"
     )
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes of our own (default: one per core)"
+        "--workers", type=int, metavar="N", help="local processes (default: one per core)"
     )
     parser.add_argument(
         "--memory-mb",
@@ -56,9 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     playback.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
-        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights whose "
-        "results are in DIR already are not reviewed again, so a run that was ended goes on when "
-        "it is started again. Broken recordings become rows that say why."
+        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights with results "
+        "in DIR are not reviewed again, so that an interrupted run continues when it is started "
+        "again. Broken recordings become rows with the reason."
     )
 
 

@@ -1,4 +1,4 @@
-"""How commands write JSON that any reader accepts: numbers that are not finite become null."""
+"""Writes JSON that every reader accepts: numbers that are not finite become null."""
 
 import json
 import math
@@ -7,11 +7,11 @@ from typing import Any
 
 
 def json_text(document: Any, indent: int | None = None) -> str:
-    """The document as JSON.
+    """Encodes a document as JSON.
 
     Args:
         document: mappings, sequences and scalars; NaN and the infinities become null.
-        indent: spaces a level; None = one line.
+        indent: spaces per level; None = one line.
     """
     return json.dumps(_finite(document), indent=indent, allow_nan=False)
 

@@ -1,4 +1,4 @@
-"""Signing of one link in the daemon: who is admitted, what is reported and recorded of others."""
+"""Signing of one link in the daemon: admission, reports and records of rejected frames."""
 
 import time
 from collections import Counter
@@ -24,7 +24,7 @@ from h2nav.wire.signing import (
 TELL_AGAIN_NS = 60_000_000_000
 RECORD_WINDOW_NS = 1_000_000_000
 RECORDED_PER_WINDOW = 50
-"""Refused frames that are recorded per second: evidence, but no way to fill the disk."""
+"""Rejected frames recorded per second: enough as evidence, too few to fill the disk."""
 CLOSE_WITHIN_S = 1.5
 
 CAUSES = {
@@ -32,32 +32,32 @@ CAUSES = {
     Refusal.UNSIGNED: "it is not signed; give its sender the key",
     Refusal.SETUP_SIGNING: "keys are not taken from the network, only from signing.key_file",
     Refusal.BAD_SIGNATURE: "its signature is wrong; has its sender the same key?",
-    Refusal.REFLECTED: "it is one of ours that came back; somebody sends it to us again, or uses "
-    "our component id and signing.link_id",
-    Refusal.REPLAYED: "its time stamp is not later than the one before; somebody sends it to us "
-    "again, or two senders share their ids and link id",
-    Refusal.OLD_STAMP: "its time stamp is over a minute behind ours; somebody sends it to us "
-    "again, or its sender's clock is behind",
+    Refusal.REFLECTED: "it is one of our own; it is sent back to us, or another sender uses our "
+    "component id and signing.link_id",
+    Refusal.REPLAYED: "its time stamp is not later than the one before; it is a replay, or two "
+    "senders share their ids and link id",
+    Refusal.OLD_STAMP: "its time stamp is over a minute behind ours; it is a replay, or its "
+    "sender's clock is behind",
     Refusal.TOO_MANY_STREAMS: f"{MOST_STREAMS} senders are known already; restart h2nav to forget "
     "those that have left",
 }
 
 
 class SigningRecord(NamedTuple):
-    """What has become of the frames of a link whose traffic must be signed, since start.
+    """Counters of the frames of a link whose traffic must be signed, since start.
 
     Attributes:
-        signed: admitted with a right signature.
+        signed: admitted with a valid signature.
         accepted_unsigned: admitted without one, by `signing.accept_unsigned`.
-        mavlink_1: refused: MAVLink 1.
-        unsigned: refused: no signature.
-        setup_signing: refused and not recorded: SETUP_SIGNING, signed or not.
-        bad_signature: refused: made with another key, or changed on its way.
-        reflected: refused: our own frame.
-        replayed: refused: stamp not later than the last of its stream.
-        old_stamp: refused: first of its stream and over a minute behind our stamp.
-        too_many_streams: refused: first of its stream and the table is full.
-        streams: senders that are known, by system, component and link id.
+        mavlink_1: rejected: MAVLink 1.
+        unsigned: rejected: no signature.
+        setup_signing: rejected and not recorded: SETUP_SIGNING, signed or not.
+        bad_signature: rejected: made with another key, or changed in transit.
+        reflected: rejected: a frame of our own.
+        replayed: rejected: stamp not later than the last of its stream.
+        old_stamp: rejected: first of its stream and over a minute behind our stamp.
+        too_many_streams: rejected: first of its stream and the table is full.
+        streams: known senders, by system, component and link id.
         stamp_ahead_s: our time stamp minus the host's clock.
     """
 
@@ -76,13 +76,13 @@ class SigningRecord(NamedTuple):
 
 
 class Sorted(NamedTuple):
-    """Frames that came together.
+    """Frames of one arrival, sorted.
 
     Attributes:
-        admitted: frames to be used, in their order.
-        received: bytes of them for the recording, without their signatures.
-        refused: the same of the others, as far as they are to be recorded.
-        notices: what people should hear.
+        admitted: frames to process, in order.
+        received: their bytes for the recording, without signatures.
+        refused: bytes of the rejected frames to record.
+        notices: for the operator.
     """
 
     admitted: list[Frame]
@@ -92,7 +92,7 @@ class Sorted(NamedTuple):
 
 
 class LinkSigning:
-    """Verifies what a link brings and signs what it carries.
+    """Verifies incoming frames of a link and signs outgoing ones.
 
     Attributes:
         signer: for the `Encoder` of the link.
@@ -102,7 +102,7 @@ class LinkSigning:
         unix_ns: reads the host's clock.
 
     Raises:
-        BadInput: the key cannot be used.
+        BadInput: the key is not usable.
     """
 
     def __init__(
@@ -121,19 +121,19 @@ class LinkSigning:
         self._window_frames = 0
 
     def would_admit(self, frame: Frame) -> bool:
-        """Whether a frame would be let in now; changes nothing."""
+        """Whether a frame would be admitted now; changes nothing."""
         return self._checker.would_admit(frame)
 
     def would_answer(self, frame: Frame) -> bool:
-        """Whether our frames should go to where a frame came from; changes nothing."""
+        """Whether outgoing frames may go to the sender of a frame; changes nothing."""
         return self._checker.would_answer(frame)
 
     def turned_away(self, t_ns: int, frame: Frame) -> list[Notice]:
-        """Counts a stranger's frame that is not answered; what people should hear of it."""
+        """Counts the frame of a sender that gets no reply; returns notices."""
         return self._refuse(t_ns, frame, self._checker.objection(frame) or Refusal.UNSIGNED)
 
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
-        """Admits frames, or refuses them.
+        """Sorts frames into admitted and rejected ones.
 
         Args:
             t_ns: host monotonic time of their arrival.
@@ -155,7 +155,7 @@ class LinkSigning:
         return Sorted(admitted, received, b"".join(refused), notices)
 
     def notices(self) -> list[Notice]:
-        """Trouble with the file of the time stamp, once each."""
+        """Problems with the file of the time stamp, once each."""
         return [
             Notice(Severity.ERROR if is_error else Severity.NOTICE, text)
             for is_error, text in self._keeper.notices()
@@ -184,7 +184,7 @@ class LinkSigning:
         return self._window_frames <= RECORDED_PER_WINDOW
 
     def _refuse(self, t_ns: int, frame: Frame, refusal: Refusal) -> list[Notice]:
-        """Counts a frame; reports its cause unless that was reported within the last minute."""
+        """Counts a frame; reports its cause at most once a minute."""
         self._counts[refusal] += 1
         told_ns = self._told_ns.get(refusal)
         if told_ns is not None and t_ns - told_ns < TELL_AGAIN_NS:

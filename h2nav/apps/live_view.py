@@ -1,7 +1,7 @@
-"""The live view beside the daemon: a process that is started, fed, watched, and started again.
+"""The live view beside the daemon: a process that is started, fed, watched and restarted.
 
-What strangers can talk to runs outside the daemon, niced and with limits of its own: whatever
-happens there costs a picture and no attitude (docs/design/005-live-view.md).
+Everything that clients can reach runs outside the daemon, niced and with limits of its own: a
+failure there costs a display and no attitude (docs/design/005-live-view.md).
 """
 
 import os
@@ -34,9 +34,9 @@ STATUS_NS = 200_000_000
 SECOND_NS = 1_000_000_000
 FIRST_PAUSE_NS = SECOND_NS
 LONGEST_PAUSE_NS = 60 * SECOND_NS
-# So long after its start it has proved to work.
+# A viewer that has run for this long works.
 PROVED_NS = 60 * SECOND_NS
-# Packets in a row that it did not take, of at least five a second.
+# Consecutive packets that it did not take, at five or more a second.
 MOST_REFUSED = 150
 END_WITHIN_S = 1.0
 MEMORY = Path("/proc/self/statm")
@@ -44,7 +44,7 @@ PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 def require_packages() -> None:
-    """Looks for what the viewer will import.
+    """Checks for the packages of the viewer.
 
     Raises:
         BadInput: a package of the extra is missing.
@@ -53,15 +53,15 @@ def require_packages() -> None:
 
 
 def start_viewer(end: socket.socket) -> "subprocess.Popen[bytes]":
-    """Starts a viewer as a process, with the same modules as ours."""
+    """Starts a viewer as a process, with the same modules."""
     modules = os.pathsep.join(path for path in sys.path if path)
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "h2nav.live"],
         stdin=end.fileno(),
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,  # strangers would write our journal
+        stderr=subprocess.DEVNULL,  # clients could flood the journal
         env={**os.environ, "PYTHONPATH": modules},
-        process_group=0,  # Ctrl-C is for us; it ends with its feed
+        process_group=0,  # Ctrl-C is for the daemon; the viewer ends with its feed
     )
 
 
@@ -72,8 +72,8 @@ class LiveView:
         configuration: of the daemon; its `live.address` is not empty.
 
     Attributes:
-        feed: what the pipeline gives its records to.
-        page_url: where the page is; empty before it is served.
+        feed: takes the records of the pipeline.
+        page_url: of the page; empty before it is served.
 
     Raises:
         BadInput: a package of the extra is missing, or the address cannot be read.
@@ -97,12 +97,12 @@ class LiveView:
         self._trouble = ""
 
     def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:
-        """Does what is due; what there is to say.
+        """Does what is due; returns notices.
 
         Args:
             t_ns: host time.
             unix_ns: the same on the UNIX scale.
-            service: whose status is shown.
+            service: whose status is displayed.
         """
         if t_ns < self._look_ns:
             return []
@@ -166,7 +166,7 @@ class LiveView:
         return []
 
     def _lost(self, t_ns: int, reason: str) -> Notice:
-        """The viewer is of no use any more; another one is started later."""
+        """Gives up a viewer; another one is started later."""
         assert self._viewer is not None
         self._is_lost, self._shown_port = True, 0
         self._viewer.kill()
@@ -188,7 +188,7 @@ class LiveView:
             text += f", Foxglove at ws://{page._replace(port=self._settings.foxglove_port)}"
         if page.is_loopback:
             return [Notice(Severity.INFO, text)]
-        return [Notice(Severity.WARNING, f"{text}, open to whoever reaches this address")]
+        return [Notice(Severity.WARNING, f"{text}, open to all who can reach this address")]
 
     def _record(self) -> FeedRecord:
         feed = self.feed

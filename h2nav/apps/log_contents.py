@@ -1,4 +1,4 @@
-"""What every log starts with: the inputs that an exact replay needs, and where it came from."""
+"""The beginning of every log: the inputs of an exact replay, and their origin."""
 
 import math
 import platform
@@ -30,7 +30,7 @@ LATEST_UNIX_S = 4_102_444_800.0  # the year 2100
 
 
 def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None:
-    """The daemon's log; None where none is wanted."""
+    """Creates the daemon's log; None if none is configured."""
     if not settings.folder:
         return None
     return Recorder(
@@ -42,7 +42,7 @@ def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None
 
 
 def log_limits(settings: LogSettings) -> LogLimits:
-    """What the section `log` allows, in the recorder's units."""
+    """Converts the section `log` to the recorder's units."""
     return LogLimits(
         file_bytes=settings.max_file_mb * MIB,
         file_age_s=settings.max_file_minutes * 60.0,
@@ -55,13 +55,13 @@ def log_limits(settings: LogSettings) -> LogLimits:
 def attach_inputs(
     recorder: Recorder, chosen: Configuration, filters: FilterFactory, unix_s: float
 ) -> None:
-    """Puts configuration, gains and provenance in front of everything else.
+    """Writes configuration, gains and provenance at the beginning of a log.
 
     Args:
-        recorder: where to.
-        chosen: the configuration as it is in force.
-        filters: knows the gain files.
-        unix_s: the date that the run works with.
+        recorder: of the log.
+        chosen: the configuration in force.
+        filters: holds the gain files.
+        unix_s: the date that the run uses.
     """
     text = yaml.safe_dump(_readable(chosen.as_mapping()), sort_keys=False)
     recorder.attach(CONFIGURATION_NAME, YAML_TYPE, text.encode())
@@ -80,7 +80,7 @@ def attach_inputs(
 
 
 def _readable(value: Any) -> Any:
-    """The same with texts that can be read back; the bytes of a path need be no text."""
+    """A copy with valid texts; a path may hold bytes that are not text."""
     if isinstance(value, str):
         return value.encode(errors="replace").decode()
     if isinstance(value, dict):
@@ -89,13 +89,13 @@ def _readable(value: Any) -> Any:
 
 
 class RecordedInputs(NamedTuple):
-    """What a log says of the run that made it.
+    """The inputs of the run that made a log.
 
     Attributes:
-        configuration: as it was in force.
-        gain_files: the gain files as they were attached, by name.
-        unix_s: the date that the run worked with.
-        remark: what is played instead of a filter that there is no more; empty for the run's own.
+        configuration: in force during the run.
+        gain_files: attached gain files, by name.
+        unix_s: the date that the run used.
+        remark: the replacement for a filter that no longer exists; empty for the original.
     """
 
     configuration: Configuration
@@ -105,7 +105,7 @@ class RecordedInputs(NamedTuple):
 
 
 def inputs_of(recording: "Recording") -> RecordedInputs | None:
-    """The inputs of the run that made a recording; None for a recording that is not ours.
+    """Reads the inputs of the run that made a recording; None for another program's recording.
 
     Raises:
         BadInput: the log holds a configuration that this version cannot use.
@@ -125,10 +125,10 @@ def inputs_of(recording: "Recording") -> RecordedInputs | None:
 
 
 def _of_today(mapping: dict[str, Any]) -> tuple[dict[str, Any], str]:
-    """A log's configuration for the filters that there are, and a remark where one is replaced.
+    """A log's configuration with today's filters, and a remark where one is replaced.
 
-    Logs ask for the two-stage filter, which there is no more; until version 0.3 the constant-gain
-    filter was asked for as two_stage in fixed arithmetic.
+    The two-stage filter, which logs may request, no longer exists; until version 0.3 the
+    constant-gain filter was named two_stage in fixed arithmetic.
     """
     asked = mapping.get("filter")
     if not isinstance(asked, dict):
@@ -139,12 +139,12 @@ def _of_today(mapping: dict[str, Any]) -> tuple[dict[str, Any], str]:
     if asked.get("arithmetic") == "fixed":
         return {**mapping, "filter": {**former, "name": "constant_gain"}}, ""
     kept = {key: former[key] for key in ("vehicle_class",) if key in former}
-    remark = "recorded with the filter two_stage, which is no more; played with the default one"
+    remark = "recorded with the filter two_stage, which no longer exists; played with the default"
     return {**mapping, "filter": {**kept, "name": "default"}}, remark
 
 
 def _recorded_date(recording: "Recording") -> float:
-    """The date of the run in UNIX seconds; 0 when the log does not have it."""
+    """The date of the run in UNIX seconds; 0 if the log has none."""
     text = recording.metadata.get(RUN_METADATA, {}).get("unix_s", "0")
     try:
         unix_s = float(text)

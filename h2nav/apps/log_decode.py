@@ -1,4 +1,4 @@
-"""`h2nav log decode`: the autopilot's messages in a log as channels that viewers plot."""
+"""`h2nav log decode`: adds the autopilot's messages in a log as channels for viewers."""
 
 import argparse
 import sys

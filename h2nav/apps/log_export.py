@@ -1,4 +1,4 @@
-"""`h2nav log export`: a log in the formats of other tools."""
+"""`h2nav log export`: converts a log to the formats of other tools."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""`h2nav log info`: what a log holds."""
+"""`h2nav log info`: summarises logs."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
         "With --json, one LOG gives one document, several give a list of them in their order. A "
-        "file that is not a log is named and left out; the exit status is then 2."
+        "file that is not a log is named and skipped; the exit status is then 2."
     )
 
 
@@ -56,7 +56,7 @@ def _surveyed(log: Path) -> "LogSurvey":
 
 def _document(found: "LogSurvey") -> dict[str, Any]:
     document = found._asdict()
-    # As a number it would exceed what JSON's readers keep exactly.
+    # As a number it would exceed the precision of JSON readers.
     document["start_utc"] = _utc(document.pop("start_unix_ns")).isoformat()
     document["topics"] = [topic._asdict() for topic in found.topics]
     document["gaps"] = [gap._asdict() for gap in found.gaps]
@@ -100,7 +100,7 @@ def _text(found: "LogSurvey") -> str:
 
 
 def _account(found: "LogSurvey") -> list[str]:
-    """What the service said of its run, a line each."""
+    """The service's own account of its run, one line each."""
     lines = [
         f"state: {span.from_s:.1f} to {span.to_s:.1f} s {span.state}"
         + (f": {span.reason}" if span.reason else "")

@@ -1,4 +1,4 @@
-"""Progress bars of the commands that take time; none where standard error is no terminal."""
+"""Progress bars of slow commands; none where standard error is not a terminal."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 @contextmanager
 def byte_bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on a terminal, silent in a pipe; gives a function of bytes done and bytes in all."""
+    """A bar on a terminal, silent in a pipe; yields a function of bytes done and total."""
     with tqdm(desc=what, unit="B", unit_scale=True, leave=False, disable=None) as bar:
 
         def progress(done: int, total: int) -> None:
@@ -20,7 +20,7 @@ def byte_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def count_bar(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """The same for things that are counted."""
+    """The same for counted things."""
     with tqdm(desc=what, unit=unit, leave=False, disable=None) as bar:
 
         def progress(done: int, total: int) -> None:

@@ -1,4 +1,4 @@
-"""`h2nav log recover`: saves what is left of a log into a new, complete one."""
+"""`h2nav log recover`: copies the intact records of a log to a new, complete one."""
 
 import argparse
 import sys

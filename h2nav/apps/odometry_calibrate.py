@@ -15,7 +15,7 @@ from h2nav.errors import BadInput
 from h2nav.maths.least_squares import SOLVERS
 from h2nav.motion.settings import OdometrySettings
 
-FED_REMARK = "  # the wheel radius that the autopilot makes WHEEL_DISTANCE with"
+FED_REMARK = "  # the wheel radius from which the autopilot makes WHEEL_DISTANCE"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=1.0,
         metavar="R",
-        help="wheel radius that the autopilot makes WHEEL_DISTANCE with (ArduPilot: WENC_RADIUS); "
+        help="wheel radius from which the autopilot makes WHEEL_DISTANCE (ArduPilot: WENC_RADIUS); "
         "default 1: from increments, the daemon must be fed wheel angles; from counters, the "
         "radii are metres rolled per metre reported",
     )
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Calibrates and prints the parameters with a configuration block for the daemon."""
+    """Calibrates, and prints the parameters with a configuration block for the daemon."""
     if args.plots is not None:
         extras.require("plots", "--plots", "matplotlib.pyplot")
     angles = _angles_rad(args.wheel_angles_deg)
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     block = calibration.configuration(result, angles, fed_radius_m)
     driven = None
     if data.track is not None and block is not None:
-        # The whole drive again, by the daemon's own odometry with the new section.
+        # Repeats the whole drive with the daemon's odometry and the new section.
         driven = drive(data.track, OdometrySettings(**block))
     if args.json:
         print_json(_document(result, block, driven), indent=1)

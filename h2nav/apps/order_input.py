@@ -1,4 +1,4 @@
-"""Orders from standard input: keys on a terminal, lines from a pipe; nobody has to give any."""
+"""Orders from standard input, all optional: keys on a terminal, lines from a pipe."""
 
 import contextlib
 import os
@@ -16,28 +16,28 @@ QUIT = "quit"  # the order that ends a program
 
 
 class OrderInput(Protocol):
-    """Where orders come from.
+    """A source of orders.
 
     Attributes:
-        has_keys: somebody may sit at a terminal.
+        has_keys: it may be a user at a terminal.
     """
 
     has_keys: bool
 
     def fileno(self) -> int | None:
-        """What to wait for; None while there is nothing to be read."""
+        """The descriptor to wait on; None while there is no input."""
 
     def read(self) -> list[str]:
-        """The orders that have come, when `fileno` is readable."""
+        """Returns new orders; called when `fileno` is readable."""
 
 
 @contextmanager
 def order_input(keys: Mapping[str, str], stream: TextIO | None = None) -> Iterator[OrderInput]:
-    """Inside the block a terminal gives its keys one by one; after it, it is as it was.
+    """Switches a terminal to single keys inside the block, and restores it afterwards.
 
     Args:
-        keys: what each key stands for; ``:`` begins a line that is read as it is typed.
-        stream: where they come from; standard input by default.
+        keys: the order of each key; ``:`` begins a line that is read as typed.
+        stream: the source; standard input by default.
     """
     source = sys.stdin if stream is None else stream
     if source is None or source.closed:
@@ -80,15 +80,15 @@ class _Lines:
         data = _read(self._descriptor)
         if not data:
             self._descriptor = None
-            data = b"\n" if self._begun else b""  # the last line may lack its end
+            data = b"\n" if self._begun else b""  # the last line may lack its line break
         *whole, begun = (self._begun + data).split(b"\n")
-        # What is longer is no order; its end alone will be refused as one.
+        # A longer line is no order; its end alone will be rejected as one.
         self._begun = begun[-LONGEST_LINE:]
         return [line.decode(errors="replace") for line in whole]
 
 
 class _Keys:
-    """A terminal, as long as we are in its foreground: elsewhere, reading it would stop us."""
+    """A terminal, while in its foreground: reading it in the background would stop the process."""
 
     has_keys = True
 
@@ -102,7 +102,7 @@ class _Keys:
     def fileno(self) -> int | None:
         if not self._is_in_foreground():
             return None
-        # Also after the program was stopped, when the shell has had the terminal.
+        # Also after the process was stopped, when the shell had the terminal.
         if not self._types_line and self._gathers_lines():
             self._set(as_it_was=False)
         return self._descriptor
@@ -119,7 +119,7 @@ class _Keys:
         return [self._keys[key] for key in text if key in self._keys]
 
     def leave(self) -> None:
-        """Gives the terminal back."""
+        """Restores the terminal."""
         if self._is_in_foreground():
             self._set(as_it_was=True)
 
@@ -136,7 +136,7 @@ class _Keys:
             return False
 
     def _set(self, *, as_it_was: bool) -> None:
-        """Lets the terminal gather lines, with its own editing, or give its keys at once."""
+        """Switches the terminal to lines, with its own editing, or to single keys."""
         self._types_line = as_it_was
         with contextlib.suppress(termios.error):
             if as_it_was:
@@ -146,7 +146,7 @@ class _Keys:
 
 
 def _read(descriptor: int | None) -> bytes:
-    """What is there; nothing where the other side has gone."""
+    """Returns the available bytes; none if the other side is closed."""
     try:
         return b"" if descriptor is None else os.read(descriptor, READ_BYTES)
     except OSError:

@@ -1,4 +1,4 @@
-"""The words of the daemon's live panel: a few lines that say how it goes."""
+"""The text of the daemon's live panel."""
 
 import math
 from pathlib import Path
@@ -16,11 +16,11 @@ BACKED = {"h2nav": "h2nav", "autopilot": "the autopilot"}
 
 
 class LogSight(NamedTuple):
-    """How recording goes.
+    """State of the recording.
 
     Attributes:
-        path: of the present file; None before the first.
-        trouble: why nothing is being recorded; None while all is well.
+        path: of the current file; None before the first.
+        trouble: why recording is stopped; None while it works.
         counters: of the recorder.
     """
 
@@ -30,11 +30,11 @@ class LogSight(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """All that is shown at one time.
+    """Everything displayed at one time.
 
     Attributes:
         health: state and counts.
-        status: what is compared and what is wrong.
+        status: comparison and alarms.
         log: None without one.
     """
 
@@ -44,11 +44,11 @@ class Sight(NamedTuple):
 
 
 def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:
-    """The panel, the most important at the left, where a narrow terminal shows it.
+    """The lines of the panel, with the most important at the left, for narrow terminals.
 
     Args:
-        sight: what there is.
-        ours: the newest estimate; None where it is too old to be shown.
+        sight: what to display.
+        ours: the newest estimate; None if it is stale.
     """
     health, status, log = sight
     return [
@@ -65,7 +65,7 @@ def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:
 
 
 def autopilot_attitude(status: StatusRecord) -> Quat | None:
-    """The autopilot's own attitude, body to NED; None where it has not told it just now."""
+    """The autopilot's own attitude, body to NED; None if it is stale."""
     w, x, y, z = (
         status.autopilot_q_w,
         status.autopilot_q_x,
@@ -127,7 +127,7 @@ def _difference(status: StatusRecord) -> str:
 
 
 def _ratios(status: StatusRecord) -> str:
-    """How near each test of the measurements is to failing; a lost receiver has no velocity."""
+    """The test ratios of the measurements; a lost receiver has no velocity."""
     ratios = {
         "velocity": status.velocity_ratio,
         "force": status.force_ratio,
@@ -139,7 +139,7 @@ def _ratios(status: StatusRecord) -> str:
 
 
 def _in_sigmas(difference_deg: float, sigma_deg: float | None) -> str:
-    """A difference, and how many of its deviations it is."""
+    """A difference, also in multiples of its deviation."""
     text = f"{difference_deg:.1f} deg"
     if sigma_deg is None or not sigma_deg > 0.0:
         return text

@@ -1,4 +1,4 @@
-"""Parameter files that ground stations save: ArduPilot's, QGroundControl's, PX4's shell lines."""
+"""Parameter files of ground stations: ArduPilot's, QGroundControl's, PX4's shell lines."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,10 +9,10 @@ MOST_LINES = 20_000
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Parameters by name.
+    """Reads parameters by name.
 
     Raises:
-        BadInput: it cannot be read, or is no parameter file.
+        BadInput: it cannot be read, or is not a parameter file.
     """
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -22,14 +22,14 @@ def read_parameters(path: Path) -> dict[str, float]:
 
 
 def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
-    """Parameters of a file in any of these forms.
+    """Parses parameters in any of these forms.
 
     Args:
-        lines: of the text.
-        name: of the file, for messages.
+        lines: of the file.
+        name: of the file, for errors.
 
     Raises:
-        BadInput: a line is none of a parameter.
+        BadInput: a line is not a parameter.
     """
     found: dict[str, float] = {}
     for number, line in enumerate(lines, start=1):
@@ -43,9 +43,9 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
             found[pair[0]] = float(pair[1])
         except (IndexError, ValueError):
             raise BadInput(
-                f"{name}:{number}: {line.strip()[:60]!r} is no parameter; expected NAME,VALUE or "
-                "QGroundControl's five columns"
+                f"{name}:{number}: {line.strip()[:60]!r} is not a parameter; expected NAME,VALUE "
+                "or QGroundControl's five columns"
             ) from None
         if number > MOST_LINES:
-            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is no parameter file")
+            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is not a parameter file")
     return found

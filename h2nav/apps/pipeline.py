@@ -1,4 +1,4 @@
-"""From received bytes to carried-out effects: the same for the daemon and for a replay."""
+"""From received bytes to executed effects: the same for the daemon and for a replay."""
 
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -31,57 +31,57 @@ if TYPE_CHECKING:  # loaded where there is a live view
     from h2nav.links.live_feed import LiveFeed
 
 LINK_NAME = "autopilot"
-# So many bytes in so long without a frame are no boot text.
+# More bytes, for longer than this, without a frame are not a boot text.
 JUNK_BYTES = 1024
 JUNK_NS = 3_000_000_000
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 class Watcher(Protocol):
-    """Somebody who looks on: the status line, the error table of a replay.
+    """Observes frames and estimates: the status line, the error table of a replay.
 
     Attributes:
-        message_ids: the messages that it wants to see.
+        message_ids: the messages that it observes.
     """
 
     message_ids: frozenset[int]
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """A good frame of `message_ids` came."""
+        """Called with a good frame of `message_ids`."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
-        """An estimate was made, later than usual on this link by `late_ns`."""
+        """Called with an estimate, later than usual on this link by `late_ns`."""
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """The service has something to report."""
+        """Called with a notice of the service."""
 
 
 class Observer(Protocol):
-    """Somebody who looks at more: what an importer says, and all that the service writes down."""
+    """Observes more: imported events, and all records of the service."""
 
     def message(self, t_ns: int, message: Message) -> None:
-        """A typed record came from a log that the autopilot wrote itself."""
+        """Called with a typed record from an autopilot's own log."""
 
     def record(self, t_ns: int, topic: str, record: object) -> None:
-        """The service writes down something else than samples and estimates."""
+        """Called with a record of the service other than samples and estimates."""
 
 
-# Time, the same on the UNIX scale, and the service to what there is to say.
+# Time, UNIX time and service -> notices.
 Beside = Callable[[int, int, Service], Sequence[Notice]]
 
 
 class Outlets(NamedTuple):
-    """Where the effects go.
+    """The destinations of effects.
 
     Attributes:
-        unix_ns: host monotonic time to host UNIX time by one constant for a whole run, so that a
-            log's times give back the monotonic ones exactly.
-        send: puts a frame on the link; None where nobody listens (replay).
+        unix_ns: converts monotonic to UNIX time by one constant per run, so that the monotonic
+            times can be recovered exactly from a log.
+        send: puts a frame on the link; None in a replay.
         recorder: the log; None without one.
-        watcher: who looks on.
-        observer: who looks at more; None = nobody.
-        live: what the live view shows; None without one.
-        finding: is given each report of a finding; None = nobody asks.
+        watcher: observes frames and estimates.
+        observer: observes all records; None = not needed.
+        live: the live view's feed; None without one.
+        finding: called with each report of a finding; None = not needed.
     """
 
     unix_ns: Callable[[int], int]
@@ -94,7 +94,7 @@ class Outlets(NamedTuple):
 
 
 def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effect]:
-    """Takes a frame of `Service.message_ids` across the wire boundary; what the service wants done.
+    """Passes a frame of `Service.message_ids` through the wire boundary; returns effects.
 
     Args:
         service: the behaviour.
@@ -109,12 +109,12 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
 
 
 def read(service: Service, envelope: Envelope, payload: bytes) -> list[Effect]:
-    """Reads a message that the service heeds; what it wants done.
+    """Reads a message that the service uses; returns effects.
 
     Args:
         service: the behaviour.
         envelope: of the message.
-        payload: as it came.
+        payload: of the frame.
     """
     message_id = envelope.message_id
     try:
@@ -125,10 +125,10 @@ def read(service: Service, envelope: Envelope, payload: bytes) -> list[Effect]:
 
 
 class Junk:
-    """Whether bytes come that hold no frame, for longer than a boot text takes.
+    """Detects bytes without frames that last longer than a boot text.
 
     Attributes:
-        is_raised: they do.
+        is_raised: they are present.
     """
 
     def __init__(self) -> None:
@@ -137,7 +137,7 @@ class Junk:
         self.is_raised = False
 
     def changes(self, t_ns: int, size: int, *, has_frames: bool) -> bool:
-        """Takes a chunk; whether `is_raised` has changed with it."""
+        """Adds a chunk; returns whether it changed `is_raised`."""
         if has_frames:
             self._bytes = 0
             was_raised, self.is_raised = self.is_raised, False
@@ -153,13 +153,13 @@ class Junk:
 class Pipeline:
     """Deframes, decodes, calls the service, and carries out its effects.
 
-    Whatever raises on the way is counted and reported by the service; the next frame follows.
+    An exception on the way is counted and reported by the service; the next frame follows.
 
     Args:
         service: the behaviour.
-        component_id: ours, for outgoing frames.
+        component_id: of outgoing frames.
         outlets: where the effects go.
-        signing: verifies and signs; None = signatures are neither looked at nor made.
+        signing: verifies and signs; None = frames are neither verified nor signed.
     """
 
     def __init__(
@@ -197,16 +197,16 @@ class Pipeline:
 
     @property
     def next_timer_ns(self) -> int:
-        """When `tick` has something to do."""
+        """When `tick` is due next."""
         return self._timer_ns
 
     def received(self, t_ns: int, data: bytes, now_ns: int | None = None) -> None:
-        """Takes one datagram or chunk as it came from the link.
+        """Processes one datagram or chunk from the link.
 
         Args:
             t_ns: host time of its arrival.
             data: the bytes.
-            now_ns: host time now, where they have waited since.
+            now_ns: host time now, if they have been delayed.
         """
         now_ns = t_ns if now_ns is None else now_ns
         frames = self.deframer.feed(data)
@@ -217,7 +217,7 @@ class Pipeline:
             self._process(t_ns, frames, now_ns)
             return
         found = self._signing.sort(t_ns, frames)
-        # Only admitted frames: a replay has no key to check them with.
+        # Only admitted frames: a replay has no key to verify them.
         self._record_received(t_ns, found.received)
         if found.refused and self._recorder is not None:
             self._recorder.refused(LINK_NAME, self._unix_ns(t_ns), found.refused)
@@ -226,7 +226,7 @@ class Pipeline:
 
     @property
     def wanted_ids(self) -> frozenset[int]:
-        """The messages that the service or the watcher wants to see."""
+        """The messages that the service or the watcher needs."""
         return self._message_ids | self._watched_ids
 
     @property
@@ -235,7 +235,7 @@ class Pipeline:
         return self._recorder is not None
 
     def record_received(self, t_ns: int, data: bytes) -> None:
-        """Writes what has arrived to the log, without the frames that it completes."""
+        """Writes arrived bytes to the log, without the frames that they complete."""
         self._record_stream(t_ns, data)
 
     def play(
@@ -244,15 +244,15 @@ class Pipeline:
         frames: Iterable[PlacedFrame],
         before: Callable[[int], object] | None = None,
     ) -> None:
-        """Takes frames of `wanted_ids` that a recording holds, in their order.
+        """Processes frames of `wanted_ids` in a recording, in order.
 
-        It does what `received` does for each. Most frames of a recording are of no use, and cost
-        little more than the question.
+        The result is that of `received`. Most frames of a recording are not used, and cost little
+        more than this check.
 
         Args:
-            data: where they stand.
-            frames: where each is, and how it came.
-            before: is told the time (ns) of each message before it is read.
+            data: the buffer that holds them.
+            frames: their places and origins.
+            before: called with the time (ns) of each message before it is read.
         """
         service, heeds, watched = self.service, self.service.heeds, self._watched_ids
         used = self._message_ids
@@ -272,7 +272,7 @@ class Pipeline:
                 self._fault(t_ns, message_name(msg_id), error)
 
     def imported(self, envelope: Envelope, message: Message) -> None:
-        """Takes an event of a log that the autopilot wrote itself."""
+        """Processes an event of an autopilot's own log."""
         t_ns = envelope.t_ns
         if self._observer is not None:
             self._observer.message(t_ns, message)
@@ -301,7 +301,7 @@ class Pipeline:
                     self._fault(t_ns, message_name(frame.msg_id), error)
 
     def vouches_for(self, data: bytes) -> bool:
-        """Whether a stranger's datagram holds a frame of the bound autopilot, or of one to bind."""
+        """Whether a datagram of an unknown sender has a frame of the bound or a new autopilot."""
         t_ns = self._now_ns
         for frame in Deframer().feed(data):
             if self._signing is not None and not self._signing.would_answer(frame):
@@ -316,7 +316,7 @@ class Pipeline:
         return False
 
     def tick(self, t_ns: int) -> None:
-        """Runs what is due by the clock, if anything is; the live view gets what there is."""
+        """Runs what is due by the clock; feeds the live view."""
         self._now_ns = t_ns
         if t_ns >= self._timer_ns:
             self._guarded(t_ns, "timer", lambda: self.service.on_timer(t_ns))
@@ -325,17 +325,17 @@ class Pipeline:
             self._live.flush()
 
     def link(self, t_ns: int, is_up: bool, error: str = "") -> None:
-        """Tells the service of the link's state, and of its latest error, where they changed."""
+        """Passes a changed state of the link, and its latest error, to the service."""
         if (is_up, error) != self._link_state:
             self._link_state = is_up, error
             self._guarded(t_ns, "link", lambda: self.service.on_link(t_ns, is_up, error))
 
     def stalled(self, t_ns: int, length_ns: int) -> None:
-        """Tells the service that the program was held up."""
+        """Reports to the service that the program was stalled."""
         self._guarded(t_ns, "stall", lambda: self.service.on_stall(t_ns, length_ns))
 
     def report(self, t_ns: int, link: LinkStatistics) -> None:
-        """Writes the counters of link and log to the log, and reports trouble with files."""
+        """Logs the counters of link and log, and reports trouble with files."""
         if self._signing is not None:
             self._carry_out(t_ns, self._signing.notices())
             self._log(t_ns, "/signing", self._signing.record())
@@ -346,16 +346,16 @@ class Pipeline:
         self.tell_of_recorder(t_ns)
 
     def tell_of_recorder(self, t_ns: int) -> None:
-        """Reports what has become of the log since the last time."""
+        """Reports what has happened to the log since the last call."""
         for notice in self._recorder.notices() if self._recorder is not None else ():
             self.note(t_ns, Notice(*notice))
 
     def note(self, t_ns: int, said: Notice) -> None:
-        """Reports something that the service does not know of."""
+        """Reports an event from outside the service."""
         self._carry_out(t_ns, self.service.on_note(t_ns, said))
 
     def tend(self, t_ns: int, name: str, work: Beside) -> None:
-        """Lets something that stands beside the service do what is due; reports what it says."""
+        """Runs something beside the service as due; reports its notices."""
         try:
             for said in work(t_ns, self._unix_ns(t_ns), self.service):
                 self.note(t_ns, said)
@@ -363,14 +363,14 @@ class Pipeline:
             self._fault(t_ns, name, error)
 
     def _guarded(self, t_ns: int, where: str, event: Callable[[], list[Effect]]) -> None:
-        """Carries out what an event leads to."""
+        """Carries out the effects of an event."""
         try:
             self._carry_out(t_ns, event())
         except Exception as error:
             self._fault(t_ns, where, error)
 
     def _fault(self, t_ns: int, where: str, error: Exception) -> None:
-        """A fault of ours costs one event only."""
+        """Limits the damage of a bug to one event."""
         self._carry_out(t_ns, self.service.on_fault(t_ns, where, _in_one_line(error)))
 
     def _carry_out(self, t_ns: int, effects: Sequence[Effect]) -> None:

@@ -1,4 +1,4 @@
-"""A recording through the service of the daemon: with which inputs, and how it is played."""
+"""Plays a recording through the daemon's service: its inputs, and the playback."""
 
 import argparse
 import dataclasses
@@ -27,19 +27,19 @@ from h2nav.wire.frame_scan import FoundFrames, FrameScan
 
 Source = Recording | ImportedLog
 TICK_NS = 100_000_000
-# After so long a silence there is nothing more that the service could report.
+# After a silence of this length the service has nothing more to report.
 SILENCE_NS = 60_000_000_000
 
 
 class Wishes(NamedTuple):
-    """What the user wants otherwise than the recording's own run had it; None = no wish.
+    """The user's changes to the recording's own inputs; None = unchanged.
 
     Attributes:
         config: configuration file.
         filter_name: filter to run.
         vehicle_class: instead of the heartbeat's.
         gps_velocity: fuse the GPS velocity.
-        calibrates: a review says what could be set better as well.
+        calibrates: a review also reports what could be calibrated better.
     """
 
     config: Path | None = None
@@ -72,20 +72,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def wishes(args: argparse.Namespace) -> Wishes:
-    """What the command line says."""
+    """Reads the changes from the command line."""
     return Wishes(args.config, args.filter, args.vehicle_class)
 
 
 class Inputs(NamedTuple):
-    """What a recording is played with.
+    """The inputs of a playback.
 
     Attributes:
         configuration: in force.
-        filters: make the filter.
+        filters: creates the filter.
         unix_s: the date of the run.
         is_original: nothing differs from the run that made the recording.
-        whole_frames: the run verified signatures: what it received stands in the recording as the
-            frames that were admitted, and nothing else.
+        whole_frames: the run verified signatures: its recording holds exactly the admitted frames.
     """
 
     configuration: Configuration
@@ -96,10 +95,10 @@ class Inputs(NamedTuple):
 
 
 def inputs_for(recording: Source, wished: Wishes) -> Inputs:
-    """Configuration and gains: the recording's own, unless somebody wishes otherwise.
+    """Configuration and gains: the recording's own, with the user's changes.
 
     Raises:
-        BadInput: a configuration or a gain file cannot be used.
+        BadInput: a configuration or a gain file is not usable.
     """
     recorded = _recorded(recording, has_own=wished.config is not None)
     if recorded is not None and recorded.remark and wished.config is None:
@@ -120,7 +119,7 @@ def inputs_for(recording: Source, wished: Wishes) -> Inputs:
 
 
 def date_of(recording: Source, recorded: RecordedInputs | None) -> float:
-    """The date to begin with, UNIX seconds; today's where the recording has none."""
+    """The initial date, UNIX seconds; today's where the recording has none."""
     if recorded is not None:
         return recorded.unix_s
     return recording.unix_start_ns * 1e-9 or time.time()
@@ -130,7 +129,7 @@ def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
     changes: dict[str, Any] = {}
     if wished.filter_name is not None:
         changes["name"] = wished.filter_name
-        # The name alone says which arithmetic is meant.
+        # The name alone selects the arithmetic.
         if wished.filter_name == "constant_gain":
             changes["arithmetic"] = configuration.ARITHMETICS[wished.filter_name][0]
     if wished.vehicle_class is not None:
@@ -148,7 +147,7 @@ def fusing_gps(chosen: Configuration, is_wanted: bool) -> Configuration:
 
 
 def _recorded(recording: Source, *, has_own: bool) -> RecordedInputs | None:
-    """What the recording's own run worked with; who brings inputs does without unusable ones."""
+    """The inputs of the recording's run; unusable ones are ignored if the user gives inputs."""
     if isinstance(recording, ImportedLog):
         return None
     try:
@@ -167,15 +166,15 @@ def pipeline_for(
     filter_for: FilterFor | None = None,
     observer: Observer | None = None,
 ) -> Pipeline:
-    """The daemon's pipeline, which asks nobody and sends nothing.
+    """The daemon's pipeline without requests and outputs.
 
     Args:
-        recording: whose times the log shall have.
-        inputs: to play it with.
+        recording: whose times the log uses.
+        inputs: of the playback.
         recorder: the log; None = no log.
-        watcher: who looks on.
-        filter_for: makes the filter instead of those of the inputs.
-        observer: who looks at more.
+        watcher: observes frames and estimates.
+        filter_for: creates the filter instead of the inputs.
+        observer: observes all records.
     """
     offset_ns = recording.unix_offset_ns
     settings = inputs.configuration.service
@@ -195,10 +194,10 @@ def pipeline_for(
 
 
 class Playback:
-    """Plays a recording, as fast as it goes.
+    """Plays a recording as fast as possible.
 
     Args:
-        recording: to be played.
+        recording: to play.
         whole_frames: see `Inputs`.
 
     Attributes:
@@ -214,21 +213,21 @@ class Playback:
 
     @property
     def counters(self) -> DeframerCounters:
-        """What has become of the recording's bytes."""
+        """Counters of the recording's bytes."""
         return self._scan.deframer.counters
 
     def through(
         self, *pipelines: Pipeline, before: Callable[[int], object] | None = None
     ) -> Iterator[int]:
-        """Sends everything through all the pipelines.
+        """Plays everything through all pipelines.
 
         Args:
-            pipelines: to be sent through.
-            before: is told the time (ns) of each message and timer before a pipeline is.
+            pipelines: to play through.
+            before: called with the time (ns) of each message and timer before a pipeline is.
 
         Yields:
-            The time (ns) up to which everything has been sent: of the first arrival, of the last
-            one, and often enough between them that timers come at their times.
+            The time (ns) of the playback: at the first arrival, at the last one, and often enough
+            in between for timers to run on time.
         """
         if isinstance(self._recording, ImportedLog):
             yield from self._imported(self._recording, pipelines, before)
@@ -255,12 +254,12 @@ class Playback:
         pipelines: Sequence[Pipeline],
         before: Callable[[int], object] | None,
     ) -> Iterator[int]:
-        """Something arrives at this time: links come up, timers run."""
+        """Advances the clock to an arrival: links come up, timers run."""
         if self._first_ns is None:
             self._first_ns = self._newest_ns = t_ns
             for pipeline in pipelines:
                 pipeline.link(t_ns, True)
-        # As in the daemon, timers run on while nothing arrives.
+        # As in the daemon, timers also run while nothing arrives.
         newest_ns = self._newest_ns
         for silent_ns in range(newest_ns + TICK_NS, min(t_ns, newest_ns + SILENCE_NS), TICK_NS):
             for pipeline in pipelines:
@@ -282,7 +281,7 @@ class Playback:
         pipelines: Sequence[Pipeline],
         before: Callable[[int], object] | None,
     ) -> Iterator[int]:
-        """The same of a log whose events are no bytes."""
+        """Plays a log whose events are not bytes."""
         for envelope, message in log.events():
             t_ns = envelope.t_ns
             if self._first_ns is None:
@@ -299,7 +298,7 @@ class Playback:
 
 
 class _Batch:
-    """Arrivals with those of their frames that somebody wants.
+    """Arrivals with those of their frames that are needed.
 
     Attributes:
         times: of arrival, ns.
@@ -313,7 +312,7 @@ class _Batch:
         self._pauses = [*arrivals.pauses(TICK_NS), len(self.times)]
 
     def end(self, first: int, due_ns: int) -> int:
-        """Which arrivals come before a timer is due, or a pause begins: from `first` up to this."""
+        """End of the arrivals, from `first`, before a timer is due or a gap begins."""
         pause = self._pauses[bisect_right(self._pauses, first)]
         return min(bisect_left(self.times, due_ns, first + 1), pause)
 

@@ -1,4 +1,4 @@
-"""Flights of recordings, played through the service for `h2nav evaluate flights`."""
+"""Plays recorded flights through the service for `h2nav evaluate flights`."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from h2nav.apps.playback import Playback, Wishes, fusing_gps, inputs_for, pipeli
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
 from h2nav.recordings.recording import open_recording
 
-# Ours, by name: fuses the GPS velocity. The first one hears what the autopilot says.
+# Our estimators by name: whether the GPS velocity is fused. The first one records the autopilot.
 ESTIMATORS = {"h2nav": True, "h2nav_no_gps": False}
 
 

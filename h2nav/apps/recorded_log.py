@@ -1,4 +1,4 @@
-"""Any recording as a log of ours: itself, or what a replay of it writes."""
+"""Any recording as a log of h2nav: the file itself, or the log of its replay."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -16,14 +16,14 @@ Progress = Callable[[int, int], None]
 
 @contextmanager
 def as_log(path: Path, progress: Progress) -> Iterator[Path]:
-    """An MCAP of the recording; one that had to be made is gone behind the block.
+    """Yields an MCAP of the recording; a temporary one is deleted after the block.
 
     Args:
-        path: of any kind that `h2nav replay` takes.
-        progress: is called with the bytes of the recording done and in all.
+        path: of any kind that `h2nav replay` accepts.
+        progress: called with the bytes of the recording done and the total.
 
     Raises:
-        BadInput: the file is no recording.
+        BadInput: not a recording.
     """
     if not path.is_file() or is_mcap(path):
         yield path
@@ -34,7 +34,7 @@ def as_log(path: Path, progress: Progress) -> Iterator[Path]:
         try:
             yield log
         except BadInput as error:
-            # The name of what is gone behind the block says nothing to anybody.
+            # The name of a temporary file would mean nothing to the user.
             lines = (line.replace(str(log), str(path)) for line in error.lines)
             raise BadInput(*lines) from error
 
@@ -59,12 +59,12 @@ def _replayed(path: Path, log: Path, progress: Progress) -> None:
 
 
 class _Silent:
-    """Looks at nothing: the log has everything."""
+    """Ignores everything: the log has it."""
 
     message_ids: frozenset[int] = frozenset()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """None is asked for."""
+        """Not called."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         """It is in the log."""

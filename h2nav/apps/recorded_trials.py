@@ -1,4 +1,4 @@
-"""Trials of files: `.npz`, or recordings of an autopilot, sent through the service."""
+"""Reads trials from `.npz` files or from recordings, which are played through the service."""
 
 import dataclasses
 from pathlib import Path
@@ -21,23 +21,23 @@ from h2nav.wire.deframer import Deframer
 
 
 class ReadTrial(NamedTuple):
-    """A trial, and what flew: a vehicle class, empty where the file does not tell."""
+    """A trial, and its vehicle class, empty if unknown."""
 
     trial: Trial
     vehicle_class: str
 
 
 def read(path: Path) -> Trial:
-    """The trial of an `.npz`, of a telemetry log, of raw bytes or of our MCAP.
+    """Reads the trial of an `.npz`, a telemetry log, raw bytes or an MCAP of h2nav.
 
     Raises:
-        BadInput: it is none of them, or holds no samples.
+        BadInput: another kind of file, or no samples.
     """
     return read_with_class(path).trial
 
 
 def read_with_class(path: Path) -> ReadTrial:
-    """The trial of a file, and the class of its vehicle; see `read`."""
+    """Reads the trial of a file and the class of its vehicle; see `read`."""
     if path.suffix == SUFFIX:
         return ReadTrial(read_trial(path), "")
     try:
@@ -46,20 +46,20 @@ def read_with_class(path: Path) -> ReadTrial:
         if path.suffix in RECORDING_SUFFIXES or not path.exists():
             raise
         raise BadInput(
-            f"{path}: no trial; expected an {SUFFIX} file or a recording "
+            f"{path}: not a trial; expected an {SUFFIX} file or a recording "
             "(.tlog, our .mcap, raw MAVLink bytes)"
         ) from None
     listener, reference = Listener(), Reference()
     service = _listen(recording, listener, reference)
     trial = trial_of(path, listener, reference)
-    assert listener.identity is not None  # samples come from a known autopilot only
+    assert listener.identity is not None  # samples come from a bound autopilot only
     flown = vehicle_class(listener.identity.vehicle_type)
     about = f"{listener.identity.description}, {service.health.imu_message}; its class is {flown}"
     return ReadTrial(trial._replace(notes=(about, *trial.notes)), flown)
 
 
 def _listen(recording: Recording, listener: Listener, reference: Reference) -> Service:
-    """Sends the whole recording through the service."""
+    """Plays the whole recording through the service."""
     recorded = inputs_of(recording)
     settings = (recorded.configuration if recorded else Configuration()).service
     settings = dataclasses.replace(

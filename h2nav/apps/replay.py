@@ -1,4 +1,4 @@
-"""``h2nav replay``: any recording through the same service, as fast as it goes."""
+"""``h2nav replay``: plays any recording through the service, as fast as possible."""
 
 import argparse
 import math
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--smooth",
         action="store_true",
-        help="run the filter backward as well: what past and future together say of the attitude "
-        "becomes the channel /smoothed and a second error table",
+        help="also run the filter backward: the attitude from past and future samples becomes the "
+        "channel /smoothed and a second error table",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     if output is not None:
         recorder = Recorder.to_file(output, recording.unix_offset_ns)
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
-    # A second pass over the file, beside the first one, gives the estimates to compare with.
+    # A second pass over the file, in step with the first, yields the estimates to compare with.
     original = open_flight(args.log) if inputs.is_original else None
     watcher = _Watcher(original if isinstance(original, Recording) else None)
     listener = Listener(inputs.filters.filter_for)
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
 def _smooth(
     listener: Listener, filters: FilterFactory, recorder: Recorder | None, offset_ns: int
 ) -> Estimates:
-    """The smoothed estimates, which go into the log as well."""
+    """The smoothed estimates, which are also logged."""
     estimates = Estimates()
     for t_ns, estimate in smoothed(listener, filters.filter_for):
         record = smoothed_record(estimate)
@@ -119,7 +119,7 @@ def _smooth(
 
 
 def _loss(recorder: Recorder) -> str | None:
-    """What is missing in the log, and why; None when it is complete."""
+    """What is missing in the log, and why; None if it is complete."""
     if not recorder.dropped and recorder.trouble is None:
         return None
     statistics = recorder.statistics()
@@ -131,7 +131,7 @@ def _loss(recorder: Recorder) -> str | None:
 
 
 class _Watcher:
-    """Collects the error table and, for our own logs, compares every estimate."""
+    """Collects the error table and, for logs of h2nav, compares every estimate."""
 
     def __init__(self, original: Recording | None) -> None:
         self.reference = Reference()
@@ -165,7 +165,7 @@ class _Watcher:
 
 
 def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
-    """Bit for bit in all that the log has, but for how late it was made; NaN is null there."""
+    """Bit-for-bit equality of everything logged except lateness; NaN is null there."""
     return all(
         recorded[name] == value or (recorded[name] is None and math.isnan(value))
         for name, value in record._asdict().items()
@@ -174,7 +174,7 @@ def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
 
 
 def _free_name(log: Path) -> Path:
-    """A name in the working directory that nothing has yet."""
+    """An unused name in the working directory."""
     name, number = Path(f"{log.stem}.replay.mcap"), 1
     while name.exists():
         number += 1

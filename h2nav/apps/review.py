@@ -1,4 +1,4 @@
-"""`h2nav review`: what went wrong in a flight, in words and pictures, one page per flight."""
+"""`h2nav review`: explains what went wrong in a flight, one page per flight."""
 
 import argparse
 import sys
@@ -12,18 +12,18 @@ from h2nav.apps.log_progress import byte_bar
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.integrity.severity import Severity
 
-# The page has all of them.
+# The page lists all of them.
 MOST_SHOWN = 20
 SOMETHING_SERIOUS = 3
 FAILING = (Severity.ERROR, Severity.WARNING)
 _CLOSING = """\
 recordings: telemetry logs of a ground station (.tlog), raw MAVLink bytes, our own logs (.mcap), and
-the logs that autopilots write themselves: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg).
-What a file is shows in its content.
+autopilots' own logs: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg). The content of a
+file decides its kind.
 
-Each flight becomes DIR/FLIGHT.html, one page without addresses outside itself, and DIR/FLIGHT.json
-with every figure of it (docs/schema/review.json describes it). A file that cannot be reviewed is
-named, and the others are.
+Each flight becomes DIR/FLIGHT.html, one self-contained page, and DIR/FLIGHT.json with every figure
+of it (docs/schema/review.json describes it). A file that cannot be reviewed is named, and the
+others are reviewed.
 
 exit status: 0 where nothing serious was found, 3 where something was (--fail-on says from which
 severity on), 2 where a file cannot be reviewed, 1 where a page cannot be written."""
@@ -39,15 +39,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-smooth",
         action="store_true",
-        help="do not run the filter backward as well: quicker, and without the surer attitude that "
-        "past and future together give",
+        help="do not run the filter backward: quicker, and without the more accurate attitude from "
+        "past and future samples",
     )
     playback.add_arguments(parser)
     parser.add_argument(
         "--fail-on",
         choices=[severity.word for severity in FAILING],
         default=Severity.ERROR.word,
-        help="exit with 3 where a finding is at least so grave (error)",
+        help="exit with 3 if a finding is at least this severe (error)",
     )
     parser.add_argument(
         "--schema", action="store_true", help="print the JSON Schema of the documents instead"
@@ -92,14 +92,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _is_serious(document: dict[str, Any], word: str) -> bool:
-    """Whether something was found that is at least so grave."""
+    """Whether a finding is at least this severe."""
     limit = next(severity for severity in FAILING if severity.word == word)
     found = (Severity.of(each["severity"]) for each in document["findings"])
     return any(severity is not None and severity <= limit for severity in found)
 
 
 def page_names(flights: list[Path]) -> list[str]:
-    """A name for each flight's files: its own without its ending, with it where two are alike."""
+    """A unique name for each flight's files: without its suffix, or with it if two are alike."""
     stems = [flight.stem for flight in flights]
     names: list[str] = []
     for flight in flights:

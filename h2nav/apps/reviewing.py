@@ -1,4 +1,4 @@
-"""One recording, played through the service and looked at as a whole, for `h2nav review`."""
+"""Plays one recording through the service and analyses it as a whole, for `h2nav review`."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -31,11 +31,11 @@ Progress = Callable[[int, int], object]
 
 
 class Reviewed(NamedTuple):
-    """What a review is made of.
+    """The parts of a review.
 
     Attributes:
-        flight: as it was played.
-        analysis: what only the whole of it shows.
+        flight: as played.
+        analysis: of the whole flight.
     """
 
     flight: Flight
@@ -49,16 +49,16 @@ def review(
     smooths: bool = True,
     progress: Progress = lambda done, total: None,
 ) -> Reviewed:
-    """Plays a recording, smooths, and looks at the whole of it.
+    """Plays, smooths and analyses a recording.
 
     Args:
-        source: the recording; while nobody else holds it, it is gone before the smoother runs.
+        source: the recording; unless the caller holds it, it is freed before the smoother runs.
         wished: configuration, filter and vehicle class.
         smooths: runs the filter backward as well.
-        progress: is called with the bytes done and in all.
+        progress: called with the bytes done and the total.
 
     Raises:
-        BadInput: the configuration cannot be used.
+        BadInput: the configuration is not usable.
     """
     return _reviewed(source, wished, smooths, progress)[0]
 
@@ -66,7 +66,7 @@ def review(
 def _reviewed(
     source: Source, wished: Wishes, smooths: bool, progress: Progress
 ) -> tuple[Reviewed, "_Heard | None"]:
-    """The review, and what is left for a calibration."""
+    """The review, and what a calibration needs."""
     flight, heard = _played(source, wished, progress)
     del source  # it may hold half of the memory
     if smooths and heard is not None:
@@ -75,7 +75,7 @@ def _reviewed(
 
 
 def _calibration(flight: Flight, heard: "_Heard") -> dict[str, Any]:
-    """What the flight shows of its sensors, as the document has it, with the file's text."""
+    """The calibration from one flight, in the form of the document, with the file's text."""
     free = _smoothed(*heard, with_field=False)
     if free is None:
         return {}
@@ -95,16 +95,16 @@ def evidence_of(
     *,
     progress: Progress = lambda done, total: None,
 ) -> Evidence:
-    """What a calibration rests on: the flight, and its attitude without any compass.
+    """The evidence for a calibration: the flight, and its attitude without any compass.
 
     Args:
         source: the recording.
         wished: see `review`.
-        parameters: of the autopilot, instead of those of the same name in the recording.
+        parameters: of the autopilot, which override those in the recording.
         progress: see `review`.
 
     Raises:
-        BadInput: no attitude can be made of the recording, or the configuration cannot be used.
+        BadInput: the recording gives no attitude, or the configuration is not usable.
     """
     name = source.path
     flight, heard = _played(source, wished, progress)
@@ -115,11 +115,11 @@ def evidence_of(
 
 
 class _Heard(NamedTuple):
-    """What is left of a flight that was played, for its smoother.
+    """The parts of a played flight that its smoother needs.
 
     Attributes:
-        listener: what the filter of the most trusted IMU was given.
-        filters: make such a filter.
+        listener: the inputs of the most trusted IMU's filter.
+        filters: creates such a filter.
         start_ns: host time of the recording's first arrival.
     """
 
@@ -129,7 +129,7 @@ class _Heard(NamedTuple):
 
 
 def _played(source: Source, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:
-    """A flight before it is smoothed and analysed; what only its playing needs is gone then."""
+    """Plays a flight without smoothing and analysis; frees what only the playback needs."""
     context = _context(source)
     collector = Collector()
     if not has_enough_samples(context):
@@ -163,18 +163,18 @@ def write_review(
     """Reviews a recording and writes ``folder/name.html`` and ``folder/name.json``.
 
     Args:
-        path: of any kind that `open_flight` knows.
-        folder: that exists.
-        name: of the files.
+        path: of any kind that `open_flight` accepts.
+        folder: existing folder.
+        name: of the files, without suffix.
         wished: see `review`.
         smooths: see `review`.
         progress: see `review`.
 
     Returns:
-        What the JSON holds.
+        The JSON document.
 
     Raises:
-        BadInput: the file is no recording, or the configuration cannot be used.
+        BadInput: not a recording, or the configuration is not usable.
         OSError: a file cannot be written.
     """
     reviewed, heard = _reviewed(open_flight(path), wished, smooths, progress)
@@ -201,7 +201,7 @@ def _without_estimate(source: Source, context: Context) -> Flight:
 def _flight(
     source: Source, context: Context, collector: Collector, service: Service | None
 ) -> Flight:
-    """A flight before it is smoothed and analysed; without a service it was not played."""
+    """A flight without smoothing and analysis; without a service it was not played."""
     estimates = collector.estimates()
     reason = "" if service is None else service.health.reason
     return Flight(
@@ -226,7 +226,7 @@ def _flight(
 
 
 def _readable(name: str) -> str:
-    """A file name as text; on Linux it need be none."""
+    """A file name as text; on Linux it may be any bytes."""
     return name.encode(errors="surrogateescape").decode(errors="replace")
 
 

@@ -43,7 +43,7 @@ def add_live_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Runs until SIGTERM or SIGINT, then flushes the log; 0."""
+    """Runs until SIGTERM or SIGINT, then flushes the log; returns 0."""
     if args.schema:
         from h2nav.apps.event_schema import event_schema
 
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _configuration(args: argparse.Namespace) -> Configuration:
-    """The file with what the command line says on top of it."""
+    """The file, overridden by the command line."""
     if args.config is None and args.connect is None:
         raise BadInput("run: give -c CONFIG.yaml or --connect URL; --help shows both")
     chosen = configuration.read(args.config) if args.config else Configuration()

@@ -1,4 +1,4 @@
-"""One run of the daemon: wires everything that a configuration asks for, and cleans up."""
+"""One run of the daemon: creates everything that a configuration asks for, and cleans up."""
 
 import time
 from pathlib import Path
@@ -33,7 +33,7 @@ LET_IN_NS = 100_000_000
 
 
 class Session:
-    """A context: inside it the daemon can run; leaving it closes link and log.
+    """A context in which the daemon can run; leaving it closes link and log.
 
     Attributes:
         recorder: the log; None without one.
@@ -41,13 +41,13 @@ class Session:
         link: to the autopilot.
 
     Args:
-        configuration: what the user wants.
-        console: who shows the status.
-        watcher: who looks on; the console itself where nobody else does.
+        configuration: of the user.
+        console: displays the status.
+        watcher: observes frames and estimates; by default the console.
 
     Raises:
-        BadInput: a gain file or the signing key of the configuration cannot be used, or the live
-            view lacks a package.
+        BadInput: a gain file or the signing key of the configuration is not usable, or a package
+            of the live view is missing.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Session:
         self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
         if self.recorder is not None:
             attach_inputs(self.recorder, configuration, filters, unix_s)
-        earth_field_at(0.0, 0.0, 0.0, unix_s)  # what loads now holds no attitude back in flight
+        earth_field_at(0.0, 0.0, 0.0, unix_s)  # loaded now, so that it delays nothing in flight
         surroundings = Surroundings(
             filters.filter_for, earth_field_at, unix_s, self._clock.offset_ns
         )
@@ -96,11 +96,11 @@ class Session:
 
     @property
     def page_url(self) -> str:
-        """Of the live view's page; empty while there is none."""
+        """URL of the live view's page; empty without one."""
         return "" if self._live is None else self._live.page_url
 
     def run(self, stop: StopSignals, seconds: float | None = None) -> None:
-        """Works until a stop signal, or for a time."""
+        """Runs until a stop signal, or for a time."""
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
         self._pipeline.note(time.monotonic_ns(), Notice(Severity.NOTICE, self._greeting))
@@ -113,7 +113,7 @@ class Session:
                 self._pipeline.tend(now_ns, "event socket", self._let_in)
 
     def _let_in(self, t_ns: int, _: int, service: Service) -> list[Notice]:
-        """Looks whether a program has come to the socket for events."""
+        """Accepts new clients of the event socket."""
         if self._events is not None and t_ns >= self._let_in_ns:
             self._let_in_ns = t_ns + LET_IN_NS
             self._events.tend(
@@ -155,7 +155,7 @@ class Session:
 
 
 def _live_view(configuration: Configuration) -> "LiveView | None":
-    """What shows the daemon to others; None, and nothing is loaded, where nobody wants it."""
+    """The live view; None, and nothing is imported, if it is not configured."""
     if not configuration.live.address:
         return None
     from h2nav.apps.live_view import LiveView
@@ -164,7 +164,7 @@ def _live_view(configuration: Configuration) -> "LiveView | None":
 
 
 def _event_socket(configuration: Configuration, console: Console) -> "EventSocket | None":
-    """Where other programs get the events; None, and nothing is loaded, where nobody wants it."""
+    """The event socket; None, and nothing is imported, if it is not configured."""
     if not configuration.events.socket:
         return None
     from h2nav.links.event_socket import EventSocket
@@ -175,7 +175,7 @@ def _event_socket(configuration: Configuration, console: Console) -> "EventSocke
 
 
 def _greeting(configuration: Configuration) -> str:
-    """What runs, in one line."""
+    """Describes the run in one line."""
     chosen = configuration.filter
     name = chosen.name if chosen.name == "default" else algorithm(chosen)
     arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"

@@ -22,7 +22,7 @@ from h2nav.links.serial_ports import PortListing, listed_ports, port_at
 from h2nav.service.autopilot import Identity
 from h2nav.wire.readers import message_name
 
-# QGroundControl's and MAVProxy's usual output, PX4's onboard one, a second output; SITL, BlueOS.
+# Usual outputs of QGroundControl and MAVProxy, PX4's onboard one, a second output; SITL, BlueOS.
 USUAL_URLS = (
     "udpin:0.0.0.0:14550",
     "udpin:0.0.0.0:14540",
@@ -33,15 +33,15 @@ USUAL_URLS = (
 SERVICE_CONFIG = Path("/etc/h2nav/config.yaml")
 USER_CONFIG = Path("h2nav.yaml")
 SERVICE_LOGS, USER_LOGS = "/var/log/h2nav", "~/h2nav-logs"
-# At most so fast a line is taken for a telemetry radio, which others share.
+# A line up to this rate counts as a telemetry radio, which others share.
 RADIO_BAUD = 57600
-# An attitude needs some 50 samples a second; two IMUs at 100 Hz need this line.
+# An attitude needs some 50 samples a second; two IMUs at 100 Hz need this rate.
 GOOD_BAUD = 230400
 SHOWN_STREAMS = 6
 _CLOSING = """\
 Serial ports are tried at the usual baud rates until frames pass their checksum; UDP and TCP at the
-usual ports. Nothing is sent but a request for the version of an autopilot that was heard (and a
-heartbeat to a silent USB port). Without a terminal and without --yes nothing is written."""
+usual ports. Only version requests to detected autopilots are sent (and a heartbeat to a silent USB
+port). Without a terminal and without --yes nothing is written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,16 +66,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"file to write (default: {SERVICE_CONFIG} for root, else ./{USER_CONFIG})",
     )
     parser.add_argument("--yes", action="store_true", help="take the defaults, ask nothing")
-    parser.add_argument("--force", action="store_true", help="replace a file that is there")
+    parser.add_argument("--force", action="store_true", help="replace an existing file")
     parser.add_argument("--no-service", action="store_true", help="leave systemd alone")
     parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
 
 class Choice(NamedTuple):
-    """An autopilot and the way to it.
+    """An autopilot and its link.
 
     Attributes:
-        hearing: where it was heard.
+        hearing: the scan that detected it.
         speaker: the autopilot.
     """
 
@@ -84,10 +84,10 @@ class Choice(NamedTuple):
 
 
 def run(args: argparse.Namespace) -> int:
-    """Looks, shows, writes, starts; 0 when there is an autopilot."""
+    """Scans, reports, writes, starts; returns 0 if there is an autopilot."""
     output = args.output or (SERVICE_CONFIG if os.geteuid() == 0 else USER_CONFIG)
     if output.exists() and not args.force and (args.yes or args.output):
-        raise BadInput(f"{output}: is there already; --force replaces it")
+        raise BadInput(f"{output}: exists; --force replaces it")
     ports, urls = _wanted(args.connect)
     places = [serial_place(port.path) for port in ports] + [Place(url, (url,)) for url in urls]
     with count_bar("listening", "ports") as progress:
@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _wanted(connect: Sequence[str]) -> tuple[list[PortListing], list[str]]:
-    """Where to look: what the user says, else everything."""
+    """Places to scan: the user's, otherwise all."""
     if not connect:
         return listed_ports(), list(USUAL_URLS)
     ports, urls = [], []
@@ -127,7 +127,7 @@ def _wanted(connect: Sequence[str]) -> tuple[list[PortListing], list[str]]:
 
 
 def _report(ports: Sequence[PortListing], hearings: Sequence[Hearing]) -> list[str]:
-    """What was found, place by place; closed network ports only count."""
+    """The results, place by place; closed network ports are only counted."""
     by_name = {port.path: port for port in ports}
     lines = []
     for hearing in hearings:
@@ -180,7 +180,7 @@ def _about(speaker: Speaker) -> list[str]:
 
 
 def _advice(hearing: Hearing) -> list[str]:
-    """What could be better about a link that works."""
+    """Possible improvements of a link that works."""
     target = parse_link_url(hearing.url or hearing.place.urls[0])
     if not hearing.speakers or not isinstance(target, SerialUrl) or target.baud >= GOOD_BAUD:
         return []
@@ -193,7 +193,7 @@ def _advice(hearing: Hearing) -> list[str]:
 
 
 def identity(speaker: Speaker) -> Identity:
-    """What its heartbeat says, as the daemon shows it."""
+    """The autopilot's identity from its heartbeat, as the daemon shows it."""
     return Identity(*speaker.address, speaker.heartbeat.autopilot, speaker.heartbeat.vehicle_type)
 
 
@@ -207,7 +207,7 @@ def _nothing_heard(hearings: Sequence[Hearing]) -> str:
         remedy = "bytes came, but no MAVLink: an unusual baud rate, or another protocol"
     elif any(_is_taken(hearing) for hearing in hearings):
         remedy = "some ports are held by other programs, see above"
-    return f"no autopilot heard at {len(hearings)} places: {remedy}"
+    return f"no autopilot detected at {len(hearings)} places: {remedy}"
 
 
 def _with_system(choices: Sequence[Choice], system_id: int | None) -> list[Choice]:
@@ -220,10 +220,10 @@ def _with_system(choices: Sequence[Choice], system_id: int | None) -> list[Choic
 
 
 def _pick(choices: Sequence[Choice], asks: bool) -> Choice | None:
-    """The autopilot to use: the only one, or the user's choice.
+    """Selects the autopilot: the only one, or the user's choice.
 
     Raises:
-        TaskFailed: there are several, and nobody can be asked.
+        TaskFailed: there are several, and no terminal for a question.
     """
     vehicles = {identity(choice.speaker) for choice in choices}
     ordered = sorted(choices, key=_preference)
@@ -246,7 +246,7 @@ def _pick(choices: Sequence[Choice], asks: bool) -> Choice | None:
 
 
 def _preference(choice: Choice) -> tuple[int, float]:
-    """Serial lines are ours alone and come first; then the faster stream."""
+    """Sort key: serial lines, which are not shared, come first; then faster streams."""
     is_serial = isinstance(parse_link_url(choice.hearing.url), SerialUrl)
     return (0 if is_serial else 1, -sum(choice.speaker.rates_hz.values()))
 
@@ -254,10 +254,10 @@ def _preference(choice: Choice) -> tuple[int, float]:
 def _write(
     output: Path, chosen: Choice, choices: Sequence[Choice], force: bool, asks: bool
 ) -> bool:
-    """Writes the configuration and checks it; False where the user does not want it."""
+    """Writes and checks the configuration; returns False if the user declines."""
     if asks and not _agrees(f"write {output}?"):
         return False
-    if output.exists() and not force and not (asks and _agrees(f"{output} is there; replace it?")):
+    if output.exists() and not force and not (asks and _agrees(f"{output} exists; replace it?")):
         return False
     others = [each for each in choices if each.hearing is chosen.hearing]
     text = configuration_text(chosen, is_shared=len(others) > 1)
@@ -274,10 +274,10 @@ def _write(
 
 
 def configuration_text(chosen: Choice, is_shared: bool) -> str:
-    """The example for this kind of link, with this link in it.
+    """The example for this kind of link, with this link's URL.
 
     Args:
-        chosen: the autopilot and the way to it.
+        chosen: the autopilot and its link.
         is_shared: other autopilots are on the same link, so that this one has to be named.
     """
     target = parse_link_url(chosen.hearing.url)
@@ -309,7 +309,7 @@ def _offer_service(asks: bool) -> None:
         system_unit.install_and_start()
     except OSError as error:
         raise TaskFailed(f"{error.filename}: {error.strerror}") from error
-    print("h2nav.service runs; `h2nav status` says how it is, `journalctl -fu h2nav` follows it")
+    print("h2nav.service runs; `h2nav status` shows its state, `journalctl -fu h2nav` follows it")
 
 
 def _agrees(question: str) -> bool:

@@ -1,4 +1,4 @@
-"""``h2nav signing-key``: the key that ground stations make of a passphrase, as a file."""
+"""``h2nav signing-key``: writes the key of a passphrase, as ground stations derive it."""
 
 import argparse
 import getpass
@@ -15,13 +15,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, required=True, metavar="FILE", help="new file, mode 0600"
     )
     parser.epilog = (
-        "The passphrase is prompted for, or read from the first line of standard input: on a "
-        "command line all users of the computer could read it."
+        "The passphrase is prompted for, or read from the first line of standard input: all users "
+        "of the computer could read it on a command line."
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Writes the key file; 0."""
+    """Writes the key file; returns 0."""
     if sys.stdin.isatty():
         passphrase = getpass.getpass("Passphrase: ")
         if getpass.getpass("Again: ") != passphrase:

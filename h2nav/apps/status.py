@@ -1,4 +1,4 @@
-"""``h2nav status``: how the running daemon is, in the words of its panel."""
+"""``h2nav status``: shows the state of the running daemon, as its panel does."""
 
 import argparse
 import json
@@ -11,7 +11,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.service.health import State
 
-# Where the unit of systemd has it.
+# The socket of the systemd unit.
 USUAL_SOCKET = Path("/run/h2nav/events")
 PATIENCE_S = 5.0
 PIECE_BYTES = 65536
@@ -30,11 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     place.add_argument(
         "-c", "--config", type=Path, metavar="CONFIG.yaml", help="configuration that names it"
     )
-    parser.add_argument("--json", action="store_true", help="print what the daemon says as JSON")
+    parser.add_argument("--json", action="store_true", help="print the daemon's answer as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Asks, shows; 0 when the daemon is well."""
+    """Asks the daemon and shows its state; returns 0 if it is active."""
     found = _asked(_socket(args))
     status = found["status"]
     if args.json:
@@ -54,7 +54,7 @@ def _socket(args: argparse.Namespace) -> Path:
 
 
 def _asked(path: Path) -> dict[str, Any]:
-    """What the daemon tells a newcomer: what runs, how it is, what is open.
+    """Reads the daemon's first events: program, status, open findings.
 
     Raises:
         TaskFailed: no daemon answers there.
@@ -71,12 +71,12 @@ def _asked(path: Path) -> dict[str, Any]:
         except (OSError, ValueError) as error:
             raise TaskFailed(_no_answer(path, error)) from error
     if found["status"] is None:
-        raise TaskFailed(f"{path}: the daemon hung up")
+        raise TaskFailed(f"{path}: the daemon closed the connection")
     return found
 
 
 def _is_complete(found: dict[str, Any], event: dict[str, Any]) -> bool:
-    """Takes an event; True once all open findings of the status are there."""
+    """Adds an event; returns True once all open findings of the status have arrived."""
     kind = event.pop("event")
     if kind == "finding":
         found["findings"].append(event)

@@ -1,4 +1,4 @@
-"""`h2nav synthesize`: a certified gain file from a sensor model."""
+"""`h2nav synthesize`: makes a certified gain file from a sensor or disturbance model."""
 
 import argparse
 import math
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
-    # cvxpy would go on without a solver, and the gain file without the comparison.
+    # cvxpy would continue without a solver, and the gain file would lack the comparison.
     solvers = map(str.lower, LMI_SOLVERS)
     extras.require("synthesis", "synthesize", "scipy.linalg", "cvxpy", *solvers)
     from h2nav.files import gain_files
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]]":
-    """The certified gain file of a model of either kind, and the solvers' times."""
+    """Synthesises the gain file of a model of either kind; also returns the solvers' times."""
     from h2nav.attitude.gains.envelope import FORMER_KINDS
     from h2nav.files.plain_yaml import read_mapping
     from h2nav.synthesis import sensors, velocity_aided
@@ -90,7 +90,7 @@ def _synthesize(path: Path, rate_hz: float) -> "tuple[GainFile, dict[str, float]
 
 
 def sensor_model(mapping: dict[str, Any], place: str) -> "SensorModel":
-    """The sensor model of a file's contents, its field by value.
+    """The sensor model in a file's contents, its field by value.
 
     Raises:
         BadInput: one line per error.
@@ -115,7 +115,7 @@ def sensor_model(mapping: dict[str, Any], place: str) -> "SensorModel":
 
 
 def _report(methods: Mapping[str, object], norm: float) -> str:
-    """The methods side by side, and the accuracy to expect."""
+    """The methods side by side, and the expected accuracy."""
     lines = ["plant              time        method        rms deg     distance"]
     for plant, times in methods.items():
         for when, entries in _items(times):

@@ -1,4 +1,4 @@
-"""Lines at the bottom of a terminal that are drawn again and again, below what scrolls past."""
+"""Redrawn lines at the bottom of a terminal, below the text that scrolls."""
 
 import os
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ USUAL_SIZE = os.terminal_size((80, 24))
 
 
 class TerminalFooter:
-    """Draws lines, text above them, and removes them without a trace.
+    """Draws lines, writes text above them, and removes them without a trace.
 
-    The cursor rests at the end of the last line. Nothing has to be undone should the program die.
+    The cursor rests at the end of the last line. Nothing has to be restored if the program dies.
 
     Args:
         stream: the terminal.
@@ -29,28 +29,28 @@ class TerminalFooter:
         self._drawn: list[str] = []
 
     def draw(self, lines: Sequence[str]) -> None:
-        """Shows these lines in the place of those before, as far as the terminal is large."""
+        """Replaces the lines, as far as they fit on the terminal."""
         self._write("", lines)
 
     def above(self, text: str) -> None:
-        """Puts a whole text above the lines, where it stays."""
+        """Writes a whole text above the lines, where it stays."""
         self._write(f"{_printable(text)}\n", self._drawn)
 
     def remove(self) -> None:
-        """Takes the lines away; the cursor is where they began."""
+        """Erases the lines and moves the cursor to their beginning."""
         self._write("", ())
 
     def _write(self, text: str, lines: Sequence[str]) -> None:
         columns, rows = _size(self._stream)
-        # What scrolls out of the top could not be drawn again.
+        # A line scrolled off the top could not be redrawn.
         shown = [_printable(line)[: columns - 1] for line in lines[: max(rows - 1, 1)]]
         body = "\n".join(line + ERASE_LINE for line in shown)
         if self._voice.say(f"{self._to_its_top(columns)}{text}{NO_WRAP}{body}{WRAP}{ERASE_BELOW}"):
             self._drawn = shown
 
     def _to_its_top(self, columns: int) -> str:
-        """To the beginning of the first line, and nothing below; wraps what is drawn as a terminal
-        does that has become narrower since.
+        """Moves to the beginning of the first line and erases below; counts drawn lines as wrapped
+        by a terminal that has become narrower since.
         """
         if not self._drawn:
             return ""
@@ -59,16 +59,16 @@ class TerminalFooter:
 
 
 def _printable(line: str) -> str:
-    """Nothing in it moves the cursor."""
+    """The line without characters that move the cursor."""
     return "".join(letter if letter.isprintable() else "?" for letter in line)
 
 
 def _size(stream: TextIO) -> os.terminal_size:
     try:
         known = os.get_terminal_size(stream.fileno())
-    except OSError:  # the terminal has gone
+    except OSError:  # the terminal is closed
         return USUAL_SIZE
-    # 0 where a terminal does not know its size
+    # 0 if a terminal does not know its size
     return os.terminal_size(
         known_side or usual for known_side, usual in zip(known, USUAL_SIZE, strict=True)
     )

@@ -1,7 +1,7 @@
-"""Text for whoever reads it: written at once where there is room for it, else dropped.
+"""Writes text without blocking: at once if there is room for it, otherwise not at all.
 
-A pipe that nobody reads, a terminal that is held with Ctrl-S or a journal that hangs would stop a
-program that writes to it. The daemon must not stop.
+A pipe that is not read, a terminal stopped with Ctrl-S or a journal that hangs would block a
+program that writes to it. The daemon must not block.
 """
 
 import contextlib
@@ -10,7 +10,7 @@ import os
 import select
 from typing import TextIO
 
-# Whether a pipe has room is known for so many bytes (POSIX: PIPE_BUF on Linux).
+# A pipe reports room for this many bytes (POSIX: PIPE_BUF on Linux).
 ROOM_BYTES = 4096
 
 
@@ -31,10 +31,10 @@ class Voice:
             self._terminal = _opened_anew(self._descriptor)
 
     def say(self, text: str) -> bool:
-        """Writes a text, whole or not at all.
+        """Writes a text completely or not at all.
 
         Returns:
-            Whether it was written, or at least begun, where the rest will follow.
+            Whether it was written, or begun where the rest will follow.
         """
         if self._stream is None:
             return False
@@ -52,7 +52,7 @@ class Voice:
         return True
 
     def _to_terminal(self, terminal: int, text: str) -> bool:
-        """A terminal may take a part; the rest goes first the next time, so that none is torn."""
+        """Writes to a terminal, which may take a part; the next call writes the rest first."""
         if self._rest:
             self._rest = _written(terminal, self._rest)
         if self._rest:
@@ -69,7 +69,7 @@ class Voice:
 
 
 def _written(descriptor: int, data: bytes) -> bytes:
-    """What there was no room for."""
+    """Writes what fits; returns the rest."""
     try:
         return data[os.write(descriptor, data) :]
     except BlockingIOError:
@@ -77,10 +77,10 @@ def _written(descriptor: int, data: bytes) -> bytes:
 
 
 def _opened_anew(descriptor: int) -> int | None:
-    """A terminal that does not make us wait; None where it is none, or cannot be opened.
+    """Opens a terminal again, non-blocking; returns None if it is not one or cannot be opened.
 
-    To be made not to wait, it has to be ours alone: others hold the stream too, such as the shell.
-    That there is room on a terminal does not say for how much, so asking is not enough.
+    The mode belongs to the open file, which other processes share, such as the shell. A terminal
+    that reports room does not say for how much, so asking does not suffice.
     """
     try:
         name = os.ttyname(descriptor)
@@ -90,14 +90,14 @@ def _opened_anew(descriptor: int) -> int | None:
 
 
 def _has_room(descriptor: int, text: str) -> bool:
-    """Whether a write would not wait."""
+    """Whether a write would not block."""
     if len(text.encode(errors="replace")) > ROOM_BYTES:
         return False
     return bool(select.select([], [descriptor], [], 0)[1])
 
 
 def discard(stream: TextIO) -> None:
-    """Redirects a stream whose reader has gone, so that its rest does not fail at exit."""
+    """Redirects a stream whose reader is gone, so that flushing it at exit does not fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

@@ -1,4 +1,4 @@
-"""Pictures as PNG files, drawn without a display; matplotlib is loaded when one is asked for."""
+"""Pictures as PNG files, drawn without a display; imports matplotlib on demand."""
 
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,6 @@ def pyplot() -> Any:
 
 
 def save(figure: Any, path: Path, dpi: int = 110) -> None:
-    """Writes a figure and forgets it."""
+    """Writes and closes a figure."""
     figure.savefig(path, dpi=dpi, pil_kwargs={"optimize": True})
     pyplot().close(figure)

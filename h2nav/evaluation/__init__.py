@@ -1,1 +1,1 @@
-"""How good the estimates are: filters, observer and odometry against truth; commands show it."""
+"""Accuracy of filters, observer and odometry against truth, for the evaluate commands."""

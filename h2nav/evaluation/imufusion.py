@@ -1,4 +1,4 @@
-"""Runs of imufusion, whose world is north-west-up whatever is asked for."""
+"""Runs imufusion, whose world is north-west-up whatever convention is selected."""
 
 import importlib
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ def attitudes(
     steps_s: Sequence[float],
     start_nwu: Array | None = None,
 ) -> Array:
-    """(N, 4) attitudes against north-east-down made of (N, 3) samples.
+    """(N, 4) attitudes from north-east-down for (N, 3) samples.
 
     Args:
         w_s: angular rate, rad/s.

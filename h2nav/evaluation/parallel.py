@@ -1,4 +1,4 @@
-"""The same function on many tasks, on all processors, with a bar where somebody watches."""
+"""Runs a function on many tasks, on all processors, with a progress bar on a terminal."""
 
 import multiprocessing
 import os
@@ -14,10 +14,10 @@ Result = TypeVar("Result")
 
 
 def results(function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
-    """The results in the order of the tasks.
+    """Returns the results in the order of the tasks.
 
     Args:
-        function: of a module, so that other processes find it.
+        function: at module level, for other processes.
         tasks: its arguments.
     """
     workers = min(len(tasks), os.cpu_count() or 1)

@@ -1,7 +1,7 @@
-"""How far an estimated attitude is from the truth: total, heading and inclination.
+"""Errors of an estimated attitude against the truth: total, heading and inclination.
 
 The split is that of the comparison papers: with e = q_est conj(q_true), both to east-north-up (or
-any frame with a vertical z axis), the inclination is the least rotation left when heading is free.
+any frame with a vertical z axis), the inclination is the smallest rotation left for free heading.
 """
 
 from typing import NamedTuple
@@ -32,12 +32,12 @@ class Rms(NamedTuple):
 
 
 def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fixed: bool) -> Errors:
-    """Errors of every sample, also of those outside the mask.
+    """Errors of every sample, including those outside the mask.
 
     Args:
         q_est: (N, 4) estimate, sensor to earth, scalar first.
         q_true: (N, 4) truth, the same.
-        mask: (N,) samples that decide a free heading offset.
+        mask: (N,) samples that determine a free heading offset.
         heading_fixed: False removes the circular mean of the heading error first.
 
     Source: docs/filter.md Eq. (29).
@@ -65,17 +65,17 @@ def rms(found: Errors, mask: npt.NDArray[np.bool_]) -> Rms:
 
 
 def root_mean_square(values: Array) -> float:
-    """Of all the values."""
+    """Root mean square of all values."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def honesty(name: str, error_deg: Array, sigma_deg: Array) -> dict[str, float | None]:
-    """How honest predicted deviations are: ``nees_NAME`` and ``NAME_beyond_3_sigma``.
+    """Consistency of predicted deviations: ``nees_NAME`` and ``NAME_beyond_3_sigma``.
 
-    The first is the mean of (error / deviation) squared, 1 for an honest prediction and more where
-    it is too good; the second is the share of samples beyond three deviations. None where nothing
-    is predicted. The predicted tilt deviation is that of both axes together (docs/filter.md Eq.
-    (27)), so the square of the whole angle is expected to be its square, as for the heading.
+    The first is the mean of (error / deviation) squared, 1 for a consistent prediction and more for
+    an optimistic one; the second is the share of samples beyond three deviations. None without
+    predictions. The predicted tilt deviation is that of both axes together (docs/filter.md Eq.
+    (27)), so the expected square of the whole angle is its square, as for the heading.
 
     Args:
         name: of the error.

@@ -1,4 +1,4 @@
-"""Attitudes as rows of arrays: what `maths.quaternion` and `maths.frames` do, for many at once."""
+"""Attitudes as rows of arrays: vectorised `maths.quaternion` and `maths.frames`."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ Floats = npt.NDArray[np.floating[Any]]
 
 
 def product(p: Floats, q: Floats) -> Array:
-    """(N, 4) Hamilton products of rows; one row stands for as many as the other has."""
+    """(N, 4) Hamilton products of rows; a single row is broadcast."""
     w, x, y, z = p.T
     a, b, c, d = q.T
     return np.stack(
@@ -43,7 +43,7 @@ def enu_from_ned(q_ns: npt.ArrayLike) -> Array:
 
 
 def ned_from_nwu(q: Array) -> Array:
-    """(N, 4) attitudes with the world turned by half a turn about north; its own inverse."""
+    """(N, 4) attitudes with the world rotated by half a turn about north; its own inverse."""
     w, x, y, z = q.T
     return np.stack((-x, w, -z, y), axis=1)
 

@@ -24,13 +24,12 @@ _ROW = struct.Struct("<2q9d2?")
 
 
 class Stretch:
-    """Samples between two restarts of the filter, what it was told among them, and of whom.
+    """Samples between two restarts of the filter, with its other inputs.
 
-    Samples are kept packed, in a fifth of what as many records of theirs take: of a log of an hour
-    there are millions.
+    Samples are stored packed, in a fifth of the memory of records: a log of an hour has millions.
 
     Attributes:
-        told: what the filter was told, with the number of the sample that it was known before.
+        told: the other inputs, each with the number of the sample that it precedes.
         identity: of the autopilot.
     """
 
@@ -43,14 +42,14 @@ class Stretch:
         return len(self._rows) // _ROW.size
 
     def add(self, sample: ImuSample, arrived_us: int) -> None:
-        """Keeps a sample and the host time of its arrival."""
+        """Stores a sample and the host time of its arrival."""
         t_us, w_b, f_b, m_b_ut, clipped = sample
         known, field = (False, UNKNOWN) if m_b_ut is None else (True, m_b_ut)
         self._rows += _ROW.pack(arrived_us, t_us, *w_b, *f_b, *field, known, clipped)
 
     @property
     def samples(self) -> list[ImuSample]:
-        """All so far, made anew."""
+        """All samples so far, newly created."""
         return [
             ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
             for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
@@ -63,16 +62,16 @@ class Stretch:
 
 
 class Listener:
-    """Stands where a filter stands in the service, and keeps everything that it is given.
+    """Takes a filter's place in the service and records every input.
 
     Args:
-        make: makes a filter that is given the same, and whose estimates it gives; None for none.
+        make: creates a filter that gets the same inputs and returns the estimates; None = none.
 
     Attributes:
-        name: as filters have one.
+        name: of the filter.
         stretches: so far; the last one is being filled.
         identity: of the autopilot, once it is known.
-        others: of the further IMUs, in their order.
+        others: of the further IMUs, in order.
     """
 
     def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
@@ -89,7 +88,7 @@ class Listener:
         self._further = 0
 
     def filter_for(self, identity: Identity) -> "Listener":
-        """Makes the filter of a vehicle; where it is asked again, those of further IMUs."""
+        """Starts for a vehicle; further calls return those of further IMUs."""
         if identity is self.identity:
             return self._next_other().filter_for(identity)
         self.identity = identity
@@ -99,49 +98,49 @@ class Listener:
         return self
 
     def arrives(self, t_ns: int) -> None:
-        """What comes from now on has arrived at this host time."""
+        """Sets the host time of arrival of what follows."""
         self._now_us = t_ns // 1000
         for other in self.others:
             other.arrives(t_ns)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Keeps a sample."""
+        """Records a sample."""
         self.stretches[-1].add(sample, self._now_us)
         return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Keeps the vehicle's state."""
+        """Records the vehicle's state."""
         self._vehicle = vehicle
         self._take(vehicle)
 
     def use_field(self, field: EarthField) -> None:
-        """Keeps the earth field."""
+        """Records the earth field."""
         self._field = field
         self._take(field)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Keeps a velocity."""
+        """Records a velocity."""
         self._take(fix)
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Keeps the sensors' delays."""
+        """Records the sensors' delays."""
         self._delays = delays
         self._take(delays)
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """What the filter behind it has learnt."""
+        """The errors estimated by the filter behind it."""
         if self._filter is None:
             return SensorErrors((0.0, 0.0, 0.0))
         return self._filter.sensor_errors
 
     def doubt(self, doubt: SensorDoubt) -> None:
-        """Passes it on; it is no record, as it follows from the samples and from one filter."""
+        """Passes it on without a record, since it follows from the samples and the filter."""
         if self._filter is not None:
             self._filter.doubt(doubt)
 
     def restart(self) -> None:
-        """Begins a stretch, in which the last state, field and delays still hold."""
+        """Begins a stretch; the last state, field and delays still hold."""
         self._begin_stretch()
         if self._filter is not None:
             self._filter.restart()
@@ -162,7 +161,7 @@ class Listener:
         self.stretches[-1].identity = self.identity
 
     def state(self) -> FilterState:
-        """It computes nothing, so nothing has to be continued."""
+        """Returns an empty state: nothing has to be continued."""
         return FilterState(self.name, ())
 
     def restore(self, state: FilterState) -> None:

@@ -1,7 +1,7 @@
-"""The error of the estimates against the attitude in the recording itself.
+"""Errors of the estimates against the attitude in the recording itself.
 
-SIMSTATE is the simulator's truth and carries no time; it belongs to the samples that arrive with
-it. ATTITUDE is the autopilot's own estimate, with its time since boot.
+SIMSTATE is the simulator's truth without a time stamp; it belongs to the samples that arrive with
+it. ATTITUDE is the autopilot's own estimate, stamped with its time since boot.
 """
 
 import math
@@ -22,12 +22,12 @@ from h2nav.wire.readers import Message
 
 SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
-# Further apart than this, an estimate and a reference do not belong together.
+# An estimate and a reference further apart do not belong together.
 FARTHEST_US = 20_000
 
 
 class EulerRecord(Protocol):
-    """What the records of estimates have in common."""
+    """The common fields of records of estimates."""
 
     @property
     def t_us(self) -> int:
@@ -47,19 +47,19 @@ class EulerRecord(Protocol):
 
     @property
     def sigma_tilt_deg(self) -> float:
-        """Predicted one-sigma tilt error; NaN where there is no figure."""
+        """Predicted one-sigma tilt error; NaN without."""
 
     @property
     def sigma_heading_deg(self) -> float:
-        """Predicted one-sigma heading error; NaN where there is no figure."""
+        """Predicted one-sigma heading error; NaN without."""
 
 
 class ErrorTable(NamedTuple):
     """RMS errors in degrees over all estimates that have a reference.
 
     Attributes:
-        reference: SIMSTATE, ATTITUDE, or empty when the recording has neither.
-        compared: how many pairs.
+        reference: SIMSTATE, ATTITUDE, or empty if the recording has neither.
+        compared: number of pairs.
         roll: Euler angle errors (z-y-x).
         tilt: angle between the estimated and the true vertical.
         total: angle of the whole error rotation.
@@ -83,12 +83,12 @@ class ErrorTable(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """References with the samples that they belong to.
+    """References with their samples.
 
     Attributes:
-        reference: SIMSTATE, ATTITUDE, or empty when the recording has neither.
+        reference: SIMSTATE, ATTITUDE, or empty if the recording has neither.
         rows: (M,) numbers of the samples.
-        angles: (M, 3) what the reference says there: roll, pitch, yaw, rad.
+        angles: (M, 3) reference there: roll, pitch, yaw, rad.
     """
 
     reference: str
@@ -122,7 +122,7 @@ class Estimates:
         self._sigmas = array("d")
 
     def add(self, t_ns: int, record: EulerRecord) -> None:
-        """Takes an estimate of a sample that arrived at this host time."""
+        """Adds an estimate of a sample that arrived at this host time."""
         angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
         roll, pitch, yaw = map(math.radians, angles)
         self._attitudes.add(t_ns // 1000, roll, pitch, yaw)
@@ -141,10 +141,10 @@ class Estimates:
 
 
 class Reference:
-    """Collects estimates and references while a recording runs; compares them at its end.
+    """Collects estimates and references during a playback; compares them at its end.
 
     Attributes:
-        message_ids: the messages that say something of the attitude.
+        message_ids: the messages with an attitude.
     """
 
     message_ids = frozenset({SIMSTATE, ATTITUDE})
@@ -155,7 +155,7 @@ class Reference:
         self._autopilot = Attitudes()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """Takes what a frame of `message_ids` says of the attitude."""
+        """Adds the attitude in a frame of `message_ids`."""
         if frame.msg_id == SIMSTATE:
             fields: Any = codec.decode(frame)
             self._truth.add(t_ns // 1000, fields.roll, fields.pitch, fields.yaw)
@@ -165,20 +165,20 @@ class Reference:
             self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)
 
     def message(self, message: Message) -> None:
-        """Takes what a log that the autopilot wrote itself says of the attitude."""
+        """Adds the attitude in an event of an autopilot's own log."""
         if isinstance(message, ReportedAttitude) and message.time_ms is not None:
             self._autopilot.add(message.time_ms * 1000, *to_euler(message.q_nb))
 
     def estimate(self, t_ns: int, record: EulerRecord) -> None:
-        """Takes an estimate."""
+        """Adds an estimate."""
         self._estimates.add(t_ns, record)
 
     def table(self, skip_s: float = 0.0, estimates: Estimates | None = None) -> ErrorTable:
-        """The errors against SIMSTATE, else ATTITUDE.
+        """The errors against SIMSTATE, otherwise ATTITUDE.
 
         Args:
-            skip_s: references of so many first seconds do not count.
-            estimates: to compare instead of those that it has taken.
+            skip_s: length of the beginning that is not scored.
+            estimates: to compare instead of the added ones.
         """
         arrived_us, boot_us, angles = (estimates or self._estimates).arrays()
         pairs = self.pairs(arrived_us, boot_us, skip_s)
@@ -187,7 +187,7 @@ class Reference:
         return _table(pairs.reference, angles[pairs.rows], pairs.angles)
 
     def honesty(self) -> dict[str, float | None]:
-        """How honest the predicted deviations are, by the simulator's truth; None without it.
+        """Consistency of the predicted deviations with the simulator's truth; None without it.
 
         Keys: see `h2nav.maths.attitude_errors.honesty`, of tilt and heading.
         """
@@ -205,12 +205,12 @@ class Reference:
     def pairs(
         self, arrived_us: NDArray[np.int64], boot_us: NDArray[np.int64], skip_s: float = 0.0
     ) -> Pairs:
-        """The references that belong to samples.
+        """The references of samples.
 
         Args:
             arrived_us: (N,) when the samples arrived.
             boot_us: (N,) the samples' own times.
-            skip_s: references of so many first seconds do not count.
+            skip_s: length of the beginning that is not scored.
         """
         for name, reference, t_us in (
             ("SIMSTATE", self._truth, arrived_us),

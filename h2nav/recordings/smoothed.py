@@ -1,4 +1,4 @@
-"""The smoothed estimates of a recording that a `Listener` has listened to."""
+"""Smoothed estimates of a recording, from the inputs that a `Listener` recorded."""
 
 import functools
 import itertools
@@ -19,7 +19,7 @@ class SmoothedRecord(NamedTuple):
     """One smoothed attitude, made from the whole recording; body to NED.
 
     Attributes:
-        t_us: autopilot time of the sample that it belongs to.
+        t_us: autopilot time of its sample.
         q_w: attitude quaternion, Hamilton, scalar first.
         roll_deg: Euler angles of the z-y-x sequence.
         bias_x_rad_s: gyro bias, body frame.
@@ -63,12 +63,12 @@ def smoothed(
     *,
     with_field: bool = True,
 ) -> Iterator[tuple[int, AttitudeEstimate]]:
-    """Host time of arrival (ns) and smoothed attitude of the samples that have one.
+    """Yields host time of arrival (ns) and smoothed attitude of each sample that has one.
 
     Args:
-        listener: what the service gave to its filter.
-        filter_for: makes the filter of a vehicle.
-        with_field: False takes the compass out of it.
+        listener: the inputs of the filter.
+        filter_for: creates the filter of a vehicle.
+        with_field: False removes the compass.
     """
     for identity, group in itertools.groupby(listener.stretches, lambda each: each.identity):
         if identity is None:

@@ -124,4 +124,4 @@ def test_the_demo_opens_its_page(tmp_path):
 def test_there_is_no_page_to_open_without_live():
     done = subprocess.run([*H2NAV, "demo", "--open"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("h2nav: --open: there is no page without --live")
+    assert done.stderr.startswith("h2nav: --open: without --live there is no page")

@@ -19,7 +19,7 @@ from h2nav.motion.wheels import OmniDrive
 
 Array = NDArray[np.float64]
 
-# A parameter whose one-sigma error exceeds this share of it is called poorly determined.
+# A parameter whose one-sigma error exceeds this share of it is reported as poorly determined.
 POOR_SHARE = 0.05
 READINGS = ("twist", "displacement")
 
@@ -37,7 +37,7 @@ class Calibration:
         covariance: (k, k).
         solution: the first least-squares problem: rank, condition, solver.
         residuals: (m, 3) reference less model: ahead m, left m, turn rad.
-        notes: what the user must know; empty for a plain, well-determined answer.
+        notes: warnings for the user; empty for a plain, well-determined result.
     """
 
     model: str
@@ -51,7 +51,7 @@ class Calibration:
 
     @property
     def determined(self) -> bool:
-        """Whether the data determine every parameter, and none is impossible."""
+        """Whether the data determine every parameter, with a possible value."""
         full = self.solution.rank == self.solution.x.size
         lengths = self.model == "matrix" or bool((self.values > 0.0).all())
         return full and lengths and bool(np.isfinite(self.values).all())
@@ -181,7 +181,7 @@ def _omni(phi: Array, twist: Array, rows: Array, solver: str, reading: str) -> C
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The second step: one factor between what the first step predicts and a second reference.
+    """The second step: a factor between the first step's prediction and a second reference.
 
     Attributes:
         value: the factor; NaN when the prediction is zero throughout.
@@ -211,7 +211,7 @@ def _fit_scale(c: Array, c_D_x: Array, reference: Array, first: Solution) -> _Sc
 
 
 def _better_reading(motion: Array, fit: Callable[[Array, str], Calibration]) -> Calibration:
-    """The reading of the reference increments that leaves the smaller residuals."""
+    """The reading of the reference increments with the smaller residuals."""
     as_displacement = np.array([se2.log((x, y, turn)) for x, y, turn in motion.tolist()])
     fits = [fit(motion, READINGS[0]), fit(as_displacement, READINGS[1])]
     return min(fits, key=lambda result: float(np.sum(result.residuals**2)))

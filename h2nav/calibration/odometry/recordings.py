@@ -37,7 +37,7 @@ def _of_vision(fields: Any) -> TimedPose:
     return _planar(fields.usec, fields.x, fields.y, fields.yaw)
 
 
-# The messages that carry a whole pose, best first.
+# The messages with a whole pose, best first.
 POSE_MESSAGES: dict[int, tuple[str, Callable[[Any], TimedPose]]] = {
     138: ("ATT_POS_MOCAP", _of_quaternion),
     102: ("VISION_POSITION_ESTIMATE", _of_vision),
@@ -53,7 +53,7 @@ def read_increments(path: Path, model: str | None) -> Increments:
         model: `diff` or `omni`; None = by the number of wheels.
 
     Raises:
-        BadInput: no wheel distances, no pose, or too little of both at the same time.
+        BadInput: no wheel distances, no pose, or too little overlap of both.
     """
     streams = _streams(path)
     wheels = _longest(streams, WHEEL_DISTANCE)
@@ -103,7 +103,7 @@ def _poses(path: Path, streams: Streams) -> tuple[str, list[TimedPose]]:
 
 
 def _joined(positions: list[Any], attitudes: list[Any]) -> Iterator[TimedPose]:
-    """Positions with the heading that was sent nearest in time, turned on by its rate."""
+    """Positions with the heading sent nearest in time, propagated with its rate."""
     times = [a.time_boot_ms for a in attitudes]
     for p in positions:
         after = bisect.bisect_left(times, p.time_boot_ms)
@@ -114,7 +114,7 @@ def _joined(positions: list[Any], attitudes: list[Any]) -> Iterator[TimedPose]:
 
 
 def _sound(poses: Iterator[TimedPose]) -> list[TimedPose]:
-    """Finite poses with rising times: an out-of-order or repeated one is left out."""
+    """Finite poses with increasing times; drops out-of-order or repeated ones."""
     kept: list[TimedPose] = []
     for pose in poses:
         if np.isfinite(pose.pose).all() and (not kept or pose.t_us > kept[-1].t_us):

@@ -1,4 +1,4 @@
-"""CSV tables of wheel odometry, read strictly: every bad row is named, nothing is guessed."""
+"""CSV tables of wheel odometry, read strictly: every bad row is reported, nothing is guessed."""
 
 import csv
 import math

@@ -1,1 +1,1 @@
-"""Our attitude filters and other people's on recorded trials with truth."""
+"""Attitude filters of h2nav and of others on recorded trials with truth."""

@@ -1,8 +1,8 @@
-"""Our filters, run on a trial for `h2nav evaluate dataset`.
+"""Runs the filters of h2nav on a trial for `h2nav evaluate dataset`.
 
-Whole stretches go through the compiled kernels where they are built and can. While a velocity is
-fused, where the insides are to be shown, and in the smoother they are called sample by sample. The
-estimates are the same bits either way.
+Whole stretches run through the compiled kernels where they are built. Filters are called sample by
+sample while a velocity is fused, where internals are recorded, and in the smoother. The estimates
+have the same bits either way.
 """
 
 import math
@@ -36,19 +36,19 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.trials import Told, Trial
 
 GPS_SIGMA_M_S = 0.1
-# Forward-right-down of forward-left-up, as a factor on rows of vectors.
+# From forward-left-up to forward-right-down, as a factor on rows of vectors.
 _FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))
 
 
 class Conditions(NamedTuple):
-    """What the filters are given besides the samples.
+    """Inputs of the filters besides the samples.
 
     Attributes:
-        vehicle_class: chooses the gains of the velocity-aided filter.
-        use_gps: GPS velocities are given to the default filter.
-        declination_deg: of the truth's north, which the courses of gps rows are turned by.
+        vehicle_class: selects the gains of the velocity-aided filter.
+        use_gps: the default filter uses GPS velocities.
+        declination_deg: of the truth's north, by which the courses of gps rows are rotated.
         cruise_speed_m_s: replaces the class's pseudo-velocity along the nose; None keeps it.
-        shows_insides: gain set and gate are wanted too.
+        shows_insides: also record gain set and gate.
     """
 
     vehicle_class: str
@@ -59,13 +59,13 @@ class Conditions(NamedTuple):
 
 
 class Track(NamedTuple):
-    """What a filter made of a trial.
+    """The result of a filter on a trial.
 
     Attributes:
         q_es: (N, 4) attitude, sensor to east-north-up.
-        us_per_sample: processor time of the filter's calls alone.
-        backend: what they ran on: native; native, called per sample; or python.
-        bias: (N, 3) gyro bias, rad/s; None where the filter shows none.
+        us_per_sample: processor time of the filter's calls.
+        backend: native; native, called per sample; or python.
+        bias: (N, 3) gyro bias, rad/s; None if the filter has none.
         gain_set: (N,) number of the gain set in use; None for other filters.
         field_used: (N,) whether the sample's field passed the gate; None for other filters.
     """
@@ -140,10 +140,10 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
 
 
 def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
-    """Runs one of our filters, the fastest way that shows what is wanted."""
+    """Runs a filter of h2nav in the fastest way that records what is wanted."""
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
-    special = (VelocityFix, SensorDelays)  # batches take no fixes, and lead no attitude
+    special = (VelocityFix, SensorDelays)  # batches take no fixes, and propagate no attitude
     is_plain = is_plain and not any(isinstance(each.what, special) for each in told)
     if is_plain and _is_compiled(chosen):
         return _run_batch(trial, told, chosen)
@@ -160,7 +160,7 @@ def _backend_of_samples(chosen: AttitudeFilter) -> str:
 
 
 def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
-    """The stretches between these records, each through the compiled kernel."""
+    """Runs the stretches between these records through the compiled kernel."""
     count = len(trial.t_us)
     q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
     starts = sorted({0, *(each.row for each in told if each.row < count)})
@@ -171,7 +171,7 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
                 tell(chosen, each.what)
         rows = slice(start, stop)
         field = None if trial.m_s is None else trial.m_s[rows]
-        # The first step of a stretch leads from time zero: it goes on with the trial's times.
+        # The first step of a stretch continues the trial's times.
         steps_s = np.diff(trial.t_us[rows], prepend=0) * 1e-6
         found = batch.filter_array(trial.w_s[rows], trial.f_s[rows], field, steps_s, chosen)
         q_nb[rows], bias[rows] = found.q_nb, found.bias_b
@@ -184,7 +184,7 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
 
 
 def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
-    """Sample by sample, as the daemon does."""
+    """Runs sample by sample, as the daemon does."""
     taken = list(samples(trial))
     estimates: list[AttitudeEstimate | None] = []
     sets: list[int] = []
@@ -231,7 +231,7 @@ def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> Track:
 
 
 def _filled(estimates: Sequence[AttitudeEstimate | None], what: str) -> list[AttitudeEstimate]:
-    """The estimates, with the latest (at first the first) where there is none.
+    """The estimates, with the previous (at the start the first) where there is none.
 
     Raises:
         TaskFailed: there is none at all.
@@ -246,7 +246,7 @@ def _filled(estimates: Sequence[AttitudeEstimate | None], what: str) -> list[Att
 def run_paper(trial: Trial, _: Conditions) -> Track:
     """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1.
 
-    It only works near level: z points up or down as the first force says, x forward.
+    It works only near level: z up or down as in the first force, x forward.
     """
     from h2nav.evaluation.paper.filter import PaperFilter, paper_gain  # needs scipy
 
@@ -276,10 +276,10 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
 
 
 def _told(trial: Trial, conditions: Conditions) -> list[Told]:
-    """What the filter is given, in order; velocities only where they are to be used.
+    """The further inputs of the filter, in order; velocities only on request.
 
     Raises:
-        TaskFailed: they are, and the trial has none.
+        TaskFailed: they are requested, and the trial has none.
     """
     if not conditions.use_gps:
         return [each for each in trial.told if not isinstance(each.what, VelocityFix)]
@@ -290,7 +290,7 @@ def _told(trial: Trial, conditions: Conditions) -> list[Told]:
 
 
 def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
-    """The trial's gps rows as velocities, courses turned to the truth's north."""
+    """The trial's gps rows as velocities, courses rotated to the truth's north."""
     assert trial.gps is not None
     told = []
     for t_s, speed, course_deg, _ in trial.gps.tolist():
@@ -303,7 +303,7 @@ def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
 
 
 def to_true_north(q_es: Array, declination_rad: float) -> Array:
-    """Attitudes against magnetic east-north-up, turned to true north."""
+    """Attitudes from magnetic to true east-north-up."""
     half = -0.5 * declination_rad  # east is clockwise from above
     return product(np.array([[math.cos(half), 0.0, 0.0, math.sin(half)]]), q_es)
 
@@ -314,7 +314,7 @@ def _unit(vectors: Array) -> Array:
 
 
 def held(field: Array) -> Array:
-    """The field with every row that brings nothing new replaced by the one before."""
+    """The field with every row without a new value replaced by the previous one."""
     fine = np.isfinite(field.sum(axis=1))
     if not fine.any():
         return np.zeros_like(field)

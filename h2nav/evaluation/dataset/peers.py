@@ -1,8 +1,8 @@
-"""Other people's filters, run on the same samples; each only where its package is installed.
+"""Third-party filters on the same samples, each only where its package is installed.
 
-All get the sample times where they take any (vqf takes one rate) and hold the last field, as they
-are made for; their headings are turned to true north where the trial knows it. A trap: ahrs' Kalman
-filter wants the accelerometer's opposite.
+All use the sample times if they can (vqf takes one rate) and hold the last field, as designed;
+their headings are rotated to true north where the trial has a declination. Note that ahrs' Kalman
+filter wants the opposite of the accelerometer.
 """
 
 import importlib
@@ -20,9 +20,9 @@ from h2nav.evaluation.dataset.filters import Conditions, Track, held
 from h2nav.maths.rows import Array, enu_from_ned, ned_from_nwu
 from h2nav.recordings.trials import Trial
 
-# The names under which the velocity-aided filter stands among all: readers of results know them.
+# The names of the velocity-aided filter among all, which readers of results know.
 RECOMMENDED = {"default": "velocity_aided", "default_fixed": "velocity_aided_integer"}
-# Filter -> its smoother, which knows the future as well.
+# Filter -> its smoother.
 SMOOTHED = {
     "default": "default_smoothed",
     "default_fixed": "default_fixed_smoothed",
@@ -43,7 +43,7 @@ NEEDS = {
 
 
 def installed() -> dict[str, Runner]:
-    """Name -> filter, ours first, then the peers; without those whose package is missing."""
+    """Name -> filter, those of h2nav first; without those whose package is missing."""
     peers = {
         "vqf": _vqf, "imufusion": _imufusion, "ahrs.madgwick": _madgwick, "ahrs.ekf": _ekf,
         "vqf_offline": _vqf_offline,
@@ -71,7 +71,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _guarded(name: str, runner: Runner) -> Runner:
-    """A peer that fails on one trial must not take the others with it."""
+    """Makes an exception of a third-party filter fail one trial only."""
 
     def run(trial: Trial, conditions: Conditions) -> Track:
         try:
@@ -113,7 +113,7 @@ def _run_vqf(trial: Trial, run: Callable[..., dict[str, Array]]) -> Track:
 def _imufusion(trial: Trial, _: Conditions) -> Track:
     fields = None if trial.m_s is None else held(trial.m_s)
     started = time.process_time()
-    # Left to itself it starts level, and takes 20 s to turn sensor axes that point down.
+    # By default it starts level, and needs 20 s to turn sensor axes that point down.
     q_ns = imufusion.attitudes(trial.w_s, trial.f_s, fields, _steps_s(trial), _start_nwu(trial))
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
     return Track(enu_from_ned(q_ns), us_per_sample, "native, called per sample")
@@ -142,11 +142,11 @@ def _ekf(trial: Trial, _: Conditions) -> Track:
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: ahrs.ekf is run with a magnetometer only")
     fields = held(trial.m_s)
-    # It corrects towards the reference with the dip it is given; the first sample's serves.
+    # It corrects towards the reference of the given dip; the first sample's dip is used.
     down = -trial.f_s[0] / np.linalg.norm(trial.f_s[0])
     dip_deg = float(np.degrees(np.arcsin(np.dot(down, fields[0]) / np.linalg.norm(fields[0]))))
     chosen = filters.EKF(frequency=trial.rate_hz, frame="NED", magnetic_ref=dip_deg)
-    # Its own `h` asks for this when it is fed sample by sample.
+    # Its own `h` requires this when it is fed sample by sample.
     chosen.mag = fields
     q_ns = np.empty((len(fields), 4))
     steps_s = _steps_s(trial)

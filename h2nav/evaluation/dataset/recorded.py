@@ -1,8 +1,7 @@
 """Trials of what the service gives to its filter in a recording.
 
-Message, times, checks, velocities, vehicle state and earth field are those of the daemon. The
-truth is SIMSTATE, or, where there is none, ATTITUDE, which is only another estimate; both against
-true north.
+Message, times, checks, velocities, vehicle state and earth field are those of the daemon. The truth
+is SIMSTATE or otherwise ATTITUDE, which is only another estimate; both from true north.
 """
 
 from pathlib import Path
@@ -20,15 +19,15 @@ LEAST_SAMPLES = 2
 
 
 def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
-    """The longest stretch that was listened to, as a trial.
+    """The longest recorded stretch as a trial.
 
     Args:
         path: the recording, for names and messages.
-        listener: what the service gave to its filter.
-        reference: what the recording says of the attitude.
+        listener: the inputs of the filter.
+        reference: the attitude in the recording.
 
     Raises:
-        BadInput: the service gave no samples.
+        BadInput: the service passed no samples.
     """
     stretch = max(listener.stretches, key=len)
     samples = stretch.samples
@@ -67,7 +66,7 @@ def _on_clock_of_trial(told: Told, start_us: int) -> Told:
 
 
 def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
-    """What limits the meaning of the trial's errors."""
+    """Limits on the meaning of the trial's errors."""
     notes = [f"against {pairs.reference}"] if pairs.reference else []
     if pairs.reference == "ATTITUDE":
         notes = ["against ATTITUDE, the autopilot's own estimate: no truth"]

@@ -1,4 +1,4 @@
-"""One filter on one trial, scored; and what all trials say of a filter."""
+"""Scores one filter on one trial, and summarises a filter over all trials."""
 
 import math
 import statistics
@@ -16,14 +16,14 @@ _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
 
 
 class Task(NamedTuple):
-    """One filter on one trial; complete, so that another process can do it.
+    """One filter on one trial; self-contained, for another process.
 
     Attributes:
         path: the trial's file.
         read: reads it.
         trial: name of the trial.
         filter_name: one of `peers.installed`.
-        conditions: what the filter is told.
+        conditions: inputs of the filter.
         plots: folder for a picture of the run; None = no picture.
     """
 
@@ -36,16 +36,16 @@ class Task(NamedTuple):
 
 
 class Score(NamedTuple):
-    """What came of a task.
+    """The result of a task.
 
     Attributes:
         trial: name of the trial.
         filter_name: name of the filter.
         rms_deg: total, heading, inclination. None when the task was not possible.
-        us_per_sample: processor time of the filter's calls alone.
-        backend: what they ran on.
+        us_per_sample: processor time of the filter's calls.
+        backend: see `Track`.
         remark: why there is no result.
-        is_bad_input: that is because of the file.
+        is_bad_input: the file is the reason.
         notes: of the trial.
     """
 
@@ -60,7 +60,7 @@ class Score(NamedTuple):
 
 
 def score_task(task: Task) -> Score:
-    """Runs and scores one task; what a worker process does."""
+    """Runs and scores one task, in a worker process."""
     nothing = Score(task.trial, task.filter_name)
     try:
         trial = task.read(task.path)
@@ -87,7 +87,7 @@ def score_task(task: Task) -> Score:
 
 
 def summary(scores: Sequence[Score], name: str) -> dict[str, Any]:
-    """One filter's results: per trial, their mean, the time per sample and what it ran on."""
+    """One filter's results: per trial, their mean, the time per sample and the backend."""
     done = [s for s in scores if s.filter_name == name and s.rms_deg is not None]
     trials = {s.trial: s.rms_deg._asdict() for s in done if s.rms_deg is not None}
     if not done:

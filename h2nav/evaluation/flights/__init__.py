@@ -1,1 +1,1 @@
-"""Flights with truth: h2nav through its own service, next to the autopilot's estimators."""
+"""Flights with truth: h2nav through its own service, compared with the autopilot's estimators."""

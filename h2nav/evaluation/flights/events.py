@@ -1,4 +1,4 @@
-"""What somebody wrote down during a flight: lines of the autopilot's time, s, and a text.
+"""Notes taken during a flight: lines of the autopilot's time, s, and a text.
 
 A text ``PHASE word`` begins a phase, which lasts until the next one begins.
 """
@@ -31,7 +31,7 @@ class Phase(NamedTuple):
     """A part of a flight.
 
     Attributes:
-        name: phases of the same name are counted together.
+        name: phases of the same name are scored together.
         from_s: its beginning, s.
         to_s: its end, s; infinite for the last one.
     """
@@ -42,16 +42,16 @@ class Phase(NamedTuple):
 
 
 def events_path(recording: Path) -> Path | None:
-    """The file of events beside a recording: its name, or its stem, with .events; None without."""
+    """The file of events of a recording: its name, or its stem, with .events; None without."""
     beside = (recording.with_name(f"{name}.events") for name in (recording.name, recording.stem))
     return next((path for path in beside if path.is_file()), None)
 
 
 def read_events(path: Path) -> list[Event]:
-    """The events of a file.
+    """Reads the events of a file.
 
     Raises:
-        BadInput: a line is none.
+        BadInput: a line has another form.
     """
     events = []
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()

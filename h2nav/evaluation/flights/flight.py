@@ -20,13 +20,13 @@ MOST = 0.98  # of the estimates; where fewer have a truth, that is noted
 
 
 class Task(NamedTuple):
-    """One flight; complete, so that another process can do it.
+    """One flight; self-contained, for another process.
 
     Attributes:
         path: the recording.
         name: of the flight.
         play: plays the recording through the service.
-        phases: the autopilot's time, instead of those in the file of events; None = those.
+        phases: in the autopilot's time, instead of those in the file of events; None = those.
         plots: folder for a picture; None = no picture.
     """
 
@@ -38,19 +38,19 @@ class Task(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A flight with everything that its figures and its picture are made from.
+    """A flight with everything for its figures and its picture.
 
     Attributes:
         name: of the flight.
-        truth: where the truth comes from.
+        truth: its source.
         duration_s: of the recording.
         tracks: estimator -> errors, ours first.
         airborne: stretches of time in the air, s since the recording's start; None = unknown.
         phases: s since the recording's start.
         events: s since the recording's start.
-        runs: our estimators -> what the service said.
+        runs: our estimators -> output of the service.
         start_us: of the recording, on the clock of the runs.
-        notes: what a reader of the figures has to know.
+        notes: remarks for readers of the figures.
     """
 
     name: str
@@ -103,7 +103,7 @@ def flight_of(task: Task) -> Flight:
 
 
 def _airborne(heard: FromAutopilot) -> tuple[tuple[float, float], ...] | None:
-    """Stretches of time; None where the vehicle does not say."""
+    """Periods in the air; None if the vehicle does not report them."""
     if not heard.airborne:
         return None
     times_us = [t_us for t_us, _ in heard.airborne] + [heard.end_us]
@@ -117,7 +117,7 @@ def _airborne(heard: FromAutopilot) -> tuple[tuple[float, float], ...] | None:
 def _told_beside(
     task: Task, heard: FromAutopilot
 ) -> tuple[tuple[Event, ...], tuple[Phase, ...], list[str]]:
-    """Events and phases on the recording's clock, and what there is to say of them."""
+    """Events and phases on the recording's clock, and remarks."""
     path = events_path(task.path)
     try:
         events = read_events(path) if path is not None else []

@@ -1,4 +1,4 @@
-"""What is heard while a flight is played: from the autopilot, and from our service."""
+"""Records the autopilot's attitudes and the service's estimates during a playback."""
 
 import math
 from array import array
@@ -19,19 +19,19 @@ from h2nav.wire.vehicle import heartbeat, landed_state
 AHRS2 = mavlink.MAVLINK_MSG_ID_AHRS2
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 EXTENDED_SYS_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
-# A clock that goes back by more than this has begun anew; messages may overtake each other by less.
+# A clock that steps back by more has restarted; messages may overtake each other by less.
 REBOOT_US = 1_000_000
 
 
 class Estimates(NamedTuple):
-    """All that one estimator said.
+    """All estimates of one estimator.
 
     Attributes:
-        arrived_us: (N,) host time of the arrival of what they were made from.
-        boot_us: (N,) the autopilot's time of them.
+        arrived_us: (N,) host time of arrival of their inputs.
+        boot_us: (N,) their autopilot time.
         q_nb: (N, 4) attitudes, body to NED.
         sigma_tilt_deg: (N,) predicted deviation of the tilt.
-        sigma_heading_deg: (N,) of the heading; NaN where there is no figure.
+        sigma_heading_deg: (N,) of the heading; NaN if not predicted.
     """
 
     arrived_us: NDArray[np.int64]
@@ -42,7 +42,7 @@ class Estimates(NamedTuple):
 
 
 class FromAutopilot:
-    """What the recording says itself.
+    """The autopilot's messages in the recording.
 
     Attributes:
         start_us: when the recording began; the times below are on the same clock.
@@ -51,7 +51,7 @@ class FromAutopilot:
         ekf: ATTITUDE of the autopilot, by arrival.
         ekf_boot_us: the times in the same messages.
         ahrs2: AHRS2, by arrival.
-        airborne: (arrival, us; armed and not landed), at each change; empty while nobody knows.
+        airborne: (arrival, us; armed and not landed), at each change; empty while unknown.
     """
 
     message_ids = frozenset({SIMSTATE, ATTITUDE, AHRS2, HEARTBEAT, EXTENDED_SYS_STATE})
@@ -69,12 +69,12 @@ class FromAutopilot:
         self._reboots_us = array("q")
 
     def time(self, t_ns: int) -> None:
-        """So late is it now."""
+        """Sets the present time."""
         self.end_us = t_ns // 1000
         self.start_us = self.start_us or self.end_us
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """Takes what a frame of `message_ids` says."""
+        """Adds a frame of `message_ids`."""
         t_us = t_ns // 1000
         fields: Any = codec.decode(frame)
         if frame.msg_id == SIMSTATE:
@@ -91,18 +91,18 @@ class FromAutopilot:
                 self._vehicle_state(t_us, frame.msg_id, fields)
 
     def boot_time(self, t_us: int, boot_us: int) -> None:
-        """The autopilot said its time."""
+        """Adds a time stamp of the autopilot."""
         if boot_us < self._newest_boot_us - REBOOT_US:
             self._reboots_us.append(t_us)
             self._newest_boot_us = boot_us
         self._newest_boot_us = max(self._newest_boot_us, boot_us)
 
     def epochs(self, arrived_us: NDArray[np.int64]) -> NDArray[np.int64]:
-        """How often the autopilot's clock had begun anew at each time."""
+        """How often the autopilot's clock had restarted at each time."""
         return np.searchsorted(np.array(self._reboots_us), arrived_us, side="right")
 
     def boot_offset_us(self) -> int | None:
-        """Time of arrival minus the autopilot's time, before it first began anew."""
+        """Time of arrival minus the autopilot's time, before its first restart."""
         arrived_us, _ = self.ekf.arrays()
         is_first = self.epochs(arrived_us) == 0
         if not is_first.any():
@@ -123,11 +123,11 @@ class FromAutopilot:
 
 
 class FromService:
-    """What one run of the service said; a watcher of its pipeline.
+    """The output of one run of the service; a watcher of its pipeline.
 
     Args:
-        autopilot: gets what the autopilot sends.
-        listens: this run hands the autopilot's frames on, as one of several has to.
+        autopilot: receives the autopilot's messages.
+        listens: this run passes frames on, as one of several must.
 
     Attributes:
         notices: time of arrival (us), severity, text.
@@ -145,11 +145,11 @@ class FromService:
         self._rows = array("d")
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """Hands a frame on."""
+        """Passes a frame on."""
         self._autopilot.frame(t_ns, frame)
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
-        """Keeps an estimate."""
+        """Stores an estimate."""
         self._arrived_us.append(t_ns // 1000)
         self._boot_us.append(estimate.t_us)
         if self._tells_time:
@@ -158,7 +158,7 @@ class FromService:
         self._rows.extend((*estimate.q_nb, *map(math.degrees, sigmas)))
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """Keeps a notice."""
+        """Stores a notice."""
         self.notices.append((t_ns // 1000, severity, text))
 
     def estimates(self) -> Estimates:
@@ -174,11 +174,11 @@ class FromService:
 
 
 class HeardFlight(NamedTuple):
-    """Everything that was heard of a flight.
+    """Everything recorded of a flight.
 
     Attributes:
-        autopilot: what the recording says.
-        runs: name of an estimator of ours -> its run.
+        autopilot: its messages.
+        runs: name of an estimator of h2nav -> its run.
     """
 
     autopilot: FromAutopilot

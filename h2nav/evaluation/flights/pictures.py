@@ -1,4 +1,4 @@
-"""One picture per flight of `h2nav evaluate flights --plots`: the errors of all over time."""
+"""A picture per flight of `h2nav evaluate flights --plots`: errors of all estimators over time."""
 
 import re
 from pathlib import Path
@@ -13,12 +13,12 @@ from h2nav.evaluation.flights.tracks import Track
 from h2nav.maths.attitude_errors import BEYOND
 from h2nav.maths.rows import Array
 
-# Errors are shown as the rms over so long: a sample's own would be a carpet.
+# Errors are shown as the rms over this time: single samples would fill the picture.
 BIN_S = 0.5
 SMALLEST_DEG = 0.01
 COLOURS = {"h2nav": "C0", "h2nav_no_gps": "C2", "ekf": "C1", "ahrs2": "0.55"}
 OURS = "h2nav"
-# What an autopilot says of itself at boot would cover what happened.
+# The autopilot's texts at boot would hide the others.
 QUIET = ("COUNTS", PHASE, "READY", "TAKEOFF", "AT ")
 INFORMATIVE_TEXT = " sev6 "
 TEXT = re.compile(r"TEXT \(\d+, \d+\) sev\d ")
@@ -124,7 +124,7 @@ def _shade(axes: Any, flight: Flight) -> None:
 
 
 def _label(axes: Any, flight: Flight) -> None:
-    """Events and our own notices under the errors, in lines that do not cover each other."""
+    """Draws events and our notices under the errors, without overlap."""
     shown = [(event, "0.25") for event in flight.events if _is_shown(event)]
     shown += [
         (Event((t_us - flight.start_us) * 1e-6, f"{OURS}: {text}"), COLOURS[OURS])
@@ -160,7 +160,7 @@ def _label(axes: Any, flight: Flight) -> None:
 
 
 def _free_line(free_s: list[float], from_s: float) -> int | None:
-    """The first line in which there is room from a time on; None where all are taken."""
+    """The first line with room from a time on; None if all are taken."""
     return next((line for line, free in enumerate(free_s) if free <= from_s), None)
 
 

@@ -1,4 +1,4 @@
-"""One flight scored: every estimator over the whole of it and over its parts."""
+"""Scores one flight: every estimator over the whole flight and its parts."""
 
 import statistics
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ Document = dict[str, Any]
 
 
 class Score(NamedTuple):
-    """What came of a task.
+    """The result of a task.
 
     Attributes:
         name: of the flight.
@@ -33,7 +33,7 @@ class Score(NamedTuple):
 
 
 def flight_paths(place: Path) -> list[Path]:
-    """The recordings of a folder, or the one that is given.
+    """The recordings of a folder, or the given one.
 
     Raises:
         BadInput: there is none.
@@ -52,7 +52,7 @@ def flight_paths(place: Path) -> list[Path]:
 
 
 def score_flight(task: Task) -> Score:
-    """Plays and scores one flight; what a worker process does."""
+    """Plays and scores one flight, in a worker process."""
     try:
         flight = flight_of(task)
     except BadInput as error:
@@ -65,7 +65,7 @@ def score_flight(task: Task) -> Score:
 
 
 def document(flight: Flight) -> Document:
-    """The figures of a flight, as they are printed as JSON."""
+    """The figures of a flight, as JSON."""
     parts: dict[str, Callable[[Track], Mask]] = {
         "whole": lambda track: np.ones(len(track.t_s), dtype=bool),
         "settled": lambda track: track.t_s >= SETTLED_S,
@@ -108,7 +108,7 @@ def document(flight: Flight) -> Document:
 
 
 def _of_all(tracks: Mapping[str, Track], mask: Callable[[Track], Mask]) -> dict[str, Document]:
-    """Estimator -> figures over a part, for those that said something in it."""
+    """Estimator -> figures over a part, for those with estimates in it."""
     found = {name: figures(track, mask(track)) for name, track in tracks.items()}
     return {name: values for name, values in found.items() if values is not None}
 
@@ -125,7 +125,7 @@ def _best(span: Mapping[str, Document]) -> str:
 
 
 def mean(documents: Sequence[Document]) -> dict[str, dict[str, Document]]:
-    """Span -> estimator -> means over the flights that have it, and how many those are."""
+    """Span -> estimator -> means over the flights that have it, and their number."""
     result: dict[str, dict[str, Document]] = {}
     for span in SPANS:
         names = dict.fromkeys(name for flight in documents for name in flight[span])

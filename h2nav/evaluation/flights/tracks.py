@@ -1,4 +1,4 @@
-"""The errors of one estimator over a flight, and their figures over a part of it."""
+"""Errors of one estimator over a flight, and their figures over a part."""
 
 from typing import Any, NamedTuple
 
@@ -22,8 +22,8 @@ class Track(NamedTuple):
         total: angle of the whole error rotation, deg.
         heading: with sign, deg.
         tilt: of the vertical, deg; `inclination` elsewhere.
-        sigma_tilt: what the estimator predicts, deg; None where it says nothing.
-        sigma_heading: the same of the heading.
+        sigma_tilt: predicted deviation, deg; None without.
+        sigma_heading: the same for the heading.
     """
 
     t_s: Array
@@ -44,7 +44,7 @@ def track_of(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Track:
 
 
 def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, Track]:
-    """The errors of the estimators on board, by name, as far as the flight has them."""
+    """Errors of the estimators on board, by name, as far as recorded."""
     tracks = {}
     if truth.ekf_nb is not None:
         tracks["ekf"] = _recorded_beside(truth, truth.ekf_nb, heard)
@@ -63,7 +63,7 @@ def _estimates(attitudes: Attitudes, boot_us: NDArray[np.int64] | None) -> Estim
 
 
 def _recorded_beside(truth: Truth, ekf_nb: Array, heard: FromAutopilot) -> Track:
-    """The autopilot's estimates that stand in the rows of the truth, while the recording ran."""
+    """The autopilot's estimates in the rows of the truth, while the recording ran."""
     arrived_us, _ = heard.ekf.arrays()
     boot_us = np.array(heard.ekf_boot_us) + EPOCH_US * heard.epochs(arrived_us)
     if not len(boot_us):
@@ -86,16 +86,16 @@ def _since_start_s(heard: FromAutopilot, t_us: NDArray[np.int64]) -> Array:
 
 
 def figures(track: Track, mask: Mask) -> dict[str, Any] | None:
-    """RMS and worst errors, deg, over a part, and how honest the predicted deviations are there.
+    """RMS and worst errors, deg, over a part, and the consistency of the predicted deviations.
 
     Args:
         track: of an estimator.
         mask: (N,) the part.
 
     Returns:
-        None where the part holds nothing. ``nees_*`` is the mean of (error / predicted deviation)
-        squared: 1 for an honest prediction, more where it is too good; ``*_beyond_3_sigma`` is a
-        share of the time.
+        None for an empty part. ``nees_*`` is the mean of (error / predicted deviation) squared: 1
+        for a consistent prediction, more for an optimistic one; ``*_beyond_3_sigma`` is a share of
+        the time.
     """
     if not mask.any():
         return None

@@ -1,8 +1,8 @@
 """The true attitude of a flight: SIMSTATE in the recording, or CSV files beside it.
 
-A CSV file is of one boot of the autopilot and has the columns `t_us` (the autopilot's clock), `q_w`
-... `q_z` (true attitude, body to north-east-down) and, where somebody recorded the autopilot's own
-estimate, `ekf2_q_w` ... `ekf2_q_z` (empty while it has none). Other columns do not matter.
+A CSV file covers one boot of the autopilot and has the columns `t_us` (the autopilot's clock),
+`q_w` ... `q_z` (true attitude, body to north-east-down) and, if recorded, the autopilot's own
+estimate, `ekf2_q_w` ... `ekf2_q_z` (empty while it has none). Other columns are ignored.
 """
 
 import csv
@@ -20,7 +20,7 @@ from h2nav.recordings.reference import FARTHEST_US
 TIME = "t_us"
 ATTITUDE = ("q_w", "q_x", "q_y", "q_z")
 ESTIMATE = tuple(f"ekf2_{name}" for name in ATTITUDE)
-# Boots of the autopilot lie so far apart on the time line of the truth.
+# Offset between boots of the autopilot on the time line of the truth.
 EPOCH_US = 10**14
 
 
@@ -28,10 +28,10 @@ class Truth(NamedTuple):
     """The true attitude over time.
 
     Attributes:
-        name: where it comes from.
+        name: its source.
         t_us: (M,) arrival, or the autopilot's time, see `is_by_arrival`.
         q_nb: (M, 4) body to NED.
-        is_by_arrival: what `t_us` is; the autopilot's time has `EPOCH_US` added for each boot.
+        is_by_arrival: meaning of `t_us`; the autopilot's time has `EPOCH_US` added for each boot.
         ekf_nb: (M, 4) the autopilot's own estimate, NaN where it has none; None without any.
     """
 
@@ -43,10 +43,10 @@ class Truth(NamedTuple):
 
 
 class TruthFile(NamedTuple):
-    """What a CSV file says of one boot.
+    """A CSV file of one boot.
 
     Attributes:
-        t_us: (M,) the autopilot's time, rising.
+        t_us: (M,) the autopilot's time, increasing.
         q_nb: (M, 4) true attitude.
         ekf_nb: (M, 4) the autopilot's estimate, NaN where it has none.
     """
@@ -70,14 +70,14 @@ def truth_paths(recording: Path) -> list[Path]:
 
 
 def truth_of(recording: Path, heard: FromAutopilot) -> tuple[Truth, list[str]]:
-    """The truth of a flight, and what there is to say of it.
+    """The truth of a flight, and remarks.
 
     Args:
         recording: the file.
-        heard: what the recording says.
+        heard: the autopilot's messages.
 
     Raises:
-        BadInput: there is none, or a file of it cannot be used.
+        BadInput: there is none, or a file is not usable.
     """
     paths = truth_paths(recording)
     if heard.truth.t_us:
@@ -107,10 +107,10 @@ def _notes_on_boots(heard: FromAutopilot, files: list[TruthFile]) -> list[str]:
 
 
 def read_truth(path: Path) -> TruthFile:
-    """A CSV file of truth.
+    """Reads a CSV file of truth.
 
     Raises:
-        BadInput: its columns are others, or a row cannot be used.
+        BadInput: it has other columns, or a row is not usable.
     """
     with path.open(encoding="utf-8", errors="replace", newline="") as stream:
         reader = csv.reader(stream)
@@ -140,7 +140,7 @@ def read_truth(path: Path) -> TruthFile:
 
 
 class Pairs(NamedTuple):
-    """Estimates with the true attitude that belongs to them.
+    """Estimates with the true attitude at their times.
 
     Attributes:
         rows: (K,) numbers of the estimates.
@@ -152,11 +152,11 @@ class Pairs(NamedTuple):
 
 
 def pairs(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Pairs:
-    """Each estimate that has a truth near it in time, with the truth at its time.
+    """Pairs each estimate with the truth at its time, where one is near.
 
     Args:
         truth: of the flight.
-        heard: what the recording says.
+        heard: the autopilot's messages.
         estimates: of one estimator.
     """
     t_us = estimates.arrived_us
@@ -168,7 +168,7 @@ def pairs(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Pairs:
     is_near = np.minimum(np.abs(since_us), np.abs(until_us)) <= FARTHEST_US
     gap_us = since_us + until_us
     share = np.clip(since_us / np.maximum(gap_us, 1), 0.0, 1.0)
-    # Nothing is known of the middle of a gap.
+    # The middle of a gap is unknown.
     share = np.where(gap_us > 2 * FARTHEST_US, np.round(share), share)
     q_nb = _between(truth.q_nb[before], truth.q_nb[after], share)
     return Pairs(np.flatnonzero(is_near), q_nb[is_near])

@@ -1,4 +1,4 @@
-"""What `h2nav evaluate observer` tells of the twist observer, by exponent."""
+"""Figures of the twist observer for `h2nav evaluate observer`, by exponent."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ def convergence() -> dict[float, Course]:
 
 
 def document(courses: dict[float, Course]) -> dict[str, Any]:
-    """All figures; a time that never comes is infinite.
+    """All figures; a time that is never reached is infinite.
 
     Args:
         courses: of `convergence`.

@@ -1,7 +1,7 @@
-"""Simulated trials of the twist observer: convergence, noise, and a camera with its faults.
+"""Simulated trials of the twist observer: convergence, noise, and an imperfect camera.
 
-The truth moves with a twist that is constant over each IMU interval, integrated exactly, so that
-no error of the simulation hides the observer's. The motion turns all the while, about all axes.
+The truth moves with a twist that is constant over each IMU interval, integrated exactly, so that no
+error of the simulation hides the observer's. The motion keeps turning about all axes.
 """
 
 import math
@@ -85,7 +85,7 @@ class Course(NamedTuple):
 
 
 def twist(t_s: float) -> tuple[Vec3, Vec3]:
-    """The true body twist (rad/s, m/s): from rest into an unending turn about all axes."""
+    """The true body twist (rad/s, m/s): from rest into a permanent turn about all axes."""
     r = 1.0 - math.exp(-0.5 * t_s)
     return (
         (0.5 * r * math.sin(0.9 * t_s), 0.5 * r * math.cos(0.7 * t_s), 1.1 * r),
@@ -121,7 +121,7 @@ def run(trial: Trial) -> Course:
 
 
 def time_to(course: Course, threshold: float) -> float:
-    """When the bias error falls below a threshold and stays there; inf when it never does."""
+    """Time after which the bias error stays below a threshold; inf if it never does."""
     above = np.flatnonzero(course.bias >= threshold)
     if above.size == 0:
         return 0.0

@@ -1,4 +1,4 @@
-"""The slides' figures drawn from our runs, and where the paper's constant gain is stable."""
+"""The slides' figures drawn from our runs, and the stable region of the paper's constant gain."""
 
 from pathlib import Path
 from typing import Any

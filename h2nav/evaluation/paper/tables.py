@@ -1,4 +1,4 @@
-"""The slides' tables, ours, and the two side by side."""
+"""The slides' tables, ours, and a comparison."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class SlidesRow(NamedTuple):
     min_max_deg: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
-# Case -> our filter -> what the slides say. The lower pitch bound of the EKF in case II is printed
+# Case -> our filter -> the slides' figures. The lower pitch bound of the EKF in case II is printed
 # as "[-1.84000.692]"; it is read as -1.8400, 0.692.
 SLIDES: dict[str, dict[str, SlidesRow]] = {
     "case_1": {
@@ -84,7 +84,7 @@ class Sums(NamedTuple):
 
 
 def tables(assumptions: Assumptions, seeds: int) -> Tables:
-    """Our tables, worked out on all processors."""
+    """Computes our tables, on all processors."""
     tasks = [
         (case, assumptions, range(start, min(start + SEEDS_PER_TASK, seeds)))
         for case in CASES
@@ -135,7 +135,7 @@ def _row(parts: Sequence[Sums]) -> Row:
 
 
 class Comparison(NamedTuple):
-    """One figure of the slides next to ours."""
+    """One figure of the slides beside ours."""
 
     what: str
     slides: float
@@ -148,7 +148,7 @@ class Comparison(NamedTuple):
 
 
 def comparisons(found: Tables, figure: str) -> Iterator[Comparison]:
-    """The slides' RMS ("rms_deg") or extremes ("min_max_deg") next to ours, number by number."""
+    """Pairs the slides' RMS ("rms_deg") or extremes ("min_max_deg") with ours."""
     for case, rows in SLIDES.items():
         for name, row in rows.items():
             theirs = np.ravel(getattr(row, figure)).tolist()

@@ -1,7 +1,7 @@
-"""The source paper's two cases: truth, sensor data of many seeds, and every filter run on them.
+"""The source paper's two cases: truth, sensor data of many seeds, and a run of every filter.
 
-The slides name the sensor, the speed and the size of the motion, no more. What had to be assumed
-stands in `Assumptions` and is printed beside every table.
+The slides give the sensor, the speed and the size of the motion, no more. `Assumptions` holds the
+rest, which is printed beside every table.
 """
 
 import importlib
@@ -40,12 +40,12 @@ DT_S = 1.0 / RATE_HZ
 
 
 class Assumptions(NamedTuple):
-    """Assumptions where the slides do not say.
+    """Assumptions where the slides give no value.
 
     Attributes:
         dip_deg: of the earth's field.
         norm_ut: of the earth's field.
-        run_in_s: the motion lasts so long before the case begins; not scored.
+        run_in_s: length of the motion before the case begins; not scored.
     """
 
     dip_deg: float = 42.0
@@ -64,7 +64,7 @@ class Assumptions(NamedTuple):
 
     @property
     def sensor(self) -> ImuParameters:
-        """The MPU-9250 as the slides' simulation has it: instantaneous samples, steady bias."""
+        """The MPU-9250 as in the slides' simulation: instantaneous samples, steady bias."""
         return MPU_9250._replace(gyro_sampling=GyroSampling.INSTANT, gyro_walk_deg_s_rts=0.0)
 
 
@@ -75,7 +75,7 @@ class Case(NamedTuple):
         key: in the JSON result.
         scenario: name of the motion.
         duration_s: scored length.
-        averaged: adjacent gyro samples are averaged before our filters and the tuned EKF see them.
+        averaged: adjacent gyro samples are averaged for our filters and the tuned EKF.
     """
 
     key: str
@@ -97,12 +97,12 @@ class Trials(NamedTuple):
     Attributes:
         t_us: (N,) times.
         rate: (S, N, 3) gyro as sampled, rad/s.
-        own_rate: (S, N, 3) the gyro samples that our filters take.
+        own_rate: (S, N, 3) the gyro samples for our filters.
         force: (S, N, 3) specific force, m/s^2.
         field: (S, N, 3) magnetic field, microtesla.
         truth: (N, 3) roll, pitch, yaw, rad.
         scored: index of the first sample that counts.
-        assumptions: what the data were made with.
+        assumptions: behind the data.
     """
 
     t_us: Matrix
@@ -123,7 +123,7 @@ class Trials(NamedTuple):
 
 # Runs one filter: name in the results -> (S, N, 3) roll, pitch, yaw in rad.
 Runner = Callable[[Trials], dict[str, Matrix]]
-# Filters with unit weights forget within a second: they need not run in for longer.
+# Filters with unit weights forget within a second: a longer run-in is not needed.
 UNIT_RUN_IN = 20 * RATE_HZ
 
 
@@ -167,10 +167,10 @@ def errors_deg(trials: Trials, estimates: Matrix) -> Matrix:
 
 
 def runners(case: Case) -> dict[str, Runner]:
-    """Every filter that can run here, by its first name in the results.
+    """Every filter that is installed, by its first name in the results.
 
-    The unit-weighted filters always take held gyro samples: a case with averaged samples has their
-    results already.
+    The unit-weighted filters always use held gyro samples: for a case with averaged samples, their
+    results exist already.
     """
     found: dict[str, Runner] = {}
     if case.averaged:
@@ -181,7 +181,7 @@ def runners(case: Case) -> dict[str, Runner]:
 
 
 def _paper(trials: Trials) -> dict[str, Matrix]:
-    """The paper's filter, compared after its step (as its loop does) and before it (prompt)."""
+    """The paper's filter, compared after its step (as in its loop) and before it (prompt)."""
     measured = trials.measured
     late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
     start = max(trials.scored - UNIT_RUN_IN, 0)
@@ -196,7 +196,7 @@ def _paper(trials: Trials) -> dict[str, Matrix]:
 
 
 def _ekf_unit(trials: Trials) -> dict[str, Matrix]:
-    """The EKF with unit matrices, compared as the paper's filter."""
+    """The EKF with unit matrices, compared like the paper's filter."""
     measured = trials.measured
     late, prompt = np.full_like(trials.rate, np.nan), np.full_like(trials.rate, np.nan)
     start = max(trials.scored - UNIT_RUN_IN, 0)
@@ -236,7 +236,7 @@ def _ekf_tuned(trials: Trials) -> dict[str, Matrix]:
 
 
 def densities(assumptions: Assumptions) -> SensorDensities:
-    """The noise that tuned filters are given: the simulated sensor's own."""
+    """The noise for tuned filters: that of the simulated sensor."""
     sensor = assumptions.sensor
     return SensorDensities(
         gyro=sensor.gyro_noise_deg_s_rthz * DEG / math.sqrt(2.0),

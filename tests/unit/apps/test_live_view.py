@@ -129,7 +129,7 @@ def test_where_it_can_be_seen_is_said_once(beside):
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        (LiveSettings("0.0.0.0:80", 0), "live view at http://0.0.0.0:80/, open to whoever"),
+        (LiveSettings("0.0.0.0:80", 0), "live view at http://0.0.0.0:80/, open to all who"),
         (LiveSettings("[::]:0", 9), "live view at http://[::]:80/, Foxglove at ws://[::]:9, open"),
     ],
 )
@@ -228,7 +228,7 @@ def test_a_missing_package_is_named_with_its_extra():
     [
         ({"address": "8080"}, "live.address: '8080' is not HOST:PORT"),
         ({"address": "[::1]:99999"}, "is not HOST:PORT"),
-        ({"address": "127.0.0.1:8765"}, "live.foxglove_port: 8765 is the port of live.address too"),
+        ({"address": "127.0.0.1:8765"}, "live.foxglove_port: 8765 is also the port of live.address"),
         ({"foxglove_port": 65536}, "live.foxglove_port"),
         ({"adress": "127.0.0.1:80"}, "live.adress"),
     ],

@@ -49,5 +49,5 @@ def test_the_ending_says_the_form():
 
 @pytest.mark.parametrize("line", ["hello", "A,b", "\x00\x01"])
 def test_what_is_no_parameter_is_named(line):
-    with pytest.raises(BadInput, match=r"x:2: .*is no parameter"):
+    with pytest.raises(BadInput, match=r"x:2: .*is not a parameter"):
         parameters_of(["COMPASS_OFS_X 5", line], "x")
