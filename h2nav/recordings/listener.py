@@ -1,4 +1,4 @@
-"""What the service gives to its filter, kept by a filter that only listens."""
+"""Records the inputs of the service's filter in place of a filter."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""Trials of what the service gives to its filter in a recording.
+"""Trials from the inputs of the service's filter in a recording.
 
 Message, times, checks, velocities, vehicle state and earth field are those of the daemon. The truth
 is SIMSTATE or otherwise ATTITUDE, which is only another estimate; both from true north.

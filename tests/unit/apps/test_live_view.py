@@ -228,7 +228,10 @@ def test_a_missing_package_is_named_with_its_extra():
     [
         ({"address": "8080"}, "live.address: '8080' is not HOST:PORT"),
         ({"address": "[::1]:99999"}, "is not HOST:PORT"),
-        ({"address": "127.0.0.1:8765"}, "live.foxglove_port: 8765 is also the port of live.address"),
+        (
+            {"address": "127.0.0.1:8765"},
+            "live.foxglove_port: 8765 is also the port of live.address",
+        ),
         ({"foxglove_port": 65536}, "live.foxglove_port"),
         ({"adress": "127.0.0.1:80"}, "live.adress"),
     ],
