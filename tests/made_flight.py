@@ -242,7 +242,7 @@ def made_crash():
     pwm_us = np.where(throttle[:, None] > 0.0, 1000.0 + 1000.0 * share, 1000.0)
     lost = Finding(
         Kind.LOSS_OF_CONTROL, Sensor(SensorKind.VEHICLE), Severity.ERROR, 100.0, 104.0, 55.0,
-        "deg", "pitch -60 deg where -5 was asked", "motor 1 at its limit from 99.5 s on",
+        "deg", "pitch -60 deg where -5 was demanded", "motor 1 at its limit from 99.5 s on",
         id="loss_of_control.vehicle.1",
     )  # fmt: skip
     crash = Finding(

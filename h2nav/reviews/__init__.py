@@ -1,1 +1,1 @@
-"""The flight review: one flight as a whole, what was wrong in it, and a page that shows it."""
+"""The flight review: analyses a flight as a whole, and shows the findings on a page."""

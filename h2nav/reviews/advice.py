@@ -1,8 +1,8 @@
-"""Which section of pictures shows a kind of finding; what it means stands in `integrity.kinds`."""
+"""The section of pictures that shows each kind of finding; `integrity.kinds` has the meaning."""
 
 from h2nav.integrity.findings import Kind
 
-# Those of no section are shown by the time line.
+# Kinds without a section are shown on the time line.
 SECTIONS = {
     "timing": (
         Kind.ACCELEROMETER_FROZEN,

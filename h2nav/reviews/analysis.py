@@ -1,4 +1,4 @@
-"""The findings that only a whole flight shows, and what they were read from."""
+"""Findings that only a whole flight shows, with the data they were derived from."""
 
 from typing import NamedTuple
 
@@ -35,11 +35,11 @@ from h2nav.reviews.tracks import (
     Vibration,
 )
 
-# Recordings of streams, whose messages have rhythms of their own.
+# Recordings of streams, whose messages arrive at rhythms of their own.
 TELEMETRY = ("tlog", "mcap")
-# Raw bytes came at times that nobody wrote down; only the stamps inside them are real.
+# Raw bytes have no recorded times of arrival; only the stamps inside them are real.
 WITHOUT_TIMES = "bytes"
-# A vehicle that turns over on its way to the ground is not what attitudes are judged by.
+# Attitudes are not judged while the vehicle turns over on its way to the ground.
 BEFORE_IMPACT_S = 2.0
 AT_REST = {
     Kind.GYRO_BIAS: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
@@ -49,11 +49,11 @@ AT_REST = {
 
 
 class Analysis(NamedTuple):
-    """What `analyse` returns; the tracks are for pictures.
+    """The result of `analyse`; the tracks are for pictures.
 
     Attributes:
-        findings: of the whole flight only, in the order of their times. Those of the checks in
-            flight stand in `Flight.findings`.
+        findings: of the whole flight, in the order of their times; those of the checks in flight
+            are in `Flight.findings`.
         spectra: gyro and accelerometer of each IMU.
         vibrations: one per IMU.
         fields: one per compass.
@@ -62,9 +62,9 @@ class Analysis(NamedTuple):
         timings: one per IMU.
         receivers: one per receiver.
         impacts: crashes and hard landings, in order.
-        rests: while it stood still, by the number of the IMU, from 0.
-        misjudged: ids of findings of the checks in flight that blame autopilot or receiver where
-            our own attitude is wrong.
+        rests: windows at rest, by the number of the IMU, from 0.
+        misjudged: ids of findings in flight that blame autopilot or receiver where h2nav's own
+            attitude is wrong.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -81,8 +81,8 @@ class Analysis(NamedTuple):
 
 
 def analyse(flight: Flight) -> Analysis:
-    """Looks at a whole flight."""
-    # A ground station that records nothing has a link that does not carry it.
+    """Analyses a whole flight."""
+    # A gap in a ground station's recording is a link problem.
     is_own_log = flight.kind not in (*TELEMETRY, WITHOUT_TIMES)
     paused = pauses(flight.context) if is_own_log else ()
     context = flight.context._replace(armed=without(flight.context.armed, paused))
@@ -108,12 +108,12 @@ def analyse(flight: Flight) -> Analysis:
     rests = {track.imu: rest_of(track, context) for track in slow}
     blows, found = _of_vehicle(context, tracks, first)
     found += look_at_dead(dead)
-    # After a crash neither sensors nor attitudes are those of a flight.
+    # After a crash, sensors and attitudes do not represent a flight.
     crashed = [Span(b.t_s - BEFORE_IMPACT_S, b.to_s, "crashed") for b in blows if b.is_crash]
     context = context._replace(armed=without(context.armed, crashed))
     biases, own = look_at_biases(slow, best, context.armed, flight.findings)
     at_rest = [one for track in slow for one in look_at_rest(rests[track.imu], track.imu)]
-    # What standing still shows needs no attitude, and is the surer one.
+    # Evidence at rest needs no attitude, and is more reliable.
     known = {(kind, one.sensor) for one in at_rest for kind in AT_REST.get(one.kind, ())}
     found += [*at_rest, *(one for one in own if (one.kind, one.sensor) not in known)]
     fields, fits = [], []
@@ -139,7 +139,7 @@ def analyse(flight: Flight) -> Analysis:
             if len(alive) == 1:
                 own, steps = _undecided(own, steps), []
             elif first is not None and any(first.imu + 1 in s.sensor.numbers for s in steps):
-                # A receiver is not to be judged by an accelerometer that was wrong.
+                # A wrong accelerometer must not judge a receiver.
                 first = next(t for t in alive if t.imu != first.imu)
                 receiver, own = look_at_receiver(fixes, context, first, best, is_polled=is_polled)
             found += steps
@@ -169,7 +169,7 @@ def _acquitted(
     best: Attitudes | None,
     rest: Rest,
 ) -> list[Finding]:
-    """Velocities that the checks in flight blame, and that fit with another heading of ours."""
+    """Velocities blamed in flight that fit with another heading of ours."""
     blamed = [one for one in flight.findings if one.kind is Kind.GPS_VELOCITY]
     moves = [moves_of(_fixes(gps)) for gps in context.gps[:1]]
     if not blamed or track is None or best is None or not moves or len(moves[0].t_s) < 2:
@@ -181,7 +181,7 @@ def _acquitted(
 def _of_vehicle(
     context: Context, tracks: tuple[ImuTrack, ...], first: ImuTrack | None
 ) -> tuple[list[Impact], list[Finding]]:
-    """What happened to the vehicle: by force and rate of the soundest IMU, outputs and demands."""
+    """Findings on the vehicle: by force and rate of the soundest IMU, outputs and demands."""
     found = [*look_at_supply(context), *look_at_texts(context)]
     track = next((one for one in tracks if first is not None and one.imu == first.imu), None)
     if track is None:
@@ -203,9 +203,9 @@ def _without_field(track: ImuTrack) -> ImuTrack:
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
-    """The receiver's findings, with the jumps of a single accelerometer that explain them as well.
+    """The receiver's findings, with single accelerometer jumps as an alternative explanation.
 
-    Alone, a jump is not told: without another IMU, too much else looks like one.
+    Such a jump is not reported by itself: without another IMU, it has too many other explanations.
     """
     told = []
     for one in found:
@@ -225,7 +225,7 @@ def _of_samples(
     armed: tuple[Span, ...],
     paused: tuple[Span, ...],
 ) -> Analysis:
-    """What the samples alone show."""
+    """Findings from the samples alone."""
     found: list[Finding] = []
     timings, vibrations = [], []
     found += look_at_pauses(paused)
@@ -251,7 +251,7 @@ def _is_told(flight: Flight, track: ImuTrack) -> bool:
 
 
 def _soundest(flight: Flight, tracks: tuple[ImuTrack, ...]) -> ImuTrack | None:
-    """The IMU that the checks in flight found wrong for the shortest time."""
+    """The IMU with the shortest time of faults in flight."""
 
     def wrong_s(track: ImuTrack) -> float:
         imu = Sensor(SensorKind.IMU, track.imu + 1)
@@ -261,17 +261,17 @@ def _soundest(flight: Flight, tracks: tuple[ImuTrack, ...]) -> ImuTrack | None:
 
 
 def _stamped(track: ImuTrack) -> ImuTrack:
-    """Samples at the times of their own stamps."""
+    """Samples with their own stamps as times."""
     return _in_order(track._replace(t_s=(track.stamp_us - track.stamp_us[0]) * 1e-6))
 
 
 def _in_order(track: ImuTrack) -> ImuTrack:
-    """Samples whose times increase."""
+    """Samples with increasing times."""
     return _part(track, np.diff(track.t_s, prepend=-np.inf) >= 0.0)
 
 
 def _numbers(track: ImuTrack) -> ImuTrack:
-    """Samples of a gyro and an accelerometer: all zero is what a compass without an IMU shows."""
+    """Samples of gyro and accelerometer: zeros throughout come from a compass without an IMU."""
     ones = np.ones(3)
     good = np.isfinite(track.w_b @ ones + track.f_b @ ones) & (np.abs(track.f_b) @ ones > 0.0)
     return _part(track, good)
@@ -290,7 +290,7 @@ def _part(track: ImuTrack, rows: Mask) -> ImuTrack:
 
 
 def _fixes(gps: GpsTrack) -> GpsTrack:
-    """Fixes whose times increase."""
+    """Fixes with increasing times."""
     rows = np.diff(gps.t_s, prepend=-np.inf) > 0.0
     return gps._replace(
         t_s=gps.t_s[rows],

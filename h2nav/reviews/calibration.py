@@ -1,4 +1,4 @@
-"""The section of a review that says what could be set better, with a file to save."""
+"""The section of a review with suggested calibrations and a file to save."""
 
 from typing import Any
 from urllib.parse import quote
@@ -9,7 +9,7 @@ HEADS = ("parameter", "in use", "better", "deviation")
 
 
 def calibration_section(told: dict[str, Any]) -> str:
-    """The section; empty where nothing was looked at.
+    """The section; empty if nothing was examined.
 
     Args:
         told: the ``calibration`` of the document.
@@ -56,7 +56,7 @@ def _figure(value: float | None) -> str:
 
 
 def _file(told: dict[str, Any]) -> str:
-    """What is to be loaded: to be saved, or to be copied."""
+    """The parameters to load: to save, or to copy."""
     text = told.get("file", "")
     if not text:
         return ""

@@ -1,4 +1,4 @@
-"""The findings of a review as HTML: a cause as a card, what follows from it folded beneath."""
+"""The findings of a review as HTML: causes as cards, with their consequences folded beneath."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,22 +8,22 @@ from h2nav.reviews.advice import place
 from h2nav.reviews.html import escape
 from h2nav.reviews.pictures.timeline import MOMENTS
 
-# As `h2nav.reviews.document` tells it.
+# In the form of `h2nav.reviews.document`.
 Told = dict[str, Any]
-# Causes that are seen at once; the first one with all that is said of it.
+# Causes shown at once; the first one unfolded.
 MOST_SHOWN, MOST_LISTED, MOST_MOMENTS = 6, 200, 3
 
 
 def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
-    """Causes in the order that is given, notes folded below them.
+    """Causes in the given order, with notes folded below them.
 
     Args:
-        findings: the worst first; what has a first cause among them stands beneath it.
-        opens_first: the first one with all that is said of it.
+        findings: worst first; one with a first cause among them goes beneath it.
+        opens_first: unfold the first one.
     """
     followers = _followers(findings)
     followed = {one["id"] for some in followers.values() for one in some}
-    # A cause comes as early as the worst that it led to.
+    # A cause ranks with the worst of its consequences.
     place_of = {one["id"]: number for number, one in reversed(list(enumerate(findings)))}
     causes = sorted(
         (one for one in findings if one["id"] not in followed),
@@ -55,7 +55,7 @@ def counted(number: int, what: str) -> str:
 
 
 def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
-    """Id of a first cause -> what follows from it, in order of time."""
+    """Id of a first cause -> its consequences, in order of time."""
     first = {one["id"]: one["consequence_of"] for one in findings}
     followers: dict[str, list[Told]] = {}
     for one in sorted(findings, key=lambda one: float(one["from_s"])):
@@ -66,7 +66,7 @@ def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
 
 
 def _grouped(causes: Iterable[Told], followers: dict[str, list[Told]]) -> list[list[Told]]:
-    """What comes again and again, and leads to nothing, with the first of its kind."""
+    """Groups repeated findings without consequences under the first of their kind."""
     groups: list[list[Told]] = []
     repeated: dict[tuple[str, str], list[Told]] = {}
     for one in causes:
@@ -87,7 +87,7 @@ def _list(
     *,
     opens_first: bool = False,
 ) -> str:
-    """Cards, each of the first of a group, with the others folded in it."""
+    """Cards, each for the first of a group, with the others folded inside."""
     items = [
         _card(first, more, followers.get(first["id"], ()), is_open=opens_first and number == 0)
         for number, (first, *more) in enumerate(groups)
@@ -100,7 +100,7 @@ def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_
     is_named = finding["sensor"]["kind"] == SensorKind.VEHICLE or source.lower() in text.lower()
     if not is_named:
         text = f"{source}: {text}"
-    # A size without a unit counts what the text counts too.
+    # A size without a unit repeats a number in the text.
     unit = finding["unit"].replace("m/s^2", "m/s²").replace("m/s2", "m/s²")
     size = f"{_figure(finding['size'])} {unit}" if unit and finding["size"] else ""
     folded = [_why(finding, is_open=is_open)]
@@ -120,7 +120,7 @@ def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_
 
 
 def _led_to(followers: Sequence[Told]) -> str:
-    """The moments among them by name, the others by their number."""
+    """Names the moments among them and counts the others."""
     moments = [one for one in followers if one["kind"] in MOMENTS][:MOST_MOMENTS]
     named = [f"{MOMENTS[one['kind']]} at {one['from_s']:.1f} s" for one in moments]
     rest = len(followers) - len(moments)
@@ -134,7 +134,7 @@ def _severity(finding: Told) -> Severity:
 
 
 def _why(finding: Told, *, is_open: bool) -> str:
-    """What it means, what shows it, what to check."""
+    """Meaning, evidence, and what to check."""
     lines = (("means", "means"), ("shown by", "evidence"), ("check", "check"))
     shown = "".join(
         f'<span class="line"><i>{name}:</i> {escape(finding[key])}</span>'

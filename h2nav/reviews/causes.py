@@ -1,4 +1,4 @@
-"""Which finding follows from which."""
+"""Chains of causes between findings."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,7 +6,7 @@ from h2nav.integrity.findings import Finding
 
 
 def first_causes(findings: Sequence[Finding]) -> Mapping[str, str | None]:
-    """Id -> id of the finding at the beginning of its chain; None for one without a cause."""
+    """Id -> id of the first cause in its chain; None for a finding without a cause."""
     causes = {one.id: one.cause for one in findings}
     found: dict[str, str | None] = {}
     for one in findings:

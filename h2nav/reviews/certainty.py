@@ -1,23 +1,23 @@
-"""How sure we are of our attitude, and what it was compared with and when."""
+"""Uncertainty of our attitude, and the tests that it underwent."""
 
 import numpy as np
 
 from h2nav.recordings.context import Array, Span
 from h2nav.reviews.flight import Flight, Ratios
 
-# What a group of test ratios (`h2nav.integrity.ratios`) compares, by the beginning of their names.
+# Comparison made by a group of test ratios (`h2nav.integrity.ratios`), by name prefix.
 GROUPS = {
     "velocity": "attitude by GPS velocity",
     "force": "attitude by gravity",
     "field": "compass by attitude",
     "turn": "gyro by compass",
 }
-# Ratios come once a second, fixes as often or more; a longer time between two is a break.
+# Ratios come once a second, fixes as often or more; a longer interval is a gap.
 LONGEST_STEP_S = 2.5
 
 
 def ratio_of(ratios: Ratios, group: str) -> Array:
-    """(N,) the worst ratio of a group, NaN where none has a figure."""
+    """(N,) the worst ratio of a group, NaN without any."""
     columns = [k for k, name in enumerate(ratios.names) if name.startswith(group)]
     if not columns or len(ratios.t_s) == 0:
         return np.full(len(ratios.t_s), np.nan)
@@ -27,7 +27,7 @@ def ratio_of(ratios: Ratios, group: str) -> Array:
 
 
 def aids(flight: Flight) -> dict[str, tuple[Span, ...]]:
-    """When our attitude was tested against what: group of `GROUPS` -> spans."""
+    """Spans during which our attitude was tested, by group of `GROUPS`."""
     ratios = flight.ratios
     return {
         group: stretches(ratios.t_s[~np.isnan(ratio_of(ratios, group))], "tested")
@@ -36,7 +36,7 @@ def aids(flight: Flight) -> dict[str, tuple[Span, ...]]:
 
 
 def stretches(t_s: Array, name: str) -> tuple[Span, ...]:
-    """Spans of this name over times that follow each other closely."""
+    """Spans of this name over closely spaced times."""
     if len(t_s) == 0:
         return ()
     breaks = np.flatnonzero(np.diff(t_s) > LONGEST_STEP_S)
@@ -48,5 +48,5 @@ def stretches(t_s: Array, name: str) -> tuple[Span, ...]:
 
 
 def covered_s(spans: tuple[Span, ...]) -> float:
-    """How long they last together."""
+    """Total length of spans."""
     return sum(span.to_s - span.from_s for span in spans)

@@ -1,10 +1,10 @@
-"""Cause before consequence: which findings follow from which, and which are of our own attitude.
+"""Links causes and consequences, and separates findings about h2nav's own attitude.
 
 Three rules, in the order of time. What begins within seconds after an impact, or while the vehicle
-lies there, follows from it. What comes before an impact or a loss of control, and can cause it, is
-its cause. And a sensor that is known to be wrong all along explains what is made of it.
+lies there, is its consequence. What comes before an impact or a loss of control, and can cause it,
+is its cause. And a sensor known to be wrong explains the findings derived from it.
 
-What only our own attitude says of itself stands apart: it is no fault of the vehicle.
+Findings about our own attitude stand apart: they are no fault of the vehicle.
 """
 
 from collections.abc import Iterable
@@ -15,17 +15,17 @@ from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.gathering import all_findings
 
-# Autopilots notice a crash within 2 s, their estimators fail a little later.
+# Autopilots detect a crash within 2 s, their estimators fail a little later.
 AFTER_IMPACT_S = 10.0
-# A loss of control shortly before an impact leads to it; what fails shortly before it led to that.
+# A loss of control shortly before an impact causes it; a failure shortly before that caused it.
 LEADS_S, MOTOR_LEADS_S, SENSOR_LEADS_S = 12.0, 5.0, 20.0
 SLACK_S = 0.5
-# A gyro that is off by more leads every attitude astray (deg/s).
+# A larger gyro error leads every attitude astray (deg/s).
 LEADS_ASTRAY_DEG_S = 5.0
 
-# What our own attitude, or the tests that lean on it, say: no fault of the vehicle by itself.
+# Findings about our attitude, or from tests that depend on it: no fault of the vehicle in itself.
 OWN = frozenset({Kind.ATTITUDE_VELOCITY, Kind.ATTITUDE_GRAVITY, Kind.GYRO_FIELD})
-# What holds by itself, whenever it begins.
+# Independent findings, whenever they begin.
 ROOTS = frozenset(
     {
         Kind.CRASH,
@@ -51,7 +51,7 @@ ATTITUDES = (
     Kind.SAID_EKF_FAILED,
     Kind.SAID_SENSOR,
 )
-# What follows from a sensor that is wrong all along, of the whole vehicle or of the same number.
+# Consequences of a sensor that is wrong throughout, of the whole vehicle or of the same number.
 FOLLOWS: dict[Kind, tuple[Kind, ...]] = {
     Kind.GYRO_BIAS: (*ATTITUDES, Kind.LOSS_OF_CONTROL, Kind.AUTOPILOT_CRASH_CHECK, Kind.GYRO_APART),
     Kind.ACCELEROMETER_SCALE: (
@@ -89,7 +89,7 @@ FOLLOWS: dict[Kind, tuple[Kind, ...]] = {
         Kind.GPS_VELOCITY,
     ),
 }
-# What a motor that fails, or control that is lost, draws after it until the end.
+# Consequences of a failed motor or a loss of control, until the end.
 UPSET = (
     *ATTITUDES,
     Kind.BARO,
@@ -103,7 +103,7 @@ UPSET = (
     Kind.SAID_FAILSAFE,
     Kind.VIBRATION,
 )
-# What can make a vehicle lose control, the surest first; then what can bring it down.
+# Causes of a loss of control, most certain first; then causes of a crash.
 LOSES_CONTROL = (
     Kind.MOTOR_FAILED,
     Kind.GYRO_FROZEN,
@@ -118,11 +118,11 @@ BRINGS_DOWN = (*LOSES_CONTROL, Kind.BATTERY)
 
 
 class Chain(NamedTuple):
-    """The findings of a review in the order in which they are told.
+    """The findings of a review in the order of presentation.
 
     Attributes:
-        findings: crashes first, then the worst; each with the id of what it follows from.
-        own: ids of those that our own attitude says of itself.
+        findings: crashes first, then worst first; each with the id of its cause.
+        own: ids of those about h2nav's own attitude.
     """
 
     findings: tuple[Finding, ...]
@@ -130,14 +130,14 @@ class Chain(NamedTuple):
 
 
 def chain(flight: Flight, analysis: Analysis) -> Chain:
-    """Puts causes before consequences."""
+    """Links causes and consequences."""
     found = list(all_findings(flight, analysis))
     crashes = [one for one in found if one.kind is Kind.CRASH]
     linked = [_linked(one, found, crashes) for one in found]
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
     shown = [
-        # An attitude that a wrong gyro led astray leaves every demand, on a bench as well.
+        # An attitude led astray by a wrong gyro leaves every demand, also on a bench.
         _lowered(one)
         if one.id in own or (one.kind is Kind.LOSS_OF_CONTROL and one.cause in biased)
         else one
@@ -147,7 +147,7 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
 
 
 def _order(one: Finding) -> tuple[object, ...]:
-    """Crashes, what led to them, then by severity; what follows from something after the rest."""
+    """Sort key: crashes, their causes, then by severity; consequences after the rest."""
     rank = {Kind.CRASH: 0, Kind.LOSS_OF_CONTROL: 1}.get(one.kind, 2)
     return rank, one.severity, one.cause is not None, one.from_s, one.kind
 
@@ -179,7 +179,7 @@ def _cause(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findin
 
 
 def _follows_impact(one: Finding, crash: Finding) -> bool:
-    """Begins after the impact, at most some seconds or while it still lies there armed."""
+    """Whether it begins seconds after the impact, or while the vehicle still lies there armed."""
     until_s = max(crash.from_s + AFTER_IMPACT_S, crash.to_s)
     if one.kind in (Kind.LOSS_OF_CONTROL, Kind.MOTOR_FAILED):
         return crash.from_s < one.from_s <= until_s
@@ -187,7 +187,7 @@ def _follows_impact(one: Finding, crash: Finding) -> bool:
 
 
 def _upset(one: Finding, found: list[Finding], crashes: list[Finding]) -> Finding | None:
-    """What began after a motor failed, or control was lost, until the crash."""
+    """Whether it began between a motor failure or loss of control and the crash."""
     if one.kind not in UPSET:
         return None
     for kind in (Kind.MOTOR_FAILED, Kind.LOSS_OF_CONTROL):
@@ -200,7 +200,7 @@ def _upset(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findin
 
 
 def _explained(one: Finding, found: list[Finding]) -> Finding | None:
-    """A sensor that was wrong already, and explains it; the kinds in their order."""
+    """A wrong sensor that explains it; by order of the kinds."""
     kinds = [kind for kind, follow in FOLLOWS.items() if one.kind in follow]
     candidates = [other for kind in kinds for other in found if other.kind is kind]
     for other in candidates:
@@ -215,7 +215,7 @@ def _explained(one: Finding, found: list[Finding]) -> Finding | None:
 
 
 def _reason(one: Finding, found: list[Finding], kinds: tuple[Kind, ...]) -> Finding | None:
-    """The surest kind that began, or went on, shortly before."""
+    """The most certain cause that began, or went on, shortly before."""
     for kind in kinds:
         lead_s = MOTOR_LEADS_S if kind in (Kind.MOTOR_FAILED, Kind.MOTOR_SATURATED) else LEADS_S
         known = _latest(found, (kind,), one.from_s, lead_s)
@@ -239,7 +239,7 @@ def _latest(
 
 
 def _is_own(one: Finding, found: list[Finding], analysis: Analysis) -> bool:
-    """Whether it says something of our attitude alone."""
+    """Whether it concerns our attitude alone."""
     if one.id in analysis.misjudged:
         return True
     cause = next((other for other in found if other.id == one.cause), None)
@@ -247,5 +247,5 @@ def _is_own(one: Finding, found: list[Finding], analysis: Analysis) -> bool:
         return True
     if one.kind is not Kind.ATTITUDE_GRAVITY:
         return one.kind in OWN
-    # A sensor that is known to be wrong makes it one of the vehicle.
+    # A sensor known to be wrong makes it a finding about the vehicle.
     return cause is None or cause.sensor.kind not in (SensorKind.IMU, SensorKind.GYRO)

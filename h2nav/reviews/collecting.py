@@ -1,4 +1,4 @@
-"""What the service said during a flight, kept for its review."""
+"""Collects the service's output during a playback for the review."""
 
 from array import array
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message
 
 _ROW = 10  # time, attitude 4, bias 3, deviations 2
-# What an attitude rests on, besides the gyro and gravity, which it always does.
+# Aids of the attitude besides gyro and gravity, which are always used.
 HOLDING = {
     "velocity": Trust.VELOCITY_USED,
     "compass": Trust.FIELD_USED,
@@ -27,13 +27,13 @@ HOLDING = {
 
 
 class EstimateRows:
-    """Estimates as they come, as plain numbers."""
+    """Estimates as rows of plain numbers."""
 
     def __init__(self) -> None:
         self._rows = array("d")
 
     def add(self, t_s: float, estimate: AttitudeEstimate) -> None:
-        """Keeps one of a sample that came at this time of the recording."""
+        """Stores an estimate of a sample that arrived at this time of the recording."""
         sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
         self._rows.extend((t_s, *estimate.q_nb, *estimate.bias_b, *sigmas))
 
@@ -46,12 +46,12 @@ class EstimateRows:
 
 
 class Collector:
-    """Looks on while a recording is played; all times are s since its beginning.
+    """Observes a playback; all times are s since its beginning.
 
     Attributes:
-        notices: time, severity's name, text.
+        notices: time, name of the severity, text.
         start_ns: host time of the first arrival.
-        end_ns: of the newest one.
+        end_ns: of the newest arrival.
     """
 
     message_ids: frozenset[int] = frozenset()
@@ -72,27 +72,27 @@ class Collector:
     # --- what the pipeline tells --------------------------------------------------------------
 
     def arrives(self, t_ns: int) -> None:
-        """Something arrives at this host time."""
+        """Sets the host time of an arrival."""
         if not self._began:
             self._began = True
             self.start_ns = t_ns
         self.end_ns = t_ns
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        """None is asked for."""
+        """Not called."""
 
     def message(self, t_ns: int, message: Message) -> None:
-        """What a log says is in its context."""
+        """Ignores events: the context has them."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
-        """Keeps an estimate."""
+        """Stores an estimate."""
         t_s = self._since_start_s(t_ns)
         self._t_s.append(t_s)
         self._trust.append(int(estimate.trust))
         self._estimates.add(t_s, estimate)
 
     def record(self, t_ns: int, topic: str, record: object) -> None:
-        """Keeps what the pictures show."""
+        """Stores the records for pictures."""
         t_s = self._since_start_s(t_ns)
         match record:
             case InnovationRatios():
@@ -106,14 +106,14 @@ class Collector:
                 self._fields.append((t_s, record))
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
-        """Keeps a notice."""
+        """Stores a notice."""
         self.notices.append((self._since_start_s(t_ns), severity.word, text))
 
     # --- what is made of it -------------------------------------------------------------------
 
     @property
     def duration_s(self) -> float:
-        """Of the recording so far."""
+        """Length of the recording so far."""
         return (self.end_ns - self.start_ns) * 1e-9
 
     def estimates(self) -> Estimates | None:
@@ -121,13 +121,13 @@ class Collector:
         return self._estimates.estimates()
 
     def ratios(self) -> Ratios:
-        """All so far."""
+        """All ratios so far."""
         names = InnovationRatios._fields
         values = np.array(self._ratios, dtype=np.float64).reshape(-1, len(names))
         return Ratios(np.array(self._ratios_s), names, values)
 
     def earth(self) -> EarthFields:
-        """The field model wherever it was asked."""
+        """The field model at every place where it was evaluated."""
         rows = [
             (t_s, field.field_norm_ut, field.field_dip_deg, field.declination_deg)
             for t_s, field in self._fields
@@ -140,7 +140,7 @@ class Collector:
         return _spans(self._states, self.duration_s)
 
     def held(self) -> tuple[Span, ...]:
-        """What held the attitude when."""
+        """The aids of the attitude over time."""
         t_s, trust = np.array(self._t_s), np.array(self._trust)
         return tuple(
             span
@@ -149,12 +149,12 @@ class Collector:
         )
 
     def lanes(self) -> tuple[Span, ...]:
-        """Which IMU was sent; empty where there was one only."""
+        """The IMU that was sent; empty if there was only one."""
         names = [(t_s, Sensor(SensorKind.IMU, imu).name) for t_s, imu in self._lanes]
         return _spans(names, self.duration_s)
 
     def sent_s(self) -> dict[int, float]:
-        """How long each IMU was sent, by its number from 1; empty where there was one only."""
+        """How long each IMU was sent, by its number from 1; empty if there was only one."""
         ends = [*(t_s for t_s, _ in self._lanes[1:]), self.duration_s]
         found: dict[int, float] = {}
         for (from_s, imu), to_s in zip(self._lanes, ends, strict=False):
@@ -170,12 +170,12 @@ def _spans(found: list[tuple[float, str]], end_s: float) -> tuple[Span, ...]:
 
 
 def most_trusted(findings: Sequence[Finding], sent_s: Mapping[int, float]) -> int:
-    """Number of the IMU, from 0 in the order of the lanes, of which least was found to be wrong.
+    """Number of the IMU, from 0 in the order of the lanes, with the fewest faults.
 
     Args:
         findings: of the flight.
-        sent_s: how long each IMU was sent, by its number from 1; the one that was sent longest is
-            taken where others are no better.
+        sent_s: how long each IMU was sent, by its number from 1; among equals, the one sent longest
+            wins.
     """
     if not sent_s:
         return 0

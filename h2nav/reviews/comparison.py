@@ -1,4 +1,4 @@
-"""The autopilot's estimators, and a truth, against our best attitude."""
+"""The autopilot's estimators and the truth compared with our best attitude."""
 
 from typing import NamedTuple
 
@@ -12,15 +12,15 @@ from h2nav.reviews.inertial import Attitudes, best_attitude
 
 
 class Difference(NamedTuple):
-    """One attitude less ours.
+    """Another attitude minus ours.
 
     Attributes:
-        name: whose it is.
-        is_truth: a simulator's, so that what differs is our error.
+        name: of the other attitude.
+        is_truth: from a simulator, so that the difference is our error.
         t_s: (N,).
         tilt_rad: (N,) angle between the verticals; NaN where we have no estimate.
-        heading_rad: (N,) the other heading less ours, -pi to pi.
-        tilt_limit_rad: (N,) three deviations of both together; NaN where ours has none.
+        heading_rad: (N,) the other heading minus ours, -pi to pi.
+        tilt_limit_rad: (N,) three deviations of both together; NaN if ours is unknown.
         heading_limit_rad: (N,) the same.
     """
 
@@ -34,7 +34,7 @@ class Difference(NamedTuple):
 
 
 def differences(flight: Flight) -> tuple[Difference, ...]:
-    """Of every estimator of the autopilot, and of the truth last; none without an estimate."""
+    """Differences of every estimator of the autopilot, the truth last; none without an estimate."""
     ours = best_attitude(flight)
     if ours is None or len(ours.t_s) < 2:
         return ()

@@ -1,10 +1,10 @@
-"""Compasses against the World Magnetic Model: hard iron, scale, motors, magnets that come and go.
+"""Compasses against the World Magnetic Model: hard iron, scale, motors, changing magnets.
 
-Two views of the same field. By the best attitude the earth's field in the body is known, and what
-is measured besides is the vehicle's own: its steps tell of magnets, its rms per heading of
-residuals. A hard iron that was there from the start may have turned that attitude's heading,
-though; so offset, scale and motors are fitted without any heading: by the field's strength, and by
-its part along the vertical, which gravity shows.
+Two views of the same field. With the best attitude the earth's field in the body is known, and the
+rest is the vehicle's own: its steps show magnets, its rms per heading the residuals. A hard iron
+present from the start may have turned that attitude's heading, though; so offset, scale and motors
+are fitted without any heading: by the field's strength, and by its component along the vertical,
+which gravity shows.
 """
 
 import math
@@ -24,7 +24,7 @@ from h2nav.reviews.tracks import CompassFit, Field
 MOST_POINTS = 2000
 MOST_ROWS = 4000
 SECTORS = 16
-# Headings that a fit needs: a third of a circle, each for so much of the time.
+# Headings that a fit needs: a third of a circle, each for this long.
 FEWEST_SECTORS, LEAST_SHARE = 5, 0.005
 ROW_S = 0.2
 FEWEST_ROWS = 50
@@ -33,40 +33,40 @@ FASTEST_RAD_S = 90.0 * DEG
 SURE_TILT_RAD = 6.0 * DEG
 # A calibrated compass: 7 % of the norm and 3 deg, which is 5 % (integrity.field_windows).
 USUAL_SHARE = 0.07
-# Told from here on: 10 deg of heading at worst, by the horizontal field; EKF3 and EKF2 begin to
-# refuse the field there.
+# Reported from here on: 10 deg of heading at worst, by the horizontal field; EKF3 and EKF2 begin to
+# reject the field there.
 HEADING_TOLD_RAD = 10.0 * DEG
-# Arming needs 185 to 875 mG (ArduPilot); a scale off by 15 % is beyond calibration (0.7 to 1.3
+# Arming requires 185 to 875 mG (ArduPilot); a scale error of 15 % is beyond calibration (0.7 to 1.3
 # are COMPASS_SCALE's ends, 1.1 the usual one for soft iron).
 SCALE_TOLD = 0.15
-# A fit has to be so many of its own deviations from nothing, and to leave so much less.
+# A parameter must be this many deviations from zero, and reduce the residuals by this much.
 SURE = 5.0
 BETTER = 0.7
 ROUNDS = 12
 LEAST_NOISE_SHARE = 0.015
-# What is expected: offsets of a vehicle's own parts, a compass's soft iron.
+# Usual sizes: offsets of a vehicle's own parts, a compass's soft iron.
 OFFSET_UT = 60.0
 SOFT = 0.1
 # Motors: compassmot calls up to 30 % of the earth's field at full throttle good, above 60 % bad.
 MOTOR_SHARE, MOTOR_BAD_SHARE = 0.3, 0.6
-# Change of throttle within the flight that shows them, between the 5th and the 95th percentile.
+# Required change of throttle in flight, between the 5th and the 95th percentile.
 THROTTLE_SPREAD = 0.15
 THROTTLE_BINS = 8
-# A magnet that comes or goes: so much of the earth's field, on both sides for 6 s of rows, the
-# most of it within 2 s.
+# A magnet that comes or goes: this share of the earth's field, with 6 s of rows on both sides, most
+# of the change within 2 s.
 STEP_SHARE = 0.12
 STEP_ROWS = 30
 SUDDEN_ROWS, SUDDEN_SHARE = 5, 0.5
 MOST_STEPS = 8
-# The part of the flight that stands for all of it is at least so long.
+# Least length of the part that represents the flight.
 USUAL_S = 15.0
-# A step so soon after arming may be the take-off.
+# A step this soon after arming may be the take-off.
 AROUND_S = 12.0
 MG_PER_UT = 10.0
 
 
 class Rows(NamedTuple):
-    """Means of the field over short times, with what is expected of it.
+    """Means of the field over short times, with the expected field.
 
     Attributes:
         t_s: (N,).
@@ -77,9 +77,9 @@ class Rows(NamedTuple):
         error_rad: (N,) of the measured direction about the vertical, positive clockwise.
         norm_ut: (N,) of the model.
         dip_rad: (N,) of the model.
-        throttle: (N,) NaN where it is not known.
+        throttle: (N,) NaN if unknown.
         sigma_rad: (N,) predicted deviation of the attitude's heading.
-        flying: (N,) the motors may turn.
+        flying: (N,) whether the motors may turn.
     """
 
     t_s: Array
@@ -95,7 +95,7 @@ class Rows(NamedTuple):
     flying: Mask
 
     def part(self, places: Mask | NDArray[np.intp]) -> "Rows":
-        """Some of the rows."""
+        """A selection of the rows."""
         return Rows(
             self.t_s[places],
             self.m_b_ut[places],
@@ -112,14 +112,14 @@ class Rows(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """What is left of the field beside the earth's, see `fitted`.
+    """The field besides the earth's, see `fitted`.
 
     Attributes:
         x: (9,) offset, scale, soft iron (a, b), motor: microtesla in the body frame, per full
             throttle or ampere.
         covariance: (9, 9) of them.
-        has_motor: the throttle changed enough for the motors to be seen.
-        before_ut: weighted rms of what the heading has no part in, without the fit.
+        has_motor: the throttle changed enough to observe the motors.
+        before_ut: weighted rms of the heading-free residuals without the fit.
         after_ut: the same with it.
     """
 
@@ -130,13 +130,13 @@ class Fit(NamedTuple):
     after_ut: float
 
     def is_sure(self, first: int, after: int, around: float = 0.0) -> bool:
-        """Whether some of the parameters cannot be the usual ones by chance."""
+        """Whether some of the parameters differ significantly from their usual values."""
         value = self.x[first:after] - around
         C = self.covariance[first:after, first:after]
         return float(value @ np.linalg.solve(C, value)) > SURE**2
 
     def undone(self, rows: Rows) -> Array:
-        """(N, 3) the field without what was fitted."""
+        """(N, 3) the field without the fitted disturbance."""
         a, b = self.x[4:6]
         mixed = np.array([[1.0 + a, b, 0.0], [b, 1.0 - a, 0.0], [0.0, 0.0, 1.0]])
         motor = np.nan_to_num(rows.throttle)[:, None] * self.x[6:] if self.has_motor else 0.0
@@ -147,7 +147,7 @@ class Fit(NamedTuple):
 def look_at_compass(
     track: ImuTrack, best: Attitudes | None, earth: EarthFields, context: Context, *, is_raw: bool
 ) -> tuple[Field | None, CompassFit | None, list[Finding]]:
-    """One compass.
+    """Analyses one compass.
 
     Args:
         track: of the IMU whose samples carry it.
@@ -173,18 +173,18 @@ def look_at_compass(
 
 
 def _strangeness(piece: Rows) -> tuple[bool, float]:
-    """How far the field of a part is from the earth's; short ones stand for nothing."""
+    """How far the field of a part is from the earth's; short parts do not count."""
     own = np.linalg.norm(piece.m_b_ut - piece.earth_b_ut, axis=1)
     return bool(piece.t_s[-1] - piece.t_s[0] < USUAL_S), float(np.median(own))
 
 
 def _in_flight(rows: Rows, t_s: float) -> bool:
-    """Whether the motors turned all the while around a time."""
+    """Whether the motors turned throughout the time around `t_s`."""
     return bool(rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all())
 
 
 def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context) -> Rows | None:
-    """Means of 0.2 s, without quick turns and where the vertical is known."""
+    """Means of 0.2 s, without quick turns, where the vertical is known."""
     good = np.isfinite(track.m_b_ut).all(axis=1) & np.isfinite(track.w_b).all(axis=1)
     if good.sum() < FEWEST_ROWS:
         return None
@@ -284,10 +284,10 @@ def _step_sizes(own: Array) -> Array:
 
 
 def _is_step(rows: Rows, own: Array, place: int) -> bool:
-    """A step and not a slope, well above what both sides do.
+    """Whether it is a step rather than a slope, well above the noise on both sides.
 
-    In a turn an attitude whose heading is wrong makes a step of the earth's own field: it has to be
-    less than half of this one.
+    In a turn, a wrong heading of the attitude makes a step of the earth's own field: that must be
+    less than half of this step.
     """
     before, after = own[place - STEP_ROWS : place], own[place : place + STEP_ROWS]
     step = np.median(after, axis=0) - np.median(before, axis=0)
@@ -310,10 +310,10 @@ def _spread(values: Array) -> float:
 
 
 def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Finding]:
-    """What has changed in each part but the usual one, against that one."""
+    """The change in each part against the usual one."""
     own = np.median(usual.m_b_ut - usual.earth_b_ut, axis=0)
     least = STEP_SHARE * float(np.median(usual.norm_ut))
-    # Between two parts there may be rows that say nothing, in quick turns.
+    # Between two parts there may be unused rows, in quick turns.
     cuts = [0.5 * (one.t_s[-1] + other.t_s[0]) for one, other in pairwise(pieces)]
     begins = [pieces[0].t_s[0], *cuts]
     ends = [*cuts, pieces[-1].t_s[-1]]
@@ -347,7 +347,7 @@ def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Fi
 
 
 def best_fit(rows: Rows) -> Fit | None:
-    """The fit with the motors where they explain what nothing else does, else without them."""
+    """The fit with motors if only they explain the residuals, otherwise without them."""
     if rows.flying.sum() >= FEWEST_ROWS:
         rows = rows.part(rows.flying)
     if len(rows.t_s) < FEWEST_ROWS:
@@ -365,7 +365,7 @@ def fitted(rows: Rows, lever: Array | None) -> Fit:
 
     With u = m - offset - throttle * motor and E = [[a, b, 0], [b, -a, 0], [0, 0, 0]], two residuals
     of each row: |(I + E) u| - scale * B, and the vertical part of (I + E) u - scale * earth.
-    Gauss-Newton; every sector of heading weighs as much as another.
+    Gauss-Newton; every sector of heading has the same weight.
 
     Args:
         rows: of the field.
@@ -428,14 +428,14 @@ def _sector(heading_rad: Array) -> NDArray[np.intp]:
 
 
 def _balanced(heading_rad: Array) -> Array:
-    """Weights that add up to one in each sector of heading that was flown."""
+    """Weights that add up to one in each flown sector of heading."""
     sector = _sector(heading_rad)
     weights: Array = 1.0 / np.bincount(sector, minlength=SECTORS)[sector]
     return weights
 
 
 def _lever(rows: Rows) -> Array | None:
-    """Throttle of each row, where it changed enough in flight to show what it does."""
+    """Throttle of each row, if it changed enough in flight."""
     known = np.isfinite(rows.throttle)
     if not known.all() or not rows.flying.all():
         return None
@@ -447,7 +447,7 @@ def _lever(rows: Rows) -> Array | None:
 def _constant(
     compass: int, rows: Rows, fit: Fit, context: Context, *, is_raw: bool
 ) -> list[Finding]:
-    """Hard iron, soft iron and scale that were there all along."""
+    """Hard iron, soft iron and scale throughout the flight."""
     if fit.after_ut > BETTER * fit.before_ut or not _has_turned(rows):
         return []
     norm = float(np.median(rows.norm_ut))
@@ -487,13 +487,13 @@ def _constant(
 
 
 def _has_turned(rows: Rows) -> bool:
-    """Whether enough headings were flown for what is fixed to the body to show."""
+    """Whether enough headings were flown to separate fields fixed to the body."""
     counts = np.bincount(_sector(rows.heading_rad), minlength=SECTORS)
     return bool(np.count_nonzero(counts > LEAST_SHARE * counts.sum()) >= FEWEST_SECTORS)
 
 
 def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -> str:
-    """What to set, by the autopilot's own parameters where they are known."""
+    """The setting to change, in the autopilot's own parameters if they are known."""
     if is_raw:
         return "the message shows the field without the autopilot's calibration"
     own, x, y, z = context.parameters, *(offset_ut * MG_PER_UT)
@@ -516,7 +516,7 @@ def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -
 
 
 def _motors(compass: int, rows: Rows, fit: Fit, *, is_current: bool) -> list[Finding]:
-    """What throttle, or current, does to the field."""
+    """The effect of throttle, or current, on the field."""
     if not fit.has_motor or not fit.is_sure(6, 9):
         return []
     norm = float(np.median(rows.norm_ut))

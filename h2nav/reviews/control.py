@@ -1,7 +1,7 @@
-"""Control: where the attitude left the one that was asked for, and did not come back.
+"""Loss of control: the attitude left its demand and did not come back.
 
-By the autopilot's own attitude, which is what its controllers knew. Whether that was right is
-another question, and asked elsewhere.
+By the autopilot's own attitude, on which its controllers acted; other modules judge whether it was
+right.
 """
 
 from typing import NamedTuple
@@ -17,19 +17,19 @@ from h2nav.reviews.inertial import Mask, runs
 
 GRID_S = 0.1
 # DroneKit-LA calls 10 deg for half a second a failure of control; sound flights of old autopilots
-# reach 15 deg in gusts and 18 deg while they shake. What is lost goes further.
+# reach 15 deg in gusts and 18 deg in vibration. A loss of control goes further.
 LEFT_RAD, LEFT_S = 20.0 * DEG, 0.2
-# And it turns: what stands on the ground does not follow a demand either.
+# The vehicle must also turn: standing on the ground, it does not follow a demand either.
 TURNING_RAD_S = 30.0 * DEG
 LOST_RAD, LOST_S, TURNS_RAD_S = 45.0 * DEG, 1.0, 100.0 * DEG
-# So long before an impact.
+# Time before an impact.
 BEFORE_S = 10.0
-# Modes in which a demand is none of an attitude.
+# Modes whose demands are not attitudes.
 WITHOUT_ATTITUDE = ("ACRO", "FLIP", "MANUAL", "RATTITUDE", "THROW", "STAB_ACRO")
 
 
 class Errors(NamedTuple):
-    """Attitude less demand.
+    """Attitude minus demand.
 
     Attributes:
         t_s: (N,) a grid.
@@ -37,7 +37,7 @@ class Errors(NamedTuple):
         pitch_rad: (N,) of the autopilot.
         roll_asked_rad: (N,).
         pitch_asked_rad: (N,).
-        size_rad: (N,) angle between both verticals; NaN where nothing was asked.
+        size_rad: (N,) angle between both verticals; NaN without a demand.
         flies: (N,) armed, driven, and in a mode that asks for attitudes.
     """
 
@@ -51,7 +51,7 @@ class Errors(NamedTuple):
 
 
 def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
-    """Where control was lost, before each impact and without one.
+    """Finds losses of control, before each impact and without one.
 
     Args:
         bins: of the soundest IMU.
@@ -71,7 +71,7 @@ def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list
 
 
 def control_errors(bins: Bins, context: Context) -> Errors | None:
-    """Attitude less demand on a grid of time; None where either was not recorded."""
+    """Attitude minus demand on a grid of time; None if either was not recorded."""
     if context.demand is None or not context.attitudes or len(context.demand.t_s) < 2:
         return None
     track = context.attitudes[0]
@@ -122,7 +122,7 @@ def _flies(bins: Bins, context: Context, t_s: Array) -> Mask:
 
 
 def _before(errors: Errors, bins: Bins, impact: Impact) -> Finding | None:
-    """The last time before an impact that the attitude left its demand, and never came back."""
+    """The last time before an impact that the attitude left its demand for good."""
     off = errors.size_rad > LEFT_RAD
     rate = np.interp(errors.t_s, bins.t_s, bins.peak_rad_s)
     near = (errors.t_s > impact.t_s - BEFORE_S) & (errors.t_s <= impact.t_s + GRID_S)
@@ -139,7 +139,7 @@ def _before(errors: Errors, bins: Bins, impact: Impact) -> Finding | None:
 
 
 def _turning_since(off: Mask, rate: Array) -> Mask:
-    """(N,) the parts of each run from when the vehicle turns."""
+    """(N,) the parts of each run from the start of the turn."""
     found = np.zeros(len(off), dtype=bool)
     for first, last in runs(off):
         turning = np.flatnonzero(rate[first : last + 1] > TURNING_RAD_S)
@@ -151,7 +151,7 @@ def _turning_since(off: Mask, rate: Array) -> Mask:
 def _alone(errors: Errors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
     """Attitudes that went far from their demand and stayed there, wherever it ended.
 
-    An estimator that tumbles by itself leaves the demand as well: the vehicle has to turn.
+    An estimator that tumbles by itself also leaves the demand, so the vehicle must turn.
     """
     found = []
     for first, last in runs((errors.size_rad > LOST_RAD) & errors.flies):
@@ -165,10 +165,10 @@ def _alone(errors: Errors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
 
 
 def _finding(errors: Errors, first: int, last: int) -> Finding:
-    # A third of a second later it shows where it went.
+    # A third of a second later the direction is clear.
     shown = min(first + 3, last)
     parts = [
-        f"{name} {is_rad[shown] / DEG:+.0f} deg where {asked[shown] / DEG:+.0f} was asked"
+        f"{name} {is_rad[shown] / DEG:+.0f} deg where {asked[shown] / DEG:+.0f} was demanded"
         for name, is_rad, asked in (
             ("roll", errors.roll_rad, errors.roll_asked_rad),
             ("pitch", errors.pitch_rad, errors.pitch_asked_rad),
@@ -185,13 +185,13 @@ def _finding(errors: Errors, first: int, last: int) -> Finding:
         size,
         "deg",
         " and ".join(parts) or f"attitude {size:.0f} deg from its demand",
-        f"the autopilot's attitude left the one that was asked for by more than "
+        f"the autopilot's attitude left its demand by more than "
         f"{LEFT_RAD / DEG:.0f} deg and did not come back; at most {size:.0f} deg",
     )
 
 
 def _turned_over(impact: Impact) -> Finding:
-    """By the gyro alone, where no demand was recorded."""
+    """By the gyro alone, if no demand was recorded."""
     return Finding(
         Kind.LOSS_OF_CONTROL,
         Sensor(SensorKind.VEHICLE),

@@ -1,4 +1,4 @@
-"""Compasses that measured nothing in the whole recording: nothing else is asked of them."""
+"""Compasses without a measurement in the whole recording, which get no other findings."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ FEWEST_ROWS, LEAST_S = 50, 5.0
 
 
 def dead_compasses(context: Context) -> tuple[CompassRows, ...]:
-    """Those that logged one value from first to last."""
+    """Compasses that logged a single value throughout."""
     return tuple(
         one
         for one in context.compass_rows

@@ -1,4 +1,4 @@
-"""The review as one JSON document: every figure that stands in the page's text."""
+"""The review as one JSON document with every figure in the page's text."""
 
 import math
 from datetime import UTC, datetime
@@ -21,9 +21,9 @@ from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, Timing
 from h2nav.reviews.verdict import verdict
 
 FORMAT = 1
-# Of docs/schema/review.json: grows where a key is added, and no key is renamed or goes.
+# Of docs/schema/review.json: increases with new keys; keys are never renamed or removed.
 SCHEMA = 1
-DIGITS = 6  # significant ones; a file may hold more than any sensor has
+DIGITS = 6  # significant ones; a file may hold more than any sensor provides
 MOST_TEXTS = 500
 
 
@@ -31,7 +31,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
     """Everything that the page says in words, for programs.
 
     Returns:
-        What JSON can hold; what has no figure is null.
+        A JSON document; unknown figures are null.
     """
     context = flight.context
     start = context.start_unix_s
@@ -86,7 +86,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "damaged": dict(context.notes),
     }
     plain: dict[str, Any] = _plain(found)
-    # Their digits are bounded by themselves.
+    # The digits of these are bounded already.
     plain["parameters"] = in_order(context.parameters)
     return plain
 
@@ -112,7 +112,7 @@ def _date(unix_s: float) -> str | None:
 def _checked(
     flight: Flight, analysis: Analysis, apart: tuple[Difference, ...]
 ) -> list[dict[str, object]]:
-    """What was looked at, and for how long; None where that is the whole recording."""
+    """The examined subjects and their durations; None for the whole recording."""
     texts = {
         "velocity": "our attitude against the GPS velocity",
         "force": "our attitude against gravity",
@@ -160,7 +160,7 @@ def _certainty(flight: Flight) -> dict[str, object]:
 
 
 def _deviations(ours: Estimates | None, flight: Flight) -> dict[str, object] | None:
-    """One standard deviation while armed, or over the recording where it never was."""
+    """One standard deviation while armed, or over the recording if it never was."""
     if ours is None or len(ours.t_s) == 0:
         return None
     is_counted = np.ones(len(ours.t_s), bool)
@@ -291,7 +291,7 @@ def _largest(values: Array) -> float:
 
 
 def _plain(value: Any) -> Any:
-    """The same of JSON's own types, with a bounded number of digits and null for NaN."""
+    """Converts to JSON's own types, with a bounded number of digits and null for NaN."""
     if isinstance(value, dict):
         return {str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, np.ndarray):

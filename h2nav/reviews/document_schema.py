@@ -11,7 +11,7 @@ _COUNTS = {"type": "object", "additionalProperties": {"type": "integer"}}
 
 
 def review_schema() -> dict[str, Any]:
-    """What every document holds; a key that has no figure is null."""
+    """The schema of every document; a key without a figure is null."""
     properties = {
         "format": {"const": FORMAT},
         "schema": {"type": "integer", "minimum": SCHEMA, "description": "grows with new keys"},

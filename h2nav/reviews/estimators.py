@@ -1,4 +1,4 @@
-"""The autopilot's own estimators: switches, resets, cores that differ, and what it said of them."""
+"""The autopilot's own estimators: switches, resets, differing cores, and its texts about them."""
 
 import math
 import re
@@ -25,36 +25,36 @@ from h2nav.reviews.inertial import (
 )
 from h2nav.reviews.standstill import NEVER, Rest, tilt_at_rest
 
-# A step that no estimator makes by its usual corrections, within a second at the most.
+# A step within a second that is too large for an estimator's usual corrections.
 RESET_RAD = 4.0 * DEG
-# Attitude and samples may be timed apart by so long, and by as much as arrivals jitter.
+# Attitude and samples may differ in timing by this much, plus the jitter of arrivals.
 TIMING_S = 0.03
 JITTER_OVER_S = 0.2
 SETTLED_S = 0.3
 LONGEST_STEP_S = 0.5
 LONGEST_SAMPLE_S = 0.06
-# Cores of one estimator see the same motion.
+# Cores of one estimator observe the same motion.
 CORES_TILT_RAD, CORES_HEADING_RAD = 5.0 * DEG, 15.0 * DEG
 LASTING_S = 5.0
-# The autopilot's own deviation, 0.5 deg of tilt and 1.5 deg of heading, and three of both.
+# The autopilot's own deviation, 0.5 deg of tilt and 1.5 deg of heading, times three for both.
 GATE = 3.0
 OWN_TILT_RAD, OWN_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
 BEYOND_FOR_S = 15.0
 GRID_S = 0.1
-# Velocities say who is right where one explains them so much better.
+# Velocities decide if they fit one attitude this much better.
 BETTER = 0.8
 WINDOW_S = 2.0
 
 
 class _Phrase(NamedTuple):
-    """Texts of the autopilot that mean one thing."""
+    """Texts of the autopilot with one meaning."""
 
     kind: Kind
     pattern: re.Pattern[str]
     text: str
 
 
-# Who crashes is disarmed at once.
+# A vehicle that crashes is disarmed at once.
 CRASH = Kind.SAID_CRASH
 AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
@@ -64,7 +64,7 @@ def _phrase(kind: Kind, pattern: str, text: str) -> _Phrase:
 
 
 # ArduPilot: AP_NavEKF2/3, ekf_check, AP_Arming, crash_check, AP_AHRS; PX4: commander, EKF2, health
-# checks. Lane switches are told from here as well.
+# checks. Lane switches are also reported by these.
 PHRASES = (
     _phrase(Kind.ESTIMATOR_SWITCH, r"lane switch|primary changed", "estimator changed its lane"),
     _phrase(Kind.SAID_EKF_FAILED, r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
@@ -96,8 +96,8 @@ PHRASES = (
         "crash or loss of thrust",
     ),
 )
-# What ArduPilot says before it flies belongs to its preparations. PX4 says "Preflight Fail" of what
-# would keep it on the ground, in flight as well: there it counts.
+# ArduPilot's texts before take-off are preparations. PX4 also says "Preflight Fail" in flight,
+# where it counts.
 PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
 PREFLIGHT, FLOWN_S = re.compile(r"preflight", re.IGNORECASE), 5.0
 
@@ -109,14 +109,14 @@ def look_at_estimators(
     told: tuple[Finding, ...],
     rest: Rest = NEVER,
 ) -> list[Finding]:
-    """What the autopilot's attitudes show.
+    """Analyses the autopilot's attitudes.
 
     Args:
         context: its attitudes, lanes and armed state.
-        track: samples whose gyro the attitudes are held against; None without any.
+        track: samples with whose gyro the attitudes are compared; None without any.
         best: our attitude; None without one.
-        told: findings of the checks in flight, which need not be repeated.
-        rest: windows in which the vehicle stood still: gravity shows who is right.
+        told: findings in flight, which are not repeated.
+        rest: windows at rest, in which gravity decides.
     """
     found = _switches(context)
     if not context.attitudes:
@@ -130,7 +130,7 @@ def look_at_estimators(
 
 
 def look_at_texts(context: Context) -> list[Finding]:
-    """What the autopilot said, texts of one meaning within the armed time together."""
+    """Groups the autopilot's texts of one meaning within the armed time."""
     found = []
     for kind, pattern, text in PHRASES:
         texts = [
@@ -148,7 +148,7 @@ def look_at_texts(context: Context) -> list[Finding]:
 
 
 def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
-    """Said in flight; what is said at the very end belongs to disarming, unless it `is_end`."""
+    """Whether it was said in flight; texts at the very end belong to disarming, unless `is_end`."""
     margin_s = 1.0 if is_end else -1.0
     if PREFLIGHT.search(said.text):
         return any(s.from_s + FLOWN_S <= said.t_s <= s.to_s - 1.0 for s in context.armed)
@@ -199,7 +199,7 @@ def _switches(context: Context) -> list[Finding]:
 
 
 def _resets(context: Context, track: ImuTrack) -> list[Finding]:
-    """Steps of the attitude it flew by that the gyro did not make."""
+    """Steps of the attitude used for control that the gyro does not show."""
     attitude = context.attitudes[0]
     own = attitudes(attitude.t_s, attitude.q_nb)
     if len(own.t_s) < 3 or len(track.t_s) < 3:
@@ -210,7 +210,7 @@ def _resets(context: Context, track: ImuTrack) -> list[Finding]:
     is_step = (size > RESET_RAD + slack) & flying
     found = []
     for first, last in _close(runs(is_step), own.t_s):
-        # The tilt and the heading of all that was stepped at once.
+        # Tilt and heading of the total step.
         turned = step_n[first : last + 1][is_step[first : last + 1]].sum(axis=0)
         tilt, heading = math.hypot(turned[0], turned[1]), abs(float(turned[2]))
         part, angle = ("heading", heading) if heading > tilt else ("tilt", tilt)
@@ -235,12 +235,12 @@ def _resets(context: Context, track: ImuTrack) -> list[Finding]:
 
 
 def _unexplained(own: Attitudes, track: ImuTrack) -> tuple[Array, Array]:
-    """(M, 3) turns from one attitude to the next less the gyro's, NED, and what timing allows."""
+    """(M, 3) steps between attitudes minus the gyro's, NED, and the tolerance of timing."""
     by_gyro = turns(track.t_s, track.w_b, own.t_s)
     by_attitude = product(conjugate(own.q_nb[:-1]), own.q_nb[1:])
     extra_b = logarithm(product(by_attitude, conjugate(by_gyro)))
     step_n = rotate(own.q_nb[:-1], extra_b)
-    # What was only timed otherwise comes back within the next moments.
+    # A mere difference in timing reverses within moments.
     total = np.vstack((np.zeros(3), np.cumsum(step_n, axis=0)))
     low = np.searchsorted(own.t_s, own.t_s[:-1] - SETTLED_S)
     high = np.searchsorted(own.t_s, own.t_s[1:] + SETTLED_S, side="right") - 1
@@ -251,7 +251,7 @@ def _unexplained(own: Attitudes, track: ImuTrack) -> tuple[Array, Array]:
 
 
 def _fastest(own: Attitudes, track: ImuTrack) -> Array:
-    """(M,) largest rate around each step, rad/s; infinite where samples are missing."""
+    """(M,) largest rate around each step, rad/s; infinite if samples are missing."""
     rate = np.linalg.norm(track.w_b, axis=1)
     gaps = np.flatnonzero(np.diff(track.t_s) > LONGEST_SAMPLE_S)
     rate[gaps] = rate[gaps + 1] = np.inf
@@ -264,7 +264,7 @@ def _fastest(own: Attitudes, track: ImuTrack) -> Array:
 
 
 def _jitter(track: ImuTrack) -> float:
-    """How unevenly the samples arrived against their stamps, s: 99 of 100 less."""
+    """Jitter of the samples' arrivals against their stamps, s: 99th percentile."""
     late_s = track.t_s - track.stamp_us * 1e-6
     count = max(round(JITTER_OVER_S / max(float(np.median(np.diff(track.t_s))), 1e-3)), 1)
     apart = np.abs(late_s[count:] - late_s[:-count])
@@ -272,7 +272,7 @@ def _jitter(track: ImuTrack) -> float:
 
 
 def _close(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
-    """Steps within a second are one."""
+    """Merges steps within a second."""
     joined: list[tuple[int, int]] = []
     for first, last in pieces:
         if joined and t_s[first + 1] - t_s[joined[-1][1] + 1] < 1.0:
@@ -335,7 +335,7 @@ def _beyond(
     told: tuple[Finding, ...],
     rest: Rest,
 ) -> list[Finding]:
-    """The attitude that it flew by outside three deviations of both."""
+    """Periods in which the attitude used for control is outside three deviations of both."""
     track = context.attitudes[0]
     own = attitudes(track.t_s, track.q_nb)
     grid_s = _grid(track)
@@ -386,14 +386,14 @@ def misjudged(
     rest: Rest,
     told: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
-    """Findings of the checks in flight that blame the autopilot's attitude where ours is wrong.
+    """Findings in flight that blame the autopilot's attitude where ours is wrong.
 
     Args:
         context: its attitudes and receivers.
-        imu: samples that velocities are compared with.
+        imu: samples with which velocities are compared.
         best: our attitude.
-        rest: windows in which the vehicle stood still: gravity shows who is right.
-        told: findings of the checks in flight.
+        rest: windows at rest, in which gravity decides.
+        told: findings in flight.
     """
     if best is None or not context.attitudes:
         return ()
@@ -415,7 +415,7 @@ def _whose(
     rest: Rest,
     finding: Finding,
 ) -> tuple[str, bool | None]:
-    """Whether gravity at rest, or the receiver's velocity, is with ours; None where neither is."""
+    """Whether gravity at rest, or the receiver's velocity, confirms ours; None if undecided."""
     if finding.kind is Kind.AUTOPILOT_TILT:
         inside = (rest.t_s >= finding.from_s) & (rest.t_s <= finding.to_s)
         theirs, ours = (tilt_at_rest(rest.part(inside), one) for one in (own, best))
@@ -429,7 +429,7 @@ def _whose(
 
 
 def _lasting(t_s: Array, apart: Array, is_so: Mask, least_s: float, like: Finding) -> list[Finding]:
-    """One finding per run that lasts, of the form of `like`."""
+    """One finding per lasting run, in the form of `like`."""
     found = []
     for first, last in runs(is_so):
         if t_s[last] - t_s[first] < least_s:
@@ -453,7 +453,7 @@ def _verdict(
     best: Attitudes,
     span: tuple[float, float],
 ) -> tuple[str, bool | None]:
-    """Whose attitude the receiver's velocity fits better, and whether it is ours."""
+    """The attitude that the receiver's velocity fits better, and whether it is ours."""
     gps = context.gps[0] if context.gps else None
     if gps is None or imu is None:
         return "no velocity shows who is right", None

@@ -1,4 +1,4 @@
-"""One flight, reviewed: what was recorded, what our service made of it, what was wrong."""
+"""One flight with everything for its review: recording, service output, findings."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,10 @@ from h2nav.recordings.context import Array, Context, Span
 
 
 class Estimates(NamedTuple):
-    """Our attitude over the flight, by the clock of `Context`; NaN where something has no figure.
+    """Our attitude over the flight, on the clock of `Context`; NaN where unknown.
 
     Attributes:
-        t_s: (N,) when the samples came that they were made from.
+        t_s: (N,) arrival of their samples.
         q_nb: (N, 4) body to NED.
         bias_b: (N, 3) of the gyro, rad/s.
         sigma_tilt_rad: (N,) predicted deviation of the vertical.
@@ -25,12 +25,12 @@ class Estimates(NamedTuple):
 
 
 class Ratios(NamedTuple):
-    """Test ratios of the lane that was sent, once a second; 1 = the test fails.
+    """Test ratios of the lane that was sent, once a second; a test fails above 1.
 
     Attributes:
         t_s: (N,).
         names: of the columns, as in `h2nav.integrity.ratios.InnovationRatios`.
-        values: (N, k) NaN where a test had nothing to test.
+        values: (N, k) NaN without a test.
     """
 
     t_s: Array
@@ -39,10 +39,10 @@ class Ratios(NamedTuple):
 
 
 class EarthFields(NamedTuple):
-    """The earth's field by the World Magnetic Model where the vehicle was.
+    """The earth's field at the vehicle by the World Magnetic Model.
 
     Attributes:
-        t_s: (N,) when each was looked up; it holds until the next one.
+        t_s: (N,) time of each evaluation, valid until the next one.
         norm_ut: (N,) strength.
         dip_rad: (N,) inclination, positive down.
         declination_rad: (N,) positive east.
@@ -55,26 +55,26 @@ class EarthFields(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """Everything that the page shows and the findings of a whole flight look at.
+    """The input of the analysis and of the page.
 
     Attributes:
-        name: for titles and file names: the recording's name without folder and ending.
-        file: the recording's name with its ending.
+        name: for titles and file names: the recording's name without folder and suffix.
+        file: the recording's name with its suffix.
         kind: ``tlog``, ``bytes``, ``mcap``, ``dataflash`` or ``ulog``.
-        autopilot: what the service was bound to, for people; empty when to nothing.
-        context: what was recorded.
-        estimates: ours, causal; None where the recording has too little for one.
+        autopilot: bound autopilot, for people; empty without one.
+        context: of the recording.
+        estimates: ours, causal; None if the recording does not suffice.
         smoothed: ours from past and future; None without.
-        why_no_estimate: in words; empty where there is one.
-        imu_message: the message or log that the sent samples come from.
+        why_no_estimate: the reason in words; empty if there is one.
+        imu_message: the message or log with the samples that were sent.
         ratios: of the tests in flight.
         earth: the field model.
         states: the service's states, in order; the name is ``state`` or ``state: reason``.
-        lanes: which IMU was sent, in order.
-        notices: what the service said: seconds, severity's word, text.
+        lanes: the IMU that was sent, in order.
+        notices: of the service: seconds, name of the severity, text.
         findings: of the checks in flight.
-        rejected: what was refused: reason -> count.
-        held: what held our attitude when: spans of each name, in order.
+        rejected: reason of rejection -> count.
+        held: aids of our attitude: spans of each name, in order.
     """
 
     name: str

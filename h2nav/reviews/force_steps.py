@@ -1,8 +1,8 @@
-"""Jumps of an accelerometer's bias in flight, by the velocity of the receiver.
+"""Steps of an accelerometer's bias in flight, by the velocity of the receiver.
 
-The gyro carries an attitude across some seconds, so that no filter that leans on the accelerometer
-has a part in it. What the force leaves unexplained of the receiver's acceleration is then the same
-before a time and after it, but for a jump of the bias at that time.
+The gyro carries an attitude over some seconds, independent of any filter that uses the
+accelerometer. The force's unexplained part of the receiver's acceleration is then the same before
+and after a time, unless the bias jumped at that time.
 """
 
 from typing import NamedTuple
@@ -27,29 +27,29 @@ from h2nav.reviews.inertial import (
 from h2nav.reviews.receiver_fit import Moves
 from h2nav.reviews.tracks import Bias
 
-# On each side of a jump, and how near to it nothing is looked at.
+# Length on each side of a jump, and the excluded time around it.
 WINDOW_S, GUARD_S = 4.0, 0.5
 REACH_S = WINDOW_S + GUARD_S
 EVERY_S = 0.25
 FEWEST_FIXES = 10
-# Afterwards the filter takes the jump into its attitude; before it, nothing moves for so long.
+# Afterwards the filter absorbs the jump into its attitude; before it, the bias is steady this long.
 WINDOWS_BEFORE = 3
-# Zero-g output changes by 0.1 mg/K and less: so much at once is no temperature. A tilt that drifts
-# by 0.5 deg on the way makes a sixth of it.
+# Zero-g output changes by 0.1 mg/K and less: this much at once is not thermal. A tilt drift of
+# 0.5 deg over the window contributes a sixth of it.
 STEP_M_S2 = 0.5
 GATE = 3.0
-# The halves of a window, and the windows of a jump that lasts, may differ by this share of it.
+# The halves of a window, and the windows of a lasting jump, may differ by this share of it.
 STEADY_SHARE = 0.4
-# Of the vehicle's own acceleration: a heading that is off by 15 deg makes as much of it, and more
-# where ours may be off by more.
+# Of the vehicle's own acceleration: a heading error of 15 deg contributes this much, and more where
+# our heading may be worse.
 MOVED_SHARE = 0.25
-# A direction that shows less than this share of what the best one does is not looked at: without
-# the velocity down, that is the vertical.
+# A direction observed less than this share of the best one is ignored: without the velocity down,
+# the vertical.
 UNSEEN = 0.6
 SCALE_SIGMA = 0.01  # of a gyro
-# The receiver may miss a fix.
+# The receiver may miss one fix.
 LONGEST_PAUSE_S = 1.5
-# IMUs that all jump alike share a receiver, or a vehicle that something has struck.
+# When all IMUs jump alike, the receiver is wrong, or the vehicle was struck.
 ALIKE_SHARE = 0.5
 
 
@@ -61,13 +61,13 @@ def look_at_force_steps(
     best: Attitudes,
     armed: tuple[Span, ...],
 ) -> list[Finding]:
-    """Jumps of one accelerometer that the others do not show.
+    """Finds jumps of one accelerometer that the others do not show.
 
     Args:
         tracks: IMUs, each with at least two samples.
         biases: of their gyros.
         moves: what the receiver measured.
-        lag_s: how late it is; NaN where that is not known.
+        lag_s: delay of the receiver; NaN if unknown.
         best: the attitude.
         armed: while the motors could turn; only then there is an acceleration to compare.
     """
@@ -90,13 +90,13 @@ def look_at_force_steps(
 
 
 def _pauses(fixes_s: Array) -> list[Span]:
-    """Where a window would reach into a time without fixes."""
+    """Spans in which a window would include a gap in the fixes."""
     after = np.flatnonzero(np.diff(fixes_s) > LONGEST_PAUSE_S)
     return [Span(fixes_s[i] - REACH_S, fixes_s[i + 1] + REACH_S, "no fix") for i in after]
 
 
 def _known_bias(biases: tuple[Bias, ...], imu: int) -> Array:
-    """(3,) bias of a gyro, rad/s; nothing where it is not known."""
+    """(3,) bias of a gyro, rad/s; zero if unknown."""
     for bias in biases:
         if bias.imu == imu and np.isfinite(bias.gyro_b).all(axis=1).any():
             known: Array = np.nanmedian(bias.gyro_b, axis=0)
@@ -107,9 +107,9 @@ def _known_bias(biases: tuple[Bias, ...], imu: int) -> Array:
 def _jumps(
     track: ImuTrack, bias_b: Array, best: Attitudes, moves: Moves, at_s: Array
 ) -> tuple[Array, Array]:
-    """(M, 3) jump of the bias at each time, body axes, and (M,) what it has to exceed, m/s^2.
+    """(M, 3) jump of the bias at each time, body axes, and (M,) its threshold, m/s^2.
 
-    NaN where it was not steady before, or the halves of a window show different biases.
+    NaN where it was not steady before, or where the halves of a window show different biases.
     """
     q_s = _carried(track, bias_b)
     sums = track.t_s, _sums(track, q_s)
@@ -122,7 +122,7 @@ def _jumps(
     after, worst_after = _bias(halves[2], halves[3])
     jump = after - before
     size = np.linalg.norm(jump, axis=1)
-    # Two differences of means, of two fixes each; and what slow samples miss.
+    # Two differences of means, of two fixes each, plus the aliasing of slow samples.
     variance = (2.0 * np.median(moves.sigma_m_s) / WINDOW_S) ** 2
     variance = variance + 0.25 * np.sum([half.variance for half in halves], axis=0)
     variance += GRAVITY_M_S2**2 * _turn_variance(track, edges[0], edges[-1])
@@ -136,7 +136,7 @@ def _jumps(
         steady[:shift] = np.inf
         apart = np.linalg.norm(before[shift:] - before[:-shift], axis=1)
         steady[shift:] = np.maximum(steady[shift:], apart)
-    # Samples that are missing anywhere between have taken a turn with them.
+    # Missing samples in between may hide a turn.
     span = interpolated(edges[-1], *sums) - interpolated(edges[0], *sums)
     is_whole = span[:, 12] < 0.5 * LONGEST_STEP_S
     jump[~(is_whole & (steady < STEADY_SHARE * size))] = np.nan
@@ -147,10 +147,10 @@ class _Half(NamedTuple):
     """Means over half a window.
 
     Attributes:
-        extra_n: (M, 3) acceleration of the force less that of the receiver, NED, m/s^2.
-        axes_n: (M, 3, 3) the body's axes in its columns, NED.
+        extra_n: (M, 3) acceleration of the force minus that of the receiver, NED, m/s^2.
+        axes_n: (M, 3, 3) the body's axes as columns, NED.
         moved_n: (M, 3) acceleration of the receiver.
-        variance: (M,) of the force, by what slow samples make of a vibration.
+        variance: (M,) of the force, from slow samples of a vibration.
     """
 
     extra_n: Array
@@ -194,7 +194,7 @@ def _half(
 
 
 def _bias(one: _Half, two: _Half) -> tuple[Array, Array]:
-    """(M, 3) bias that explains both halves, and (M,) what it leaves of either, m/s^2."""
+    """(M, 3) bias that explains both halves, and (M,) its residual in either, m/s^2."""
     rows = np.concatenate((one.axes_n, two.axes_n), axis=1)
     extra = np.concatenate((one.extra_n, two.extra_n), axis=1)
     is_known = np.isfinite(rows.sum(axis=(1, 2)) + extra.sum(axis=1))
@@ -222,7 +222,7 @@ def _carried(track: ImuTrack, bias_b: Array) -> Array:
 
 
 def _told(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -> list[Finding]:
-    """The largest: what follows it may be how the attitude took it."""
+    """The largest jump: those after it may show how the attitude absorbed it."""
     place = int(np.argmax(size))
     if size[place] == 0.0:
         return []

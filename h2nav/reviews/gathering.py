@@ -1,4 +1,4 @@
-"""The findings of a review: of the checks in flight and of the whole, each once, with its id."""
+"""Gathers the findings of a review, from flight and analysis, each once, with ids."""
 
 from collections.abc import Iterable
 
@@ -6,14 +6,14 @@ from h2nav.integrity.findings import Finding, Kind, next_id
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.flight import Flight
 
-# What sensors of the same kind show within this time of each other, and about as large, is one.
+# Findings of sensors of one kind within this time, and of similar size, are merged.
 SAME_TIME_S, SAME_SHARE = 2.0, 0.25
 
 
 def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
-    """The worst first.
+    """All findings, worst first.
 
-    A receiver that had no fix is the better known cause of velocities that did not come.
+    A receiver without a fix is a better explanation for velocities that did not come.
     """
     without_fix = [one for one in analysis.findings if one.kind is Kind.GPS_LOST]
     live = [
@@ -28,9 +28,9 @@ def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:
-    """One finding for what several sensors of the same kind show alike at the same time.
+    """Merges findings that several sensors of one kind show alike at the same time.
 
-    What differs between their evidences is kept.
+    Differing evidence is kept.
     """
     found: list[Finding] = []
     for one in findings:
@@ -43,7 +43,7 @@ def merged(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def identified(findings: Iterable[Finding]) -> list[Finding]:
-    """All with ids; those that the checks in flight have given stay."""
+    """Gives ids to findings without one."""
     some, counts = list(findings), dict[str, int]()
     used = {one.id for one in some}
     for place, one in enumerate(some):
@@ -78,7 +78,7 @@ def _overlap(one: Finding, other: Finding) -> bool:
 
 
 def _is_same(one: Finding, other: Finding) -> bool:
-    """The same, at the same time, of another sensor of the same kind."""
+    """Whether both are of one kind and time, from different sensors of the same kind."""
     if (one.kind, one.severity, one.unit) != (other.kind, other.severity, other.unit):
         return False
     numbers = one.sensor.number, other.sensor.number

@@ -1,9 +1,9 @@
-"""Scale of a gyro, by the field alone: what it turns too much, the field of the earth does not.
+"""Scale error of a gyro, from the magnetic field alone: the earth's field does not turn.
 
-Over some seconds the gyro carries the measured field along. Where it comes out otherwise than it is
-measured then, the gyro has a bias, or a scale that is off, or the vehicle a magnet of its own.
-These are told apart by how they go with the turns, in one fit that knows no attitude: a
-filter that follows a wrong gyro has no part in it.
+Over some seconds the gyro carries the measured field along. A difference to the field measured then
+has one of three causes: a bias, a scale error, or a magnet of the vehicle. They differ in how they
+depend on the turns, and one fit separates them without an attitude: a filter led astray by a wrong
+gyro has no part in it.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
 
 WINDOW_S, PARTS = 4.0, 20
-# The field of a time is the mean around it; at 10 Hz, two or three values of a compass.
+# The field is averaged around each time; at 10 Hz, over two or three values of a compass.
 FIELD_WITHIN_S = 0.15
 FEWEST_WINDOWS = 15
 # Sensitivity: MPU-6000 and MPU-9250 3 %, BMI088 and ICM-20602 1 %.
@@ -23,17 +23,17 @@ SCALE_LIMIT = 0.03
 SURE = 5.0
 ROUNDS = 5
 STEPS, LARGEST_STEP = 3, 0.2
-# What the fit leaves of the field where the compass can be believed (integrity.field_windows).
+# Allowed residual of the field for a credible compass (integrity.field_windows).
 FIELD_SHARE = 0.07
 AXES = "xyz"
 
 
 def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
-    """One gyro against the compass of the same number.
+    """Compares one gyro with the compass of the same number.
 
     Args:
-        track: samples, in order, all of them numbers.
-        armed: while the motors could turn; what lies around a vehicle on the ground bends the
+        track: samples, in order, all finite.
+        armed: while the motors could turn; objects around a vehicle on the ground distort the
             field.
     """
     fitted = _fitted(track, armed)
@@ -67,9 +67,9 @@ def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding
 
 
 def _fitted(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
-    """(3,) what the gyro measures too much about each axis, as a share, and its deviation."""
+    """(3,) excess of the gyro about each axis, as a share, and its deviation."""
     factor, nearer = np.ones(3), None
-    # A large scale turns further than one linear step can see.
+    # A large scale error turns further than one linear step can fit.
     for _ in range(STEPS):
         nearer = _nearer(track._replace(w_b=track.w_b / factor), armed)
         if nearer is None:
@@ -79,7 +79,7 @@ def _fitted(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | N
 
 
 def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:
-    """The same, as far as one linear step sees it."""
+    """One linear step of the fit."""
     has_field = np.isfinite(track.m_b_ut).all(axis=1)
     if not has_field.any() or not armed:
         return None
@@ -105,19 +105,19 @@ def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | N
     if len(found) < len(_parts(good)):
         return None
     scales, sigmas = np.array(found).transpose(1, 0, 2)
-    # What goes with the turns in one part of the flight and not in another is no scale.
+    # An effect in one part of the flight only is not a scale error.
     return scales[0], np.maximum(sigmas[0], np.ptp(scales, axis=0) / 2.0)
 
 
 def _parts(good: Mask) -> tuple[NDArray[np.intp], ...]:
-    """Windows of the whole flight, of its first half, and of its second."""
+    """Windows of the whole flight, its first half, and its second half."""
     places = np.flatnonzero(good)
     half = len(places) // 2
     return places, places[:half], places[half:]
 
 
 def _least_squares(rows: Array, apart: Array) -> tuple[Array, Array] | None:
-    """Scale and its deviation of (N, 3, 9) rows of bias, scale and iron, and (N, 3) rests."""
+    """Scale and its deviation from (N, 3, 9) rows of bias, scale and iron, and (N, 3) residuals."""
     weight = np.ones(len(rows))
     for _ in range(ROUNDS):
         a = (rows * weight[:, None, None]).reshape(-1, 9)
@@ -131,13 +131,13 @@ def _least_squares(rows: Array, apart: Array) -> tuple[Array, Array] | None:
         weight = np.minimum(1.0, 2.0 * usual / np.maximum(left, 1e-9))
     if usual > FIELD_SHARE:
         return None
-    # One in three of the components of a rest has this size.
+    # One in three components of a residual has this size.
     sigma = usual * np.sqrt(np.diag(inverse))
     return x[3:6], sigma[3:6]
 
 
 def _turned(track: ImuTrack, edges: Array) -> tuple[Array, Array, Array]:
-    """(M, 4) turn of each window, (M, 3, 3) what a bias and a scale add to it, at its end."""
+    """(M, 4) turn of each window, (M, 3, 3) derivative by bias and scale, at its end."""
     count = len(edges) - 1
     inner = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS
     q = turns(track.t_s, track.w_b, np.append(inner.ravel(), edges[-1])).reshape(count, PARTS, 4)

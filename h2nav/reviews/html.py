@@ -1,8 +1,8 @@
-"""The frame of the review's pages: HTML that asks nobody for anything, and text that stays text.
+"""The frame of the review's pages: self-contained HTML in which foreign text stays text.
 
-What comes from a file (names, texts of an autopilot, parameters) may be anything. `escape` makes it
-text, and a page says by its Content-Security-Policy that no script may run but those whose
-fingerprints it names, and that nothing may be loaded from anywhere.
+Strings from a file (names, texts of an autopilot, parameters) may be anything. `escape` makes them
+text, and the page's Content-Security-Policy allows only scripts with the named fingerprints and
+loads nothing from elsewhere.
 """
 
 import base64
@@ -14,9 +14,10 @@ from importlib import resources
 
 
 def escape(text: object) -> str:
-    """The text for HTML, in elements and in attributes; what does not print is a replacement sign.
+    """Escapes text for HTML elements and attributes; replaces unprintable characters.
 
-    Marks that turn the direction of writing do not print, so no text can disguise another one.
+    Characters that change the direction of writing count as unprintable, so that no text can
+    disguise another.
     """
     shown = "".join(sign if sign.isprintable() else "\ufffd" for sign in str(text))
     return html.escape(shown, quote=True)
@@ -28,7 +29,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    # A wide table is moved inside its own box, and not the page with it.
+    # A wide table scrolls inside its own box, not with the page.
     whole = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
     return f'<div class="wide">{whole}</div>'
 
@@ -39,11 +40,11 @@ def asset(name: str) -> str:
 
 
 def data_block(name: str, value: object) -> str:
-    """A JSON document for the scripts of the page; nothing in it can end the block.
+    """A JSON document for the page's scripts; its content cannot end the block.
 
     Args:
         name: id of the element.
-        value: what `json` can write, without NaN.
+        value: anything that `json` can write, without NaN.
     """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return f'<script type="application/json" id="{escape(name)}">{text}</script>'
@@ -61,10 +62,10 @@ def frame(
 
     Args:
         title: plain text.
-        body: HTML; everything in it that came from a file has gone through `escape`.
-        styles: CSS beside that of every page (`assets/page.css`).
-        scripts: JavaScript, which runs at the end of the page, in this order.
-        data: blocks for the scripts, of `data_block`.
+        body: HTML; every string from a file has gone through `escape`.
+        styles: CSS besides that of every page (`assets/page.css`).
+        scripts: JavaScript, run at the end of the page, in order.
+        data: blocks for the scripts, from `data_block`.
 
     Returns:
         The HTML file.

@@ -1,9 +1,9 @@
-"""Crashes: where a vehicle hit something or tipped over, by force and rate alone.
+"""Crashes: a vehicle hit something or tipped over, by force and rate alone.
 
-Nothing here asks an attitude, which is worth little after an impact. The force that motors make
-points along the body's vertical axis, whatever the tilt: a multirotor whose accelerometer shows a
-steady force elsewhere is not held by its motors but lies on something. What hits the ground and
-stays upright is known by the blow, and by what comes next: motors off, disarmed, or the log's end.
+No attitude is used, since it is unreliable after an impact. The force of the motors points along
+the body's vertical axis, whatever the tilt: a multirotor whose accelerometer shows a steady force
+in another direction does not fly but lies on something. A crash that ends upright shows as a blow
+followed by motors off, disarming, or the end of the log.
 """
 
 import re
@@ -19,38 +19,39 @@ from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
 
 BIN_S = 0.1
-# A vehicle that lies: the direction of the force stays within, and its size near gravity, for so
-# long; and so far from how it stood. Thrust and drag together are within 20 deg of a multirotor's
-# vertical axis. Others climb on their engines, but never so still.
+# A vehicle at rest on its side: the direction of the force stays within, and its size near gravity,
+# for this long; and it differs this much from its direction before take-off. Thrust and drag
+# together are within 20 deg of a multirotor's vertical axis. Others climb on their engines, but
+# never as steadily.
 STEADY_BINS, STEADY_RAD = 5, 6.0 * DEG
 LEAST_G, MOST_G = 0.7, 1.3
 LYING_RAD, LYING_ELSE_RAD = 30.0 * DEG, 45.0 * DEG
 STILL_RAD_S = 3.0 * DEG
-# What laid it there is rougher and quicker than who turns a vehicle over by hand.
+# Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
-# A blow that a landing on legs does not make, in means of 20 ms: a fall from half a metre.
+# Harder than a landing on legs, in means of 20 ms: a fall from half a metre.
 BLOW_G, BLOW_RAD_S, BLOW_S = 5.0, 300.0 * DEG, 1.0
 SMOOTHED_S = 0.02
-# And more than what shakes it all along.
+# And above the vibration of the whole flight.
 OF_USUAL = 2.5
-# It is down after a blow: nothing drives it within so long, for so long.
+# It is down after a blow: the motors stop within this time, for this time.
 DOWN_WITHIN_S, DOWN_FOR_S, IDLE_SHARE = 3.0, 1.0, 0.15
-# Of what carries it usually, where that is little.
+# Relative to the usual output in flight, where that is small.
 IDLE_OF_USUAL, FLYING_OF_USUAL = 0.4, 0.6
-# And control was lost before, if it turned over on the way: no flight is asked to.
+# Control was lost before, if it turned over on the way: no flight demands that.
 TURNED_RAD, TURNED_WITHIN_S = 70.0 * DEG, 2.0
 HALF_TURNED_RAD = 45.0 * DEG
-# Before, the motors carried it: so much of their range, in so long before, for so long.
+# Before, the motors carried it: this share of their range, within this time, for this time.
 FLYING_SHARE, FLOWN_WITHIN_S, FLOWN_FOR_S = 0.2, 8.0, 0.5
-# After one crash, the next needs a flight again.
+# After one crash, the next requires another flight.
 AGAIN_S, AGAIN_FOR_S = 5.0, 2.0
 # Blows of one landing.
 APART_S = 10.0
-# On a bench motors run as well: what flies never keeps as still.
+# Motors also run on a bench: a flying vehicle never keeps as still.
 MOVING_RAD_S, MOVING_BINS = 1.0 * DEG, 10
-# The autopilot's crash check speaks up within so long of a crash.
+# The autopilot's crash check triggers within this time of a crash.
 CHECKED_S, CRASH_CHECK = 15.0, re.compile(r"crash", re.IGNORECASE)
-# What is left when it is disarmed.
+# Output left when it is disarmed.
 AFTER_S = 3.0
 
 
@@ -59,13 +60,13 @@ class Impact(NamedTuple):
 
     Attributes:
         t_s: of the impact.
-        to_s: until when it was armed.
+        to_s: end of the armed time.
         peak_g: largest force.
         peak_rad_s: largest rate.
-        tilt_rad: how it came to lie, against how it stood; NaN where it is not known.
-        turned_rad: how far it had turned over in the two seconds before.
-        turned_s: when that was half a right angle.
-        is_crash: it lay on its side or back, or had turned over before; else a hard landing.
+        tilt_rad: final tilt relative to the position before take-off; NaN if unknown.
+        turned_rad: rotation in the two seconds before.
+        turned_s: time of half a right angle.
+        is_crash: it ended on its side or back, or had turned over before; otherwise a hard landing.
     """
 
     t_s: float
@@ -79,7 +80,7 @@ class Impact(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """The samples of one IMU in short bins.
+    """Samples of one IMU in short bins.
 
     Attributes:
         t_s: (N,) their beginnings.
@@ -87,9 +88,9 @@ class Bins(NamedTuple):
         w_b: (N, 3) mean rate, rad/s.
         peak_g: (N,) largest force.
         peak_rad_s: (N,) largest rate.
-        driven: (N,) share of the motors' range, or of the throttle's; NaN where nobody says.
-        flying: share from which on it may fly.
-        idle: share below which it does not.
+        driven: (N,) share of the motors' range, or of the throttle's; NaN if unknown.
+        flying: least share in flight.
+        idle: share below which it does not fly.
     """
 
     t_s: Array
@@ -102,7 +103,7 @@ class Bins(NamedTuple):
     idle: float = IDLE_SHARE
 
     def part(self, wanted: Mask) -> "Bins":
-        """Some of them."""
+        """A selection of the bins."""
         return self._replace(
             t_s=self.t_s[wanted],
             f_b=self.f_b[wanted],
@@ -134,7 +135,7 @@ def impacts(track: ImuTrack, context: Context) -> list[Impact]:
 
 
 def binned(track: ImuTrack, context: Context) -> Bins:
-    """Bins of 0.1 s; those without samples are left out."""
+    """Bins of 0.1 s, without empty ones."""
     edges = np.arange(track.t_s[0], track.t_s[-1] + BIN_S, BIN_S)
     place = np.searchsorted(track.t_s, edges)
     is_filled = np.diff(place) > 0
@@ -158,7 +159,7 @@ def binned(track: ImuTrack, context: Context) -> Bins:
 
 
 def _told_airborne(context: Context, t_s: Array) -> Mask | None:
-    """(N,) whether the autopilot holds it for airborne; None where it does not say."""
+    """(N,) whether the autopilot reports it as airborne; None if it does not report."""
     series = context.airborne
     if series is None or not len(series.t_s):
         return None
@@ -168,19 +169,19 @@ def _told_airborne(context: Context, t_s: Array) -> Mask | None:
 
 
 def _usual(driven: Array, told: Mask | None) -> float:
-    """What carries it in flight."""
+    """The usual output in flight."""
     flown = driven[told & (driven > 0.0)] if told is not None else driven[driven > FLYING_SHARE]
     flown = flown[np.isfinite(flown)]
     return float(np.median(flown)) if len(flown) else 1.0
 
 
 def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
-    """(N,) whether the motors carry it and it moves, as nothing on the ground does.
+    """(N,) whether the motors carry it and it moves as nothing on the ground does.
 
     Args:
         bins: of an IMU.
-        context: armed state, and what the autopilot says of flying.
-        impacts: crashes, with which a flight ends.
+        context: armed state, and the autopilot's airborne state.
+        impacts: crashes, each of which ends a flight.
     """
     flies: Mask = ~(bins.driven <= bins.flying) & within(bins.t_s, context.armed)
     told = _told_airborne(context, bins.t_s)
@@ -192,7 +193,7 @@ def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
 
 
 def _moves(w_b: Array) -> Mask:
-    """(N,) whether the rates spread in the bins around."""
+    """(N,) whether the rates vary over the neighbouring bins."""
     places = np.arange(len(w_b))
     first = np.maximum(places - MOVING_BINS, 0)
     after = np.minimum(places + MOVING_BINS, len(w_b))
@@ -203,7 +204,7 @@ def _moves(w_b: Array) -> Mask:
 
 
 def _smoothed(track: ImuTrack) -> Array:
-    """(N, 3) means of 20 ms of the force, so that quick sensors show no more of a blow."""
+    """(N, 3) force averaged over 20 ms, so that fast sensors do not show larger blows."""
     period_s = float(np.median(np.diff(track.t_s)))
     count = max(round(SMOOTHED_S / max(period_s, 1e-4)), 1)
     if count == 1 or len(track.t_s) <= count:
@@ -215,7 +216,7 @@ def _smoothed(track: ImuTrack) -> Array:
 
 
 def driven_at(context: Context, t_s: Array) -> Array:
-    """(N,) how much the motors were asked for, 0 to 1; NaN where nobody says."""
+    """(N,) demanded output of the motors, 0 to 1; NaN if unknown."""
     motors = context.motors
     if motors is not None and len(motors.t_s) > 1:
         share = np.nan_to_num(motors.share()).mean(axis=1)
@@ -228,7 +229,7 @@ def driven_at(context: Context, t_s: Array) -> Array:
 
 
 def _angle(one: Array, other: Array) -> Array:
-    """(N,) between rows."""
+    """(N,) angle between rows."""
     norms = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=-1)
     cosine = (one * other).sum(axis=1) / np.maximum(norms, 1e-9)
     found: Array = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -236,7 +237,7 @@ def _angle(one: Array, other: Array) -> Array:
 
 
 def _steady(bins: Bins) -> Mask:
-    """(N,) whether a force near gravity keeps its direction from this bin on for some."""
+    """(N,) whether a force near gravity keeps its direction from this bin on for a while."""
     count = len(bins.t_s) - STEADY_BINS + 1
     steady = np.zeros(len(bins.t_s), dtype=bool)
     if count < 1:
@@ -253,7 +254,7 @@ def _steady(bins: Bins) -> Mask:
 
 
 def _standing(bins: Bins, armed: tuple[Span, ...]) -> Array:
-    """(3,) direction of the force while it stood before its first take-off."""
+    """(3,) direction of the force before the first take-off."""
     usual = np.array([0.0, 0.0, -1.0])
     if not armed:
         return usual
@@ -290,7 +291,7 @@ def _in_span(bins: Bins, stood: Array, span: Span, context: Context) -> list[Imp
 
 
 def _again(bins: Bins, lies: Mask, t_s: float) -> int | None:
-    """Where it flies again after a crash."""
+    """The bin in which it flies again after a crash."""
     flies = (bins.t_s > t_s + AGAIN_S) & (bins.driven > bins.flying)
     flies &= ~_near(lies, round(AGAIN_FOR_S / BIN_S))
     for first, last in runs(flies):
@@ -300,7 +301,7 @@ def _again(bins: Bins, lies: Mask, t_s: float) -> int | None:
 
 
 def _near(is_so: Mask, count: int) -> Mask:
-    """(N,) whether something is so in the bins around."""
+    """(N,) whether it is true in any of the neighbouring bins."""
     sums = np.cumsum(np.concatenate(([0], is_so.astype(int))))
     places = np.arange(len(is_so))
     first, after = np.maximum(places - count, 0), np.minimum(places + count + 1, len(is_so))
@@ -309,7 +310,7 @@ def _near(is_so: Mask, count: int) -> Mask:
 
 
 def _lies(bins: Bins, stood: Array, context: Context) -> Mask:
-    """(N,) whether it lies on its side or its back from this bin on."""
+    """(N,) whether it lies on its side or back from this bin on."""
     is_multirotor = context.motors is not None or context.vehicle_type in MULTIROTORS
     most = LYING_RAD if is_multirotor else LYING_ELSE_RAD
     lies = _steady(bins) & (_angle(bins.f_b, stood) > most)
@@ -334,7 +335,7 @@ def _blows(bins: Bins, span: Span) -> Mask:
 
 
 def _is_down(bins: Bins, place: int, span: Span) -> bool:
-    """Whether nothing flies any more soon after a blow."""
+    """Whether it no longer flies soon after a blow."""
     t_s = bins.t_s[place]
     if span.to_s - t_s < DOWN_WITHIN_S or bins.t_s[-1] - t_s < DOWN_WITHIN_S:
         return True
@@ -346,7 +347,7 @@ def _is_down(bins: Bins, place: int, span: Span) -> bool:
 
 
 def _flown(bins: Bins, place: int, since: int) -> bool:
-    """Whether the motors carried it shortly before; where nobody says, they may have."""
+    """Whether the motors carried it shortly before; if unknown, they may have."""
     t_s = bins.t_s[place]
     before = (bins.t_s < t_s) & (bins.t_s > t_s - FLOWN_WITHIN_S)
     before[:since] = False
@@ -359,7 +360,7 @@ def _flown(bins: Bins, place: int, since: int) -> bool:
 def _impact(
     bins: Bins, between: tuple[int, int], lies: Mask, stood: Array, span: Span
 ) -> Impact | None:
-    """The blow that laid it there; None where nothing was rough enough."""
+    """The blow that put it there; None if nothing was rough enough."""
     place, since = between
     t_s = bins.t_s[place]
     reach_s = TOPPLED_S if lies[place] else BLOW_S
@@ -382,13 +383,13 @@ def _impact(
 
 
 def _turned(bins: Bins, place: int) -> tuple[float, float]:
-    """How far the body's vertical axis turned before a time, by the gyro alone, and since when."""
+    """Rotation of the body's vertical axis before a time, by the gyro alone, and its start."""
     t_s = bins.t_s[place]
     part = (bins.t_s >= t_s - TURNED_WITHIN_S) & (bins.t_s <= t_s)
     before = (bins.t_s < t_s - TURNED_WITHIN_S) & (bins.t_s > t_s - 10.0 * TURNED_WITHIN_S)
     if not part.any() or not before.any():
         return 0.0, float(t_s)
-    # What it shows in the middle of a flight is its bias.
+    # The median rate before is taken as the bias.
     rate = bins.w_b[part] - np.median(bins.w_b[before], axis=0)
     q = np.array([[1.0, 0.0, 0.0, 0.0]])
     up = np.array([[0.0, 0.0, 1.0]])
@@ -423,7 +424,7 @@ def _finding(impact: Impact) -> Finding:
 
 
 def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> list[Finding]:
-    """The autopilot's crash check where nothing had crashed.
+    """Detections of the autopilot's crash check without a crash.
 
     Args:
         bins: of the soundest IMU.

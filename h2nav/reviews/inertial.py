@@ -1,4 +1,4 @@
-"""What the subjects of a review share: the best attitude at any time, turns and forces, spans.
+"""Shared parts of the analyses: best attitude at any time, turns, forces, spans.
 
 Everything works on whole arrays. Quaternions are Hamilton, body to NED, in rows.
 """
@@ -15,15 +15,15 @@ from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.flight import Estimates, Flight
 
 Mask = NDArray[np.bool_]
-# Nothing is known between two attitudes that are further apart than this.
+# The attitude between two estimates further apart than this is unknown.
 LONGEST_GAP_S = 0.5
-# A sample that comes later than this after the one before holds for no longer.
+# A sample that comes later than this after the previous one holds for no longer.
 LONGEST_STEP_S = 0.1
 SLOWED_HZ = 100.0
 
 
 class Attitudes(NamedTuple):
-    """Attitudes over time; sigma is infinite where nothing is known of the error.
+    """Attitudes over time; sigma is infinite where unknown.
 
     Attributes:
         t_s: (N,) increasing.
@@ -59,7 +59,7 @@ class Attitudes(NamedTuple):
 
 
 def attitudes(t_s: Array, q_nb: Array) -> Attitudes:
-    """A track of attitudes whose errors nobody predicts, in the order of time."""
+    """A track of attitudes without predicted errors, in the order of time."""
     order = np.argsort(t_s, kind="stable")
     rows = order[np.isfinite(q_nb[order]).all(axis=1)]
     unknown = np.full(len(rows), np.inf)
@@ -67,7 +67,7 @@ def attitudes(t_s: Array, q_nb: Array) -> Attitudes:
 
 
 def best_attitude(flight: Flight) -> Attitudes | None:
-    """Ours, and from past and future where that is the surer one; None without any."""
+    """Our estimates, or the smoothed ones where those are more accurate; None without any."""
     if flight.estimates is None or len(flight.estimates.t_s) < 2:
         return None
     ours = _with_sigma(flight.estimates)
@@ -110,14 +110,14 @@ def _continuous(q: Array) -> Array:
 
 
 def unit(q: Array) -> Array:
-    """Rows of length one; NaN stays."""
+    """Rows of length one; NaN stays NaN."""
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     found: Array = q / np.maximum(norm, 1e-12)
     return found
 
 
 def conjugate(q: Array) -> Array:
-    """Rows that turn the other way."""
+    """The inverse rotations."""
     other: Array = q * np.array([1.0, -1.0, -1.0, -1.0])
     return other
 
@@ -146,18 +146,18 @@ def logarithm(q: Array) -> Array:
 
 
 def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
-    """(M - 1, 4) turn of the body between successive times by the gyro alone.
+    """(M - 1, 4) turn of the body between successive times, by the gyro alone.
 
     Args:
         t_s: (N,) times of the samples.
-        w_b: (N, 3) rad/s; each sample is taken as the mean rate since the one before.
-        edges_s: (M,) increasing times, which are taken to the samples before them.
+        w_b: (N, 3) rad/s; each sample is the mean rate since the previous one.
+        edges_s: (M,) increasing times, rounded down to samples.
     """
     place = np.clip(np.searchsorted(t_s, edges_s, side="right"), 1, len(t_s))
     counts = np.diff(place)
     dt = np.clip(np.diff(t_s, prepend=t_s[0]), 0.0, LONGEST_STEP_S)
     found = np.tile([1.0, 0.0, 0.0, 0.0], (len(counts), 1))
-    # Spans of similar length together: products in pairs, then of those in pairs, and so on.
+    # Spans of similar length together: products of pairs, then of pairs of pairs, and so on.
     doublings = np.ceil(np.log2(np.maximum(counts, 1))).astype(np.intp)
     for doubling in np.unique(doublings[counts > 0]):
         own = np.flatnonzero((doublings == doubling) & (counts > 0))
@@ -176,15 +176,15 @@ class Velocity(NamedTuple):
 
     Attributes:
         t_s: (N,) of the samples.
-        values: (N, 5) NED, m/s; for how long until then there was no sample or no attitude, s; the
-            variance of what slow samples of a vibration add, (m/s)^2.
+        values: (N, 5) NED, m/s; time until then without sample or attitude, s; variance added by
+            slow samples of a vibration, (m/s)^2.
     """
 
     t_s: Array
     values: Array
 
     def between(self, from_s: Array, to_s: Array) -> Array:
-        """(M, 3) changes from one time to another; NaN where something is unknown between."""
+        """(M, 3) changes from one time to another; NaN where anything in between is unknown."""
         change = interpolated(to_s, self.t_s, self.values) - interpolated(
             from_s, self.t_s, self.values
         )
@@ -193,7 +193,7 @@ class Velocity(NamedTuple):
         return moved
 
     def variance(self, from_s: Array, to_s: Array) -> Array:
-        """(M,) of the changes, (m/s)^2, by the vibration alone."""
+        """(M,) variance of the changes, (m/s)^2, from vibration alone."""
         change = interpolated(to_s, self.t_s, self.values) - interpolated(
             from_s, self.t_s, self.values
         )
@@ -212,11 +212,11 @@ def interpolated(at_s: Array, t_s: Array, values: Array) -> Array:
 
 
 def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
-    """Specific force turned by the attitude and integrated, gravity taken off.
+    """Integrates the specific force, rotated by the attitude, plus gravity.
 
     Args:
         track: at least two samples.
-        q_nb: (N, 4) attitude at each of them; NaN where it is not known.
+        q_nb: (N, 4) attitude at each of them; NaN if unknown.
     """
     is_known = ~np.isnan(q_nb.sum(axis=1))
     acceleration = rotate(np.where(is_known[:, None], q_nb, 0.0), track.f_b)
@@ -230,9 +230,9 @@ def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
 
 
 def noise(values: Array, dt_s: Array) -> Array:
-    """(N,) variance of the integral until each sample, if steps between samples are noise.
+    """(N,) variance of the integral until each sample, if differences of samples are noise.
 
-    Slow samples of a vibration are as good as noise.
+    Slow samples of a vibration behave like noise.
     """
     apart = np.diff(values, axis=0, prepend=values[:1])
     variance: Array = np.cumsum(0.5 * (apart**2).sum(axis=1) * dt_s**2)
@@ -240,7 +240,7 @@ def noise(values: Array, dt_s: Array) -> Array:
 
 
 def within(t_s: Array, spans: Iterable[Span]) -> Mask:
-    """Which times lie in any of the spans."""
+    """Whether each time is in any of the spans."""
     inside = np.zeros(len(t_s), dtype=bool)
     for span in spans:
         inside |= (t_s >= span.from_s) & (t_s <= span.to_s)
@@ -248,13 +248,13 @@ def within(t_s: Array, spans: Iterable[Span]) -> Mask:
 
 
 def runs(is_so: Mask) -> list[tuple[int, int]]:
-    """First and last place of each uninterrupted run of true values."""
+    """First and last index of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], is_so, [False])).astype(np.int8)))
     return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
 
 
 def means(t_s: Array, values: Array, edges_s: Array) -> Array:
-    """(M - 1, k) means of the values between successive times; NaN where there are none."""
+    """(M - 1, k) means of the values between successive times; NaN without values."""
     place = np.searchsorted(t_s, edges_s)
     counts = np.diff(place)
     found = np.full((len(counts), values.shape[1]), np.nan)
@@ -266,9 +266,10 @@ def means(t_s: Array, values: Array, edges_s: Array) -> Array:
 
 
 def slowed(track: ImuTrack) -> ImuTrack:
-    """Means of as many samples as leave 100 a second or more, at the time of their last one.
+    """Averages samples in groups that leave 100 a second or more, at the time of their last one.
 
-    The motion of a vehicle is in them; its vibration is not. Of the field, the newest value stays.
+    This keeps the motion of a vehicle and removes its vibration. Of the field, the newest value
+    stays.
     """
     count = len(track.t_s)
     together = int((count - 1) / max(float(track.t_s[-1] - track.t_s[0]), 1e-3) / SLOWED_HZ)
@@ -288,7 +289,7 @@ def slowed(track: ImuTrack) -> ImuTrack:
 
 
 def thinned(length: int, most: int) -> NDArray[np.intp]:
-    """Places of at most `most` rows of so many, evenly spread."""
+    """Indices of at most `most` rows out of `length`, evenly spaced."""
     if length <= most:
         return np.arange(length)
     return np.linspace(0, length - 1, most).astype(np.intp)

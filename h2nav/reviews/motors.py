@@ -1,9 +1,9 @@
-"""Motors: one that works harder than the others, one at its limit, one that gives no thrust.
+"""Motors: one that works harder than the others, one at its limit, one without thrust.
 
-Outputs alone say it, beside force and rate. What a multirotor needs to hold itself level in wind,
-or while it accelerates, is taken out first: by how the outputs go with the force across the
-vehicle, with its rates and with their changes. What is left is there without any of these, from a
-weak motor or propeller, or from a load that is off the centre.
+From the outputs, with force and rate. What a multirotor needs to hold itself level in wind or
+during acceleration is removed first, by regression of the outputs on the force across the vehicle,
+its rates and their changes. The rest comes from a weak motor or propeller, or from a load off the
+centre.
 """
 
 import re
@@ -17,18 +17,18 @@ from h2nav.recordings.context import Array, ChangedSetting, Context, Motors
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, runs
 
-# Level flight, where the outputs answer to little: so long of it, in all.
+# Level flight, where the outputs are steady: this much of it in total.
 LEVEL_RAD, QUIET_RAD_S = 20.0 * DEG, 60.0 * DEG
 FEWEST_BINS = 150
-# One motor above the mean of the others, and above the next: DroneKit-LA warns from 50 us on of
-# outputs as they are. The others are about even; two pairs that differ are the vehicle's yaw, or
-# a load off the centre. In each part of the flight it is half as large at least.
+# One motor above the mean of the others, and above the next: DroneKit-LA warns from 50 us on of raw
+# outputs. The others are about even; two pairs that differ show the vehicle's yaw, or a load off
+# the centre. In each part of the flight it is at least half as large.
 UNEVEN_US, ALONE_US, OTHERS_SHARE, LASTS_SHARE = 40.0, 30.0, 1.15, 0.5
 PARTS = 3
-# At the limit: so near to it, for so long. A second of it is no gust any more.
+# At the limit: this near to it, for this long. A second of it is more than a gust.
 LIMIT_SHARE, LIMIT_S, LONG_LIMIT_S, LEADS_S = 0.985, 0.5, 1.0, 10.0
-# A motor that gives no thrust is asked for all there is within so long, alone, and the vehicle
-# turns as nobody asked.
+# A motor without thrust alone receives full output within this time, while the vehicle turns
+# against its demand.
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
 ALONE_S = 0.3
 FALLEN_G = 0.85
@@ -44,7 +44,7 @@ class Outputs(NamedTuple):
         bins: of an IMU.
         pwm_us: (N, k) outputs.
         share: (N, k) 0 to 1 of their range.
-        flies: (N,) the motors carry it, and nothing has hit it yet.
+        flies: (N,) the motors carry it, before any impact.
     """
 
     bins: Bins
@@ -54,12 +54,12 @@ class Outputs(NamedTuple):
 
 
 def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
-    """All that outputs show, of a multirotor.
+    """Analyses the outputs of a multirotor.
 
     Args:
         bins: of the soundest IMU.
-        context: outputs, armed state, parameters and what the autopilot said.
-        impacts: crashes; what motors do after one says nothing of them.
+        context: outputs, armed state, parameters and texts of the autopilot.
+        impacts: crashes; outputs after one are ignored.
     """
     motors = context.motors
     if motors is None or len(motors.t_s) < 2 or not len(bins.t_s):
@@ -83,7 +83,7 @@ def _outputs(bins: Bins, motors: Motors, context: Context, impacts: list[Impact]
 
 
 def _uneven(outputs: Outputs, motors: Motors) -> list[Finding]:
-    """What is left of the differences between motors without wind and motion."""
+    """Differences between motors with wind and motion removed."""
     bins = outputs.bins
     tilt = np.arccos(np.clip(-bins.f_b[:, 2] / np.linalg.norm(bins.f_b, axis=1), -1.0, 1.0))
     rate = np.linalg.norm(bins.w_b, axis=1)
@@ -142,7 +142,7 @@ def _uneven(outputs: Outputs, motors: Motors) -> list[Finding]:
 def _saturated(
     outputs: Outputs, motors: Motors, failed: list[Finding], impacts: list[Impact]
 ) -> list[Finding]:
-    """Motors that were asked for all there is for long, or shortly before a crash."""
+    """Motors at full output for long, or shortly before a crash."""
     known = {finding.sensor.number for finding in failed}
     found: list[Finding] = []
     t_s = outputs.bins.t_s
@@ -163,7 +163,7 @@ def _saturated(
 
 
 def _groups(pieces: list[tuple[int, int]], t_s: Array) -> list[list[tuple[int, int]]]:
-    """Pieces that follow each other within seconds."""
+    """Groups runs that follow each other within seconds."""
     groups: list[list[tuple[int, int]]] = []
     for piece in pieces:
         if groups and t_s[piece[0]] - t_s[groups[-1][-1][1]] < LEADS_S:
@@ -198,7 +198,7 @@ def _at_limit(
 
 
 def _failed(outputs: Outputs, motors: Motors, context: Context) -> list[Finding]:
-    """Switched off by a setting, reported by the autopilot, or shown by how it is asked in vain."""
+    """Motors switched off by a setting, reported by the autopilot, or driven in vain."""
     found = [
         finding
         for change in context.changes
@@ -210,7 +210,7 @@ def _failed(outputs: Outputs, motors: Motors, context: Context) -> list[Finding]
 
 
 def _switched_off(change: ChangedSetting, outputs: Outputs) -> Finding | None:
-    """A motor's output that was given to something else in flight."""
+    """A motor's output that was assigned to another function in flight."""
     if not FUNCTION.fullmatch(change.name) or int(change.before) not in MOTOR_FUNCTIONS:
         return None
     near = np.abs(outputs.bins.t_s - change.t_s) < BEFORE_S
@@ -232,7 +232,7 @@ def _motor_of(function: int) -> int:
 
 
 def _reported(context: Context, outputs: Outputs) -> list[Finding]:
-    """ArduPilot's check for a motor that is at full thrust while the vehicle still sinks."""
+    """ArduPilot's check for a motor at full thrust while the vehicle sinks."""
     for said in context.said:
         known = THRUST_LOSS.search(said.text)
         near = np.abs(outputs.bins.t_s - said.t_s) < BEFORE_S
@@ -244,7 +244,7 @@ def _reported(context: Context, outputs: Outputs) -> list[Finding]:
 
 
 def _in_vain(outputs: Outputs, motors: Motors) -> list[Finding]:
-    """One motor is asked for all alone, the vehicle turns nevertheless, and carries less."""
+    """One motor receives full output, yet the vehicle turns and its force falls."""
     bins, share = outputs.bins, outputs.share
     count = len(motors.numbers)
     rate = np.linalg.norm(bins.w_b, axis=1)
@@ -272,8 +272,8 @@ def _in_vain(outputs: Outputs, motors: Motors) -> list[Finding]:
                     float(bins.t_s[began]),
                     float(bins.t_s[last]),
                     f"motor {number} gave no thrust",
-                    f"{seconds:.1f} s after the vehicle began to turn it was asked for all there "
-                    f"is, the others for {rest[first]:.0%}; the vehicle turned on at "
+                    f"{seconds:.1f} s after the vehicle began to turn it was at full output, the "
+                    f"others at {rest[first]:.0%}; the vehicle turned on at "
                     f"{rate[first : last + 1].max() / DEG:.0f} deg/s and the force fell to "
                     f"{force.min():.1f} g",
                 )

@@ -1,4 +1,4 @@
-"""The page of a flight's review: one HTML file that needs nothing but itself."""
+"""The page of a flight's review: one self-contained HTML file."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -26,8 +26,8 @@ from h2nav.reviews.pictures import (
 from h2nav.reviews.pictures.columns import shown_s
 from h2nav.reviews.pictures.picture import Curves, Picture, Section, Shown, Stack, for_script
 
-LONG_VERDICT = 160  # characters: set smaller, or it fills a phone
-LEAST_PERCENT = 0.05  # less is shown as nothing
+LONG_VERDICT = 160  # characters: set smaller, so that it does not fill a phone
+LEAST_PERCENT = 0.05  # smaller values are shown as nothing
 _KINDS = {
     "tlog": "telemetry log",
     "bytes": "recorded link",
@@ -38,15 +38,15 @@ _KINDS = {
 
 
 def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
-    """The review as HTML.
+    """Renders the review as HTML.
 
     Args:
-        flight: what was recorded and what our service made of it.
-        analysis: what the whole flight shows.
+        flight: recording and service output.
+        analysis: of the whole flight.
         told: their `document`.
 
     Returns:
-        A file that opens without a network: findings, how sure they are, pictures.
+        A file that opens without a network: findings, uncertainty, pictures.
     """
     findings = chain(flight, analysis).findings
     happened = [one for one in (event.event(flight, findings),) if _is_filled(one)]
@@ -119,7 +119,7 @@ class _Drawn:
         self.pictures: list[Picture] = []
 
     def section(self, section: Section) -> str:
-        """HTML of a section, with a place for every picture."""
+        """HTML of a section, with a placeholder for every picture."""
         parts = [f'<section id="{section.name}"><h2>{escape(section.title)}</h2>']
         parts.append(self._pictures(section.pictures))
         parts.append(section.html)
@@ -189,17 +189,17 @@ def _findings(told: dict[str, Any]) -> str:
 
 
 def _is_own(finding: dict[str, Any]) -> bool:
-    """Whether it is about our own attitude, and no fault of the vehicle."""
+    """Whether it concerns our own attitude, and is no fault of the vehicle."""
     return bool(finding["about"] == "h2nav")
 
 
 def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
-    """What the verdict rests on; in sight where nothing was found wrong."""
+    """The basis of the verdict; unfolded if nothing was found wrong."""
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
         for one in told["checked"]
     ]
-    # A verdict that found nothing names these itself.
+    # A verdict without findings names these itself.
     subjects = ((), ()) if is_open else (told["looked_at"], told["not_looked_at"])
     lines = "".join(
         f"<p><b>{title}:</b> {escape('; '.join(what))}.</p>"
@@ -214,12 +214,12 @@ def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
     if not lines:
         return ""
     opened = " open" if is_open else ""
-    title = "What was looked at, and what could not be"
+    title = "What was checked, and what could not be"
     return f"<details{opened}><summary>{title}</summary>{lines}</details>"
 
 
 def _untested(told: dict[str, Any]) -> list[str]:
-    """What the recording had nothing for; gravity tests only where no velocity does."""
+    """Tests without data in the recording; gravity only tests where no velocity does."""
     if told["why_no_estimate"]:
         return []
     tested = told["certainty"]["tested"]
@@ -250,7 +250,7 @@ def _certainty(told: dict[str, Any]) -> str:
         parts.append(
             '<p class="about">One standard deviation of our attitude: two errors of three are '
             "smaller. Tilt is roll and pitch together. The smoothed attitude knows what came "
-            "later, and is the surer one.</p>"
+            "later, and is the more accurate one.</p>"
         )
     tables = [_compared(told), _tested(told)]
     if rows:
@@ -275,7 +275,7 @@ def _compared(told: dict[str, Any]) -> str:
     if not rows:
         return ""
     heads = ("whose", "of", "usual", "largest", "beyond 3 sigma")
-    return "<div><h3>Others against h2nav</h3>" + table(heads, rows) + "</div>"
+    return "<div><h3>Other attitudes against h2nav</h3>" + table(heads, rows) + "</div>"
 
 
 def _tested(told: dict[str, Any]) -> str:
@@ -339,7 +339,7 @@ def _rows(texts: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
 
 
 def _parameters(parameters: dict[str, Value]) -> str:
-    """A table that is folded away; a script shows the rows that have the words of the search."""
+    """A folded table; a script filters its rows by the words of the search."""
     if not parameters:
         return ""
     names = list(parameters)

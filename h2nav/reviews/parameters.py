@@ -1,11 +1,11 @@
-"""The autopilot's parameters for people: those that its attitude depends on come first."""
+"""The autopilot's parameters for people, those that affect the attitude first."""
 
 import math
 from collections.abc import Mapping
 
 import numpy as np
 
-# What is set of sensors, estimators, mounting and frame, by the beginnings of their names.
+# Parameters of sensors, estimators, mounting and frame, by prefix of their names.
 # Sources: the parameter references of ArduPilot and PX4.
 _OF_ATTITUDE = (
     # ArduPilot
@@ -20,18 +20,18 @@ Value = int | float | None
 
 
 def matters_for_attitude(name: str) -> bool:
-    """Whether sensors, estimators or the mounting of either depend on a parameter."""
+    """Whether sensors, estimators or their mounting depend on a parameter."""
     return name.startswith(_OF_ATTITUDE)
 
 
 def in_order(parameters: Mapping[str, float]) -> dict[str, Value]:
-    """Those that matter for attitude, then the others, both by name; at most some thousands."""
+    """Those that affect the attitude, then the others, both by name; at most some thousands."""
     names = sorted(parameters, key=lambda name: (not matters_for_attitude(name), name))
     return {name: _as_set(parameters[name]) for name in names[:_MOST]}
 
 
 def _as_set(value: float) -> Value:
-    """Autopilots keep integers and float32: no digit more than theirs. None is no number."""
+    """Autopilots hold integers and float32: shows no more digits than that. None if not finite."""
     if not math.isfinite(value):
         return None
     return int(value) if value == int(value) else float(str(np.float32(value)))

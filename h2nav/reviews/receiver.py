@@ -1,7 +1,7 @@
-"""The receiver against inertial motion: how late, how noisy, where it jumps or contradicts.
+"""The receiver against inertial motion: delay, noise, jumps, contradictions.
 
-Velocities are compared by their changes over windows, in which an accelerometer's bias and a tilt
-that is a little wrong stay small. The constant of the inertial velocity falls out.
+Velocities are compared by their changes over windows, in which an accelerometer's bias and a small
+tilt error have little effect. The constant of the inertial velocity cancels.
 """
 
 import math
@@ -29,38 +29,38 @@ EARTH_RADIUS_M = 6_371_000.0
 # Windows, s. A receiver that is led astray slowly shows in the long one.
 LENGTHS_S = (1.0, 3.0, 10.0)
 GATE = 3.0
-# A receiver's velocity is not surer than this, whatever it states; where it states nothing.
+# Least deviation of a receiver's velocity, whatever it states; and where it states nothing.
 LEAST_SIGMA_M_S, UNKNOWN_SIGMA_M_S = 0.3, 0.5
 # Accelerometers' zero-g output (BMI088, ICM-42688-P) and a tilt known to 0.5 deg.
 FORCE_SIGMA_M_S2 = 0.020 * GRAVITY_M_S2
 TILT_SIGMA_RAD = 0.5 * DEG
-# Fixes are read and sent at intervals: each may be older than the usual one by half of one.
+# Fixes are read and sent at intervals: each may be older than usual by half an interval.
 LARGEST_JITTER_S = 0.25
 LASTING_S = 1.5
-# Lags that are tried; receivers for vehicles have 0.05 to 0.4 s.
+# Lags to try; receivers for vehicles have 0.05 to 0.4 s.
 EARLIEST_LAG_S, LATEST_LAG_S, COARSE_LAG_S, LAG_STEP_S = -0.2, 1.2, 0.1, 0.02
 MOST_LAG_FIXES = 5000
 LAG_WINDOW_S = 1.0
-# The vehicle has to change its velocity by as much (rms over a window) for a lag to show, and the
-# best lag has to explain it.
+# The vehicle has to change its velocity by this much (rms over a window) for a lag to show, and the
+# best lag has to explain the change.
 MOVED_M_S = 0.3
 EXPLAINED = 0.5
 SURE_LAG_S = 0.02
 FEWEST_LAG_WINDOWS = 100
-# What an autopilot can wait for: GPS1_DELAY_MS ends at 250 ms (ArduPilot).
+# The longest delay an autopilot can be set to: GPS1_DELAY_MS ends at 250 ms (ArduPilot).
 LATEST_USABLE_S = 0.25
-# From what is configured: 0.1 s in a turn of 1 g are 1 m/s.
+# Difference to the configured delay: 0.1 s in a turn of 1 g are 1 m/s.
 LAG_APART_S = 0.1
 DELAY_PARAMETERS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
 LOST_S = 1.0
-# The noise of a receiver, 0.05 m/s, is five times what its messages show: no two fixes of a vehicle
-# that moves are alike, except where one is told several times.
+# The noise of a receiver, 0.05 m/s, is five times the resolution of its messages: no two fixes of a
+# moving vehicle are equal, except where one is repeated.
 FROZEN_S, FROZEN_FIXES, MOVING_M_S = 2.0, 5, 0.5
 USUAL_SHARE = 0.98
 FEWEST_SATELLITES = 6
-# EKF3 stops trusting a velocity of more (EK3_CHECK_SCALE 100 %).
+# EKF3 stops trusting a velocity of lower accuracy (EK3_CHECK_SCALE 100 %).
 POOR_SIGMA_M_S = 1.0
 POOR_FOR_S = 10.0
 
@@ -74,16 +74,16 @@ def look_at_receiver(
     is_polled: bool,
     rest: Rest = NEVER,
 ) -> tuple[Receiver, list[Finding]]:
-    """One receiver.
+    """Analyses one receiver.
 
     Args:
         gps: its fixes, in order of time.
         context: armed state and parameters.
-        track: samples that its motion is compared with; None without any.
+        track: samples for comparison; None without any.
         best: the attitude; None without one.
-        is_polled: its fixes come in a stream that has a rhythm of its own, so that they may be
-            older by a period than at the receiver.
-        rest: windows in which the vehicle stood still.
+        is_polled: its fixes come in a stream at a rhythm of its own, so that they may be older by a
+            period than at the receiver.
+        rest: windows at rest.
     """
     sensor = Sensor(SensorKind.GPS, None if gps.receiver == 0 else gps.receiver + 1)
     found = [*_lost(sensor, gps, context), *_quality(sensor, gps, context)]
@@ -118,14 +118,14 @@ def look_at_receiver(
 
 
 def _slow(moves: Moves, best: Attitudes, force_m_s2: float) -> Array:
-    """(N,) deviation of the inertial acceleration by accelerometer and tilt, m/s^2."""
+    """(N,) deviation of the inertial acceleration from accelerometer and tilt, m/s^2."""
     tilt = np.hypot(TILT_SIGMA_RAD, best.near(best.sigma_tilt_rad, moves.t_s))
     slow: Array = np.hypot(max(FORCE_SIGMA_M_S2, force_m_s2), GRAVITY_M_S2 * tilt)
     return slow
 
 
 def moves_of(gps: GpsTrack) -> Moves:
-    """The fixes that have a velocity."""
+    """The fixes with a velocity."""
     good = gps.has_fix & np.isfinite(gps.v_n[:, :2]).all(axis=1)
     t_s = gps.t_s[good]
     v_n = gps.v_n[good]
@@ -157,9 +157,9 @@ def _change(t_s: Array, v_n: Array, velocity: Velocity, length_s: float, lag_s: 
 
 
 def _lag(moves: Moves, velocity: Velocity) -> float:
-    """How late the receiver's velocity is, s; NaN where the motion does not show it."""
+    """Delay of the receiver's velocity, s; NaN if the motion does not show it."""
     if len(moves.t_s) > MOST_LAG_FIXES:
-        # A long flight shows it in a part from its middle.
+        # For a long flight, a part from its middle suffices.
         first = (len(moves.t_s) - MOST_LAG_FIXES) // 2
         part = slice(first, first + MOST_LAG_FIXES)
         moves = Moves(moves.t_s[part], moves.v_n[part], moves.sigma_m_s[part], moves.axes)
@@ -180,7 +180,7 @@ def _lag(moves: Moves, velocity: Velocity) -> float:
         return math.nan
     left, middle, right = cost[place - 1 : place + 2]
     bend = max(left - 2.0 * middle + right, 1e-12)
-    # Of so many independent windows the variance of the top follows from the parabola's bend.
+    # With this many independent windows, the parabola's curvature gives the variance of its top.
     sigma = LAG_STEP_S * math.sqrt(2.0 * middle / (bend * max(seconds / LAG_WINDOW_S, 1.0)))
     if middle > EXPLAINED * moved[0] or sigma > SURE_LAG_S:
         return math.nan
@@ -188,7 +188,7 @@ def _lag(moves: Moves, velocity: Velocity) -> float:
 
 
 def _cost(moves: Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, float]:
-    """(L,) mean squares of what each lag leaves, over the same windows, and their seconds."""
+    """(L,) mean squares of the residuals at each lag, over the same windows, and their seconds."""
     changes = np.array(
         [_change(moves.t_s, moves.v_n, velocity, LAG_WINDOW_S, lag)[:, moves.axes] for lag in lags]
     )
@@ -196,7 +196,7 @@ def _cost(moves: Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, 
     squares = squares[:, np.isfinite(squares).all(axis=0)]
     if squares.shape[1] < FEWEST_LAG_WINDOWS:
         return None, 0.0
-    # The fixes that contradict at every lag say nothing of it.
+    # Fixes that contradict at every lag are ignored.
     least = squares.min(axis=0)
     kept = least <= np.quantile(least, 0.9)
     seconds = float(kept.sum() * np.median(np.diff(moves.t_s)))
@@ -224,7 +224,7 @@ def _told_lag(
     if configured is not None:
         evidence += f"; {configured:.0f} ms are configured"
     elif is_late:
-        evidence += f"; an autopilot can be told of {LATEST_USABLE_S * 1e3:.0f} ms at most"
+        evidence += f"; an autopilot can be set to {LATEST_USABLE_S * 1e3:.0f} ms at most"
     return [
         Finding(
             Kind.GPS_LAG,
@@ -241,7 +241,7 @@ def _told_lag(
 
 
 def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
-    """(N,) what the times of the fixes may be off does to their velocity, m/s."""
+    """(N,) velocity error from the uncertain times of the fixes, m/s."""
     half_s = min(0.5 * float(np.median(np.diff(moves.t_s))), LARGEST_JITTER_S)
     at_s = moves.t_s - lag_s
     change = np.nan_to_num(velocity.between(at_s - 0.5, at_s + 0.5)[:, moves.axes])
@@ -260,7 +260,7 @@ def _contradictions(
     context: Context,
     lag_s: float,
 ) -> list[Finding]:
-    """Where a change of velocity is none that the IMU could have missed by this attitude."""
+    """Changes of velocity that the IMU could not have missed with this attitude."""
     flying = within(moves.t_s, context.armed)
     worst = np.zeros(len(moves.t_s))
     ratio = np.zeros(len(moves.t_s))
@@ -305,7 +305,7 @@ def _contradictions(
 
 
 def _joined(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
-    """Runs with less than a long window between them are one."""
+    """Merges runs separated by less than a long window."""
     joined: list[tuple[int, int]] = []
     for first, last in pieces:
         if joined and t_s[first] - t_s[joined[-1][1]] < LENGTHS_S[-1]:
@@ -316,7 +316,7 @@ def _joined(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
 
 
 def _jumps(gps: GpsTrack) -> Array:
-    """(N,) distance between the change of position and the velocity times the time, m."""
+    """(N,) distance between the change of position and velocity times time, m."""
     apart = np.full(len(gps.t_s), np.nan)
     if len(gps.t_s) < 2:
         return apart
@@ -355,7 +355,7 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     """No fix, or no report, while armed, after there was one."""
     had_fix = np.maximum.accumulate(gps.has_fix) if len(gps.t_s) else gps.has_fix
     found = []
-    # Reports may come in bursts: what is usual between two of them is no loss.
+    # Reports may come in bursts: the usual interval between two is no loss.
     usual_s = float(np.quantile(np.diff(gps.t_s), USUAL_SHARE)) if len(gps.t_s) > 1 else 0.0
     if len(gps.t_s) and not gps.has_fix.any() and context.armed:
         found.append(_never(sensor, gps, context))
@@ -383,7 +383,7 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
 
 
 def _never(sensor: Sensor, gps: GpsTrack, context: Context) -> Finding:
-    """A receiver that is there, and never had a fix: indoors that is as it should be."""
+    """A receiver that never had a fix, which is normal indoors."""
     from_s, to_s = context.armed[0].from_s, context.armed[-1].to_s
     known = gps.satellites[np.isfinite(gps.satellites)]
     most = f"; at most {known.max():.0f} satellites" if len(known) else ""
@@ -401,7 +401,7 @@ def _never(sensor: Sensor, gps: GpsTrack, context: Context) -> Finding:
 
 
 def _frozen(sensor: Sensor, gps: GpsTrack, flying: Mask) -> list[Finding]:
-    """The same velocity again and again, of a vehicle that by it moves."""
+    """A velocity that repeats exactly while it says that the vehicle moves."""
     speed = np.linalg.norm(np.nan_to_num(gps.v_n[:, :2]), axis=1)
     told = gps.has_fix & flying & (speed > MOVING_M_S)
     alike = (gps.v_n[1:, :2] == gps.v_n[:-1, :2]).all(axis=1) & told[1:] & told[:-1]
@@ -433,7 +433,7 @@ def _period(gps: GpsTrack) -> float:
 
 
 def _quality(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
-    """Few satellites, or a velocity that the receiver itself does not believe in."""
+    """Few satellites, or a poor accuracy stated by the receiver."""
     flying = within(gps.t_s, context.armed) & gps.has_fix
     seconds = _period(gps)
     few = flying & (gps.satellites < FEWEST_SATELLITES)

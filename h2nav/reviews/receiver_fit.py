@@ -1,9 +1,9 @@
-"""Whether a receiver's velocity fits the IMU once heading and tilt are left to the fit.
+"""Fits a receiver's velocity to the IMU with free heading and tilt.
 
-A filter may have lost its heading without knowing it, and its own attitude would blame a sound
-receiver for that. Over some seconds the gyro alone turns the forces into one frame; which turn from
-there to north, east and down makes their integral the measured velocity best, is found in closed
-form (Kabsch). What then is left is of the receiver: noise, jumps, jamming.
+A filter may lose its heading unnoticed, and its attitude would then blame a sound receiver. Over
+some seconds the gyro alone rotates the forces into one frame; the rotation from there to
+north-east-down that fits their integral to the measured velocity is found in closed form (Kabsch).
+The residual belongs to the receiver: noise, jumps, jamming.
 """
 
 from typing import NamedTuple
@@ -26,20 +26,20 @@ from h2nav.reviews.inertial import (
     unit,
 )
 
-# Half a window; shorter, anything fits; longer, a gyro's bias turns the frame.
+# Half a window; a shorter one fits anything; in a longer one a gyro's bias turns the frame.
 HALF_S = 5.0
 FEWEST, LONGEST_PAUSE_S = 8, 1.5
-# What is left of a sound receiver: twice what is usual in the flight, which is no more than this,
-# and a tenth of what it was blamed for, which slow samples of a shaken IMU make.
+# Residual of a sound receiver: twice the usual one of the flight, which is no more than this, and a
+# tenth of the reported error, which slow samples of a vibrating IMU cause.
 TIMES, USUAL_M_S, LEAST_M_S, SHARE = 2.0, 1.0, 0.3, 0.1
-# A receiver that is led astray fits as well, with a tilt that the vehicle does not have. Ours is
-# surer than this, but not where its heading was not known: velocities pull the tilt then.
+# A receiver led astray also fits, with a tilt that the vehicle does not have. Our tilt is more
+# certain than this, except where our heading was unknown: velocities then pull the tilt.
 TILT_RAD, OF_HEADING, MOST_HEADING_RAD = 5.0 * DEG, 0.25, 1.0
 MOST_WINDOWS = 60
 
 
 class Moves(NamedTuple):
-    """Fixes with a velocity: (N,) times, (N, 3) velocity (unknown down = 0), (3,) known axes."""
+    """Fixes with a velocity: (N,) times, (N, 3) velocity (0 for unknown down), (3,) known axes."""
 
     t_s: Array
     v_n: Array
@@ -48,14 +48,14 @@ class Moves(NamedTuple):
 
 
 class _Lined(NamedTuple):
-    """What a window is fitted of, in a frame that the gyro alone keeps.
+    """The data of the fit, in a frame carried by the gyro alone.
 
     Attributes:
-        t_s: (N,) of the fixes, as old as they are.
+        t_s: (N,) of the fixes, minus their delay.
         v_s: (N, 3) integral of the force.
-        v_n: (N, 3) measured velocity less that of gravity.
+        v_n: (N, 3) measured velocity minus that of gravity.
         up_s: (N, 3) our vertical.
-        tilt_rad: (N,) by how much it may be wrong.
+        tilt_rad: (N,) its possible error.
     """
 
     t_s: Array
@@ -68,15 +68,15 @@ class _Lined(NamedTuple):
 def fits(
     one: Finding, moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float
 ) -> bool:
-    """Whether a receiver that is blamed fits all the time, with another heading or a little tilt.
+    """Whether a blamed receiver fits throughout with another heading or a small tilt.
 
     Args:
-        one: what it is blamed for.
+        one: the finding that blames it.
         moves: its velocities.
         track: samples.
         best: our attitude.
-        bias_b: of the gyro, as far as it is known, rad/s.
-        lag_s: how old a velocity is.
+        bias_b: of the gyro, as far as known, rad/s.
+        lag_s: delay of the velocity.
     """
     lined = _lined(moves, track, best, bias_b, lag_s)
     inside = (lined.t_s >= one.from_s - lag_s) & (lined.t_s <= one.to_s - lag_s)
@@ -91,7 +91,7 @@ def fits(
 
 
 def _spread(wanted: Mask) -> NDArray[np.intp]:
-    """Places of windows, at most so many."""
+    """Places of windows, up to a limit."""
     places = np.flatnonzero(wanted)
     if len(places) <= MOST_WINDOWS:
         return places
@@ -127,7 +127,7 @@ def _turned(track: ImuTrack, bias_b: Array, dt_s: Array) -> Array:
 
 
 def _left(lined: _Lined, places: NDArray[np.intp]) -> Array:
-    """(M,) rms of what the best turn leaves in windows; infinite with a tilt that is too large."""
+    """(M,) rms residuals of windows after the best rotation; infinite if its tilt is too large."""
     found = np.full(len(places), np.nan)
     for row, place in enumerate(places):
         t_s = lined.t_s[place] if place < len(lined.t_s) else np.inf

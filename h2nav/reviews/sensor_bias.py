@@ -1,9 +1,9 @@
-"""Bias of gyros and accelerometers against data sheets, and of IMUs against each other.
+"""Bias of gyros and accelerometers against data sheets, and between IMUs.
 
-A gyro's bias is what it turns too much between two attitudes that are known: over 5 s an attitude
-known to 0.3 deg shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used. While
-force and field both stand still in the body, nothing turns, and the bias is what the gyro shows: no
-filter that was led astray by it has a part in that.
+A gyro's bias is its excess turn between two known attitudes: over 5 s an attitude known to 0.3 deg
+shows a bias of 0.1 deg/s, of every IMU on board, whichever the service used. While both force and
+field stand still in the body, nothing turns, and the gyro shows its bias: independent of any filter
+that the bias may have led astray.
 """
 
 import itertools
@@ -29,45 +29,45 @@ from h2nav.reviews.inertial import (
 from h2nav.reviews.tracks import Bias
 
 WINDOW_S = 5.0
-# Parts of a window whose turns are looked at, and the shortest mean of turns that shows a bias.
+# Parts of a window whose turns are compared, and the shortest mean of turns that shows a bias.
 PARTS = 20
 LEAST_LEVER = 0.4
 MOST_POINTS = 2000
 # Zero-rate output: BMI088 and ICM-20602 1 deg/s, ICM-42688-P 0.5 deg/s (typical), and 0.01 to
-# 0.03 deg/s/K over 30 K. The MPU-6000's 20 deg/s are taken out at every start.
+# 0.03 deg/s/K over 30 K. The MPU-6000's 20 deg/s are calibrated at every start.
 GYRO_LIMIT_RAD_S = 2.0 * DEG
-# A jump of this within 10 s is no warming up: a sensor or its calibration has changed.
+# A jump of this within 10 s is not thermal: a sensor or its calibration has changed.
 STEP_RAD_S = 0.7 * DEG
-# Windows on each side of a jump, over how long, and how much they may differ among themselves.
+# Windows on each side of a jump, their span, and how much they may differ among themselves.
 SIDE = 3
 LONGEST_SIDES_S = 90.0
 STEADY_SHARE = 0.4
-# Between IMUs of one board: what ArduPilot arms with (5 deg/s while it stands) is ten times what
-# two calibrated gyros show; 2 deg/s are two typical zero-rate outputs.
+# Between IMUs of one board: ArduPilot's limit for arming (5 deg/s at rest) is ten times the
+# difference of two calibrated gyros; 2 deg/s are two typical zero-rate outputs.
 GYRO_APART_RAD_S = 2.0 * DEG
 # ARMING_ACCTHRESH 0.75 m/s^2 (ArduPilot), COM_ARM_IMU_ACC 0.7 m/s^2 (PX4).
 FORCE_APART_M_S2 = 0.75
 # Zero-g output: MPU-6000 50 mg (80 mg on z), ICM-20602 25 mg, ICM-42688-P and BMI088 20 mg.
 FORCE_LIMIT_M_S2 = 0.080 * GRAVITY_M_S2
-# At rest: the rate of a sample, less its mean; the spread of the force; for so long.
+# At rest: the rate of a sample minus its mean; the spread of the force; the duration.
 REST_RATE_RAD_S = 0.5 * DEG
 REST_FORCE_M_S2 = 0.15
 REST_WINDOW_S = 1.0
 REST_FOR_S = 3.0
 FEWEST_WINDOWS = 3
-# An attitude that is less sure than this says nothing of a bias; its change over a window is surer
-# than itself.
+# An attitude less certain than this shows no bias; its change over a window is more certain than
+# the attitude itself.
 SURE_RAD = 4.0 * DEG
-# A scale that is off by 1 % is a false bias of a hundredth of the rate.
+# A scale error of 1 % is a false bias of a hundredth of the rate.
 FASTEST_TURN_RAD_S = 40.0 * DEG
 LONGEST_GAP_S = 0.1
 # Directions of force and field, means of a fifth of a window, that stand still: over four fifths of
-# it, 0.5 deg/s at worst. In a steady turn the force stands still alone.
+# it, 0.5 deg/s at worst. In a steady turn only the force stands still.
 STILL_RAD = 1.0 * DEG
 STILL_PARTS = 5
-# What slow samples of a vibrating gyro may make of a window's mean.
+# Effect of slow samples of a vibrating gyro on a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
-# What else shows which of two IMUs is wrong that disagree.
+# Other findings that show which of two disagreeing IMUs is wrong.
 SHOWN_BY = {
     Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
     Kind.ACCELEROMETER_APART: (Kind.ACCELEROMETER_BIAS, Kind.VIBRATION, Kind.CLIPPING),
@@ -90,11 +90,10 @@ def look_at_biases(
     """Biases of all IMUs.
 
     Args:
-        tracks: samples, in order, all of them numbers.
+        tracks: samples, in order, all finite.
         best: the attitude.
         armed: while the motors could turn.
-        told: findings of the checks in flight; while a sensor did not measure at all, it has no
-            bias.
+        told: findings in flight; a sensor without measurements has no bias.
     """
     biases, found = [], []
     tracks = tuple(_with_live_field(measuring(track, told), told) for track in tracks)
@@ -106,7 +105,7 @@ def look_at_biases(
 
 
 def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
-    """The samples without those of a sensor that is known to be frozen, stuck or clipped."""
+    """The samples without those of a sensor found frozen, stuck or clipped."""
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     spans = [
         Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind.value)
@@ -126,7 +125,7 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
 
 
 def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
-    """The samples without the field of a compass that was ever frozen: it stands still at will."""
+    """The samples without the field of a compass that was ever frozen."""
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     if not any(f.kind is Kind.COMPASS_FROZEN and f.sensor == imu for f in told):
         return track
@@ -157,7 +156,7 @@ def _of_imu(
 
 
 def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
-    """(M,) centres of windows, (M, 3) bias in each, and where it cannot be sure.
+    """(M,) centres of windows, (M, 3) bias in each, and where it is uncertain.
 
     A bias b adds the turn M b to the true one, seen from the body at the window's end, where M is
     the integral of the turns from then until the end.
@@ -196,7 +195,7 @@ def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, M
 
 
 def _stands_still(track: ImuTrack, edges: Array) -> Mask:
-    """(M,) windows in which the body does not turn, by its force and its field alone."""
+    """(M,) windows without rotation, by force and field alone."""
     has_field = np.isfinite(track.m_b_ut).all(axis=1)
     if not has_field.any():
         return np.zeros(len(edges) - 1, dtype=bool)
@@ -238,7 +237,7 @@ def _levers(best: Attitudes, at_s: Array) -> Array:
 
 
 def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
-    """Beyond the data sheet for a while."""
+    """Biases beyond the data sheet for a while."""
     if len(t_s) < FEWEST_WINDOWS:
         return []
     size = np.linalg.norm(bias, axis=1)
@@ -264,7 +263,7 @@ def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
 
 
 def _jumps(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
-    """Between the medians of some steady windows before and after one in which the jump may lie."""
+    """Jumps between the medians of steady windows before and after."""
     count = len(t_s) - 2 * SIDE
     if count < 1:
         return []
@@ -343,7 +342,7 @@ def _force(imu: Sensor, t_s: Array, norms: Array) -> list[Finding]:
 
 
 def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Finding]:
-    """Mean rates and forces of two IMUs over the same windows, which turn and fall together."""
+    """Mean rates and forces of two IMUs over the same windows, which share the motion."""
     ends = [(track.t_s[0], track.t_s[-1]) for track in tracks if len(track.t_s) > 1]
     if len(ends) < 2:
         return []
@@ -361,7 +360,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
 
 
 def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
-    """Means of windows in which no tenth of the samples is missing; NaN elsewhere."""
+    """Means of windows with less than a tenth of the samples missing; NaN elsewhere."""
     counts = np.diff(np.searchsorted(t_s, edges))
     is_whole = counts >= 0.9 * np.median(counts)
     return np.where(is_whole[:, None], means(t_s, values, edges), np.nan)
@@ -375,13 +374,13 @@ def _disagreeing(
     limit: float,
     known: tuple[Finding, ...],
 ) -> list[Finding]:
-    """Pairs that differ; the odd one of three is named, and of two the one that is known as bad."""
+    """Pairs that differ; names the odd one of three, and of two the one known as bad."""
     beyond: dict[tuple[int, int], Array] = {}
     for one, other in itertools.combinations(range(len(values)), 2):
         difference = values[one] - values[other]
         apart = np.linalg.norm(difference, axis=1)
         places = apart > limit
-        # What vibration makes of slow samples points now here, now there.
+        # The effect of vibration on slow samples changes its direction.
         if (
             np.count_nonzero(places) >= FEWEST_WINDOWS
             and np.linalg.norm(difference[places].mean(axis=0)) > limit
@@ -405,7 +404,7 @@ def _disagreeing(
 def _difference(
     kind: Kind, odd: list[int], others: list[int], edges: Array, apart: Array, limit: float
 ) -> Finding:
-    """One finding: of the odd IMU against the others, or of two of which one is wrong."""
+    """One finding: the odd IMU against the others, or two of which one is wrong."""
     places = np.flatnonzero(apart > limit)
     is_gyro = kind is Kind.GYRO_APART
     sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")

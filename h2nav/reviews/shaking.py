@@ -1,7 +1,7 @@
-"""Vibration that is strong all along, or begins in flight: against the same flight, by the force.
+"""Vibration that is strong throughout, or begins in flight, by the force.
 
-Slow samples alias a vibration, and keep its size: the differences between neighbouring samples are
-those of the whole spectrum. Beside it stands what the autopilot measured at the sensor's own rate.
+Slow samples alias a vibration but keep its size: the differences between neighbouring samples are
+those of the whole spectrum. The autopilot's measure at the sensor's own rate is shown beside it.
 """
 
 import numpy as np
@@ -14,22 +14,22 @@ from h2nav.reviews.inertial import Mask, means, runs
 
 WINDOW_S = 1.0
 # LogAnalyzer warns of two deviations of 3 m/s^2 across and fails at 5 along the vertical, in hover;
-# over all axes of one deviation, half of it and more.
+# for one deviation over all axes, half of that and more.
 STRONG_M_S2, STRONG_S = 5.0, 10.0
-# Begun: so many times what the flight had before, and not small; for so long.
+# Begun: this many times the level before, and not small; for this long.
 TIMES, BEGUN_M_S2, BEGUN_S = 3.0, 1.5, 5.0
 FEWEST_BEFORE = 10
-# Around an impact nothing is a vibration.
+# Time around an impact that is ignored.
 IMPACT_S = 3.0
 
 
 def look_at_shaking(
     track: ImuTrack, bins: Bins, context: Context, impacts: list[Impact]
 ) -> list[Finding]:
-    """One IMU of a vehicle that rotors hold.
+    """Analyses one IMU of a vehicle with rotors.
 
     Args:
-        track: its samples as they were recorded.
+        track: its samples as recorded.
         bins: of the soundest IMU.
         context: outputs, and the autopilot's own measure.
         impacts: every blow.
@@ -65,7 +65,7 @@ def look_at_shaking(
 
 
 def deviations(track: ImuTrack) -> tuple[Array, Array]:
-    """(M,) centres of seconds, and (M,) what neighbouring forces deviate, over all axes, m/s^2."""
+    """(M,) centres of seconds, and (M,) deviation of neighbouring forces, all axes, m/s^2."""
     edges = np.arange(track.t_s[0], track.t_s[-1] + WINDOW_S, WINDOW_S)
     steps = np.diff(track.f_b, axis=0, prepend=track.f_b[:1]).astype(float)
     square = means(track.t_s, 0.5 * steps**2, edges).sum(axis=1)
@@ -114,7 +114,7 @@ def _begun(at_s: Array, size: Array) -> tuple[float, float, float, str, str] | N
 
 
 def _clipped(context: Context, imu: int) -> str:
-    """What the autopilot itself counted."""
+    """The autopilot's own count."""
     for track in context.vibrations:
         if track.imu == imu and len(track.t_s):
             clipped = float(np.maximum(np.diff(track.clipped), 0.0).sum())

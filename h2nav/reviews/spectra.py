@@ -1,8 +1,8 @@
-"""Vibration: its level as ArduPilot's VIBE, its spectrum and lines, and the notch for them.
+"""Vibration: its level as ArduPilot's VIBE, its spectrum and lines, and a notch for them.
 
-Only what happened while the motors could turn is looked at. Bursts at the sensor's own rate show
-the lines where they are. Recorded samples show nothing above half their rate, and what is above it
-appears below, at another frequency: a line there is told as seen, and no notch is advised from it.
+Only the time with turning motors counts. Bursts at the sensor's own rate show the lines at their
+true frequencies. Recorded samples show nothing above half their rate, and a higher line appears
+below at another frequency: it is reported as seen, and no notch is advised.
 """
 
 import itertools
@@ -19,15 +19,15 @@ from h2nav.reviews.tracks import Peak, Spectrum, Vibration
 MOST_BINS = 256
 MOST_COLUMNS = 300
 FEWEST_WINDOWS = 4
-# A long flight is looked at in pieces with gaps between them.
+# A long flight is analysed in pieces with gaps between them.
 MOST_WINDOWS = 1500
 AT_ONCE = 64
 UNITS = {"gyro": "rad/s", "accelerometer": "m/s^2"}
 # Times may differ from equal steps by this share of a window.
 UNEVEN_SHARE = 0.02
-# What is slower is the flight itself.
+# Slower changes are the flight itself.
 SLOWEST_LINE_HZ = 8.0
-# A line: its density so many times that of its surroundings (10 dB in power), over so many bins.
+# A line: its density relative to its surroundings (10 dB in power), over this many bins.
 LINE_FACTOR = 3.2
 SURROUNDINGS = 21
 MOST_PEAKS = 8
@@ -35,7 +35,7 @@ MOST_PEAKS = 8
 # bandwidth of 80 Hz (INS_GYRO_FILTER of small multirotors) ten times more than its noise does.
 GYRO_LINE_RAD_S = 0.016
 FORCE_LINE_M_S2 = 3.0
-# Seen less aliased than this, a stream is not asked for motors' lines (50 to 400 Hz).
+# A stream with a lower rate is not searched for motors' lines (50 to 400 Hz).
 ADVISED_FROM_HZ = 390.0
 HIGHEST_SHARE = 0.45
 MOST_HARMONICS = 4
@@ -64,12 +64,12 @@ class _Windows(NamedTuple):
 def look_at_spectra(
     tracks: tuple[ImuTrack, ...], bursts: tuple[Burst, ...], armed: tuple[Span, ...]
 ) -> tuple[tuple[Spectrum, ...], list[Finding]]:
-    """Spectra of all sensors and what stands out in them.
+    """Spectra of all sensors and findings on them.
 
     Args:
-        tracks: samples as they were recorded.
-        bursts: at the sensors' own rates; a sensor that has any is not looked at in its track.
-        armed: while the motors could turn; empty = nobody said so, and nothing is told.
+        tracks: samples as recorded.
+        bursts: at the sensors' own rates; they replace the sensor's track.
+        armed: while the motors could turn; empty = unknown, and nothing is reported.
     """
     spectra, found = [], []
     imus = sorted({track.imu for track in tracks} | {burst.imu for burst in bursts})
@@ -90,7 +90,7 @@ def look_at_spectra(
 
 
 def _of_bursts(bursts: list[Burst], armed: tuple[Span, ...]) -> _Windows | None:
-    """Windows of bursts, those of the usual length and rate."""
+    """Windows of bursts, those with the usual length and rate."""
     if armed:
         bursts = [b for b in bursts if within(np.array([b.t_s]), armed)[0]]
     bursts = [b for b in bursts if len(b.values) >= 64 and np.isfinite(b.values).all()]
@@ -110,7 +110,7 @@ def _of_bursts(bursts: list[Burst], armed: tuple[Span, ...]) -> _Windows | None:
 
 
 def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows | None:
-    """Windows of a stream that overlap by half where they are not too many, without gaps."""
+    """Windows of a stream without gaps, overlapping by half up to a limit of windows."""
     values = track.w_b if sensor == "gyro" else track.f_b
     t_s = track.t_s
     length = 2 * MOST_BINS
@@ -137,12 +137,12 @@ def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows
 
 
 def _densities(t_s: Array, pieces: Array, rate_hz: float) -> _Windows:
-    """Densities of (W, 3, n) pieces: Hann windows, the mean and slope taken off."""
+    """Densities of (W, 3, n) pieces: Hann windows, with mean and slope removed."""
     length = pieces.shape[2]
     slope = np.linspace(-1.0, 1.0, length)
     hann = np.hanning(length + 1)[:-1]
     power = np.empty((len(pieces), min(length // 2, MOST_BINS), 3))
-    # As many at a time as a processor's cache holds.
+    # As many at a time as fit into a processor's cache.
     for first in range(0, len(pieces), AT_ONCE):
         part = pieces[first : first + AT_ONCE].astype(float)
         part -= part.mean(axis=2, keepdims=True)
@@ -177,7 +177,7 @@ def _spectrum(windows: _Windows, imu: int, sensor: str, is_burst: bool) -> Spect
 
 
 def _peaks(frequency_hz: Array, power: Array) -> tuple[Peak, ...]:
-    """Lines above their surroundings, the strongest first, with their places in families."""
+    """Lines above their surroundings, strongest first, with their harmonics numbered."""
     padded = np.pad(power, SURROUNDINGS, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * SURROUNDINGS + 1)
     floor = np.median(windows, axis=1)
@@ -200,7 +200,7 @@ def _peaks(frequency_hz: Array, power: Array) -> tuple[Peak, ...]:
 
 
 def _reach(power: Array, least: Array, place: int) -> tuple[int, int]:
-    """The first and last place around a top that stay above a level."""
+    """The first and last index around a peak that stay above a level."""
     low = high = place
     while low > 0 and power[low - 1] > least[low - 1]:
         low -= 1
@@ -226,7 +226,7 @@ def _families(peaks: list[Peak], step_hz: float) -> tuple[Peak, ...]:
 
 
 def _lines(spectrum: Spectrum) -> list[Finding]:
-    """What a pilot should know of the lines of one sensor."""
+    """Findings on the lines of one sensor."""
     least = GYRO_LINE_RAD_S if spectrum.sensor == "gyro" else FORCE_LINE_M_S2
     strong = [peak for peak in spectrum.peaks if peak.rms >= least]
     if not strong:
@@ -267,7 +267,7 @@ def _order(peak: Peak) -> str:
 
 
 def _notch(spectrum: Spectrum, strong: list[Peak]) -> str:
-    """Parameters of a notch, where the samples can say where the line is."""
+    """Parameters of a notch, if the samples show where the line is."""
     if spectrum.rate_hz < ADVISED_FROM_HZ:
         return "no notch can be advised: record bursts (INS_LOG_BAT_MASK) or the raw gyro"
     family = sorted((p for p in spectrum.peaks if p.harmonic), key=lambda p: p.harmonic)
@@ -296,7 +296,7 @@ def look_at_vibration(
     Args:
         track: the samples.
         armed: while the motors could turn.
-        is_told: a check in flight has told of this IMU's vibration already.
+        is_told: a check in flight has reported this IMU's vibration already.
     """
     t_s = track.t_s
     clipped = (np.abs(track.f_b) >= CLIPPED_M_S2) @ np.ones(3) > 0.0
@@ -313,7 +313,7 @@ def look_at_vibration(
 
 
 def vibe(f_b: Array, rate_hz: float) -> Array:
-    """(N, 3) ArduPilot's VIBE of each sample: what is above 5 Hz, its squares smoothed by 2 Hz."""
+    """(N, 3) ArduPilot's VIBE of each sample: above 5 Hz, the squares smoothed by 2 Hz."""
     if rate_hz <= 0.0 or len(f_b) < 2:
         return np.zeros_like(f_b)
     shaken = f_b - _low_pass(f_b, VIBE_FLOOR_HZ, rate_hz)
@@ -322,7 +322,7 @@ def vibe(f_b: Array, rate_hz: float) -> Array:
 
 
 def _low_pass(values: Array, cutoff_hz: float, rate_hz: float) -> Array:
-    """One pole, begun at the first value, in blocks whose insides are one product of matrices."""
+    """A one-pole filter, started at the first value, computed in blocks by matrix products."""
     step = 2.0 * np.pi * cutoff_hz / rate_hz
     share = step / (step + 1.0)
     powers = (1.0 - share) ** np.arange(BLOCK + 1)

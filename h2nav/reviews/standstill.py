@@ -1,8 +1,8 @@
-"""A vehicle that stands still: what its gyros and accelerometers show then is their own.
+"""A vehicle at rest: its gyros and accelerometers show their own errors.
 
-Gravity does not turn. While its direction in the body stands still, and nothing shakes, a rate that
-has a part across it is a bias, however large; no compass is asked for that. A vehicle that circles
-steadily shows a steady force as well, but it moves, and says so by its receiver.
+Gravity does not turn. While its direction in the body stands still without vibration, any rate with
+a component across it is a bias, however large; no compass is needed. A vehicle that circles
+steadily also shows a steady force, but its receiver shows that it moves.
 """
 
 from collections.abc import Iterable
@@ -16,23 +16,23 @@ from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import Attitudes, Mask, means, rotate
 
 WINDOW_S, PARTS = 2.5, 5
-# In a window, forces of its parts stay within a degree's share of gravity, and rates within.
+# In a window, the forces of its parts stay within a degree's share of gravity; likewise rates.
 STILL_M_S2, STILL_RAD_S = 0.17, 1.0 * DEG
-# Samples of a vehicle that flies or drives are shaken by more.
+# A flying or driving vehicle shakes its samples more.
 QUIET_RAD_S, QUIET_M_S2 = 1.5 * DEG, 0.6
 MOVING_M_S, FIX_WITHIN_S = 1.0, 1.0
 FEWEST = 3
-# Biases of windows that belong together.
+# Allowed difference of biases of windows that belong together.
 ALIKE_RAD_S = 1.5 * DEG
-# Data sheets, see `sensor_bias`; beyond the second, an attitude is of no use.
+# Data sheets, see `sensor_bias`; beyond the second, an attitude is useless.
 BIAS_RAD_S, LARGE_RAD_S = 2.0 * DEG, 5.0 * DEG
 FORCE_M_S2 = 0.080 * GRAVITY_M_S2
-# No accelerometer's zero is off by more: then it is its scale.
+# No accelerometer's zero is off by more: beyond, it is its scale.
 SCALE_SHARE = 0.10
 
 
 class Rest(NamedTuple):
-    """Windows in which a vehicle stood still; of one IMU.
+    """Windows at rest, of one IMU.
 
     Attributes:
         t_s: (N,) their beginnings.
@@ -45,7 +45,7 @@ class Rest(NamedTuple):
     w_b: Array
 
     def part(self, wanted: Mask) -> "Rest":
-        """Some of them."""
+        """A selection of the windows."""
         return Rest(self.t_s[wanted], self.f_b[wanted], self.w_b[wanted])
 
 
@@ -53,13 +53,13 @@ NEVER = Rest(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 def look_at_rest(rest: Rest, imu: int) -> list[Finding]:
-    """Bias of the gyro and scale of the accelerometer of an IMU, from 0, while it stood still."""
+    """Bias of the gyro and scale of the accelerometer of an IMU, from 0, at rest."""
     sensor = Sensor(SensorKind.IMU, imu + 1)
     return [*_gyro(rest, sensor), *_force(rest, sensor)]
 
 
 def rest_of(track: ImuTrack, context: Context) -> Rest:
-    """The windows in which it stood still."""
+    """The windows at rest."""
     if len(track.t_s) < 2 * PARTS:
         return NEVER
     edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S / PARTS)
@@ -77,7 +77,7 @@ def rest_of(track: ImuTrack, context: Context) -> Rest:
 
 
 def _still(parts: Array, mean: Array) -> Mask:
-    """(N,) windows in which nothing turns and nothing shakes."""
+    """(N,) windows without rotation and vibration."""
     apart = parts[:, :, :6] - mean[:, None]
     turned = np.linalg.norm(apart[:, :, :3], axis=2).max(axis=1)
     spread = np.linalg.norm(apart[:, :, 3:], axis=2).max(axis=1)
@@ -108,7 +108,7 @@ def _gyro(rest: Rest, imu: Sensor) -> list[Finding]:
     down = rest.f_b / np.linalg.norm(rest.f_b, axis=1, keepdims=True)
     across = rest.w_b - (rest.w_b * down).sum(axis=1, keepdims=True) * down
     size = float(np.linalg.norm(bias))
-    # About the vertical alone it may have been turned.
+    # About the vertical alone, the vehicle may have been turned.
     shown = float(np.median(np.linalg.norm(across, axis=1)[alike])) if alike.any() else 0.0
     if alike.sum() < FEWEST or shown < 0.5 * size or size < BIAS_RAD_S:
         return []
@@ -159,20 +159,20 @@ def _force(rest: Rest, imu: Sensor) -> list[Finding]:
 
 
 def force_error(rest: Rest) -> float:
-    """What the accelerometer is off by along gravity, m/s^2; 0 where it never stood still."""
+    """Error of the accelerometer along gravity, m/s^2; 0 if it was never at rest."""
     if not len(rest.t_s):
         return 0.0
     return abs(float(np.median(np.linalg.norm(rest.f_b, axis=1))) - GRAVITY_M_S2)
 
 
 def bias_at_rest(rest: Rest) -> Array:
-    """(3,) rate of the gyro at rest, rad/s; nothing where that is no bias for sure."""
+    """(3,) rate of the gyro at rest, rad/s; zero unless it is certainly a bias."""
     bias = np.median(rest.w_b, axis=0) if len(rest.t_s) >= FEWEST else np.zeros(3)
     return bias if float(np.linalg.norm(bias)) > BIAS_RAD_S else np.zeros(3)
 
 
 def tilt_at_rest(rest: Rest, track: Attitudes) -> float:
-    """Angle between gravity at rest and an attitude's vertical, rad; NaN where neither is known."""
+    """Angle between gravity at rest and an attitude's vertical, rad; NaN if either is unknown."""
     if not len(rest.t_s) or len(track.t_s) < 2:
         return float("nan")
     q_nb = track.at(rest.t_s + 0.5 * WINDOW_S)

@@ -1,4 +1,4 @@
-"""Battery and barometer: what the autopilot reported of them, and what their own figures show."""
+"""Battery and barometer: the autopilot's reports and the measured values."""
 
 import re
 
@@ -8,7 +8,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Array, Battery, Context
 from h2nav.reviews.inertial import runs, within
 
-# Failsafes act, and are logged, at the moment of arming as well.
+# Failsafes also trigger, and are logged, at the moment of arming.
 AROUND_S = 5.0
 BATTERY = re.compile(
     r"low battery|batt\w*.*(low|critical|failsafe|empty|fail|unhealthy)|critical battery",
@@ -18,10 +18,10 @@ BARO = re.compile(
     r"baro\w*.*(glitch|unhealthy|fail|timeout|stale|not healthy|no data)|no barometer",
     re.IGNORECASE,
 )
-# A voltage below the limit that was set, for so long (BATT_LOW_TIMER is 10 s).
+# A voltage below the configured limit, for this long (BATT_LOW_TIMER is 10 s).
 LOW_S, MEASURED_V = 10.0, 1.0
 LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
-# No vehicle moves so far between two values of a barometer, which follow each other closely.
+# No vehicle moves this far between two values of a barometer in close succession.
 JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
 
 
@@ -37,7 +37,7 @@ def _counts(context: Context, t_s: float) -> bool:
 def _reported(
     context: Context, subsystem: str, pattern: re.Pattern[str]
 ) -> list[tuple[float, str]]:
-    """When the autopilot said so, by number or in words."""
+    """Times of the autopilot's reports, by number or in words."""
     found = [
         (fault.t_s, fault.text)
         for fault in context.faults
@@ -93,7 +93,7 @@ def _lowest(context: Context) -> float:
 
 
 def _below_limit(context: Context) -> tuple[float, float, str] | None:
-    """The longest time below the voltage at which the autopilot was to act."""
+    """The longest time below the voltage at which the autopilot was set to act."""
     name = next((n for n in LIMITS if context.parameters.get(n, 0.0) > MEASURED_V), None)
     if name is None or not context.batteries:
         return None
@@ -135,7 +135,7 @@ def _baro(context: Context) -> list[Finding]:
 
 
 def _jumps(context: Context) -> tuple[float, float] | None:
-    """When the height leapt most, and by how much."""
+    """The largest jump of the height and its time."""
     series = context.baro_height_m
     if series is None or len(series.t_s) < 2:
         return None

@@ -1,7 +1,7 @@
-"""Samples over time: rate, jitter, gaps, duplicates, late bursts, and one clock against the other.
+"""Samples over time: rate, jitter, gaps, duplicates, late bursts, and clocks compared.
 
-Where the recording has two clocks, the time of arrival and the autopilot's stamp, what arrives late
-was delayed on the way and is not lost; where both jump, samples are lost.
+Where the recording has two clocks, arrival and the autopilot's stamp, samples that arrive late were
+delayed on the way and are not lost; where both jump, samples are lost.
 """
 
 import numpy as np
@@ -13,17 +13,17 @@ from h2nav.reviews.tracks import Timing
 
 MOST_COLUMNS = 1000
 FEWEST = 100
-# A stamp that runs on by less than this has repeated its sample.
+# A stamp that advances by less has repeated its sample.
 SAME_US = 0
-# The service keeps an attitude over a gap of so long; the estimators of the autopilots (EKF3,
-# EKF2: 100 ms at most in one prediction) cut a longer one off.
+# The service keeps an attitude over a gap of this length; the estimators of the autopilots (EKF3,
+# EKF2: 100 ms at most in one prediction) truncate a longer one.
 LONG_GAP_S = 0.1
 GAP_PERIODS = 3.0
-# A filter that has seen nothing for so long begins anew.
+# A filter without samples for this long starts anew.
 LOST_S = 1.0
 LOST_SHARE = 0.01
 DUPLICATE_SHARE = 0.01
-# Below it a small multirotor's motions (5 Hz) are seen with fewer than five samples a period.
+# Below it a small multirotor's motions (5 Hz) have fewer than five samples a period.
 # Motors and propellers shake a vehicle at 30 to 200 Hz.
 ALIASING_HZ = 45.0
 # LOG_BITMASK of ArduCopter, and of the others.
@@ -32,23 +32,23 @@ SLOW_HZ = 25.0
 # Crystals of autopilots and computers: 50 ppm each, over temperature and age 100 ppm each.
 DRIFT_PPM = 200.0
 DRIFT_FROM_S = 60.0
-# More than any crystal or resonator (5,000 ppm): the stamps are those of a simulation that does
-# not keep to real time, whose arrivals say nothing of a link.
+# Beyond any crystal or resonator (5,000 ppm): the stamps are those of a simulation that does not
+# keep real time, whose arrivals say nothing about a link.
 SIMULATED_PPM = 5000.0
-# Clocks that never differ by more are one.
+# Clocks that never differ by more are the same.
 ONE_CLOCK_S = 2e-6
-# An autopilot that begins anew starts its clock anew.
+# An autopilot that restarts also restarts its clock.
 REBOOT_US = -1_000_000
-# Of a link: 0.2 s late is what a fix of the receiver is late at worst.
+# On a link: 0.2 s is the worst delay of a receiver's fix.
 LATE_S = 0.2
 LATE_SHARE = 0.001
 WINDOW_S = 10.0
-# A clock that was set: the quickest arrivals of so long before and after differ by the whole step.
+# A clock that was set: the quickest arrivals before and after differ by the whole step.
 BESIDE_S, WHOLE_SHARE = 2.0, 0.9
 
 
 def pauses(context: Context) -> tuple[Span, ...]:
-    """Between which times nothing at all was recorded: nobody logged, so no sensor is to blame."""
+    """Spans without any record: logging paused, so no sensor is to blame."""
     imus = [track.t_s for track in context.imus if len(track.t_s)]
     if not imus:
         return ()
@@ -85,12 +85,12 @@ def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
 def look_at_timing(
     track: ImuTrack, armed: tuple[Span, ...], paused: tuple[Span, ...] = ()
 ) -> tuple[Timing, list[Finding]]:
-    """Rate, gaps and lateness of one IMU.
+    """Analyses rate, gaps and lateness of one IMU.
 
     Args:
         track: its samples.
-        armed: where gaps matter.
-        paused: where nothing was recorded, see `pauses`.
+        armed: periods in which gaps matter.
+        paused: periods without any record, see `pauses`.
     """
     if len(track.t_s) < FEWEST:
         return _empty(track), []
@@ -122,11 +122,11 @@ def _stamps(track: ImuTrack) -> Array:
 
 
 def _without_jumps(imu: Sensor, track: ImuTrack, stamp_s: Array) -> tuple[Array, list[Finding]]:
-    """Stamps as of a clock that nobody set, and what says that somebody did.
+    """Stamps of a continuous clock, and the finding that it was set.
 
-    From one sample to the next, which came as usual, the stamp runs on by another time, and the
-    arrivals are as much earlier or later against it from then on. Of samples that are lost, or held
-    back on a link, one of both is not so.
+    From one sample to the next, with usual arrival, the stamp advances by another time, and the
+    arrivals are shifted against it by as much from then on. For samples lost, or held back on a
+    link, only one of these is true.
     """
     gap_s = np.diff(track.t_s)
     extra_s = np.diff(stamp_s) - gap_s
@@ -163,7 +163,7 @@ def _without_jumps(imu: Sensor, track: ImuTrack, stamp_s: Array) -> tuple[Array,
 
 
 def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
-    """How late each arrival was (N,), and the drift of the stamps against the arrivals, ppm."""
+    """Lateness of each arrival (N,), and the drift of the stamps against the arrivals, ppm."""
     delay = t_s - stamp_s
     if np.ptp(delay) < ONE_CLOCK_S:
         return None, None
@@ -174,7 +174,7 @@ def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
     drift = None
     if t_s[-1] - t_s[0] < DRIFT_FROM_S or len(place) < 4:
         return delay - delay.min(), drift
-    # The quickest arrivals of each window show the clocks; the median of slopes heeds no outlier.
+    # The quickest arrivals of each window show the clocks; the median of slopes ignores outliers.
     apart = len(place) // 2
     slopes = (quickest[apart:] - quickest[:-apart]) / (centres[apart:] - centres[:-apart])
     slope = float(np.median(slopes))
@@ -250,7 +250,7 @@ def _is_paused(t_s: Array, paused: tuple[Span, ...]) -> Mask:
 
 
 def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]) -> list[Finding]:
-    """Too slow, or the same samples twice."""
+    """Too low a rate, or duplicate samples."""
     steps = np.diff(stamp_s)
     from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
     found = []
@@ -274,11 +274,11 @@ def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]
 
 
 def look_at_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
-    """Samples of an autopilot's own log that alias a vibration: the rates they add up to are wrong.
+    """Samples of an autopilot's own log that alias a vibration, so that integrated rates are wrong.
 
     Args:
         track: samples.
-        context: parameters, which say what to set.
+        context: parameters, for the advised setting.
     """
     steps = np.diff(track.stamp_us)
     period_us = float(np.median(steps)) if len(steps) else 0.0
@@ -300,7 +300,7 @@ def look_at_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
             rate,
             "Hz",
             f"logged {rate:.0f} times a second: too seldom for an attitude of our own",
-            f"what shakes the vehicle between two samples is taken for a turn; set {setting}",
+            f"vibration between two samples is taken for a turn; set {setting}",
         )
     ]
 

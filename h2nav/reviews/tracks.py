@@ -1,6 +1,6 @@
-"""What the findings of a whole flight were read from, as arrays of bounded length for pictures.
+"""The data behind the findings of a whole flight, as arrays of bounded length for pictures.
 
-Times `t_s` are those of `h2nav.recordings.context`. NaN is where there is no figure.
+Times `t_s` are those of `h2nav.recordings.context`. NaN means unknown.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class Peak(NamedTuple):
         frequency_hz: its centre.
         width_hz: between the points of half its power.
         rms: of the line over all three axes, in the spectrum's unit.
-        harmonic: its number in its family of harmonics, 1 = the fundamental; 0 = of no family.
+        harmonic: its number among the harmonics, 1 = the fundamental; 0 = of no family.
     """
 
     frequency_hz: float
@@ -34,12 +34,11 @@ class Spectrum(NamedTuple):
         imu: number of the IMU, from 0.
         sensor: ``gyro`` or ``accelerometer``.
         unit: of the values: ``rad/s`` or ``m/s^2``.
-        rate_hz: of the samples; nothing above its half can be seen, and what is above shows below.
-        is_burst: from bursts at the sensor's own rate; otherwise from the samples as they were
-            recorded.
+        rate_hz: of the samples; frequencies above its half appear mirrored below.
+        is_burst: from bursts at the sensor's own rate; otherwise from the samples as recorded.
         frequency_hz: (F,) at most 256.
         density: (F, 3) amplitude per root of bandwidth, unit / sqrt(Hz), body axes.
-        peaks: lines that stand out, the strongest first.
+        peaks: prominent lines, strongest first.
         t_s: (T,) centres of the spectrogram's columns, at most 300.
         levels: (T, F) the same density over all axes; float32.
     """
@@ -63,7 +62,7 @@ class Vibration(NamedTuple):
         imu: number of the IMU, from 0.
         t_s: (N,) at most 2000.
         level: (N, 3) m/s^2, body axes.
-        limit: above which an estimator suffers, m/s^2.
+        limit: above which estimators suffer, m/s^2.
         clipped: samples at the end of the range, over the whole recording.
     """
 
@@ -75,7 +74,7 @@ class Vibration(NamedTuple):
 
 
 class Field(NamedTuple):
-    """The field of one compass beside the World Magnetic Model; at most 2000 points.
+    """The field of one compass and the World Magnetic Model; at most 2000 points.
 
     Attributes:
         compass: number, from 0.
@@ -98,14 +97,14 @@ class Field(NamedTuple):
 
 
 class CompassFit(NamedTuple):
-    """What is left between one compass and the earth's field, and what explains it.
+    """Residuals between one compass and the earth's field, and their explanation.
 
     Attributes:
         compass: number, from 0.
         heading_rad: (S,) centres of the sectors of the vehicle's heading, 0 to 2 pi.
         residual_ut: (S,) rms of measured minus expected field per sector.
         fitted_ut: (S,) the same after the fit below.
-        heading_error_rad: (S,) mean error of heading that it makes.
+        heading_error_rad: (S,) resulting mean heading error.
         offset_b_ut: hard iron, body frame: measured = scale * true + offset; NaN if not determined.
         scale: of the norm; NaN if not determined.
         throttle: (K,) centres of the bins of throttle; empty where it was not recorded.
@@ -152,12 +151,12 @@ class Timing(NamedTuple):
 
     Attributes:
         imu: number of the IMU, from 0.
-        source: the message that they come from.
+        source: their message.
         t_s: (N,) centres of columns.
         rate_hz: (N,) samples per second.
         longest_s: (N,) longest time between two samples.
-        lateness_s: (N,) most that arrivals were late against the autopilot's stamps; NaN where both
-            clocks are one.
+        lateness_s: (N,) largest delay of arrivals against the autopilot's stamps; NaN if both
+            clocks are the same.
     """
 
     imu: int
@@ -169,14 +168,14 @@ class Timing(NamedTuple):
 
 
 class Receiver(NamedTuple):
-    """Velocity of one receiver beside the inertial motion over short windows; at most 2000 points.
+    """Velocity of one receiver and inertial motion over short windows; at most 2000 points.
 
     Attributes:
         receiver: number, from 0.
         t_s: (N,) ends of the windows.
         difference_n: (N, 3) change of velocity over the window, receiver minus inertial, NED, m/s.
         position_m: (N,) distance between the change of position and the integrated velocity.
-        sigma_m_s: (N,) accuracy as the receiver states it.
+        sigma_m_s: (N,) accuracy stated by the receiver.
         satellites: (N,).
         lag_s: of the receiver's velocity against the IMU; NaN where not determined.
     """

@@ -1,4 +1,4 @@
-"""One sentence or three that a pilot would say of a flight, composed of the chain of findings."""
+"""The verdict on a flight in one to four sentences, from the chain of findings."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
 
-# What is said of a time within so long of it belongs to it.
+# Findings this close to a time belong to it.
 NEAR_S = 1.5
 MOST_SENSORS = 3
 FULL_THROTTLE, NO_THROTTLE, SHORTLY_S = 0.97, 0.02, 0.1
@@ -44,9 +44,9 @@ ON_THE_GROUND = (
     mavlink.MAV_TYPE_SUBMARINE,
 )
 HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
-# A crash so soon after it left the ground belongs to the take-off.
+# A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
-# Of how a thing was recorded, and not of the thing.
+# Findings on the recording, not on the vehicle.
 RECORDING = (
     Kind.CLOCK_DRIFT,
     Kind.IMU_GAPS,
@@ -103,12 +103,12 @@ PHRASES: dict[Kind, str] = {
 
 
 class Verdict(NamedTuple):
-    """What is said above everything else.
+    """The verdict and its basis.
 
     Attributes:
         text: one to four sentences.
-        looked_at: what was looked at, one phrase each.
-        missing: what could not be looked at.
+        looked_at: checked subjects, one phrase each.
+        missing: subjects that could not be checked.
     """
 
     text: str
@@ -117,11 +117,11 @@ class Verdict(NamedTuple):
 
 
 def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
-    """The verdict on a flight.
+    """Composes the verdict on a flight.
 
     Args:
-        flight: what was recorded.
-        analysis: what the whole of it shows.
+        flight: the recording.
+        analysis: of the whole flight.
         links: the findings, causes before consequences.
     """
     looked, missing = _looked_at(flight, analysis)
@@ -145,7 +145,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
 def _crashed(
     flight: Flight, analysis: Analysis, crashes: list[Finding], found: list[Finding]
 ) -> str:
-    """Where and how it came to lie, how it came to that, and what was wrong before."""
+    """Where and how it ended, what led to it, and what was wrong before."""
     context, first = flight.context, crashes[0]
     before = [_before(context, one, found) for one in crashes]
     if len(crashes) == 1:
@@ -164,7 +164,7 @@ def _crashed(
 
 
 def _takes_off(context: Context, t_s: float) -> bool:
-    """Whether it stood on the ground shortly before, by the autopilot."""
+    """Whether it was on the ground shortly before, by the autopilot."""
     series = context.airborne
     if series is None or not len(series.t_s):
         return False
@@ -173,7 +173,7 @@ def _takes_off(context: Context, t_s: float) -> bool:
 
 
 def _lay(crash: Finding, analysis: Analysis) -> str:
-    """How it came to lie."""
+    """Its final position."""
     tilts = [one.tilt_rad for one in analysis.impacts if one.t_s == crash.from_s]
     tilt = tilts[0] if tilts else 0.0
     if tilt > ON_ITS_BACK_RAD:
@@ -190,7 +190,7 @@ def _lower(text: str) -> str:
 
 
 def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
-    """How it came to a crash: control that was lost, a motor, or a blow without either."""
+    """What led to a crash: loss of control, a motor, or a blow without either."""
     causes = {one.id: one for one in found}
     lost = causes.get(crash.cause or "")
     if lost is None or lost.kind is Kind.MOTOR_SATURATED:
@@ -209,7 +209,7 @@ def _at(one: Finding) -> str:
 
 
 def _state(context: Context, t_s: float, text: str) -> str:
-    """The text, with throttle and motors as they were."""
+    """The text, with the state of throttle and motors."""
     parts = [text] if text else []
     throttle, motors = context.throttle, context.motors
     if throttle is not None and len(throttle.t_s):
@@ -237,7 +237,7 @@ def _motors(numbers: list[int]) -> str:
 
 
 def _until(crash: Finding, found: list[Finding]) -> str:
-    """Which sensors were wrong before, or that all were sound."""
+    """The sensors that were wrong before, or that all were sound."""
     before = [
         one
         for one in found
@@ -268,7 +268,7 @@ def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
 def _flown(
     found: list[Finding], ending: str, looked: tuple[str, ...], missing: tuple[str, ...]
 ) -> str:
-    """The worst, each once; or that nothing was found."""
+    """The worst findings, each once; or that nothing was found."""
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if one.kind not in RECORDING] or serious
     failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
@@ -277,7 +277,7 @@ def _flown(
     if false is not None and not serious:
         return f"No crash: {PHRASES[false.kind]}."
     if serious:
-        # Of one kind the first alone, but for motors, which have numbers.
+        # Of one kind only the first, except for motors, which have numbers.
         firsts = {
             (one.kind, one.sensor if one.kind in OF_EACH else None): one for one in serious[::-1]
         }
@@ -300,7 +300,7 @@ def _flown(
 
 
 def _ending(context: Context) -> str:
-    """That a log ends in the air; empty where it does not, or nobody knows."""
+    """Whether the log ends in the air; empty if not or unknown."""
     height = context.baro_height_m or context.height_m
     flies = context.vehicle_type not in ON_THE_GROUND
     if not flies or height is None or not context.armed or len(height.t_s) < FEWEST_HEIGHTS:
@@ -326,7 +326,7 @@ def _sentence(one: Finding) -> str:
 
 
 def _phrase(one: Finding) -> str:
-    """Of a finding, for the middle of a sentence."""
+    """A finding in the middle of a sentence."""
     numbers = ", ".join(map(str, one.sensor.numbers))
     match one.kind:
         case Kind.MOTOR_FAILED | Kind.MOTOR_IMBALANCE | Kind.MOTOR_SATURATED | Kind.VIBRATION:
@@ -347,7 +347,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _looked_at(flight: Flight, analysis: Analysis) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What there was to look at, and what was not recorded."""
+    """The checked subjects, and those that were not recorded."""
     context = flight.context
     both = {
         "crash and landing": (bool(context.imus and context.armed), ""),

@@ -1,4 +1,4 @@
-"""One recorded flight: played through the service, beside its truth and what others made of it."""
+"""One recorded flight: played through the service, with its truth and other estimates."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""The pictures of the review's page: what is drawn, without a word of how."""
+"""The pictures of the review's page: their content, independent of drawing."""

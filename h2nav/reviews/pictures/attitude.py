@@ -1,4 +1,4 @@
-"""Pictures of the attitude: whose says what, and how far the others are from ours."""
+"""Pictures of the attitude: all estimators, and their differences to ours."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ _ABOUT = {
 
 
 class _Voice(NamedTuple):
-    """Somebody who says an attitude; `band` where a band shows how sure they are."""
+    """One estimator's attitude; `band` where its uncertainty is shown."""
 
     name: str
     colour: str
@@ -39,7 +39,7 @@ class _Voice(NamedTuple):
 
 
 def attitude(flight: Flight) -> Section:
-    """Roll, pitch and heading of every estimator, and what was asked for."""
+    """Roll, pitch and heading of every estimator, and the demand."""
     columns = Columns(flight.context.duration_s, FINE)
     return Section("attitude", "Attitude", attitude_lines(flight, columns))
 
@@ -50,15 +50,15 @@ def attitude_lines(
     """Roll, pitch and heading.
 
     Args:
-        flight: as it was played.
+        flight: as played.
         columns: of the pictures.
-        window_s: the part of the flight that they show; None for all of it. The smoothed attitude
-            is left out of a part: it knows what came later, and nothing in flight did.
+        window_s: the part of the flight to show; None for all of it. A part leaves out the smoothed
+            attitude, which uses later samples than anything in flight.
     """
     traces: dict[str, list[Trace]] = {part: [] for part in _PARTS}
     voices = _voices(flight if window_s is None else flight._replace(smoothed=None))
     cut = _rarest_heading(voices, window_s)
-    for part in _PARTS:  # below what was flown
+    for part in _PARTS:  # drawn below the estimates
         traces[part] += demand(flight.context, columns, part, cut)
     for voice in voices:
         _add(traces, columns, voice, cut)
@@ -97,7 +97,7 @@ def _voices(flight: Flight) -> list[_Voice]:
 
 
 def _rarest_heading(voices: list[_Voice], window_s: tuple[float, float] | None) -> float:
-    """Where the picture's headings begin and end, rad: where the nose points least."""
+    """The range of the picture's headings, rad: it begins where the nose points least."""
     begin_s, end_s = (-np.inf, np.inf) if window_s is None else window_s
     headings = [
         euler(voice.q_nb[(voice.t_s >= begin_s) & (voice.t_s <= end_s)]).heading for voice in voices
@@ -106,7 +106,7 @@ def _rarest_heading(voices: list[_Voice], window_s: tuple[float, float] | None) 
     counts = np.zeros(SECTORS)
     for heading in known:
         counts += np.histogram(heading, SECTORS, (0.0, 2.0 * np.pi))[0] / max(len(heading), 1)
-    # The middle of the widest gap, not its edge: of nine sectors together.
+    # The middle of the widest gap, not its edge: of nine adjacent sectors.
     around = np.convolve(np.tile(counts, 3), np.ones(9), "same")[SECTORS : 2 * SECTORS]
     return (float(np.argmin(around)) + 0.5) * 2.0 * np.pi / SECTORS
 
@@ -128,12 +128,12 @@ def _add(traces: dict[str, list[Trace]], columns: Columns, voice: _Voice, cut: f
 
 
 def _bounded(sigma_rad: Array) -> Array:
-    """Without deviations of half a turn: they say that nothing is known, and hide what is."""
+    """Drops deviations of half a turn: they mean unknown, and would hide the rest."""
     return np.where(BEYOND * sigma_rad < np.pi / 2, sigma_rad, np.nan)
 
 
 def difference(flight: Flight) -> Section:
-    """The others less ours, against three deviations."""
+    """The others minus ours, with three deviations."""
     found = differences(flight)[: MOST_ESTIMATORS + 1]
     if not found:
         return Section("difference", "Autopilot against h2nav", ())
@@ -141,7 +141,7 @@ def difference(flight: Flight) -> Section:
     pictures = (
         Lines(
             "Tilt: difference",
-            "Angle between the autopilot's vertical and ours (smoothed where that is surer). "
+            "Angle between the autopilot's vertical and ours (smoothed where more accurate). "
             "Above the dashed line, the two cannot both be right.",
             "deg",
             (*_traces(columns, found, "tilt"), _limit(columns, found[0], "tilt")),
@@ -150,7 +150,7 @@ def difference(flight: Flight) -> Section:
         ),
         Lines(
             "Heading: difference",
-            "The autopilot's heading less ours. Outside of the dashed lines, the two "
+            "The autopilot's heading minus ours. Outside of the dashed lines, the two "
             "cannot both be right.",
             "deg",
             (
@@ -184,7 +184,7 @@ def _limit(columns: Columns, found: Difference, part: str, sign: float = 1.0) ->
 
 
 def certainty(flight: Flight) -> Section:
-    """How large we say that our errors are, over time, and the tests that say so."""
+    """Our predicted errors over time, and the tests behind them."""
     pictures: list[Lines] = []
     columns = Columns(flight.context.duration_s, COARSE)
     deviations = [
@@ -214,7 +214,7 @@ def certainty(flight: Flight) -> Section:
         )
     own = own_rows(flight)
     rows = (own,) if own.rows else ()
-    return Section("certainty", "How sure we are over time", (*pictures, *rows))
+    return Section("certainty", "Uncertainty over time", (*pictures, *rows))
 
 
 def innovations(flight: Flight) -> Section:

@@ -1,19 +1,19 @@
-"""Series of any length as two points per column of time, so that extremes stay seen."""
+"""Reduces series of any length to two points per column of time; extremes stay visible."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.recordings.context import Array
 
-# Of pictures in which details matter, and of those that change slowly: two points in each column.
+# For pictures with detail, and for slow ones: two points in each column.
 FINE, COARSE = 3000, 1000
-# A break between samples that is longer than so many usual ones, and than this, stays one.
+# A gap between samples longer than this many usual ones, and than this, stays a gap.
 USUAL_STEPS = 5.0
 LEAST_BREAK_S = 0.5
 
 
 def shown_s(duration_s: float) -> float:
-    """How long the axis of time is: at least a second, which an empty recording is not."""
+    """Length of the time axis: at least a second, for empty recordings."""
     return max(duration_s, 1.0)
 
 
@@ -38,12 +38,12 @@ class Columns:
         Args:
             t_s: (N,) not decreasing.
             values: (N,) NaN where there is none.
-            turn: where the values go round, such as 360 of degrees; a step over the end of the
-                range leaves its column empty, so that no line is drawn across the picture.
+            turn: period of the values, such as 360 for degrees; a step over the end of the range
+                leaves its column empty, so that no line crosses the picture.
 
         Returns:
-            (2 count,) the smallest and the largest value of each column, in the order in which
-            they came; between sparse samples what lies on the line between them; NaN in breaks.
+            (2 count,) the smallest and the largest value of each column, in order of occurrence;
+            between sparse samples the interpolation; NaN in gaps.
         """
         is_known = np.isfinite(values) & np.isfinite(t_s)
         t_s, values = t_s[is_known], values[is_known]
@@ -65,19 +65,19 @@ class Columns:
         is_many = ends > starts
         points[2 * column[is_many]] = np.where(rises, low, high)[is_many]
         points[2 * column[is_many] + 1] = np.where(rises, high, low)[is_many]
-        # A sample alone in its column takes the place of the nearer point.
+        # A sample alone in its column replaces the nearer point.
         alone, at = column[~is_many], t_s[starts[~is_many]]
         points[2 * alone + ((at / self._width_s - alone) > 0.5)] = low[~is_many]
         if turn is not None:
             over = place[np.flatnonzero(np.abs(np.diff(values)) > turn / 2) + 1]
-            # A break of one column is narrower than a line, and would be drawn over.
+            # A gap of one column is narrower than a line, and would be drawn over.
             for beside in range(-3, 4):
                 column = np.clip(over + beside, 0, self.count - 1)
                 points[2 * column] = points[2 * column + 1] = np.nan
         return points.astype(np.float32)
 
     def _between(self, t_s: Array, values: Array, turn: float | None) -> Array:
-        """The line between the samples; NaN in breaks, and outside of all of them."""
+        """The interpolation between samples; NaN in gaps and outside."""
         if len(t_s) == 1:
             return np.full(2 * self.count, np.nan)
         steps = np.diff(t_s)

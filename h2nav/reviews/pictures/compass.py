@@ -13,7 +13,7 @@ _MODEL = "The dashed black line is the earth's field at this place (World Magnet
 
 
 def compass(flight: Flight, analysis: Analysis) -> Section:
-    """Strength, dip and heading of every compass; what is left over heading and throttle."""
+    """Strength, dip and heading of every compass; residuals over heading and throttle."""
     columns = Columns(flight.context.duration_s, COARSE)
     norms, dips, headings = [], [], []
     for one in analysis.fields:

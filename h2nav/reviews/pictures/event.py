@@ -1,4 +1,4 @@
-"""What ended a flight, in one picture: some 20 s of attitude, demand, motors and height."""
+"""The end of a flight in one picture: some 20 s of attitude, demand, motors and height."""
 
 from h2nav.integrity.findings import Finding
 from h2nav.reviews.flight import Flight
@@ -9,7 +9,7 @@ from h2nav.reviews.pictures.timeline import MOMENTS, vehicle_rows
 from h2nav.reviews.pictures.vehicle import height_lines, motor_lines, voltage_lines
 
 BEFORE_S, AFTER_S = 15.0, 5.0
-# An impact so soon after control was lost is of the same event.
+# An impact this soon after a loss of control belongs to the same event.
 SAME_EVENT_S = 15.0
 COLUMNS = 500
 MOST_EVENTS = 4
@@ -28,7 +28,7 @@ def event(flight: Flight, findings: tuple[Finding, ...]) -> Section:
 
 
 def _events(findings: tuple[Finding, ...]) -> list[list[Finding]]:
-    """Findings of moments that belong together, in order of time."""
+    """Groups findings of moments into events, in order of time."""
     groups: list[list[Finding]] = []
     for one in sorted(findings, key=lambda finding: finding.from_s):
         if one.kind not in MOMENTS:
@@ -61,18 +61,18 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
     if rows:
         lanes.append(Rows("", "", rows, window_s))
     told = ", ".join(f"{MOMENTS[one.kind]} at {one.from_s:.1f} s" for one in group)
-    about = "Dashed violet is what was asked for. A brown line is the moment itself."
+    about = "Dashed violet is the demand. A brown line is the moment itself."
     return Stack(told[:1].upper() + told[1:], about, tuple(lanes))
 
 
 def _changes(row: Row, window_s: tuple[float, float]) -> bool:
-    """Whether something begins or ends in the window; what goes on all the time says nothing."""
+    """Whether something begins or ends in the window; constant rows are omitted."""
     begin_s, end_s = window_s
     return any(begin_s < one.from_s <= end_s or begin_s < one.to_s < end_s for one in row.spans)
 
 
 def _part(row: Row, window_s: tuple[float, float]) -> Row:
-    """What of it is in the window."""
+    """The part of a row in the window."""
     begin_s, end_s = window_s
     kept = [
         (span, colour)

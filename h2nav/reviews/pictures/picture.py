@@ -1,4 +1,4 @@
-"""Pictures as records, and what the page's script gets of them."""
+"""Pictures as records, and their form for the page's script."""
 
 import base64
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Trace(NamedTuple):
         low: (N,) lower edge of a band around it; None without.
         high: (N,) upper edge of it.
         is_dashed: how it is drawn.
-        sets_range: what is drawn has room for all of it; not so for limits, which may be anywhere.
+        sets_range: the axis has room for all of it; not for limits, which may be anywhere.
     """
 
     label: str
@@ -34,11 +34,11 @@ class Trace(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """A value that means something, such as a limit.
+    """A labelled value, such as a limit.
 
     Attributes:
         value: in the unit of its axis.
-        text: what it is.
+        text: its meaning.
     """
 
     value: float
@@ -57,7 +57,7 @@ class Lines(NamedTuple):
         digits: behind the decimal point.
         at_least: a range that is always shown; None without.
         goes_round: the values are directions, of which any 360 deg may be shown.
-        window_s: what is always shown, from and to; None where it moves with the other pictures.
+        window_s: fixed range of time, from and to; None if it moves with the other pictures.
     """
 
     title: str
@@ -72,13 +72,13 @@ class Lines(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Values over something else than time.
+    """Values over a quantity other than time.
 
     Attributes:
         title: see `Lines`.
         about: see `Lines`.
         unit: see `Lines`.
-        x_text: what is on the other axis, with its unit.
+        x_text: label of the other axis, with its unit.
         x: (N,).
         traces: with (N,) values.
         marks: on the other axis.
@@ -116,10 +116,10 @@ class Heat(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What was when.
+    """A row of spans.
 
     Attributes:
-        label: of the row; empty where it goes on with the one above.
+        label: of the row; empty if it continues the one above.
         spans: in order.
         colours: of each of them.
     """
@@ -146,12 +146,12 @@ class Rows(NamedTuple):
 
 
 class Stack(NamedTuple):
-    """Pictures over the same time, close below each other: one event.
+    """Pictures over the same time, directly below each other: one event.
 
     Attributes:
         title: see `Lines`.
         about: see `Lines`.
-        lanes: from above; the title of each stands at its side.
+        lanes: from above, each with its title at the side.
     """
 
     title: str
@@ -170,9 +170,9 @@ class Section(NamedTuple):
         name: of its place in the page.
         title: of it.
         pictures: the first ones.
-        html: what stands below them, with everything escaped.
-        further: pictures that are seen on demand.
-        further_title: what they are.
+        html: below them, with everything escaped.
+        further: pictures shown on demand.
+        further_title: their title.
     """
 
     name: str
@@ -184,7 +184,7 @@ class Section(NamedTuple):
 
 
 def for_script(picture: Picture) -> dict[str, object]:
-    """What `assets/page.js` reads; arrays as base64 of their little-endian bytes."""
+    """The form for `assets/page.js`; arrays as base64 of their little-endian bytes."""
     match picture:
         case Lines():
             return {

@@ -13,7 +13,7 @@ MS = 1e-3
 
 
 def bias(flight: Flight, analysis: Analysis) -> Section:
-    """Bias of each gyro; the first IMU first, the others on demand."""
+    """Bias of each gyro; the first IMU at once, the others on demand."""
     columns = Columns(flight.context.duration_s, COARSE)
     pictures: list[Picture] = []
     for one in analysis.biases:
@@ -113,7 +113,7 @@ def timing(flight: Flight, analysis: Analysis) -> Section:
 
 
 def receivers(flight: Flight, analysis: Analysis) -> Section:
-    """GPS velocity against inertial motion, and what the receivers say of themselves."""
+    """GPS velocity against inertial motion, and the receivers' own accuracy."""
     columns = Columns(flight.context.duration_s, COARSE)
     apart: list[Trace] = []
     satellites: list[Trace] = []

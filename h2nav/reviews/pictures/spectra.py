@@ -1,4 +1,4 @@
-"""Pictures of vibration over frequency: spectra, and how they change over the flight."""
+"""Pictures of vibration by frequency: spectra, and their change over the flight."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.picture import Curves, Heat, Mark, Picture, Section, Trace
 from h2nav.reviews.tracks import Spectrum
 
-# What is drawn white is so much quieter than what is drawn black.
+# White is this much quieter than black.
 RANGE_DB = 50.0
 MOST_MARKS = 4
 
 
 def spectra(analysis: Analysis) -> Section:
-    """The first IMU's gyro and accelerometer first, the others on demand."""
+    """The first IMU's gyro and accelerometer at once, the others on demand."""
     first = min((spectrum.imu for spectrum in analysis.spectra), default=0)
     return Section(
         "spectra",
@@ -52,7 +52,7 @@ def shades(levels: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(T, F) densities in decibels of their largest, 255 = the largest, 0 = 50 dB less or none."""
     if not np.isfinite(levels).any() or np.nanmax(levels) <= 0.0:
         return np.zeros(levels.shape, np.uint8)
-    # One column of a hard landing shall not make the rest of the flight white.
+    # A single column, such as a hard landing, must not turn the rest of the flight white.
     largest = np.nanpercentile(levels, 99.9)
     share = np.nan_to_num(levels / (largest or np.nanmax(levels)), nan=0.0)
     decibel = 20.0 * np.log10(np.maximum(share, 1e-12))

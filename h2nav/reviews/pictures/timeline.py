@@ -1,4 +1,4 @@
-"""What was when, as rows of bars: modes, armed, states, sensors in use, aids, findings."""
+"""The time line as rows of bars: modes, armed, states, sensors in use, aids, findings."""
 
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.recordings.context import Span
@@ -8,11 +8,11 @@ from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.picture import Row, Rows, Section
 
 _STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
-# What is drawn and told of recordings with more spans than a picture can show.
+# Limit for recordings with more spans than a picture can show.
 MOST_SPANS = 500
 MOST_FINDING_ROWS = 4
 MOST_MARKS = 12
-# Findings of a moment that every picture shall show.
+# Findings of a moment, marked in every picture.
 MOMENTS = {
     "crash": "impact",
     "hard_landing": "hard landing",
@@ -22,7 +22,7 @@ MOMENTS = {
 
 
 def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
-    """From, to, name and pale colour of every flight mode, for behind the pictures."""
+    """From, to, name and pale colour of every flight mode, as background of the pictures."""
     spans = flight.context.modes[:MOST_SPANS]
     return [
         (*span, colour) for span, colour in zip(spans, _by_name(spans, colours.MODES), strict=True)
@@ -30,7 +30,7 @@ def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
 
 
 def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, str, str]]:
-    """Moments that every picture over time shows: when, what, colour."""
+    """Moments marked in every picture over time: time, text, colour."""
     found = [
         (one.from_s, MOMENTS[one.kind], colours.IMPACT) for one in findings if one.kind in MOMENTS
     ]
@@ -41,7 +41,7 @@ def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, st
 
 
 def vehicle_rows(flight: Flight) -> list[Row]:
-    """Modes, arming, take-off, and what the autopilot reported."""
+    """Modes, arming, take-off, and the autopilot's reports."""
     context = flight.context
     airborne = _airborne(flight)
     rows = [
@@ -49,28 +49,28 @@ def vehicle_rows(flight: Flight) -> list[Row]:
         for label, spans in (
             ("flight mode", context.modes),
             ("armed", context.armed),
-            ("in the air, says the autopilot", airborne),
+            ("in the air (autopilot)", airborne),
         )
     ]
     return [*rows, *_reported(flight), *_moments(flight)]
 
 
 def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
-    """What happened to the vehicle, as one picture."""
+    """The vehicle's time line as one picture."""
     context = flight.context
     rows = _found(findings[:MOST_SPANS])
     rows += vehicle_rows(flight)
     rows.append(_row("autopilot's estimator", context.primary))
     picture = Rows(
-        "What was when",
-        "Findings, the worst in the first row; what the autopilot did and reported.",
+        "Time line",
+        "Findings, the worst in the first row; modes, states and reports of the autopilot.",
         tuple(row for row in rows if row.spans),
     )
     return Section("timeline", "Time line", (picture,) if picture.rows else ())
 
 
 def own_rows(flight: Flight) -> Rows:
-    """What h2nav itself did: its state, what held it, what it was tested against."""
+    """h2nav itself: its state, its aids, its tests."""
     states = flight.states[:MOST_SPANS]
     rows = [
         _row("IMU that h2nav used", flight.lanes),
@@ -116,7 +116,7 @@ def _airborne(flight: Flight) -> tuple[Span, ...]:
 
 
 def _moments(flight: Flight) -> list[Row]:
-    """What happened at one time: warnings in words, events, parameters that were changed."""
+    """Moments: warnings in words, events, changed parameters."""
     context = flight.context
     warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MOST_SPANS]
     occurrences = context.occurrences[:MOST_SPANS]
@@ -141,7 +141,7 @@ def _moments(flight: Flight) -> list[Row]:
 
 
 def _reported(flight: Flight) -> list[Row]:
-    """Faults until they are over, as the autopilot reports them, one row per subsystem."""
+    """Faults reported by the autopilot until they are resolved, one row per subsystem."""
     spans: dict[str, list[Span]] = {}
     for fault in flight.context.faults:
         row = spans.setdefault(fault.subsystem, [])
@@ -161,7 +161,7 @@ def _reported(flight: Flight) -> list[Row]:
 
 
 def _found(findings: tuple[Finding, ...]) -> list[Row]:
-    """The worst findings in the first row, what overlaps them in rows without a label below."""
+    """The worst findings in the first row, overlapping ones in unlabelled rows below."""
     rows: list[list[Finding]] = []
     for one in findings:
         free = [row for row in rows if all(_is_apart(one, other) for other in row)]

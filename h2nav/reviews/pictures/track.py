@@ -1,4 +1,4 @@
-"""The ground track as a drawing (SVG) that is part of the page."""
+"""The ground track as a drawing (SVG) inside the page."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,21 +16,21 @@ from h2nav.reviews.pictures.timeline import marks, mode_backdrop
 EARTH_RADIUS_M = 6371008.8
 PARTS, MOST_POINTS = 90, 1800
 SIZE, MARGIN, LEAST_HEIGHT = 700.0, 60.0, 260.0
-# Fixes farther out than this, in spans of the middle of the flight, are beyond the drawing.
+# Fixes farther out than this, in spans of the middle of the flight, are not drawn.
 FAR_SPANS = 4.0
 LEAST_SPAN_M = 20.0
 LEAST_WIND_M_S = 0.3
 MOST_FINDINGS = 20
-# The receiver still says where it was, or says it again, within this time.
+# The receiver must still, or again, have a position within this time.
 MOST_FIX_AGE_S = 5.0
-# Cividis from early to late, which all kinds of colour vision tell apart by its brightness too.
+# Cividis from early to late, distinguishable with any colour vision, also by brightness.
 _EARLY_TO_LATE = np.array(
     [[0, 34, 78], [65, 77, 107], [124, 123, 120], [188, 175, 111], [235, 205, 60]], float
 )
 
 
 class _Path(NamedTuple):
-    """East and north in metres of the first fix, when, and metres above it."""
+    """East and north in metres from the first fix, times, and metres above it."""
 
     t_s: Array
     east_m: Array
@@ -70,7 +70,7 @@ def track(flight: Flight, findings: tuple[Finding, ...]) -> Section:
 
 
 class _Mode(NamedTuple):
-    """A flight mode while it lasted."""
+    """A flight mode and its span."""
 
     from_s: float
     to_s: float
@@ -89,7 +89,7 @@ def _modes(flight: Flight) -> list[_Mode]:
 
 
 def _choice(modes: list[_Mode]) -> str:
-    """By what the track is coloured, and what the colours are."""
+    """The choice of the track's colours, with their key."""
     if not modes:
         return _time_key()
     choices = "".join(
@@ -123,7 +123,7 @@ def _is_usable(gps: GpsTrack) -> np.ndarray:
 
 
 def _local(gps: GpsTrack) -> _Path:
-    """At most `MOST_POINTS`, evenly taken."""
+    """At most `MOST_POINTS`, evenly spaced."""
     places = np.flatnonzero(_is_usable(gps))
     places = places[:: max(1, len(places) // MOST_POINTS)]
     latitude, longitude = (
@@ -142,12 +142,12 @@ def _local(gps: GpsTrack) -> _Path:
 
 
 class _View:
-    """Metres to places in the drawing.
+    """Maps metres to places in the drawing.
 
     Attributes:
         per_m: length in the drawing.
         height: of the drawing, whose width is `SIZE`.
-        beyond: how many fixes are not in it.
+        beyond: number of fixes outside it.
     """
 
     def __init__(self, path: _Path) -> None:
@@ -278,7 +278,7 @@ def _wind(flight: Flight) -> list[str]:
     speed = float(np.hypot(north, east))
     if not np.isfinite(speed) or speed < LEAST_WIND_M_S:
         return []
-    # The air moves to there; a pilot names where it comes from.
+    # The air moves in this direction; pilots name the origin of the wind.
     angle = float(np.degrees(np.arctan2(east, north)))
     told = f"wind {speed:.1f} m/s from {(angle + 180.0) % 360.0:.0f} deg"
     return [

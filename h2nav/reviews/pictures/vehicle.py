@@ -1,4 +1,4 @@
-"""Pictures of the vehicle: what was asked of it, height, motors, battery."""
+"""Pictures of the vehicle: demands, height, motors, battery."""
 
 import numpy as np
 
@@ -10,21 +10,21 @@ from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
 from h2nav.reviews.pictures.picture import Lines, Picture, Section, Trace
 
 MOST_MOTORS = 12
-# A battery whose voltage was not measured is logged with this or less.
+# Voltage up to this means that it was not measured.
 LEAST_VOLTAGE_V = 1.0
-# Over which the heights of barometer and estimate begin alike.
+# Length over which the heights of barometer and estimate are aligned.
 BEGIN_S = 2.0
 _ANGLES = ("roll", "pitch", "heading")
 
 
 def demand(context: Context, columns: Columns, angle: str, cut_rad: float = 0.0) -> list[Trace]:
-    """Roll, pitch or heading that the controller was asked for; none where it is not known.
+    """Demanded roll, pitch or heading; none if unknown.
 
     Args:
         context: of the recording.
         columns: of the picture.
-        angle: which one.
-        cut_rad: where the picture's headings end.
+        angle: ``roll``, ``pitch`` or ``heading``.
+        cut_rad: the end of the picture's range of headings.
     """
     asked = context.demand
     if asked is None or len(asked.t_s) == 0:
@@ -38,22 +38,22 @@ def demand(context: Context, columns: Columns, angle: str, cut_rad: float = 0.0)
 
 
 def height_lines(context: Context, columns: Columns) -> Lines:
-    """Height, what was asked for, and the barometer's."""
+    """Height, its demand, and the barometer's."""
     asked = context.height_demand_m
     if asked is not None:
-        # Exactly zero is logged in modes that ask for no height.
+        # Exactly zero is logged in modes without a height demand.
         asked = asked._replace(values=np.where(asked.values == 0.0, np.nan, asked.values))
     traces = [
         *_traces(columns, _series("height", colours.OURS, context.height_m)),
         *_traces(columns, _series("barometer", colours.SENSORS[2], _from_the_start(context))),
         *_traces(columns, _series("demand", colours.DEMAND, asked)),
     ]
-    about = "Above where it started, as the autopilot estimates it; dashed: what was asked for."
+    about = "Above the start, the autopilot's estimate; dashed: the demand."
     return Lines("Height", about, "m", tuple(traces))
 
 
 def _from_the_start(context: Context) -> Series | None:
-    """The barometer's height, which may count from anywhere, from where the estimate begins."""
+    """The barometer's height, shifted to the beginning of the estimate."""
     baro, height = context.baro_height_m, context.height_m
     if baro is None or height is None or min(len(baro.t_s), len(height.t_s)) == 0:
         return baro
@@ -90,15 +90,14 @@ def motor_lines(context: Context, columns: Columns) -> Lines:
         asked = ("throttle", colours.THROTTLE, throttle.t_s, 100.0 * throttle.values)
         traces += _traces(columns, asked, dashed=bool(traces))
     about = (
-        "0 % is a motor that stands still, 100 % the most that the autopilot may ask for. A motor "
-        "far above the others works for a weak one or a bent arm; at 100 % there is nothing left "
-        "to steer with."
+        "0 % is a motor at rest, 100 % the autopilot's largest output. A motor far above the "
+        "others makes up for a weak one or a bent arm; at 100 % nothing is left for control."
     )
     return Lines("Motors and throttle", about, "%", tuple(traces), digits=0, at_least=(0.0, 100.0))
 
 
 def motors(flight: Flight) -> Section:
-    """Motor outputs, throttle, and the speeds that controllers report."""
+    """Motor outputs, throttle, and the speeds reported by controllers."""
     context = flight.context
     columns = Columns(context.duration_s, FINE // 2)
     speeds = [
@@ -119,7 +118,7 @@ def motors(flight: Flight) -> Section:
 
 
 def voltage_lines(context: Context, columns: Columns) -> Lines:
-    """Voltage of every battery that is measured."""
+    """Voltage of every measured battery."""
     traces = [
         trace
         for one in context.batteries
@@ -171,7 +170,7 @@ def _traces(
     dashed: bool = False,
     turn: float | None = None,
 ) -> list[Trace]:
-    """One trace, or none where there is nothing to draw."""
+    """One trace, or none if there is nothing to draw."""
     label, colour, t_s, values = line
     points = columns.of(t_s, values, turn)
     if not np.isfinite(points).any():

@@ -80,13 +80,13 @@ def test_findings_come_first_and_the_worst_of_them_first(made):
             "no fix for 50 s",
             "1 note",
             "gyro vibrates at 84 Hz",
-            "What was looked at, and what could not be",
+            "What was checked, and what could not be",
             "Checked:",
             "The flight",
-            "What was when",
+            "Time line",
             "Bank: positive is right wing down",
             "Angle between the autopilot's vertical",
-            "Others against h2nav",
+            "Other attitudes against h2nav",
         )
     ]
     assert places == sorted(places)
@@ -113,7 +113,7 @@ def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
 def test_without_an_estimate_the_page_says_why_below_the_verdict():
     text = text_of(page_of(empty_flight(), Analysis()))
     why = text.index("the recording holds no IMU messages")
-    assert why < text.index("What was looked at")
+    assert why < text.index("What was checked")
     assert "Nothing was found wrong in what could be looked at." in text
     assert "Missing in the recording: IMU messages; GPS" in text
     assert "Our own attitude" not in text
@@ -125,7 +125,7 @@ def test_a_crash_is_one_picture_before_all_others():
     places = [
         text.index(part)
         for part in (
-            "pitch -60 deg where -5 was asked",
+            "pitch -60 deg where -5 was demanded",
             "it led to: impact at 104.0 s",
             "Control lost at 100.0 s, impact at 104.0 s",
             "Time line",
