@@ -1,4 +1,4 @@
-"""The command line: imports only the command that is asked for; errors become exit statuses."""
+"""The command line: imports only the requested command; errors become exit statuses."""
 
 import argparse
 import difflib
@@ -19,7 +19,7 @@ SUCCESS, FAILED, BAD_INPUT = 0, 1, 2
 INTERRUPTED, READER_GONE = 130, 141
 
 LISTING_WIDTH = 20
-# Of a command and what was typed; below it, they have nothing to do with each other.
+# A command and the typed words further apart than this are unrelated.
 ALIKE = 0.6
 CLOSING = """\
 `h2nav COMMAND --help` shows a command's options and an example.
@@ -34,7 +34,7 @@ class Command(NamedTuple):
     Attributes:
         module: in `h2nav.apps`; offers add_arguments(parser) -> None and run(args) -> int.
         summary: one line of help.
-        example: what people type, without the program's name.
+        example: a typical call, without the program's name.
     """
 
     module: str
@@ -61,7 +61,7 @@ SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
             "the daemon: estimate attitude from an autopilot's IMU stream",
             "run --connect udpin:0.0.0.0:14550 --log-dir logs",
         ),
-        ("status",): Command("status", "how the running daemon is, in words", "status"),
+        ("status",): Command("status", "state of the running daemon, in words", "status"),
         ("check",): Command(
             "check",
             "a second opinion before arming: sensors on the ground, with an exit status",
@@ -168,12 +168,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after the program's name; the process's own by default.
 
     Returns:
-        0 success, 1 the thing asked for failed, 2 bad input or configuration; 130 interrupted,
-        141 the reader of our output has gone.
+        0 success, 1 the task failed, 2 bad input or configuration; 130 interrupted, 141 the reader
+        of our output is gone.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # File names need be no text, and a terminal need not know every character.
+            # File names may hold bytes that are not text, and terminals may lack characters.
             stream.reconfigure(errors="backslashreplace")
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv))
@@ -189,7 +189,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("h2nav: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Head or less has all that it wants.
+        # The reader, such as head or less, has all that it wants.
         _discard(sys.stdout)
         return READER_GONE
     except OSError as error:
@@ -200,7 +200,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _discard_if_broken(stream: TextIO) -> None:
-    """What a full disk did not take would fail once more at exit."""
+    """Discards output that a full disk did not take, and that would fail again at exit."""
     try:
         stream.flush()
     except OSError:
@@ -219,10 +219,10 @@ def _run(words: list[str]) -> int:
 
 
 def _refuse_unknown(words: Sequence[str]) -> None:
-    """Names the command that was probably meant.
+    """Names the most similar command.
 
     Raises:
-        BadInput: the words are no command.
+        BadInput: the words are not a command.
     """
     group = words[:1] if words and words[0] in GROUPS else []
     typed = words[len(group) : len(group) + 1]
@@ -267,7 +267,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _add_level(parser: argparse.ArgumentParser, name: str, overview: str) -> _Level:
-    """Makes a parser one of commands, whose help ends with the overview of them."""
+    """Turns a parser into a group of commands, whose help ends with their overview."""
     options = " [--version]" if name == "h2nav" else ""
     parser.usage = f"{name} [-h]{options} COMMAND ..."
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -278,7 +278,7 @@ def _add_level(parser: argparse.ArgumentParser, name: str, overview: str) -> _Le
 
 
 def _add_example(parser: argparse.ArgumentParser, example: str) -> None:
-    """Puts the example in front of what the command itself has to say at the end of its help."""
+    """Puts the example before the closing text of the command's help."""
     closing = parser.epilog or ""
     if parser.formatter_class is argparse.HelpFormatter:
         closing = textwrap.fill(closing, shutil.get_terminal_size().columns - 2)
@@ -305,7 +305,7 @@ def _sentence(text: str) -> str:
 
 
 class _Version(argparse.Action):
-    """Prints the version and which backend the kernels run on."""
+    """Prints the version and the backend of the kernels."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None) -> None:  # noqa: A002
         super().__init__(option_strings, dest, nargs=0, help=help)

@@ -1,8 +1,8 @@
-"""The two ways a command ends badly; the command line turns them into exit statuses."""
+"""The two ways in which a command fails; the command line turns them into exit statuses."""
 
 
 class BadInput(Exception):
-    """Input or configuration that cannot be used (exit status 2).
+    """Input or configuration that is not usable (exit status 2).
 
     Args:
         *lines: one complete line per error: file, key or place, what was expected, the remedy.
@@ -14,4 +14,4 @@ class BadInput(Exception):
 
 
 class TaskFailed(Exception):
-    """The input was fine, but what was asked for did not succeed (exit status 1)."""
+    """The input was valid, but the task did not succeed (exit status 1)."""

@@ -1,9 +1,9 @@
-"""What values others may give us: limits, and complaints about keys and values that break them.
+"""Limits of values from outside, and error messages for keys and values that violate them.
 
 Limits stand in the annotations of settings, ``rate_hz: Annotated[float, Within(1, 1000)]``, where
-the strict loader (`h2nav.files.strict_yaml`) enforces them, or in tables of a section's numbers,
-which `numbers_within` takes. Every complaint names the place, the key and the remedy. All of this
-lives below every room, so that each room can state the limits of its own inputs.
+the strict loader (`h2nav.files.strict_yaml`) enforces them, or in tables of a section's numbers for
+`numbers_within`. Every message names the place, the key and the remedy. The module lies below every
+room, so that each room can state the limits of its own inputs.
 """
 
 import difflib
@@ -12,16 +12,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeGuard
 
-LONGEST_KEY = 60  # what is longer resembles none of ours, and comparing costs its length squared
+LONGEST_KEY = 60  # longer ones resemble no key, and comparing costs the length squared
 LONGEST_SHOWN = 60
 LARGEST_DOUBLE = sys.float_info.max
 
 
 class Limit(Protocol):
-    """A rule that one value of a setting obeys."""
+    """A rule for one value of a setting."""
 
     def complaint(self, value: object) -> str | None:
-        """What is expected instead of `value`; None when it is fine."""
+        """What is expected instead of `value`; None if it is valid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Within:
 
     def complaint(self, value: object) -> str | None:
         """See `Limit`."""
-        # Compared as it is: a whole number may be too large for a float.
+        # Compared without conversion: an integer may be too large for a float.
         if _is_number(value) and self.low <= value <= self.high:
             return None
         return f"a number from {self.low:g} to {self.high:g}"
@@ -76,10 +76,10 @@ def key_complaints(
 
     Args:
         section: keys and values.
-        known: all keys there are.
-        required: those that must be there.
+        known: all valid keys.
+        required: keys that must be present.
         place: the file.
-        prefix: what leads to the section inside the file, such as ``gains.``.
+        prefix: path to the section inside the file, such as ``gains.``.
     """
     complaints = []
     for key in sorted(section.keys() - set(known)):
@@ -101,14 +101,14 @@ def numbers_within(
     place: str,
     prefix: str = "",
 ) -> dict[str, float]:
-    """The numbers of a section that are within their limits; the others become complaints.
+    """The numbers of a section that are within their limits; the others become messages.
 
     Args:
-        section: keys and values; a key that it lacks is left to `key_complaints`.
+        section: keys and values; missing keys are left to `key_complaints`.
         limits: key -> limit of its number.
-        complaints: gets one line per number that is none or out of its limits.
+        complaints: gets one line per value that is not a number or outside its limits.
         place: the file.
-        prefix: what leads to the section inside the file, such as ``gains.``.
+        prefix: path to the section inside the file, such as ``gains.``.
     """
     numbers = {}
     for key, limit in limits.items():
@@ -133,7 +133,7 @@ def finite_numbers(value: object) -> list[float]:
 
 
 def shown(value: object) -> str:
-    """A value for an error message: on one line, printable, not longer than a line."""
+    """A value for an error message: printable, on one line, bounded in length."""
     text = value if isinstance(value, str) and value.isprintable() else repr(value)
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
