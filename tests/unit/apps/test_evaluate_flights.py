@@ -139,7 +139,7 @@ def test_pictures(tmp_path, capsys):
     ("make", "says"),
     [
         (lambda place: None, "no recordings in this folder; expected .tlog, .mcap, .bytes"),
-        (lambda place: (place / "a.tlog").write_text("x"), "a.tlog: no recording; expected"),
+        (lambda place: (place / "a.tlog").write_text("x"), "a.tlog: not a recording; expected"),
         (
             lambda place: rewritten(place / "a.tlog", first_s=4.0, without=HEARTBEAT),
             "no estimate of ours at a time of the truth; expected IMU samples",

@@ -101,7 +101,7 @@ def test_the_same_from_our_own_log(
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("notes.txt", "expected an .npz file or a recording"), ("flight.tlog", "no recording")],
+    [("notes.txt", "expected an .npz file or a recording"), ("flight.tlog", "not a recording")],
 )
 def test_a_file_that_is_no_recording(tmp_path: Path, name: str, expected: str) -> None:
     path = tmp_path / name

@@ -129,7 +129,7 @@ def test_a_crash_is_one_picture_before_all_others():
             "it led to: impact at 104.0 s",
             "Control lost at 100.0 s, impact at 104.0 s",
             "Time line",
-            "Above where it started",
+            "Above the start",
             "Motors and throttle",
             "It sags under load",
             "From above; the part of the flight",
