@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 from h2nav.attitude.kernel_files import COMPILED, digest  # noqa: E402
 from h2nav.errors import BadInput  # noqa: E402
 from h2nav.translate.batch import batch_c, kernels_h  # noqa: E402
-from h2nav.translate.source import Source  # noqa: E402
+from h2nav.translate.source import KernelSource  # noqa: E402
 
 PACKAGE = ROOT / "h2nav"
 OLDEST_PYTHON = "0x030B0000"
@@ -37,7 +37,7 @@ class TranslateAndBuild(build_ext):
         texts = []
         for kernel in COMPILED:
             paths = [PACKAGE / kernel.room / path for path in kernel.paths]
-            sources = [Source(str(path), path.read_text(encoding="utf-8")) for path in paths]
+            sources = [KernelSource(str(path), path.read_text(encoding="utf-8")) for path in paths]
             texts += [(PACKAGE / path).read_text(encoding="utf-8") for path in kernel.files]
             target = folder / f"{kernel.name}.c"
             try:

@@ -28,7 +28,7 @@ Exit status: 0 success, 1 the thing asked for failed, 2 bad input."""
 _Level: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
-class Command(NamedTuple):
+class CommandEntry(NamedTuple):
     """One command.
 
     Attributes:
@@ -43,111 +43,111 @@ class Command(NamedTuple):
 
 
 # heading -> command words -> command, as `h2nav --help` lists them
-SECTIONS: dict[str, dict[tuple[str, ...], Command]] = {
+SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
     "first look": {
-        ("demo",): Command(
+        ("demo",): CommandEntry(
             "demo", "fly the fake autopilot and the daemon on loopback, print the errors", "demo"
         ),
-        ("completion",): Command(
+        ("completion",): CommandEntry(
             "completion", "completion of commands and options in your shell", "completion bash"
         ),
     },
     "in flight": {
-        ("setup",): Command(
+        ("setup",): CommandEntry(
             "setup", "find the autopilot, write the configuration, start the service", "setup"
         ),
-        ("run",): Command(
+        ("run",): CommandEntry(
             "run",
             "the daemon: estimate attitude from an autopilot's IMU stream",
             "run --connect udpin:0.0.0.0:14550 --log-dir logs",
         ),
-        ("status",): Command("status", "state of the running daemon, in words", "status"),
-        ("check",): Command(
+        ("status",): CommandEntry("status", "state of the running daemon, in words", "status"),
+        ("check",): CommandEntry(
             "check",
             "a second opinion before arming: sensors on the ground, with an exit status",
             "check --connect udpin:0.0.0.0:14550 --seconds 30",
         ),
-        ("check-config",): Command(
+        ("check-config",): CommandEntry(
             "check_config", "validate a configuration file", "check-config /etc/h2nav/config.yaml"
         ),
-        ("signing-key",): Command(
+        ("signing-key",): CommandEntry(
             "signing_key",
             "make a key file for MAVLink signing from a passphrase",
             "signing-key -o /etc/h2nav/signing-key",
         ),
-        ("fake-autopilot",): Command(
+        ("fake-autopilot",): CommandEntry(
             "fake_autopilot",
             "a SITL-style autopilot for tests",
             "fake-autopilot --connect udpout:127.0.0.1:14550 --fault reboot@20",
         ),
     },
     "recordings": {
-        ("replay",): Command(
+        ("replay",): CommandEntry(
             "replay", "run a recording through the same service", "replay flight.tlog --json"
         ),
-        ("calibrate",): Command(
+        ("calibrate",): CommandEntry(
             "calibrate",
             "parameters out of flights: compasses and their motors, as a file to load",
             "calibrate flight.bin -o fix.param",
         ),
-        ("review",): Command(
+        ("review",): CommandEntry(
             "review",
             "what went wrong in a flight: findings and pictures, one page per flight",
             "review flight.bin -o reviews --open",
         ),
-        ("fleet",): Command(
+        ("fleet",): CommandEntry(
             "fleet",
             "the reviews of thousands of flights, and a table of them",
             "fleet recordings -o reviews --workers 8",
         ),
-        ("log", "info"): Command("log_info", "what a log holds", "log info flight.mcap"),
-        ("log", "recover"): Command(
+        ("log", "info"): CommandEntry("log_info", "what a log holds", "log info flight.mcap"),
+        ("log", "recover"): CommandEntry(
             "log_recover",
             "repair a log that was cut off",
             "log recover flight.mcap.active -o flight.mcap",
         ),
-        ("log", "export"): Command(
+        ("log", "export"): CommandEntry(
             "log_export",
             "a log as CSV, Parquet, trajectory or tlog",
             "log export flight.mcap -o csv",
         ),
-        ("log", "decode"): Command(
+        ("log", "decode"): CommandEntry(
             "log_decode",
             "add the autopilot's messages as channels that viewers plot",
             "log decode flight.mcap -o decoded.mcap",
         ),
     },
     "gains": {
-        ("synthesize",): Command(
+        ("synthesize",): CommandEntry(
             "synthesize",
             "compute a gain file by H2 synthesis",
             "synthesize model.yaml --rate 200 -o gains.yaml",
         ),
-        ("certify",): Command(
+        ("certify",): CommandEntry(
             "certify", "check gain files without the solver", "certify gains.yaml"
         ),
-        ("export", "c"): Command(
+        ("export", "c"): CommandEntry(
             "export_c",
             "write the filter as freestanding C99",
             "export c handheld_100hz -o firmware",
         ),
     },
     "accuracy": {
-        ("evaluate", "paper"): Command(
+        ("evaluate", "paper"): CommandEntry(
             "evaluate_paper", "the source paper's tables, next to ours", "evaluate paper --seeds 20"
         ),
-        ("evaluate", "dataset"): Command(
+        ("evaluate", "dataset"): CommandEntry(
             "evaluate_dataset", "accuracy on recordings with truth", "evaluate dataset trials"
         ),
-        ("evaluate", "flights"): Command(
+        ("evaluate", "flights"): CommandEntry(
             "evaluate_flights",
             "the service on recorded flights, next to the autopilot's estimators",
             "evaluate flights recordings --plots pictures",
         ),
-        ("evaluate", "observer"): Command(
+        ("evaluate", "observer"): CommandEntry(
             "evaluate_observer", "convergence of the twist observer", "evaluate observer --json"
         ),
-        ("odometry", "calibrate"): Command(
+        ("odometry", "calibrate"): CommandEntry(
             "odometry_calibrate", "wheel-odometry calibration", "odometry calibrate drive.csv"
         ),
     },
@@ -291,7 +291,7 @@ def _overview() -> str:
     return "\n\n".join([*sections, CLOSING])
 
 
-def _listing(commands: Mapping[tuple[str, ...], Command]) -> str:
+def _listing(commands: Mapping[tuple[str, ...], CommandEntry]) -> str:
     lines = [
         f"  {' '.join(words):{LISTING_WIDTH}}{command.summary}"
         for words, command in commands.items()

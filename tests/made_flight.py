@@ -11,10 +11,10 @@ from h2nav.recordings.context import (
     AttitudeTrack,
     Battery,
     Context,
-    Fault,
     GpsTrack,
     ImuTrack,
     Motors,
+    ReportedFault,
     Said,
     Series,
     Span,
@@ -26,12 +26,12 @@ from h2nav.reviews.page import page
 from h2nav.reviews.tracks import (
     Bias,
     CompassFit,
-    Field,
+    FieldTrack,
     Peak,
     Receiver,
     Spectrum,
-    Timing,
-    Vibration,
+    TimingTrack,
+    Vibrations,
 )
 
 EARTH_UT, DIP_DEG = 48.0, 64.0
@@ -267,7 +267,7 @@ def made_crash():
             Battery(0, t_s, 12.6 - 0.01 * t_s - throttle, 20.0 * throttle, 1.0 - 0.005 * t_s),
         ),
         gps=(GpsTrack(0, *(values[: round(104.0 / 0.2)] for values in flight.context.gps[0][1:])),),
-        faults=(Fault(102.0, "battery", 1, "low"),),
+        faults=(ReportedFault(102.0, "battery", 1, "low"),),
         airborne=Series(np.array([0.0, 8.0]), np.array([0.0, 1.0])),
         said=(Said(103.0, Severity.WARNING, "Battery Failsafe - Land"),),
     )  # fmt: skip
@@ -291,7 +291,7 @@ def made_analysis(flight, seed=4):
     t_s = np.linspace(0.0, end_s, 2000)
     imus = [track.imu for track in flight.context.imus]
     is_magnet = _within(t_s, MAGNET_S)
-    field = Field(
+    field = FieldTrack(
         0, t_s, EARTH_UT + rng.normal(0.0, 0.5, 2000) + 15.0 * is_magnet,
         (DIP_DEG - 9.0 * is_magnet + rng.normal(0.0, 0.5, 2000)) * DEG,
         (14.0 * is_magnet + rng.normal(0.0, 1.0, 2000)) * DEG,
@@ -312,7 +312,7 @@ def made_analysis(flight, seed=4):
             for sensor in ("gyro", "accelerometer")
         ),
         vibrations=tuple(
-            Vibration(imu, t_s, np.abs(rng.normal(4.0, 1.0, (2000, 3))), 30.0, 0) for imu in imus
+            Vibrations(imu, t_s, np.abs(rng.normal(4.0, 1.0, (2000, 3))), 30.0, 0) for imu in imus
         ),
         fields=(field,),
         compasses=(fit,),
@@ -322,7 +322,7 @@ def made_analysis(flight, seed=4):
             for imu in imus
         ),
         timings=tuple(
-            Timing(imu, f"IMU{imu}", columns_s, rng.normal(100.0, 0.3, 1000),
+            TimingTrack(imu, f"IMU{imu}", columns_s, rng.normal(100.0, 0.3, 1000),
                    rng.uniform(0.01, 0.03, 1000), rng.uniform(0.0, 0.02, 1000))
             for imu in imus
         ),

@@ -18,7 +18,7 @@ from h2nav.recordings.context import (
 )
 from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios
 from h2nav.reviews.inertial import conjugate, exponential, rotate
-from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuModel, Readings, readings
+from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuModel, SensorReadings, readings
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.vehicle import EARTH_RADIUS_M, HOME
 
@@ -30,7 +30,7 @@ HEADING_SIGMA_RAD = 1.0 * DEG
 
 
 @functools.cache
-def ideal(name: str) -> Readings:
+def ideal(name: str) -> SensorReadings:
     """What ideal sensors read on a scenario."""
     times = [round(number * 1e6 / RATE_HZ) for number in range(round(DURATION_S * RATE_HZ))]
     return readings(scenario(name).motion, times, HOME.field, GyroSampling.MEAN)

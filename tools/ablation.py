@@ -30,7 +30,7 @@ from h2nav.evaluation.dataset.filters import Conditions, run_with_gains
 from h2nav.evaluation.flights.scores import SETTLED_S
 from h2nav.files import gain_files
 from h2nav.maths.attitude_errors import Rms, errors, rms
-from h2nav.recordings.trials import Told, Trial
+from h2nav.recordings.trials import FilterInput, Trial
 
 Change = Callable[[Gains], None]
 PROCESSES = 2
@@ -46,7 +46,7 @@ class Idea(NamedTuple):
     """
 
     change: Change | None = None
-    told: Callable[[Told], Told] | None = None
+    told: Callable[[FilterInput], FilterInput] | None = None
     silent: tuple[type, str] | None = None
 
 
@@ -92,7 +92,7 @@ def one_set(g: Gains) -> None:
     g.k_velocity[:] = [g.k_velocity[middle]] * SETS
 
 
-def no_prior(told: Told) -> Told:
+def no_prior(told: FilterInput) -> FilterInput:
     """The field is expected to be as late as the rate."""
     if isinstance(told.what, SensorDelays):
         return told._replace(what=told.what._replace(field_s=told.what.gyro_s))

@@ -17,7 +17,7 @@ import numpy as np
 from h2nav.apps.playback import Wishes
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.evidence import Evidence
-from h2nav.calibration.field_fit import COUNT, OFFSET, Correction, FieldRows, fitted
+from h2nav.calibration.field_fit import COUNT, OFFSET, FieldCorrection, FieldRows, fitted
 from h2nav.calibration.field_rows import earth_at, field_rows
 from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
 from h2nav.calibration.vehicle import calibrate
@@ -68,7 +68,7 @@ def halves(path: Path) -> None:
         print(f"{path.stem} compass {track.compass + 1}: {shown}")
 
 
-def _scored(flight: Evidence, rows: FieldRows, correction: Correction) -> str:
+def _scored(flight: Evidence, rows: FieldRows, correction: FieldCorrection) -> str:
     """Rms of the residual and of the heading that the compass shows."""
     truth, earth_n = flight.context.truth, earth_at(flight.flight.earth, rows.t_s)
     expected = rows.earth_ut

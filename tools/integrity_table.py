@@ -24,7 +24,7 @@ from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
 from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService
-from h2nav.evaluation.flights.tracks import Mask, Track, figures, track_of, tracks_of_autopilot
+from h2nav.evaluation.flights.tracks import ErrorTrack, Mask, figures, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import Truth, truth_of
 from h2nav.evaluation.parallel import results
 from h2nav.files.earth_field import earth_field_at
@@ -207,8 +207,8 @@ class Flight(NamedTuple):
     said: Words
     heard: Heard
     findings: list[dict[str, Any]]
-    ours: Track
-    ekf: Track | None
+    ours: ErrorTrack
+    ekf: ErrorTrack | None
 
     def since_start_s(self, t_us: int) -> float:
         """Times as `ours` has them."""
@@ -308,7 +308,7 @@ def deceived_share(flight: Flight, inside: Mask) -> float | None:
     return float(np.mean((wrong & beyond)[inside]))
 
 
-def worst(track: Track | None, from_s: float, to_s: float) -> dict[str, float] | None:
+def worst(track: ErrorTrack | None, from_s: float, to_s: float) -> dict[str, float] | None:
     """The largest total error and tilt, deg, of a time; None where there is nothing."""
     if track is None:
         return None

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.apps.reviewing import evidence_of
-    from h2nav.calibration.files import Format, format_of, written
+    from h2nav.calibration.files import ParameterFormat, format_of, written
     from h2nav.calibration.vehicle import calibrate, document_of
     from h2nav.recordings.opening import open_flight
 
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     if args.output is not None and calibration.changes:
         chosen = args.format or format_of(args.output.name, calibration.autopilot)
         try:
-            args.output.write_text(written(calibration, Format(chosen)), encoding="utf-8")
+            args.output.write_text(written(calibration, ParameterFormat(chosen)), encoding="utf-8")
         except OSError as error:
             raise TaskFailed(f"{args.output}: {error.strerror}") from error
     found = document_of(calibration)

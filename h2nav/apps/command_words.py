@@ -11,7 +11,7 @@ from h2nav.sim.personalities import PERSONALITIES
 from h2nav.sim.scenarios import SCENARIOS
 
 
-class Kind(Enum):
+class WordKind(Enum):
     """The kind of a value."""
 
     NOTHING = "nothing"  # no completion is possible, for example of a number
@@ -28,7 +28,7 @@ class Value(NamedTuple):
         words: to choose from.
     """
 
-    kind: Kind
+    kind: WordKind
     words: tuple[str, ...] = ()
 
 
@@ -78,7 +78,7 @@ def command_words(command: str, summary: str, parser: argparse.ArgumentParser) -
         summary: one line of help.
         parser: with all its arguments declared.
     """
-    options, argument = [], Value(Kind.NOTHING)
+    options, argument = [], Value(WordKind.NOTHING)
     for action in parser._actions:  # argparse has no public access
         if not action.option_strings:
             argument = _value(command, action)
@@ -92,10 +92,10 @@ def command_words(command: str, summary: str, parser: argparse.ArgumentParser) -
 def _value(command: str, action: argparse.Action) -> Value:
     for name in action.option_strings:
         if (command, name) in OPEN_VALUES:
-            return Value(Kind.WORDS, tuple(OPEN_VALUES[command, name]))
+            return Value(WordKind.WORDS, tuple(OPEN_VALUES[command, name]))
     if action.choices is not None:
-        return Value(Kind.WORDS, tuple(map(str, action.choices)))
+        return Value(WordKind.WORDS, tuple(map(str, action.choices)))
     if "DIR" in str(action.metavar):
-        return Value(Kind.FOLDERS)
+        return Value(WordKind.FOLDERS)
     is_file = action.type is Path or not action.option_strings
-    return Value(Kind.FILES if is_file else Kind.NOTHING)
+    return Value(WordKind.FILES if is_file else WordKind.NOTHING)

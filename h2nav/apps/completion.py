@@ -5,10 +5,10 @@ import importlib
 import sys
 from collections.abc import Mapping
 
-from h2nav.apps.command_words import CommandWords, Kind, Value, command_words
+from h2nav.apps.command_words import CommandWords, Value, WordKind, command_words
 from h2nav.apps.completion_scripts import SCRIPTS
 
-NOWHERE = CommandWords("", "", (), Value(Kind.NOTHING))
+NOWHERE = CommandWords("", "", (), Value(WordKind.NOTHING))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

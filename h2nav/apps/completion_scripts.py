@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from shlex import quote
 
-from h2nav.apps.command_words import CommandWords, Kind, Option, Value
+from h2nav.apps.command_words import CommandWords, Option, Value, WordKind
 
 # Shared by bash and zsh; `current` is the word under the cursor.
 _SHARED = """\
@@ -84,7 +84,7 @@ def fish_script(lines: Sequence[CommandWords]) -> str:
         at = f'complete -c h2nav -n "__h2nav_at {_fish_quoted(line.command)}"'
         for name, summary in _below(lines, line.command).items():
             made.append(f"{at} -a {name} -d {_fish_quoted(summary)}\n")
-        if line.argument.kind is not Kind.NOTHING:
+        if line.argument.kind is not WordKind.NOTHING:
             made.append(f"{at} {_fish_value(line.argument)}\n")
         for option in line.options:
             made.append(f"{at} {_fish_option(option)}\n")
@@ -120,7 +120,7 @@ def _shared(lines: Sequence[CommandWords]) -> str:
                 values.append(f"    {names}) {_call(option.value)}; return ;;")
         names = " ".join(name for option in line.options for name in option.names)
         below = tuple(_below(lines, line.command))
-        argument = Value(Kind.WORDS, below) if below else line.argument
+        argument = Value(WordKind.WORDS, below) if below else line.argument
         words.append(f"    {quote(line.command + '|-')}*) _h2nav_words {names} ;;")
         words.append(f"    {quote(line.command + '|')}*) {_call(argument)} ;;")
     return _SHARED.format(
@@ -145,10 +145,10 @@ def _fish_option(option: Option) -> str:
 
 def _fish_value(value: Value) -> str:
     return {
-        Kind.NOTHING: "-f",
-        Kind.FILES: "-F",
-        Kind.FOLDERS: "-f -a '(__fish_complete_directories)'",
-        Kind.WORDS: f"-f -a {_fish_quoted(' '.join(value.words))}",
+        WordKind.NOTHING: "-f",
+        WordKind.FILES: "-F",
+        WordKind.FOLDERS: "-f -a '(__fish_complete_directories)'",
+        WordKind.WORDS: f"-f -a {_fish_quoted(' '.join(value.words))}",
     }[value.kind]
 
 

@@ -14,7 +14,7 @@ from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, SMOOTHED, installed
-from h2nav.evaluation.dataset.scores import Score, Task, score_task, summary
+from h2nav.evaluation.dataset.scores import TrialScore, TrialTask, score_task, summary
 from h2nav.evaluation.parallel import results
 from h2nav.recordings.trials import trial_paths
 
@@ -108,13 +108,13 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _say_left_out(scores: Sequence[Score]) -> None:
+def _say_left_out(scores: Sequence[TrialScore]) -> None:
     for score in scores:
         if score.rms_deg is None:
             sys.stderr.write(f"{score.trial}: {score.filter_name}: left out: {score.remark}\n")
 
 
-def _tasks(args: argparse.Namespace) -> list[Task]:
+def _tasks(args: argparse.Namespace) -> list[TrialTask]:
     known = installed()
     names: Sequence[str] = args.filters or ["default"]
     if "all" in names:
@@ -142,7 +142,7 @@ def _tasks(args: argparse.Namespace) -> list[Task]:
     stems = Counter(path.stem for path in paths)
     trials = {path: path.stem if stems[path.stem] == 1 else path.name for path in paths}
     return [
-        Task(path, read, trial, name, conditions, args.plots)
+        TrialTask(path, read, trial, name, conditions, args.plots)
         for name in dict.fromkeys(names)
         for path, trial in trials.items()
     ]

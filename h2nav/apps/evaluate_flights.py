@@ -12,8 +12,8 @@ from h2nav.apps import extras, playback
 from h2nav.apps.json_output import print_json
 from h2nav.apps.recorded_flights import ESTIMATORS, play
 from h2nav.errors import BadInput
-from h2nav.evaluation.flights.events import Phase, parse_phase
-from h2nav.evaluation.flights.flight import Task
+from h2nav.evaluation.flights.events import FlightPhase, parse_phase
+from h2nav.evaluation.flights.flight import FlightTask
 from h2nav.evaluation.flights.scores import (
     SETTLED_S,
     Document,
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
-def _phase(text: str) -> Phase:
+def _phase(text: str) -> FlightPhase:
     try:
         return parse_phase(text)
     except ValueError as error:
@@ -103,18 +103,20 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tasks(args: argparse.Namespace) -> list[Task]:
+def _tasks(args: argparse.Namespace) -> list[FlightTask]:
     paths = flight_paths(args.place)
     stems = Counter(path.stem for path in paths)
     played = functools.partial(play, wished=playback.wishes(args))
     phases = None if args.phases is None else tuple(args.phases)
     return [
-        Task(path, path.stem if stems[path.stem] == 1 else path.name, played, phases, args.plots)
+        FlightTask(
+            path, path.stem if stems[path.stem] == 1 else path.name, played, phases, args.plots
+        )
         for path in paths
     ]
 
 
-def _longest_first(tasks: Sequence[Task]) -> list[Task]:
+def _longest_first(tasks: Sequence[FlightTask]) -> list[FlightTask]:
     """Sorts long flights first, so that no processor ends up with one while the others idle."""
     return sorted(tasks, key=lambda task: -task.path.stat().st_size)
 

@@ -11,7 +11,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.evaluation.paper.tables import Comparison, Row, SlidesRow, Tables
+    from h2nav.evaluation.paper.tables import PaperComparison, PaperRow, SlidesRow, Tables
     from h2nav.evaluation.paper.trials import Assumptions
 
 MAX_SEEDS = 10_000
@@ -92,11 +92,11 @@ def _document(found: "Tables", assumptions: "Assumptions", seeds: int) -> dict[s
     }
 
 
-def _by_name(rows: "Mapping[str, Mapping[str, Row | SlidesRow]]") -> dict[str, object]:
+def _by_name(rows: "Mapping[str, Mapping[str, PaperRow | SlidesRow]]") -> dict[str, object]:
     return {case: {name: row._asdict() for name, row in of.items()} for case, of in rows.items()}
 
 
-def _outside(compared: "Iterable[Comparison]") -> list[str]:
+def _outside(compared: "Iterable[PaperComparison]") -> list[str]:
     return [
         f"{item.what}: slides {item.slides:g}, here {item.ours:.4g}"
         for item in compared

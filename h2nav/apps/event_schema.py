@@ -3,7 +3,7 @@
 from typing import Any
 
 from h2nav.integrity.finding_schema import DRAFT, report_schema, severity_schema
-from h2nav.service.health import State
+from h2nav.service.health import ServiceState
 
 _ATTITUDE = {
     "anyOf": [
@@ -32,7 +32,7 @@ _ATTITUDE = {
 def event_schema() -> dict[str, Any]:
     """One line."""
     health: dict[str, dict[str, Any]] = {
-        "state": {"enum": [state.value for state in State]},
+        "state": {"enum": [state.value for state in ServiceState]},
         "reason": {"type": "string"},
     }
     words: dict[str, Any] = {"type": "array", "items": {"type": "string"}}

@@ -11,8 +11,8 @@ from h2nav.errors import BadInput
 if TYPE_CHECKING:
     from h2nav.apps.export_forms import ExportedForm
     from h2nav.attitude.kernel_files import KernelFiles
-    from h2nav.translate.firmware import Firmware
-    from h2nav.translate.source import Source
+    from h2nav.translate.firmware import ExportedFirmware
+    from h2nav.translate.source import KernelSource
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     form = _form(args.form, file.filter_name, str(path))
     image = form.image(file, str(path))
     numbers = values(image.gains, type(image.gains))
-    facts = firmware.Firmware(__version__, file.name, seal(file), numbers, image.constants)
+    facts = firmware.ExportedFirmware(__version__, file.name, seal(file), numbers, image.constants)
     sources = kernel_sources(form.text.kernel)
     texts = {
         "h2nav_filter.h": firmware.header(form.text, facts, sources),
@@ -70,13 +70,13 @@ def _form(name: str | None, kind: str, place: str) -> "ExportedForm":
     raise BadInput(f"{place}: --form {name} cannot be made of a file of kind {kind}; give {names}")
 
 
-def kernel_sources(kernel: "KernelFiles") -> list["Source"]:
+def kernel_sources(kernel: "KernelFiles") -> list["KernelSource"]:
     """The modules of a kernel as text, imported ones first."""
     from h2nav import attitude
-    from h2nav.translate.source import Source
+    from h2nav.translate.source import KernelSource
 
     folder = Path(attitude.__path__[0])
-    return [Source(path, (folder / path).read_text("utf-8")) for path in kernel.paths]
+    return [KernelSource(path, (folder / path).read_text("utf-8")) for path in kernel.paths]
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:
@@ -90,7 +90,7 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
 
 def _report(
     args: argparse.Namespace,
-    facts: "Firmware",
+    facts: "ExportedFirmware",
     form: str,
     rounding_error: float,
     texts: dict[str, str],

@@ -15,7 +15,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
 if TYPE_CHECKING:
-    from h2nav.fleet.running import Outcome
+    from h2nav.fleet.running import TaskOutcome
 
 MEMORY_MIB = 600
 LONGEST_S = 1800.0
@@ -150,7 +150,7 @@ def _told(wished: playback.Wishes) -> str:
     return repr((config, wished.filter_name, wished.vehicle_class))
 
 
-def _document(outcome: "Outcome", place: str, elapsed_s: float) -> dict[str, Any]:
+def _document(outcome: "TaskOutcome", place: str, elapsed_s: float) -> dict[str, Any]:
     failed = [row.values for row in outcome.rows if row.values["error"]]
     hours = sum(row.values["duration_s"] or 0.0 for row in outcome.rows) / 3600.0
     return {

@@ -15,7 +15,7 @@ from h2nav.wire.deframer import Frame
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.signing import (
     MOST_STREAMS,
-    Refusal,
+    Denial,
     SignatureChecker,
     Signer,
     without_signature,
@@ -28,17 +28,17 @@ RECORDED_PER_WINDOW = 50
 CLOSE_WITHIN_S = 1.5
 
 CAUSES = {
-    Refusal.MAVLINK_1: "it is MAVLink 1, which cannot be signed; set its sender to MAVLink 2",
-    Refusal.UNSIGNED: "it is not signed; give its sender the key",
-    Refusal.SETUP_SIGNING: "keys are not taken from the network, only from signing.key_file",
-    Refusal.BAD_SIGNATURE: "its signature is wrong; has its sender the same key?",
-    Refusal.REFLECTED: "it is one of our own; it is sent back to us, or another sender uses our "
+    Denial.MAVLINK_1: "it is MAVLink 1, which cannot be signed; set its sender to MAVLink 2",
+    Denial.UNSIGNED: "it is not signed; give its sender the key",
+    Denial.SETUP_SIGNING: "keys are not taken from the network, only from signing.key_file",
+    Denial.BAD_SIGNATURE: "its signature is wrong; has its sender the same key?",
+    Denial.REFLECTED: "it is one of our own; it is sent back to us, or another sender uses our "
     "component id and signing.link_id",
-    Refusal.REPLAYED: "its time stamp is not later than the one before; it is a replay, or two "
+    Denial.REPLAYED: "its time stamp is not later than the one before; it is a replay, or two "
     "senders share their ids and link id",
-    Refusal.OLD_STAMP: "its time stamp is over a minute behind ours; it is a replay, or its "
+    Denial.OLD_STAMP: "its time stamp is over a minute behind ours; it is a replay, or its "
     "sender's clock is behind",
-    Refusal.TOO_MANY_STREAMS: f"{MOST_STREAMS} senders are known already; restart h2nav to forget "
+    Denial.TOO_MANY_STREAMS: f"{MOST_STREAMS} senders are known already; restart h2nav to forget "
     "those that have left",
 }
 
@@ -116,7 +116,7 @@ class LinkSigning:
             key, stamp, settings.unsigned_ids(), own_streams=self.signer.streams
         )
         self._counts: Counter[str] = Counter()
-        self._told_ns: dict[Refusal, int] = {}
+        self._told_ns: dict[Denial, int] = {}
         self._window_ns = 0
         self._window_frames = 0
 
@@ -130,7 +130,7 @@ class LinkSigning:
 
     def turned_away(self, t_ns: int, frame: Frame) -> list[Notice]:
         """Counts the frame of a sender that gets no reply; returns notices."""
-        return self._refuse(t_ns, frame, self._checker.objection(frame) or Refusal.UNSIGNED)
+        return self._refuse(t_ns, frame, self._checker.objection(frame) or Denial.UNSIGNED)
 
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
         """Sorts frames into admitted and rejected ones.
@@ -166,7 +166,7 @@ class LinkSigning:
         return SigningRecord(
             signed=self._counts["signed"],
             accepted_unsigned=self._counts["accepted_unsigned"],
-            **{str(refusal): self._counts[refusal] for refusal in Refusal},
+            **{str(refusal): self._counts[refusal] for refusal in Denial},
             streams=self._checker.streams,
             stamp_ahead_s=self._stamp.ahead_s,
         )
@@ -175,15 +175,15 @@ class LinkSigning:
         """Stores the time stamp."""
         self._keeper.close(CLOSE_WITHIN_S)
 
-    def _is_recorded(self, t_ns: int, refusal: Refusal) -> bool:
-        if refusal is Refusal.SETUP_SIGNING:  # it holds a key
+    def _is_recorded(self, t_ns: int, refusal: Denial) -> bool:
+        if refusal is Denial.SETUP_SIGNING:  # it holds a key
             return False
         if t_ns - self._window_ns >= RECORD_WINDOW_NS:
             self._window_ns, self._window_frames = t_ns, 0
         self._window_frames += 1
         return self._window_frames <= RECORDED_PER_WINDOW
 
-    def _refuse(self, t_ns: int, frame: Frame, refusal: Refusal) -> list[Notice]:
+    def _refuse(self, t_ns: int, frame: Frame, refusal: Denial) -> list[Notice]:
         """Counts a frame; reports its cause at most once a minute."""
         self._counts[refusal] += 1
         told_ns = self._told_ns.get(refusal)
@@ -192,7 +192,7 @@ class LinkSigning:
         self._told_ns[refusal] = t_ns
         return [self._notice(frame, refusal)]
 
-    def _notice(self, frame: Frame, refusal: Refusal) -> Notice:
+    def _notice(self, frame: Frame, refusal: Denial) -> Notice:
         name = LAYOUTS[frame.msg_id].name
         count = self._counts[refusal]
         so_far = f" ({count} of this kind so far)" if count > 1 else ""

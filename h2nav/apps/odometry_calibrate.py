@@ -9,7 +9,7 @@ from typing import Any
 from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.calibration.odometry import calibration, recordings, tables
-from h2nav.calibration.odometry.calibration import Calibration
+from h2nav.calibration.odometry.calibration import WheelCalibration
 from h2nav.calibration.odometry.tracks import Drive, Increments, drive
 from h2nav.errors import BadInput
 from h2nav.maths.least_squares import SOLVERS
@@ -106,7 +106,7 @@ def _angles_rad(text: str) -> tuple[float, float, float]:
 
 
 def _document(
-    result: Calibration, block: dict[str, Any] | None, driven: Drive | None
+    result: WheelCalibration, block: dict[str, Any] | None, driven: Drive | None
 ) -> dict[str, Any]:
     rms_m, rms_rad = result.residual_rms
     values = result.values.tolist()
@@ -136,7 +136,7 @@ def _document(
 
 
 def _print_text(
-    result: Calibration,
+    result: WheelCalibration,
     data: Increments,
     block: dict[str, Any] | None,
     driven: Drive | None,

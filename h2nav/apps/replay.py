@@ -23,7 +23,7 @@ from h2nav.log.recorder import Recorder
 from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
 from h2nav.recordings.recording import Recording
-from h2nav.recordings.reference import Estimates, Reference
+from h2nav.recordings.reference import Reference, TimedEstimates
 from h2nav.recordings.smoothed import smoothed, smoothed_record
 from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.wire.deframer import Frame
@@ -107,9 +107,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _smooth(
     listener: Listener, filters: FilterFactory, recorder: Recorder | None, offset_ns: int
-) -> Estimates:
+) -> TimedEstimates:
     """The smoothed estimates, which are also logged."""
-    estimates = Estimates()
+    estimates = TimedEstimates()
     for t_ns, estimate in smoothed(listener, filters.filter_for):
         record = smoothed_record(estimate)
         estimates.add(t_ns, record)

@@ -10,7 +10,7 @@ from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.playback import Playback, Wishes
 from h2nav.calibration.evidence import PX4, Evidence
-from h2nav.calibration.files import Format, written
+from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
 from h2nav.recordings.autopilot_log import has_enough_samples
@@ -81,7 +81,7 @@ def _calibration(flight: Flight, heard: "_Heard") -> dict[str, Any]:
         return {}
     found = calibrate([Evidence(flight, free, flight.context.parameters)])
     is_px4 = found.autopilot == PX4
-    form = Format.QGROUNDCONTROL if is_px4 else Format.ARDUPILOT
+    form = ParameterFormat.QGROUNDCONTROL if is_px4 else ParameterFormat.ARDUPILOT
     return document_of(found) | {
         "file_name": f"{flight.name}.{'params' if is_px4 else 'param'}",
         "file": written(found, form) if found.changes else "",

@@ -16,7 +16,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import count_bar
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.host import system_unit
-from h2nav.links.link_scan import Hearing, Place, Speaker, scan, serial_place
+from h2nav.links.link_scan import Hearing, LinkPlace, Speaker, scan, serial_place
 from h2nav.links.link_urls import SerialUrl, parse_link_url
 from h2nav.links.serial_ports import PortListing, listed_ports, port_at
 from h2nav.service.autopilot import Identity
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     if output.exists() and not args.force and (args.yes or args.output):
         raise BadInput(f"{output}: exists; --force replaces it")
     ports, urls = _wanted(args.connect)
-    places = [serial_place(port.path) for port in ports] + [Place(url, (url,)) for url in urls]
+    places = [serial_place(port.path) for port in ports] + [LinkPlace(url, (url,)) for url in urls]
     with count_bar("listening", "ports") as progress:
         hearings = scan(places, progress)
     choices = [Choice(hearing, each) for hearing in hearings for each in hearing.speakers]

@@ -9,7 +9,7 @@ from typing import Any
 from h2nav.apps import configuration
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.service.health import State
+from h2nav.service.health import ServiceState
 
 # The socket of the systemd unit.
 USUAL_SOCKET = Path("/run/h2nav/events")
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(found)
     else:
         print("\n".join(_lines(found)))
-    return 0 if status["state"] == State.ACTIVE.value else 1
+    return 0 if status["state"] == ServiceState.ACTIVE.value else 1
 
 
 def _socket(args: argparse.Namespace) -> Path:

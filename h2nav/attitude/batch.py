@@ -6,7 +6,7 @@ import numpy.typing as npt
 from h2nav.attitude.batch_driver import (
     Batch,
     BatchResult,
-    Samples,
+    BatchSamples,
     empty_result,
     run_batch,
     run_python,
@@ -78,7 +78,7 @@ def _batch_of(
 
 def samples_of(
     gyr: npt.ArrayLike, acc: npt.ArrayLike, mag: npt.ArrayLike | None, dt: npt.ArrayLike
-) -> Samples:
+) -> BatchSamples:
     """The arrays of `filter_array`, checked; see there."""
     rates = np.ascontiguousarray(gyr, dtype=np.float64)
     n = len(rates)
@@ -95,4 +95,4 @@ def samples_of(
     missing = np.isnan(fields[:, 0])
     missing |= np.isnan(fields[:, 1])
     missing |= np.isnan(fields[:, 2])
-    return Samples(t_us, rates, forces, fields, ~missing)
+    return BatchSamples(t_us, rates, forces, fields, ~missing)

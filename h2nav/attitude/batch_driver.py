@@ -55,7 +55,7 @@ def empty_result(count: int, *, explains: bool) -> BatchResult:
     return BatchResult(*plain[:2], unknown, unknown.copy(), np.zeros(count, dtype=np.int64))
 
 
-class Samples(NamedTuple):
+class BatchSamples(NamedTuple):
     """A recording, one row per sample.
 
     Attributes:
@@ -72,9 +72,9 @@ class Samples(NamedTuple):
     mag: Floats
     has_field: Mask
 
-    def part(self, first: int, stop: int) -> "Samples":
+    def part(self, first: int, stop: int) -> "BatchSamples":
         """Some of the rows."""
-        return Samples(
+        return BatchSamples(
             self.t_us[first:stop],
             self.gyr[first:stop],
             self.acc[first:stop],
@@ -86,19 +86,19 @@ class Samples(NamedTuple):
 class Batch(Protocol):
     """How one filter's ordinary samples go through its compiled kernel."""
 
-    def special(self, samples: Samples) -> Mask:
+    def special(self, samples: BatchSamples) -> Mask:
         """The samples that must go through the filter's own interface."""
 
-    def ready(self, samples: Samples, first: int, stop: int) -> int:
+    def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
         """Where the ordinary samples from `first` end at the latest, as the filter stands now."""
 
-    def table(self, part: Samples) -> Table:
+    def table(self, part: BatchSamples) -> Table:
         """The kernel's samples."""
 
     def records(self) -> tuple[object, ...]:
         """What the filter's kernel takes before a sample, the state first."""
 
-    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+    def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates of the kernel's results; brings the filter to the end of the part."""
 
 
@@ -106,7 +106,7 @@ def run_batch(
     step: CompiledStep,
     batch: Batch,
     attitude_filter: AttitudeFilter,
-    samples: Samples,
+    samples: BatchSamples,
     result: BatchResult,
 ) -> None:
     """Ordinary samples through the compiled step, all others through the filter's interface."""
@@ -147,7 +147,11 @@ def _run_kernel(step: CompiledStep, batch: Batch, table: Table) -> npt.NDArray[A
 
 
 def run_python(
-    attitude_filter: AttitudeFilter, samples: Samples, result: BatchResult, first: int, stop: int
+    attitude_filter: AttitudeFilter,
+    samples: BatchSamples,
+    result: BatchResult,
+    first: int,
+    stop: int,
 ) -> None:
     """Samples `first` to `stop` one by one, through the filter's own interface."""
     columns = (array[first:stop].tolist() for array in samples)

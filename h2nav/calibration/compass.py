@@ -19,7 +19,7 @@ from h2nav.calibration.field_fit import (
     NONE,
     OFFSET,
     Array,
-    Correction,
+    FieldCorrection,
     FieldFit,
     FieldRows,
     Mask,
@@ -36,7 +36,7 @@ from h2nav.calibration.field_rows import (
     together,
     widest_gap_deg,
 )
-from h2nav.calibration.outcome import Change, Outcome
+from h2nav.calibration.outcome import Outcome, ParameterChange
 from h2nav.calibration.settings import (
     CompassSettings,
     Lever,
@@ -208,7 +208,7 @@ def _fit_of(rows: FieldRows, settings: CompassSettings, model: Model) -> FieldFi
     return fitted(rows, settings.correction, model.free, lever_of(rows, lever))
 
 
-def _with_heading(rows: FieldRows, own: Correction, lever: Lever) -> FieldFit:
+def _with_heading(rows: FieldRows, own: FieldCorrection, lever: Lever) -> FieldFit:
     """A correction as it is, beside the heading that it goes with best."""
     return fitted(rows, own, np.zeros(COUNT, dtype=bool), lever_of(rows, lever))
 
@@ -435,7 +435,9 @@ def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:
     return wider
 
 
-def _changes(subject: Subject, new: CompassSettings, covariance: Array) -> tuple[Change, ...]:
+def _changes(
+    subject: Subject, new: CompassSettings, covariance: Array
+) -> tuple[ParameterChange, ...]:
     """Parameters that differ from those in use, with their deviations."""
     own = subject.parameters
     unchanged = subject.values(subject.settings, own)
@@ -455,5 +457,5 @@ def _changes(subject: Subject, new: CompassSettings, covariance: Array) -> tuple
         if abs(value - unchanged[name]) > 1e-6 * max(1.0, abs(value)) or (
             abs(value - old) > 1e-6 and not J.any()
         ):
-            changes.append(Change(name, old, value, sigma if J.any() else math.nan))
+            changes.append(ParameterChange(name, old, value, sigma if J.any() else math.nan))
     return tuple(changes)

@@ -78,7 +78,7 @@ class FieldRows(NamedTuple):
         return FieldRows(*columns)
 
 
-class Correction(NamedTuple):
+class FieldCorrection(NamedTuple):
     """What makes the earth's field of a raw one.
 
     Attributes:
@@ -108,14 +108,14 @@ class Correction(NamedTuple):
         return np.concatenate((self.offset_ut, self.matrix[_ROW, _COLUMN], self.motor_ut))
 
 
-def correction(values: Array) -> Correction:
-    """The inverse of `Correction.values`."""
+def correction(values: Array) -> FieldCorrection:
+    """The inverse of `FieldCorrection.values`."""
     S = np.empty((3, 3))
     S[_ROW, _COLUMN] = S[_COLUMN, _ROW] = values[MATRIX]
-    return Correction(values[OFFSET], S, values[MOTOR])
+    return FieldCorrection(values[OFFSET], S, values[MOTOR])
 
 
-NONE = Correction(np.zeros(3), np.eye(3), np.zeros(3))
+NONE = FieldCorrection(np.zeros(3), np.eye(3), np.zeros(3))
 
 
 class FieldFit(NamedTuple):
@@ -130,7 +130,7 @@ class FieldFit(NamedTuple):
         cost: of all residuals and priors.
     """
 
-    correction: Correction
+    correction: FieldCorrection
     covariance: Array
     heading_error_rad: Array
     weight: Array
@@ -147,7 +147,7 @@ def weighted_rms(residual_ut: Array, weight: Array) -> float:
     return math.sqrt(float(weight @ (residual_ut**2).sum(axis=1)) / max(float(weight.sum()), 1e-9))
 
 
-def fitted(rows: FieldRows, prior: Correction, free: Mask, lever: Array) -> FieldFit:
+def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) -> FieldFit:
     """Offset, matrix and motors, as far as they are free; the others stay as in the prior.
 
     Args:

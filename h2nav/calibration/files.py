@@ -7,7 +7,7 @@ name, value, MAV_PARAM_TYPE. PX4's shell: ``param set NAME VALUE``.
 from enum import StrEnum
 
 from h2nav.calibration.evidence import PX4
-from h2nav.calibration.outcome import Calibration, Change
+from h2nav.calibration.outcome import Calibration, ParameterChange
 
 INT8, INT32, REAL32 = 2, 6, 9
 # Everything else is a real number.
@@ -16,7 +16,7 @@ PX4_INTEGERS = ("_ROT", "_TYP")
 SYSTEM, COMPONENT = 1, 1
 
 
-class Format(StrEnum):
+class ParameterFormat(StrEnum):
     """Of a parameter file."""
 
     ARDUPILOT = "ardupilot"
@@ -24,33 +24,33 @@ class Format(StrEnum):
     PX4_SHELL = "px4"
 
 
-def format_of(name: str, autopilot: str) -> Format:
+def format_of(name: str, autopilot: str) -> ParameterFormat:
     """What a file's ending asks for, or else what the autopilot's own tools load."""
     if name.endswith(".params"):
-        return Format.QGROUNDCONTROL
+        return ParameterFormat.QGROUNDCONTROL
     if name.endswith((".param", ".parm")):
-        return Format.ARDUPILOT
-    return Format.PX4_SHELL if autopilot == PX4 else Format.ARDUPILOT
+        return ParameterFormat.ARDUPILOT
+    return ParameterFormat.PX4_SHELL if autopilot == PX4 else ParameterFormat.ARDUPILOT
 
 
-def written(calibration: Calibration, form: Format) -> str:
+def written(calibration: Calibration, form: ParameterFormat) -> str:
     """The text of a file with what is better."""
     flights = ", ".join(" ".join(flight.split()) for flight in calibration.flights)
     head = [
         f"# h2nav calibrate: {calibration.autopilot}, from {flights}",
         "# Look at each value before you load it, and fly carefully after.",
     ]
-    if form is Format.QGROUNDCONTROL:
+    if form is ParameterFormat.QGROUNDCONTROL:
         head.append("# Vehicle-Id Component-Id Name Value Type")
     lines = [_line(change, calibration.autopilot, form) for change in calibration.changes]
     return "\n".join([*head, *lines]) + "\n"
 
 
-def _line(change: Change, autopilot: str, form: Format) -> str:
+def _line(change: ParameterChange, autopilot: str, form: ParameterFormat) -> str:
     value = f"{change.new:.7g}"
-    if form is Format.ARDUPILOT:
+    if form is ParameterFormat.ARDUPILOT:
         return f"{change.name},{value}"
-    if form is Format.PX4_SHELL:
+    if form is ParameterFormat.PX4_SHELL:
         return f"param set {change.name} {value}"
     kind = _kind(change.name, autopilot)
     return f"{SYSTEM}\t{COMPONENT}\t{change.name}\t{value}\t{kind}"

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 
-class Change(NamedTuple):
+class ParameterChange(NamedTuple):
     """A parameter.
 
     Attributes:
@@ -35,7 +35,7 @@ class Outcome(NamedTuple):
 
     sensor: str
     device: str = ""
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
     left: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     figures: Mapping[str, float] = {}
@@ -57,7 +57,7 @@ class Calibration(NamedTuple):
     outcomes: tuple[Outcome, ...]
 
     @property
-    def changes(self) -> tuple[Change, ...]:
+    def changes(self) -> tuple[ParameterChange, ...]:
         """All of them; of a name that several sensors share, one."""
         found = {change.name: change for outcome in self.outcomes for change in outcome.changes}
         return tuple(found.values())

@@ -2,8 +2,8 @@
 
 ArduPilot: field = scale * D (R raw + offset) + motor * lever, in milligauss, R of an external
 compass only (`AP_Compass_Backend::correct_field`). PX4: field = R S (raw + motor * lever - offset),
-in gauss (`sensor_calibration::Magnetometer::Correct`). Both are made `Correction`s of a raw field
-in the axes of the board, in microtesla.
+in gauss (`sensor_calibration::Magnetometer::Correct`). Both become `FieldCorrection`s of a raw
+field in the axes of the board, in microtesla.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.calibration import rotations
-from h2nav.calibration.field_fit import NONE, Array, Correction
+from h2nav.calibration.field_fit import NONE, Array, FieldCorrection
 from h2nav.wire.imu import UT_PER_GAUSS, UT_PER_MGAUSS
 
 Parameters = Mapping[str, float]
@@ -47,7 +47,7 @@ class CompassSettings(NamedTuple):
 
     slot: int
     device_id: int
-    correction: Correction = NONE
+    correction: FieldCorrection = NONE
     lever: Lever = Lever.NONE
     rotation: int | None = 0
     can_turn: bool = False
@@ -80,7 +80,7 @@ def ardupilot_compass(own: Parameters, compass: int) -> CompassSettings | None:
     return CompassSettings(
         slot,
         int(own.get("COMPASS_DEV_ID" + number, 0.0)),
-        Correction(offset * UT_PER_MGAUSS, S, motor * UT_PER_MGAUSS),
+        FieldCorrection(offset * UT_PER_MGAUSS, S, motor * UT_PER_MGAUSS),
         lever,
         int(turned) if rotations.is_known(turned) else None,
         external > 0.0,
@@ -147,7 +147,9 @@ def px4_compass(own: Parameters, compass: int, device_id: int) -> CompassSetting
     return CompassSettings(
         slot,
         device_id or int(own.get(name + "ID", 0.0)),
-        Correction(-R @ offset * UT_PER_GAUSS, R @ S @ R.T, R @ S @ motor * _px4_motor_ut(lever)),
+        FieldCorrection(
+            -R @ offset * UT_PER_GAUSS, R @ S @ R.T, R @ S @ motor * _px4_motor_ut(lever)
+        ),
         lever,
         rotation,
         turned >= 0.0,

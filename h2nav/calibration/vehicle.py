@@ -6,7 +6,7 @@ from typing import Any
 
 from h2nav.calibration.compass import calibrate_compass
 from h2nav.calibration.evidence import PX4, Evidence
-from h2nav.calibration.outcome import Calibration, Change, Outcome
+from h2nav.calibration.outcome import Calibration, Outcome, ParameterChange
 from h2nav.calibration.settings import Lever
 from h2nav.errors import BadInput
 
@@ -53,7 +53,7 @@ def document_of(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _change(change: Change) -> dict[str, Any]:
+def _change(change: ParameterChange) -> dict[str, Any]:
     return {
         "name": change.name,
         "old": _number(change.old),

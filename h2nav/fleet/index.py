@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from h2nav.fleet.store import Store
-from h2nav.fleet.tables import FINDINGS, FLIGHTS, Row, severity_rank
+from h2nav.fleet.tables import FINDINGS, FLIGHTS, TableRow, severity_rank
 from h2nav.integrity.severity import Severity
 from h2nav.reviews.html import escape, frame
 
@@ -34,12 +34,12 @@ class _Cell(NamedTuple):
     look: str = ""
 
 
-def write_index(rows: Sequence[Row], store: Store) -> None:
+def write_index(rows: Sequence[TableRow], store: Store) -> None:
     """Writes the page of a fleet's flights."""
     store.write(INDEX, page(rows).encode())
 
 
-def page(rows: Sequence[Row]) -> str:
+def page(rows: Sequence[TableRow]) -> str:
     """The page as HTML; it loads nothing from elsewhere."""
     listed = sorted(rows, key=_rank)[:MOST_LISTED]
     above = _above([_address(row) for row in rows])
@@ -64,14 +64,14 @@ def _asset(name: str) -> str:
     return resources.files("h2nav.fleet").joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _rank(row: Row) -> tuple[int, int, str]:
+def _rank(row: TableRow) -> tuple[int, int, str]:
     """Sort key: worst first by severity, number of findings, address; without a review last."""
     values = row.values
     rank = severity_rank(values["worst_severity"]) + (100 if values["error"] else 0)
     return rank, -values["finding_count"], values["source"]
 
 
-def _summary(rows: Iterable[Row]) -> str:
+def _summary(rows: Iterable[TableRow]) -> str:
     counts = Counter(_verdict(row.values) for row in rows)
     order = sorted(counts, key=lambda name: (name == "not reviewed", severity_rank(name)))
     return ", ".join(f"<b>{counts[name]}</b> {escape(name)}" for name in order)
@@ -89,7 +89,7 @@ _HEADS = (
 )  # fmt: skip
 
 
-def _address(row: Row) -> str:
+def _address(row: TableRow) -> str:
     return str(row.values["source"]).partition("::")[0]
 
 
@@ -99,7 +99,7 @@ def _above(addresses: Sequence[str]) -> int:
     return posixpath.commonprefix(folders).rfind("/") + 1
 
 
-def _row(row: Row, above: int) -> str:
+def _row(row: TableRow, above: int) -> str:
     values = row.values
     worst = Severity.of(values["worst_severity"])
     look = "failed" if values["error"] else "good" if worst is None else worst.look
@@ -128,7 +128,7 @@ def _row(row: Row, above: int) -> str:
     return f'<tr class="{look}">' + "".join(map(_cell, cells)) + "</tr>"
 
 
-def _told(row: Row) -> str:
+def _told(row: TableRow) -> str:
     """The verdict with the findings below it; or why there is no review."""
     values, findings = row.values, row.findings
     if values["error"]:

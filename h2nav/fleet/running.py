@@ -15,9 +15,9 @@ from distributed import Client, KilledWorker, LocalCluster, as_completed
 
 from h2nav.errors import BadInput
 from h2nav.fleet.index import write_index
-from h2nav.fleet.sources import Source
+from h2nav.fleet.sources import FlightSource
 from h2nav.fleet.store import Store
-from h2nav.fleet.tables import Row, write_tables
+from h2nav.fleet.tables import TableRow, write_tables
 from h2nav.fleet.work import MIB, RESULTS, Limits, Review, Task, do_flight
 
 # Flights known to the scheduler per worker: enough to keep all workers busy, few enough for any
@@ -46,7 +46,7 @@ class Work(NamedTuple):
     limits: Limits
 
 
-class Outcome(NamedTuple):
+class TaskOutcome(NamedTuple):
     """The result of a fleet run.
 
     Attributes:
@@ -55,7 +55,7 @@ class Outcome(NamedTuple):
         costs: ``wall_s``, ``cpu_s`` and ``peak_mib`` of the flights done in this run.
     """
 
-    rows: list[Row]
+    rows: list[TableRow]
     done_before: int
     costs: list[dict[str, float]]
 
@@ -109,8 +109,8 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
 
 
 def run_fleet(
-    client: Client, sources: Sequence[Source], work: Work, store: Store, told: Told
-) -> Outcome:
+    client: Client, sources: Sequence[FlightSource], work: Work, store: Store, told: Told
+) -> TaskOutcome:
     """Reviews every flight without a result, and writes tables and index of all flights.
 
     Args:
@@ -144,7 +144,7 @@ def run_fleet(
     with tempfile.TemporaryDirectory(prefix="h2nav-fleet-") as name:
         rows = write_tables(_in_order(tasks, passing, store), Path(name), store)
     write_index(rows, store)
-    return Outcome(rows, len(tasks) - len(waiting), costs)
+    return TaskOutcome(rows, len(tasks) - len(waiting), costs)
 
 
 def _results(

@@ -19,7 +19,7 @@ _STAMPS = (
 )  # fmt: skip
 
 
-class Source(NamedTuple):
+class FlightSource(NamedTuple):
     """A recording.
 
     Attributes:
@@ -48,7 +48,7 @@ class Source(NamedTuple):
         return hashlib.sha256(told.encode(errors="surrogateescape")).hexdigest()[:32]
 
 
-def find(addresses: Iterable[str]) -> list[Source]:
+def find(addresses: Iterable[str]) -> list[FlightSource]:
     """Returns the recordings behind addresses, each once, sorted by address.
 
     Args:
@@ -58,7 +58,7 @@ def find(addresses: Iterable[str]) -> list[Source]:
     Raises:
         BadInput: one line per address that matches nothing or cannot be read.
     """
-    found: dict[str, Source] = {}
+    found: dict[str, FlightSource] = {}
     complaints: list[str] = []
     for address in addresses:
         try:
@@ -81,13 +81,15 @@ def find(addresses: Iterable[str]) -> list[Source]:
     return [found[address] for address in sorted(found)]
 
 
-def _behind(typed: str) -> Iterator[Source]:
+def _behind(typed: str) -> Iterator[FlightSource]:
     address = typed.removeprefix("file://")
     if "://" not in address and "::" not in address:
         address = os.path.abspath(os.path.expanduser(address))
     fs, path = fsspec.core.url_to_fs(_whole(address))
     for name, about in _listed(fs, path, typed):
-        yield Source(_address_of(fs, name, address), int(about.get("size") or 0), _stamp(about))
+        yield FlightSource(
+            _address_of(fs, name, address), int(about.get("size") or 0), _stamp(about)
+        )
 
 
 def _whole(address: str) -> str:

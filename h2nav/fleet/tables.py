@@ -66,7 +66,7 @@ _FINDING_COLUMNS = {
 }
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """A flight in the index.
 
     Attributes:
@@ -80,7 +80,7 @@ class Row(NamedTuple):
 
 def write_tables(
     tasks: Iterable[tuple[Task, Mapping[str, Any]]], folder: Path, store: Store
-) -> list[Row]:
+) -> list[TableRow]:
     """Writes both tables.
 
     Args:
@@ -91,7 +91,7 @@ def write_tables(
     Returns:
         The rows of the table of flights.
     """
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     with ExitStack() as stack:
         flights = _Table(folder / FLIGHTS, {**_STARTS, **FLIGHT_COLUMNS, **_ENDS}, stack)
         findings = _Table(folder / FINDINGS, _FINDING_COLUMNS, stack)
@@ -102,7 +102,7 @@ def write_tables(
             for each in found:
                 findings.add(each)
             told = sorted(found, key=lambda each: severity_rank(each["severity"]))
-            rows.append(Row(values, tuple(f"{each['part']}: {each['text']}" for each in told)))
+            rows.append(TableRow(values, tuple(f"{each['part']}: {each['text']}" for each in told)))
         flights.finish()
         findings.finish()
     for name in (FLIGHTS, FINDINGS):

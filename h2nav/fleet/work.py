@@ -24,7 +24,7 @@ import orjson
 from distributed import get_worker
 
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.fleet.sources import Source
+from h2nav.fleet.sources import FlightSource
 from h2nav.fleet.store import Store
 
 RESULTS, REVIEWS, STARTED = "results", "reviews", "started"
@@ -66,7 +66,7 @@ class Task(NamedTuple):
         run: identifies this run of the fleet.
     """
 
-    source: Source
+    source: FlightSource
     key: str
     run: str
 
@@ -148,7 +148,7 @@ def _done(task: Task, review: Review, store: Store, limits: Limits) -> dict[str,
     return result
 
 
-def _fetched(source: Source, folder: Path) -> Path:
+def _fetched(source: FlightSource, folder: Path) -> Path:
     """Fetches the recording to this machine."""
     if source.is_local:
         path = Path(source.address)

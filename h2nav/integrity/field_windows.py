@@ -38,7 +38,7 @@ MOSTLY = 2.0
 LARGEST_LEAN_RAD = 15.0 * DEG
 
 
-class Row(NamedTuple):
+class FieldRow(NamedTuple):
     """Means of one second.
 
     Attributes:
@@ -86,7 +86,7 @@ class FieldWindows:
         self._watch = watch
         self._strapdown = strapdown
         self.reference: EarthField | None = None
-        self._rows: deque[Row] = deque(maxlen=ROWS)
+        self._rows: deque[FieldRow] = deque(maxlen=ROWS)
 
     def restart(self) -> None:
         """No row of before may be compared with what comes."""
@@ -182,7 +182,7 @@ class FieldWindows:
         tilt_rad, heading_rad = tilt_and_heading(multiply(now, conjugate(then)))
         return abs(heading_rad) > MOSTLY * tilt_rad
 
-    def _is_rigid(self, first: Row, last: Row, turn_rad: float) -> bool:
+    def _is_rigid(self, first: FieldRow, last: FieldRow, turn_rad: float) -> bool:
         """Whether the field has turned as what a wrong gyro turns does: with the force."""
         changed = abs(last.force_angle_rad - first.force_angle_rad)
         norm = abs(last.norm_ut / first.norm_ut - 1.0)
@@ -190,14 +190,14 @@ class FieldWindows:
             return False
         return self._is_of_earth(first) and self._is_of_earth(last)
 
-    def _row(self, now: Moment) -> Row:
+    def _row(self, now: Moment) -> FieldRow:
         memory = self._watch.memory
         f_x, f_y, f_z = memory.row_field_s[:]
         a_x, a_y, a_z = memory.row_force_s[:]
         field: Vec3 = (f_x, f_y, f_z)
         north, east, down = rotate(now.q_ns, field)
         declination = 0.0 if self.reference is None else self.reference.declination_rad
-        return Row(
+        return FieldRow(
             now.t_us,
             field,
             memory.row_norm,
@@ -210,7 +210,7 @@ class FieldWindows:
             now.turn_variance,
         )
 
-    def _is_of_earth(self, row: Row) -> bool:
+    def _is_of_earth(self, row: FieldRow) -> bool:
         """Whether norm and angle to the force, which no attitude has a part in, are the earth's."""
         if self.reference is None:
             return True
@@ -218,10 +218,10 @@ class FieldWindows:
         angle = abs(row.force_angle_rad - 0.5 * math.pi - self.reference.dip_rad)
         return norm < GATE * NORM_SIGMA and angle < LARGEST_LEAN_RAD
 
-    def _ratio(self, row: Row) -> float:
+    def _ratio(self, row: FieldRow) -> float:
         return math.hypot(*self._parts(row))
 
-    def _parts(self, row: Row) -> tuple[float, float, float]:
+    def _parts(self, row: FieldRow) -> tuple[float, float, float]:
         """Test ratios of heading, dip and norm."""
         assert self.reference is not None
         dip = self.reference.dip_rad

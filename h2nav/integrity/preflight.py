@@ -53,7 +53,7 @@ class Item(StrEnum):
     GPS = "gps"
 
 
-class Fault(NamedTuple):
+class GroundFault(NamedTuple):
     """Something that is wrong on the ground.
 
     Attributes:
@@ -89,7 +89,7 @@ _WORDS = {
 }
 
 
-class Verdict(NamedTuple):
+class GroundVerdict(NamedTuple):
     """What is known before arming.
 
     Attributes:
@@ -97,7 +97,7 @@ class Verdict(NamedTuple):
         judged: what could be judged.
     """
 
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[GroundFault, ...] = ()
     judged: frozenset[Item] = frozenset()
 
 
@@ -212,9 +212,9 @@ class Preflight:
         self._reported = q_nb
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> GroundVerdict:
         """All that is wrong now."""
-        faults: list[Fault] = []
+        faults: list[GroundFault] = []
         judged: set[Item] = set()
         still = {imu: one.still for imu, one in self._imus.items()}
         for imu, windows in sorted(still.items()):
@@ -227,16 +227,16 @@ class Preflight:
                 shaken = sorted(window.shaken_m_s2 for window in latest)[len(latest) // 2]
                 if shaken > SHAKEN_M_S2:
                     name = f"IMU {imu + 1}"
-                    faults.append(Fault(Item.VIBRATION, name, shaken, "m/s2", SHAKEN_M_S2))
+                    faults.append(GroundFault(Item.VIBRATION, name, shaken, "m/s2", SHAKEN_M_S2))
         at_rest = sorted(imu for imu, windows in still.items() if windows)
         for one, other in pairwise(at_rest):
             judged |= {Item.GYROS_APART, Item.ACCELEROMETERS_APART}
             faults += _apart(one, still[one], other, still[other])
         if at_rest:
             self._of_rest(_mean([w.f_b for w in still[at_rest[0]]]), faults, judged)
-        return Verdict(tuple(faults), frozenset(judged))
+        return GroundVerdict(tuple(faults), frozenset(judged))
 
-    def _of_rest(self, f_b: Vec3, faults: list[Fault], judged: set[Item]) -> None:
+    def _of_rest(self, f_b: Vec3, faults: list[GroundFault], judged: set[Item]) -> None:
         """What gravity shows: fields, the autopilot's vertical, the receiver."""
         norm = math.hypot(*f_b)
         if not abs(norm - GRAVITY_M_S2) < 2.0 * FORCE_M_S2:
@@ -255,57 +255,59 @@ class Preflight:
                 if angle > COMPASS_APART_RAD:
                     name = f"compass {one + 1} and {other + 1}"
                     limit = COMPASS_APART_RAD / DEG
-                    faults.append(Fault(Item.COMPASSES_APART, name, angle / DEG, "deg", limit))
+                    faults.append(
+                        GroundFault(Item.COMPASSES_APART, name, angle / DEG, "deg", limit)
+                    )
         if self._reported is not None:
             judged.add(Item.TILT)
             told = rotate(conjugate(self._reported), (0.0, 0.0, 1.0))
             angle = math.acos(min(max(_dot(told, down), -1.0), 1.0))
             if angle > TILT_RAD:
                 limit = TILT_RAD / DEG
-                faults.append(Fault(Item.TILT, "autopilot", angle / DEG, "deg", limit))
+                faults.append(GroundFault(Item.TILT, "autopilot", angle / DEG, "deg", limit))
         if self._fixes >= KEPT_WINDOWS:
             judged.add(Item.GPS)
             if self._fast > SPEED_M_S:
-                faults.append(Fault(Item.GPS, "GPS", self._fast, "m/s", SPEED_M_S))
+                faults.append(GroundFault(Item.GPS, "GPS", self._fast, "m/s", SPEED_M_S))
 
 
-def _of_imu(name: str, windows: list[_Window]) -> list[Fault]:
+def _of_imu(name: str, windows: list[_Window]) -> list[GroundFault]:
     """Gyro and accelerometer of an IMU that stands still."""
     found = []
     rate = math.hypot(*_mean([window.w_b for window in windows]))
     if rate > GYRO_RAD_S:
-        found.append(Fault(Item.GYRO, name, rate / DEG, "deg/s", GYRO_RAD_S / DEG))
+        found.append(GroundFault(Item.GYRO, name, rate / DEG, "deg/s", GYRO_RAD_S / DEG))
     off = abs(math.hypot(*_mean([window.f_b for window in windows])) - GRAVITY_M_S2)
     if off > FORCE_M_S2:
-        found.append(Fault(Item.ACCELEROMETER, name, off, "m/s2", FORCE_M_S2))
+        found.append(GroundFault(Item.ACCELEROMETER, name, off, "m/s2", FORCE_M_S2))
     return found
 
 
-def _apart(one: int, these: list[_Window], other: int, those: list[_Window]) -> list[Fault]:
+def _apart(one: int, these: list[_Window], other: int, those: list[_Window]) -> list[GroundFault]:
     """Two IMUs that stand still on one board."""
     name, found = f"IMU {one + 1} and {other + 1}", []
     force = _far(_mean([w.f_b for w in these]), _mean([w.f_b for w in those]))
     if force > FORCE_APART_M_S2:
-        found.append(Fault(Item.ACCELEROMETERS_APART, name, force, "m/s2", FORCE_APART_M_S2))
+        found.append(GroundFault(Item.ACCELEROMETERS_APART, name, force, "m/s2", FORCE_APART_M_S2))
     rate = _far(_mean([w.w_b for w in these]), _mean([w.w_b for w in those]))
     if rate > GYRO_APART_RAD_S:
         limit = GYRO_APART_RAD_S / DEG
-        found.append(Fault(Item.GYROS_APART, name, rate / DEG, "deg/s", limit))
+        found.append(GroundFault(Item.GYROS_APART, name, rate / DEG, "deg/s", limit))
     return found
 
 
-def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[Fault]:
+def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[GroundFault]:
     """Strength and dip of a field against the model."""
     norm = math.hypot(*field)
     if norm <= 0.0:
         return []
     off = abs(norm / earth.norm_ut - 1.0)
     if off > FIELD_SHARE:
-        return [Fault(Item.COMPASS, name, 100.0 * off, "%", 100.0 * FIELD_SHARE)]
+        return [GroundFault(Item.COMPASS, name, 100.0 * off, "%", 100.0 * FIELD_SHARE)]
     dip = math.asin(min(max(_dot(field, down) / norm, -1.0), 1.0))
     angle = abs(dip - earth.dip_rad)
     if angle > FIELD_DIP_RAD:
-        return [Fault(Item.COMPASS, name, angle / DEG, "deg", FIELD_DIP_RAD / DEG)]
+        return [GroundFault(Item.COMPASS, name, angle / DEG, "deg", FIELD_DIP_RAD / DEG)]
     return []
 
 

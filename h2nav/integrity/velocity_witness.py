@@ -42,7 +42,7 @@ DECIDED = 3.0  # deviations
 OUTSIDE = 0.5
 
 
-class Verdict(Enum):
+class VelocityVerdict(Enum):
     """Whose attitude the witnesses support."""
 
     H2NAV = "h2nav"
@@ -53,8 +53,8 @@ class Verdict(Enum):
 class Verdicts(NamedTuple):
     """One for each part of the attitude."""
 
-    tilt: Verdict = Verdict.UNDECIDED
-    heading: Verdict = Verdict.UNDECIDED
+    tilt: VelocityVerdict = VelocityVerdict.UNDECIDED
+    heading: VelocityVerdict = VelocityVerdict.UNDECIDED
 
 
 class _Window(NamedTuple):
@@ -277,8 +277,8 @@ def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
     return _Fit((x, y, z), (xx / det, yy / det, zz / det), sigma_m_s)
 
 
-def _verdict(share: float, sigma: float) -> Verdict:
+def _verdict(share: float, sigma: float) -> VelocityVerdict:
     """By the share of the difference that the velocity demands."""
     if not -OUTSIDE <= share <= 1.0 + OUTSIDE or abs(share - 0.5) < DECIDED * sigma:
-        return Verdict.UNDECIDED
-    return Verdict.H2NAV if share < 0.5 else Verdict.AUTOPILOT
+        return VelocityVerdict.UNDECIDED
+    return VelocityVerdict.H2NAV if share < 0.5 else VelocityVerdict.AUTOPILOT

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.velocity_witness import Integrated, VelocityWitness, Verdict, Verdicts
+from h2nav.integrity.velocity_witness import Integrated, VelocityVerdict, VelocityWitness, Verdicts
 from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize, tilt_and_heading
 
 CLOCK_WRAP_US = (1 << 32) * 1000
@@ -34,7 +34,7 @@ PAUSE_US = 1_000_000
 STALE_US = 2_000_000
 
 
-class Source(Enum):
+class AttitudeSource(Enum):
     """Who reports an attitude; the value is its name in logs and alarms."""
 
     AUTOPILOT = "autopilot"
@@ -52,8 +52,8 @@ class _Quality(NamedTuple):
 # By the recorded flights against the truth (docs/integrity.md): the main estimators within 0.4 and
 # 1.3 deg where nothing is wrong; AHRS2, often a complementary filter, off by 2 and 5 deg at times.
 QUALITIES = {
-    Source.AUTOPILOT: _Quality(math.radians(0.5), math.radians(1.0), 0.01),
-    Source.AHRS2: _Quality(math.radians(2.0), math.radians(5.0), 0.03),
+    AttitudeSource.AUTOPILOT: _Quality(math.radians(0.5), math.radians(1.0), 0.01),
+    AttitudeSource.AHRS2: _Quality(math.radians(2.0), math.radians(5.0), 0.03),
 }
 
 
@@ -71,7 +71,7 @@ class Comparison(NamedTuple):
     """
 
     t_us: int
-    source: Source
+    source: AttitudeSource
     tilt_rad: float
     heading_rad: float
     sigma_tilt_rad: float
@@ -101,7 +101,7 @@ class _Spell:
 class _Disagreement:
     """One part of the attitude of one source."""
 
-    def __init__(self, source: Source, part: str) -> None:
+    def __init__(self, source: AttitudeSource, part: str) -> None:
         self._source = source
         self._part = part
         quality = QUALITIES[source]
@@ -115,13 +115,15 @@ class _Disagreement:
         """What is wrong at this time; nothing where nobody has reported for a while."""
         return self._alarm if t_us - self._lasting.seen_us <= PAUSE_US else None
 
-    def look(self, t_us: int, difference_rad: float, sigma_rad: float, verdict: Verdict) -> None:
+    def look(
+        self, t_us: int, difference_rad: float, sigma_rad: float, verdict: VelocityVerdict
+    ) -> None:
         """Takes the newest difference; a NaN sigma says nothing."""
         size_rad = abs(difference_rad)
         limit_rad = max(self._least_rad, BEYOND * sigma_rad)
         # Where the velocity has shown who is right, our deviation does not matter any more.
         is_known = not math.isnan(sigma_rad)
-        decided = is_known and verdict is not Verdict.UNDECIDED
+        decided = is_known and verdict is not VelocityVerdict.UNDECIDED
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
         beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
         if lasted_us is None:
@@ -134,21 +136,24 @@ class _Disagreement:
         if self._is_told:
             self._alarm = self._told(math.degrees(size_rad), lasted_us * 1e-6, verdict)
 
-    def _told(self, size_deg: float, since_s: float, verdict: Verdict) -> Alarm:
+    def _told(self, size_deg: float, since_s: float, verdict: VelocityVerdict) -> Alarm:
         source, part = self._source, self._part
         size = f"{size_deg:.0f} deg"
         text, whom = {
-            Verdict.H2NAV: (f"{source.value} {part} off {size}, GPS backs us", "agrees with h2nav"),
-            Verdict.AUTOPILOT: (
+            VelocityVerdict.H2NAV: (
+                f"{source.value} {part} off {size}, GPS backs us",
+                "agrees with h2nav",
+            ),
+            VelocityVerdict.AUTOPILOT: (
                 f"our {part} off {size}, GPS backs {source.value}",
                 "agrees with the autopilot",
             ),
-            Verdict.UNDECIDED: (
+            VelocityVerdict.UNDECIDED: (
                 f"{source.value} {part} differs by {size}",
                 "does not show who is right",
             ),
         }[verdict]
-        is_main = source is Source.AUTOPILOT
+        is_main = source is AttitudeSource.AUTOPILOT
         whose = "the autopilot" if is_main else "the autopilot's AHRS2"
         return Alarm(
             Kind.AUTOPILOT_TILT if part == "tilt" else Kind.AUTOPILOT_HEADING,
@@ -159,16 +164,16 @@ class _Disagreement:
             text,
             f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
             # Two that are independent of us agree against us.
-            degrades=is_main and verdict is Verdict.AUTOPILOT,
+            degrades=is_main and verdict is VelocityVerdict.AUTOPILOT,
             since_s=since_s,
-            is_decided=verdict is not Verdict.UNDECIDED,
+            is_decided=verdict is not VelocityVerdict.UNDECIDED,
         )
 
 
 class _Reporter:
     """All that is known of one source."""
 
-    def __init__(self, source: Source, integrated: Integrated) -> None:
+    def __init__(self, source: AttitudeSource, integrated: Integrated) -> None:
         self.source = source
         self.velocity = VelocityWitness(integrated)
         self.tilt = _Disagreement(source, "tilt")
@@ -206,9 +211,9 @@ class Witness:
     def restart(self) -> None:
         """Another autopilot, or another clock."""
         self._past: deque[AttitudeEstimate] = deque()
-        self._waiting: deque[tuple[Source, int, Quat]] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[tuple[AttitudeSource, int, Quat]] = deque(maxlen=MOST_WAITING)
         self._integrated = Integrated()
-        self._reporters = {source: _Reporter(source, self._integrated) for source in Source}
+        self._reporters = {source: _Reporter(source, self._integrated) for source in AttitudeSource}
         self._latest: Comparison | None = None
 
     @property
@@ -253,7 +258,7 @@ class Witness:
             for reporter in self._reporters.values():
                 reporter.velocity.fix(fix)
 
-    def report(self, source: Source, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
+    def report(self, source: AttitudeSource, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
         """Takes an attitude of the autopilot; it waits where ours of its time is not there yet.
 
         Args:
@@ -274,12 +279,12 @@ class Witness:
             self._waiting.append((source, t_us, q_nb))
         return []
 
-    def _compare(self, source: Source, t_us: int, q_nb: Quat) -> list[Comparison]:
+    def _compare(self, source: AttitudeSource, t_us: int, q_nb: Quat) -> list[Comparison]:
         ours = self._ours_at(t_us)
         if ours is None:
             return []
         found = self._reporters[source].compare(ours, q_nb)
-        if source is Source.AUTOPILOT:
+        if source is AttitudeSource.AUTOPILOT:
             self._latest = found
         return [found]
 

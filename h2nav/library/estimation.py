@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from h2nav.attitude import native, smoothing
 from h2nav.attitude.batch import filter_array, samples_of
-from h2nav.attitude.batch_driver import BatchResult, Samples, empty_result, run_python
+from h2nav.attitude.batch_driver import BatchResult, BatchSamples, empty_result, run_python
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -296,7 +296,7 @@ def _rate_hz(rate_hz: float | None, t_s: npt.ArrayLike | None) -> float:
 
 
 def _with_fixes(
-    chosen: VelocityAidedFilter, samples: Samples, fixes: list[VelocityFix]
+    chosen: VelocityAidedFilter, samples: BatchSamples, fixes: list[VelocityFix]
 ) -> BatchResult:
     """Yields samples and velocities in the order of their times."""
     count = len(samples.t_us)
@@ -311,7 +311,7 @@ def _with_fixes(
     return result
 
 
-def _imu_samples(samples: Samples) -> list[ImuSample]:
+def _imu_samples(samples: BatchSamples) -> list[ImuSample]:
     columns = (array.tolist() for array in samples)
     return [
         ImuSample(t_us, tuple(w), tuple(f), tuple(m) if has_field else None)

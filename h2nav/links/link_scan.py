@@ -36,7 +36,7 @@ LEAST_FRAMES = 2
 Address = tuple[int, int]
 
 
-class Place(NamedTuple):
+class LinkPlace(NamedTuple):
     """A port or address to scan.
 
     Attributes:
@@ -78,7 +78,7 @@ class Hearing(NamedTuple):
         error: why the port could not be opened; empty otherwise.
     """
 
-    place: Place
+    place: LinkPlace
     url: str
     speakers: tuple[Speaker, ...]
     frames: int
@@ -91,14 +91,14 @@ class Hearing(NamedTuple):
         return self.bytes_in > 0 and self.frames == 0
 
 
-def serial_place(path: str, baud: int | None = None) -> Place:
+def serial_place(path: str, baud: int | None = None) -> LinkPlace:
     """A serial port, at one baud rate or at each of `BAUDS`."""
     bauds = BAUDS if baud is None else (baud,)
-    return Place(path, tuple(f"serial:{path}:{rate}" for rate in bauds), "ttyACM" in path)
+    return LinkPlace(path, tuple(f"serial:{path}:{rate}" for rate in bauds), "ttyACM" in path)
 
 
 def scan(
-    places: Sequence[Place], progress: Callable[[int, int], object] = lambda done, total: None
+    places: Sequence[LinkPlace], progress: Callable[[int, int], object] = lambda done, total: None
 ) -> list[Hearing]:
     """Scans all places at once.
 
@@ -134,7 +134,7 @@ def _descriptors(ears: Sequence["_Ear"]) -> Iterator[int]:
 class _Ear:
     """Scans one place."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: LinkPlace) -> None:
         self._place = place
         self._urls = iter(place.urls)
         self._link: Link | None = None

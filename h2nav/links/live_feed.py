@@ -41,7 +41,7 @@ class Line(NamedTuple):
     text: str
 
 
-class Entry(NamedTuple):
+class FeedEntry(NamedTuple):
     """One record of the feed.
 
     Attributes:
@@ -221,14 +221,14 @@ class FeedReader:
         self._socket.setblocking(False)
         return found
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[FeedEntry]:
         """Returns the entries of the next packet, if one has arrived.
 
         Raises:
             ConnectionError: the daemon is gone.
         """
         try:
-            return [Entry(*entry) for entry in self._receive()]
+            return [FeedEntry(*entry) for entry in self._receive()]
         except BlockingIOError:
             return []
 

@@ -13,7 +13,7 @@ from prometheus_client.registry import Collector
 
 from h2nav import __version__
 from h2nav.live.state import LiveState
-from h2nav.service.health import State
+from h2nav.service.health import ServiceState
 
 
 class _Row(NamedTuple):
@@ -110,7 +110,9 @@ class _Snapshot(Collector):
     def _states(self) -> Iterator[Metric]:
         seen = self._state.newest("/health")
         if seen is not None:
-            rows = [((each.value,), float(each.value == seen.record.state)) for each in State]
+            rows = [
+                ((each.value,), float(each.value == seen.record.state)) for each in ServiceState
+            ]
             yield _gauge("state", "1 for the state that the service is in.", ("state",), rows)
 
     def _attitude(self) -> Iterator[Metric]:

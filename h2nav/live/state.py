@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from h2nav.attitude.samples import Trust
 from h2nav.integrity.severity import Severity
-from h2nav.live.track import Track
+from h2nav.live.track import LiveTrack
 from h2nav.service.records import EstimateRecord, FindingRecord
 
 Record = tuple[Any, ...]
@@ -39,7 +39,7 @@ class Seen(NamedTuple):
     record: Any
 
 
-class Told(NamedTuple):
+class LiveReport(NamedTuple):
     """A finding and its beginning.
 
     Attributes:
@@ -51,7 +51,7 @@ class Told(NamedTuple):
     finding: FindingRecord
 
 
-class Text(NamedTuple):
+class LiveText(NamedTuple):
     """A line of the program's output and its time of arrival.
 
     Attributes:
@@ -101,10 +101,10 @@ class LiveState:
         self._current: dict[tuple[str, Any], Seen] = {}
         self._counters = {topic: _Counters() for topic in COUNTING}
         self._trusted_ns: dict[Trust, int] = {}
-        self._findings: deque[Told] = deque(maxlen=MOST_FINDINGS)
-        self._texts: deque[Text] = deque(maxlen=MOST_TEXTS)
+        self._findings: deque[LiveReport] = deque(maxlen=MOST_FINDINGS)
+        self._texts: deque[LiveText] = deque(maxlen=MOST_TEXTS)
         self.findings_told = 0
-        self.track = Track()
+        self.track = LiveTrack()
 
     def take(self, topic: str, unix_ns: int, record: Record) -> None:
         """Adds a record of the log, or of a live topic.
@@ -137,7 +137,7 @@ class LiveState:
         self._heard_ns = self._clock()
         # A path in it may hold bytes that are not text.
         readable = text.encode(errors="replace").decode()
-        self._texts.append(Text(self._heard_ns, severity, readable))
+        self._texts.append(LiveText(self._heard_ns, severity, readable))
 
     @property
     def silent_s(self) -> float:
@@ -157,7 +157,7 @@ class LiveState:
         return () if status is None else tuple(status.record.alarms.splitlines())
 
     @property
-    def findings(self) -> tuple[Told, ...]:
+    def findings(self) -> tuple[LiveReport, ...]:
         """The latest findings, sorted by their first record."""
         status = self.newest("/status")
         if status is None:
@@ -174,7 +174,7 @@ class LiveState:
         )
 
     @property
-    def texts(self) -> tuple[Text, ...]:
+    def texts(self) -> tuple[LiveText, ...]:
         """The latest lines, in order of arrival."""
         return tuple(self._texts)
 
@@ -214,5 +214,5 @@ class LiveState:
                 self._findings[place] = told._replace(finding=finding)
                 return
         began_ns = now_ns - round((finding.to_s - finding.from_s) / NS)
-        self._findings.append(Told(began_ns, finding))
+        self._findings.append(LiveReport(began_ns, finding))
         self.findings_told += 1

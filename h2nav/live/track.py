@@ -15,7 +15,7 @@ LONGEST_GAP_NS = 300_000_000
 MOST = 2048
 
 
-class Track:
+class LiveTrack:
     """Attitudes with their times of arrival."""
 
     def __init__(self) -> None:

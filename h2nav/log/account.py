@@ -37,7 +37,7 @@ class StateSpan(NamedTuple):
     to_s: float
 
 
-class Difference(NamedTuple):
+class LoggedDifference(NamedTuple):
     """The largest differences to one attitude of the autopilot.
 
     Attributes:
@@ -76,7 +76,7 @@ class LogAccount(NamedTuple):
     states: list[StateSpan]
     refusals: dict[str, int]
     findings: list[dict[str, Any]]
-    differences: list[Difference]
+    differences: list[LoggedDifference]
 
 
 class Account:
@@ -93,7 +93,7 @@ class Account:
         self._refusals: dict[str, int] = {}
         self._findings: dict[tuple[str, ...], dict[str, Any]] = {}
         self._cause = "", ""
-        self._differences: dict[str, tuple[Difference, int, int]] = {}
+        self._differences: dict[str, tuple[LoggedDifference, int, int]] = {}
 
     @property
     def topics(self) -> frozenset[str]:
@@ -171,7 +171,11 @@ class Account:
         if known is None:
             if len(self._differences) == MOST_SOURCES:
                 return
-            known = (Difference(source, 0, math.nan, 0.0, "", math.nan, 0.0, ""), log_ns, log_ns)
+            known = (
+                LoggedDifference(source, 0, math.nan, 0.0, "", math.nan, 0.0, ""),
+                log_ns,
+                log_ns,
+            )
         found, tilt_ns, heading_ns = known
         found = found._replace(compared=found.compared + 1)
         if tilt > found.tilt_deg or math.isnan(found.tilt_deg):

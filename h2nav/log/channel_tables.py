@@ -42,7 +42,7 @@ class Column(NamedTuple):
     length: int = 0
 
 
-class Table(Protocol):
+class ChannelTable(Protocol):
     """Receives the rows of one table."""
 
     path: Path
@@ -59,7 +59,7 @@ class Table(Protocol):
         """Writes buffered rows; ValueError as in `add`."""
 
 
-OpenTable = Callable[[Path, Sequence[Column]], Table]
+OpenTable = Callable[[Path, Sequence[Column]], ChannelTable]
 """Opens the table of a file; FileExistsError if the file exists."""
 
 
@@ -156,9 +156,9 @@ class _Tables:
     def __init__(self, destination: Destination) -> None:
         destination.folder.mkdir(parents=True, exist_ok=True)
         self._destination = destination
-        self._tables: dict[str, Table] = {}
+        self._tables: dict[str, ChannelTable] = {}
 
-    def table(self, name: str, columns: Callable[[], Sequence[Column]]) -> Table:
+    def table(self, name: str, columns: Callable[[], Sequence[Column]]) -> ChannelTable:
         if name not in self._tables:
             # A topic of a foreign log must not lead out of the folder.
             file_name = "".join(c if c.isalnum() or c in "-." else "_" for c in name).strip("_.")

@@ -13,7 +13,7 @@ from mcap.records import Chunk, Header
 from mcap.writer import MCAP0_MAGIC
 
 from h2nav.log.folder import LOG_MODE
-from h2nav.log.reader import Directory, Entry, LogScan, is_closed, records_of
+from h2nav.log.reader import Directory, LogEntry, LogScan, is_closed, records_of
 from h2nav.log.records import HEAD, message
 from h2nav.log.summary import LogSummary, record_bytes
 
@@ -46,10 +46,10 @@ class Recovery(NamedTuple):
 class Addition(Protocol):
     """Derives further records from those of a log."""
 
-    def after(self, entry: Entry, known: Directory) -> Entry | None:
+    def after(self, entry: LogEntry, known: Directory) -> LogEntry | None:
         """Returns what to write after a record; `known` are the channels so far."""
 
-    def rest(self) -> Entry | None:
+    def rest(self) -> LogEntry | None:
         """Returns what to write at the end."""
 
 
@@ -107,13 +107,13 @@ class LogCopy:
             is_closed(self._source),
         )
 
-    def _add(self, entry: Entry | None) -> None:
+    def _add(self, entry: LogEntry | None) -> None:
         """Writes a record of the addition."""
         if entry is not None:
             indexes = self._summary.add(entry, self._position)
             self._write(HEAD.pack(entry.opcode, len(entry.body)) + entry.body + indexes)
 
-    def _copy(self, entry: Entry) -> None:
+    def _copy(self, entry: LogEntry) -> None:
         for opcode, body in records_of(entry):
             self._known.note(opcode, body)
         if entry.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and self._is_told(entry):
@@ -136,7 +136,7 @@ class LogCopy:
         indexes = self._summary.add(entry, self._position)
         self._write(HEAD.pack(entry.opcode, len(entry.body)) + entry.body + indexes)
 
-    def _told_in(self, entry: Entry) -> set[int]:
+    def _told_in(self, entry: LogEntry) -> set[int]:
         """Channels defined in the output once the entry is copied."""
         inside = {
             struct.unpack_from("<H", body)[0]
@@ -145,7 +145,7 @@ class LogCopy:
         }
         return inside | self._summary.channels.keys()
 
-    def _is_told(self, entry: Entry) -> bool:
+    def _is_told(self, entry: LogEntry) -> bool:
         (number,) = struct.unpack_from("<H", entry.body)
         told = self._summary.schemas if entry.opcode == Opcode.SCHEMA else self._summary.channels
         return number in told
@@ -159,11 +159,11 @@ class LogCopy:
                 data = record_bytes(record)
                 opcode, _ = HEAD.unpack_from(data)
                 self._summary.add(
-                    Entry(0, opcode, len(data), data[HEAD.size :], b""), self._position
+                    LogEntry(0, opcode, len(data), data[HEAD.size :], b""), self._position
                 )
                 self._write(data)
 
-    def _without(self, entry: Entry, unknown: set[int]) -> Entry | None:
+    def _without(self, entry: LogEntry, unknown: set[int]) -> LogEntry | None:
         """The entry without the messages of unknown channels."""
         kept, count = BytesIO(), 0
         times = []
@@ -181,7 +181,7 @@ class LogCopy:
         content = kept.getvalue()
         chunk = Chunk("", content, max(times), min(times), zlib.crc32(content), len(content))
         data = record_bytes(chunk)
-        return Entry(0, Opcode.CHUNK, len(data), data[HEAD.size :], content)
+        return LogEntry(0, Opcode.CHUNK, len(data), data[HEAD.size :], content)
 
     def _write(self, data: bytes) -> None:
         self._stream.write(data)

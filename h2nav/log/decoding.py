@@ -12,7 +12,7 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.log.autopilot_channels import PREFIX, AutopilotDecoder
 from h2nav.log.copying import LogCopy, Recovery, restrict
 from h2nav.log.file import CHUNK_BYTES, RAW_ENCODING
-from h2nav.log.reader import Directory, Entry, LogScan, records_of
+from h2nav.log.reader import Directory, LogEntry, LogScan, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import HEAD, message
 from h2nav.log.schema import RecordFormat
@@ -85,7 +85,7 @@ class _DecodedChunks:
         self._content = bytearray()
         self._times: list[int] = []
 
-    def after(self, entry: Entry, known: Directory) -> Entry | None:
+    def after(self, entry: LogEntry, known: Directory) -> LogEntry | None:
         """Returns a chunk of decoded messages, once it is large enough."""
         for opcode, body in records_of(entry):
             if opcode == Opcode.MESSAGE:
@@ -97,7 +97,7 @@ class _DecodedChunks:
                 self._refuse_clash(known)
         return self.rest() if len(self._content) >= CHUNK_BYTES else None
 
-    def rest(self) -> Entry | None:
+    def rest(self) -> LogEntry | None:
         """Returns a chunk of the remaining messages."""
         if not self._times:
             return None
@@ -114,7 +114,7 @@ class _DecodedChunks:
         )
         self._content.clear()
         self._times.clear()
-        return Entry(0, Opcode.CHUNK, len(data), data[HEAD.size :], content)
+        return LogEntry(0, Opcode.CHUNK, len(data), data[HEAD.size :], content)
 
     @staticmethod
     def _is_received(channel: Channel) -> bool:

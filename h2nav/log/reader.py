@@ -32,7 +32,7 @@ _FIND_HEAD = re.compile(rb"[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7}", re.DOTALL
 _LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     """An intact record of the data section.
 
     Attributes:
@@ -73,7 +73,7 @@ class LogScan:
         self.damaged_records = self.skipped_bytes = 0
         self.ended = False
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[LogEntry]:
         """Yields all intact records in order, up to the end of the data section."""
         self._stream.seek(0)
         offset = len(MCAP0_MAGIC)
@@ -97,7 +97,7 @@ class LogScan:
         self.damaged_records += 1
         self.skipped_bytes += end - start
 
-    def _entry_at(self, offset: int) -> Entry | None:
+    def _entry_at(self, offset: int) -> LogEntry | None:
         self._stream.seek(offset)
         head = self._stream.read(HEAD.size)
         if len(head) < HEAD.size:
@@ -107,14 +107,14 @@ class LogScan:
         if not _LOWEST <= opcode <= _HIGHEST or length > LARGEST_RECORD or end > self.size:
             return None
         if opcode in self._passed_over:
-            return Entry(offset, opcode, HEAD.size + length, b"", b"")
+            return LogEntry(offset, opcode, HEAD.size + length, b"", b"")
         body = self._stream.read(length)
         content = intact_content(opcode, body) if len(body) == length else None
         if content is None:
             return None
-        return Entry(offset, opcode, HEAD.size + length, body, content)
+        return LogEntry(offset, opcode, HEAD.size + length, body, content)
 
-    def _entry_behind(self, damaged: int) -> Entry | None:
+    def _entry_behind(self, damaged: int) -> LogEntry | None:
         """The first intact record after a damaged one; tries the damaged record's length first."""
         self._stream.seek(damaged)
         head = self._stream.read(HEAD.size)
@@ -213,7 +213,7 @@ def _summary(path: Path) -> bytes:
         return stream.read(footer - start)
 
 
-def records_of(entry: Entry) -> Iterator[tuple[int, bytes]]:
+def records_of(entry: LogEntry) -> Iterator[tuple[int, bytes]]:
     """The records in a chunk; for another entry, the entry itself."""
     if entry.opcode == Opcode.CHUNK:
         return inner_records(entry.content)

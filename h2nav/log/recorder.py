@@ -14,7 +14,7 @@ from h2nav.integrity.severity import Severity
 from h2nav.log.autopilot_channels import AutopilotDecoder
 from h2nav.log.file import Attachment, LogFile
 from h2nav.log.folder import ACTIVE_SUFFIX, MIB, LogLimits
-from h2nav.log.series import FolderTarget, LogSeries, Notice, SingleTarget
+from h2nav.log.series import FolderTarget, LogSeries, RecorderNotice, SingleTarget
 
 QUEUE_MESSAGES = 16384
 QUEUE_BYTES = 16 * MIB
@@ -133,7 +133,7 @@ class Recorder:
             series.opened,
         )
 
-    def notices(self) -> list[Notice]:
+    def notices(self) -> list[RecorderNotice]:
         """Returns the events since the last call; each appears once."""
         waiting = self._series.notices
         return [waiting.popleft() for _ in range(len(waiting))]

@@ -34,7 +34,7 @@ REPAIR_PAUSE_S = 0.002
 Write = Callable[[LogFile], None]
 
 
-class Notice(NamedTuple):
+class RecorderNotice(NamedTuple):
     """An event of the recording, to be reported once.
 
     Attributes:
@@ -135,7 +135,7 @@ class LogSeries:
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.trouble: str | None = None
-        self.notices: deque[Notice] = deque(maxlen=100)
+        self.notices: deque[RecorderNotice] = deque(maxlen=100)
         self.path: Path | None = None
         self.repairing: threading.Thread | None = None
         self.opened = self.lost = self.rejected = 0
@@ -213,7 +213,7 @@ class LogSeries:
     def give_up(self, error: Exception) -> None:
         """Reports that recording has ended."""
         self.trouble = f"{type(error).__name__}: {error}"
-        self.notices.append(Notice(Severity.ERROR, f"recording ended: {self.trouble}"))
+        self.notices.append(RecorderNotice(Severity.ERROR, f"recording ended: {self.trouble}"))
 
     def _open(self) -> None:
         now_s = self._monotonic_s()
@@ -265,7 +265,7 @@ class LogSeries:
             self.trouble = None
             lost = f"{self.lost} messages lost so far"
             text = f"recording again to {file.path}; {lost}"
-            self.notices.append(Notice(Severity.NOTICE, text, "recording again"))
+            self.notices.append(RecorderNotice(Severity.NOTICE, text, "recording again"))
         try:
             self._target.check_room(file)
         except OSError as error:
@@ -308,13 +308,13 @@ class LogSeries:
             again = "trying again" if self._target.retries else "giving up"
             stopped = f"recording stopped: {text}; {again}"
             cause = f"recording stopped: {error.strerror or error}"
-            self.notices.append(Notice(Severity.ERROR, stopped, cause))
+            self.notices.append(RecorderNotice(Severity.ERROR, stopped, cause))
         self.trouble = text
 
     def _tell_once(self, text: str) -> None:
         if text not in self._told and len(self._told) < 100:
             self._told.add(text)
-            self.notices.append(Notice(Severity.WARNING, text))
+            self.notices.append(RecorderNotice(Severity.WARNING, text))
 
     def _repair(self, paths: list[Path]) -> None:
         """Repairs files on a separate thread, slowly: attitude and the new log come first."""
@@ -334,8 +334,10 @@ class LogSeries:
             except InterruptedError:
                 return
             except OSError as error:
-                self.notices.append(Notice(Severity.WARNING, f"{path}: not repaired: {error}"))
+                self.notices.append(
+                    RecorderNotice(Severity.WARNING, f"{path}: not repaired: {error}")
+                )
                 continue
             self.notices.append(
-                Notice(Severity.NOTICE, f"{os.fspath(final)}: repaired", "log repaired")
+                RecorderNotice(Severity.NOTICE, f"{os.fspath(final)}: repaired", "log repaired")
             )

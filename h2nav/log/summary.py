@@ -21,7 +21,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from h2nav.log.reader import Entry
+from h2nav.log.reader import LogEntry
 from h2nav.log.records import HEAD, inner_records, message, parse
 
 _SUMMARY_CRC_SIZE = 4
@@ -45,7 +45,7 @@ class LogSummary:
         """Attachments added."""
         return len(self._attachments)
 
-    def add(self, entry: Entry, offset: int) -> bytes:
+    def add(self, entry: LogEntry, offset: int) -> bytes:
         """Adds a record located at `offset`.
 
         Returns:
@@ -73,7 +73,7 @@ class LogSummary:
             self._note(entry.opcode, entry.body)
         return b""
 
-    def _add_chunk(self, entry: Entry, offset: int, length: int) -> bytes:
+    def _add_chunk(self, entry: LogEntry, offset: int, length: int) -> bytes:
         indexes: dict[int, MessageIndex] = {}
         place = 0
         for opcode, body in inner_records(entry.content):

@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from h2nav.errors import BadInput
-from h2nav.log.account import Account, Difference, LogAccount, StateSpan
+from h2nav.log.account import Account, LogAccount, LoggedDifference, StateSpan
 from h2nav.log.reader import Directory, LogScan, is_closed, is_mcap, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
@@ -91,7 +91,7 @@ class LogSurvey(NamedTuple):
     states: list[StateSpan]
     refusals: dict[str, int]
     findings: list[dict[str, Any]]
-    differences: list[Difference]
+    differences: list[LoggedDifference]
 
 
 class _Tally:

@@ -15,7 +15,7 @@ _DEG = 180.0 / np.pi
 BEYOND = 3.0
 
 
-class Errors(NamedTuple):
+class AttitudeErrors(NamedTuple):
     """Errors of every sample, degrees; heading with sign, the others >= 0."""
 
     total: Array
@@ -31,7 +31,9 @@ class Rms(NamedTuple):
     inclination: float
 
 
-def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fixed: bool) -> Errors:
+def errors(
+    q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fixed: bool
+) -> AttitudeErrors:
     """Errors of every sample, including those outside the mask.
 
     Args:
@@ -52,14 +54,14 @@ def errors(q_est: Array, q_true: Array, mask: npt.NDArray[np.bool_], heading_fix
     heading = wrapped(2.0 * np.arctan2(z, w))
     tilt = np.hypot(x, y)
     # Arc tangents: an arc cosine near 1 loses half the digits of a small angle.
-    return Errors(
+    return AttitudeErrors(
         total=2.0 * np.arctan2(np.hypot(tilt, z), np.abs(w)) * _DEG,
         heading=heading * _DEG,
         inclination=2.0 * np.arctan2(tilt, np.hypot(w, z)) * _DEG,
     )
 
 
-def rms(found: Errors, mask: npt.NDArray[np.bool_]) -> Rms:
+def rms(found: AttitudeErrors, mask: npt.NDArray[np.bool_]) -> Rms:
     """Root mean squares over the samples of the mask."""
     return Rms(*(root_mean_square(values[mask]) for values in found))
 

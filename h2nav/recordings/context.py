@@ -258,7 +258,7 @@ class CompassRows(NamedTuple):
     is_used: bool
 
 
-class Fault(NamedTuple):
+class ReportedFault(NamedTuple):
     """A fault reported by number: ArduPilot's ERR, PX4's failsafe flags.
 
     Attributes:
@@ -323,7 +323,7 @@ SUBSYSTEMS = (
     "thrust_loss",
     "vibration",
 )
-"""The subsystems of a `Fault`."""
+"""The subsystems of a `ReportedFault`."""
 
 
 class Context(NamedTuple):
@@ -401,7 +401,7 @@ class Context(NamedTuple):
     vibrations: tuple[VibrationTrack, ...] = ()
     escs: tuple[Esc, ...] = ()
     compass_rows: tuple[CompassRows, ...] = ()
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[ReportedFault, ...] = ()
     occurrences: tuple[Occurrence, ...] = ()
     airborne: Series | None = None
     changes: tuple[ChangedSetting, ...] = ()

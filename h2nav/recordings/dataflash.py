@@ -105,7 +105,7 @@ CORES: dict[str, tuple[Source, ...]] = {
 }
 
 
-class Kind(NamedTuple):
+class VehicleKind(NamedTuple):
     """A vehicle's firmware: how its texts and its parameters show it.
 
     Attributes:
@@ -121,32 +121,32 @@ class Kind(NamedTuple):
     modes: dict[int, str]
 
 
-COPTER = Kind(
+COPTER = VehicleKind(
     ("ArduCopter", "APM:Copter", "Copter"),
     ("MOT_SPIN_ARM", "MOT_SPIN_ARMED", "MOT_THST_HOVER", "THR_MID", "WPNAV_SPEED", "WPNAV_RADIUS"),
     mavlink.MAV_TYPE_QUADROTOR,
     mavutil.mode_mapping_acm,
 )
 KINDS = (
-    Kind(
+    VehicleKind(
         ("ArduSub",),
         ("JS_GAIN_DEFAULT", "SURFACE_DEPTH"),
         mavlink.MAV_TYPE_SUBMARINE,
         mavutil.mode_mapping_sub,
     ),
-    Kind(
+    VehicleKind(
         ("ArduRover", "APMrover2", "APM:Rover", "Rover"),
         ("CRUISE_SPEED", "STEER2SRV_P"),
         mavlink.MAV_TYPE_GROUND_ROVER,
         mavutil.mode_mapping_rover,
     ),
-    Kind(
+    VehicleKind(
         ("ArduPlane", "APM:Plane", "Plane"),
         ("TECS_CLMB_MAX", "RLL2SRV_P", "RLL2SRV_TCONST", "TRIM_ARSPD_CM", "AIRSPEED_CRUISE"),
         mavlink.MAV_TYPE_FIXED_WING,
         mavutil.mode_mapping_apm,
     ),
-    Kind(
+    VehicleKind(
         ("AntennaTracker", "ArduTracker"),
         ("PITCH_SRV_RATE",),
         mavlink.MAV_TYPE_ANTENNA_TRACKER,
@@ -154,7 +154,7 @@ KINDS = (
     ),
     COPTER,
 )
-UNKNOWN = Kind((), (), mavlink.MAV_TYPE_GENERIC, {})
+UNKNOWN = VehicleKind((), (), mavlink.MAV_TYPE_GENERIC, {})
 
 
 class DataflashLog(AutopilotLog):
@@ -657,7 +657,7 @@ def _firmware(log: DataflashRows, said: tuple[Said, ...]) -> str:
     return next((text.text for text in said if text.text.startswith(names)), "")
 
 
-def _kind_of(firmware: str, parameters: dict[str, float]) -> Kind:
+def _kind_of(firmware: str, parameters: dict[str, float]) -> VehicleKind:
     for kind in KINDS:
         if firmware.startswith(kind.names):
             return kind
@@ -667,14 +667,14 @@ def _kind_of(firmware: str, parameters: dict[str, float]) -> Kind:
     return UNKNOWN
 
 
-def _vehicle_type(kind: Kind, parameters: dict[str, float]) -> int:
+def _vehicle_type(kind: VehicleKind, parameters: dict[str, float]) -> int:
     """MAV_TYPE as its heartbeat would say it."""
     if kind is not COPTER:
         return kind.vehicle_type
     return int(COPTERS.get(int(parameters.get("FRAME_CLASS", 0.0)), kind.vehicle_type))
 
 
-def _modes(log: DataflashRows, kind: Kind) -> tuple[Span, ...]:
+def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
     rows = log.told("MODE", "Mode")
     if rows is None:
         return ()

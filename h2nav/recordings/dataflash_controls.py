@@ -15,9 +15,9 @@ from h2nav.recordings.context import (
     ChangedSetting,
     CompassRows,
     Esc,
-    Fault,
     Motors,
     Occurrence,
+    ReportedFault,
     Series,
     VibrationTrack,
 )
@@ -217,7 +217,7 @@ def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[Comp
     )
 
 
-def faults(log: DataflashRows) -> tuple[Fault, ...]:
+def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
     """ERR, all subsystems."""
     rows = log.told("ERR", "Subsys", "ECode")
     if rows is None:
@@ -225,7 +225,7 @@ def faults(log: DataflashRows) -> tuple[Fault, ...]:
     subsystems = rows.table.integers("Subsys").tolist()
     codes = rows.table.integers("ECode").tolist()
     return tuple(
-        Fault(t_s, subsystem_of(subsystem), code, said_of_error(subsystem, code))
+        ReportedFault(t_s, subsystem_of(subsystem), code, said_of_error(subsystem, code))
         for t_s, subsystem, code in zip(rows.t_s.tolist(), subsystems, codes, strict=True)
         if said_of_error(subsystem, code)
     )

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.recordings.row_tables import LogTables, Source, Table
+from h2nav.recordings.row_tables import LogTables, RowSource, Table
 
 HEAD = b"\xa3\x95"
 HEAD_1, HEAD_2 = HEAD
@@ -66,7 +66,7 @@ STRETCH, SINGLY = 1 << 20, 1 << 9
 LARGEST = 2.0**62
 
 
-class Format(NamedTuple):
+class RowFormat(NamedTuple):
     """What a FMT record tells of a type.
 
     Attributes:
@@ -147,7 +147,7 @@ class _Chain:
         self._lengths = [0] * 256
         self._lengths[FMT_TYPE] = FMT_BYTES
         self._told: dict[int, bytes] = {}
-        self._formats: dict[int, Format] = {}
+        self._formats: dict[int, RowFormat] = {}
         self._places = [array("q") for _ in range(256)]
         self._notes: Counter[str] = Counter()
 
@@ -237,7 +237,7 @@ class _Chain:
             record[first:last].split(b"\0", 1)[0].decode("latin-1")
             for first, last in ((5, 9), (9, 25), (25, 89))
         )
-        form = Format(name, length, letters, tuple(names.split(",")))
+        form = RowFormat(name, length, letters, tuple(names.split(",")))
         self._formats[kind] = form
         if length > HEADER_BYTES:
             self._lengths[kind] = length
@@ -260,9 +260,9 @@ class _Chain:
         self._notes["bytes that are no record"] += found - place
         return found
 
-    def _sources(self) -> dict[str, Source]:
+    def _sources(self) -> dict[str, RowSource]:
         """How to make the table of each message that occurs."""
-        sources: dict[str, Source] = {}
+        sources: dict[str, RowSource] = {}
         for kind, form in self._formats.items():
             places = np.frombuffer(self._places[kind], np.int64)
             if form.row() is None or not len(places):
@@ -270,14 +270,14 @@ class _Chain:
             # Of two types under one name, that with more rows is meant.
             if form.name in sources and len(sources[form.name].places) >= len(places):
                 continue
-            sources[form.name] = Source(self._data, places, form.row, form.divisors)
+            sources[form.name] = RowSource(self._data, places, form.row, form.divisors)
         return sources
 
 
 def _text_tables(data: bytes) -> LogTables:
     """The tables of a text: lines of name and values, separated by commas."""
     notes: Counter[str] = Counter()
-    formats: dict[bytes, Format] = {}
+    formats: dict[bytes, RowFormat] = {}
     lines: dict[bytes, list[bytes]] = {}
     places: dict[bytes, array[int]] = {}
     place = 0
@@ -302,17 +302,17 @@ def _text_tables(data: bytes) -> LogTables:
     return LogTables(tables, {reason: count for reason, count in notes.items() if count})
 
 
-def _text_format(values: bytes) -> Format | None:
+def _text_format(values: bytes) -> RowFormat | None:
     """What a line ``FMT, type, length, name, letters, columns...`` tells; None if nothing."""
     told = [value.strip().decode("latin-1") for value in values.split(b",")]
     if len(told) < 5:
         return None
-    form = Format(told[2], 0, told[3], tuple(told[4:]))
+    form = RowFormat(told[2], 0, told[3], tuple(told[4:]))
     # Arrays are not written as text in one way.
     return form if form.is_sound and "a" not in form.letters else None
 
 
-def _text_table(form: Format, lines: list[bytes], places: NDArray[np.int64]) -> Table:
+def _text_table(form: RowFormat, lines: list[bytes], places: NDArray[np.int64]) -> Table:
     """The lines of one message that have all its values, as numbers where they should be."""
     count = len(form.columns)
     split = [line.split(b",", count - 1) for line in lines]

@@ -15,7 +15,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.recordings.trials import Told, ToldOf
+from h2nav.recordings.trials import FilterInput, ToldOf
 from h2nav.service.autopilot import Identity
 
 UNKNOWN = (math.nan, math.nan, math.nan)
@@ -34,7 +34,7 @@ class Stretch:
     """
 
     def __init__(self) -> None:
-        self.told: list[Told] = []
+        self.told: list[FilterInput] = []
         self.identity: Identity | None = None
         self._rows = bytearray()
 
@@ -174,4 +174,4 @@ class Listener:
 
     def _keep(self, what: ToldOf) -> None:
         stretch = self.stretches[-1]
-        stretch.told.append(Told(len(stretch), what))
+        stretch.told.append(FilterInput(len(stretch), what))

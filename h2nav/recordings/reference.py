@@ -96,7 +96,7 @@ class Pairs(NamedTuple):
     angles: Array
 
 
-class Attitudes:
+class TimedAttitudes:
     """Times (us) and roll, pitch, yaw (rad), growing cheaply."""
 
     def __init__(self) -> None:
@@ -113,11 +113,11 @@ class Attitudes:
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
 
 
-class Estimates:
+class TimedEstimates:
     """Estimates with their times of arrival."""
 
     def __init__(self) -> None:
-        self._attitudes = Attitudes()  # by arrival
+        self._attitudes = TimedAttitudes()  # by arrival
         self._boot_us = array("q")  # of the same
         self._sigmas = array("d")
 
@@ -150,9 +150,9 @@ class Reference:
     message_ids = frozenset({SIMSTATE, ATTITUDE})
 
     def __init__(self) -> None:
-        self._estimates = Estimates()
-        self._truth = Attitudes()
-        self._autopilot = Attitudes()
+        self._estimates = TimedEstimates()
+        self._truth = TimedAttitudes()
+        self._autopilot = TimedAttitudes()
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Adds the attitude in a frame of `message_ids`."""
@@ -173,7 +173,7 @@ class Reference:
         """Adds an estimate."""
         self._estimates.add(t_ns, record)
 
-    def table(self, skip_s: float = 0.0, estimates: Estimates | None = None) -> ErrorTable:
+    def table(self, skip_s: float = 0.0, estimates: TimedEstimates | None = None) -> ErrorTable:
         """The errors against SIMSTATE, otherwise ATTITUDE.
 
         Args:

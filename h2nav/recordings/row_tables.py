@@ -102,7 +102,7 @@ def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
     return np.ndarray((max(len(data) - row.itemsize + 1, 0),), row, data, strides=(1,))
 
 
-class Source(NamedTuple):
+class RowSource(NamedTuple):
     """The location of the rows of one message in a file.
 
     Attributes:
@@ -137,7 +137,7 @@ class LogTables:
         notes: reason -> count.
     """
 
-    def __init__(self, sources: Mapping[str, Source | Table], notes: dict[str, int]) -> None:
+    def __init__(self, sources: Mapping[str, RowSource | Table], notes: dict[str, int]) -> None:
         self._sources = sources
         self.names = frozenset(sources)
         self.notes = notes

@@ -13,8 +13,8 @@ from h2nav.recordings.context import (
     Array,
     Battery,
     Esc,
-    Fault,
     Motors,
+    ReportedFault,
     Series,
     VibrationTrack,
 )
@@ -195,7 +195,7 @@ def escs(find: Find) -> tuple[Esc, ...]:
     return tuple(found)
 
 
-def faults(find: Find) -> tuple[Fault, ...]:
+def faults(find: Find) -> tuple[ReportedFault, ...]:
     """State of the system and of the battery, as they begin and end."""
     found = [
         *_states(find, HEARTBEAT, "system_status", "failsafe", STATES),
@@ -206,7 +206,7 @@ def faults(find: Find) -> tuple[Fault, ...]:
 
 def _states(
     find: Find, message_id: int, column: str, subsystem: str, texts: Mapping[int, str]
-) -> list[Fault]:
+) -> list[ReportedFault]:
     own = find(message_id)
     if own is None:
         return []
@@ -216,7 +216,7 @@ def _states(
         t_s, states = t_s[table.fields["id"] == 0], states[table.fields["id"] == 0]
     bad = np.where(np.isin(states, list(texts)), states, 0)
     return [
-        Fault(
+        ReportedFault(
             float(t_s[place]),
             subsystem,
             int(bad[place]),

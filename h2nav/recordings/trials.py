@@ -30,7 +30,7 @@ _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
 ToldOf = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
-class Told(NamedTuple):
+class FilterInput(NamedTuple):
     """An input of a filter besides the samples.
 
     Attributes:
@@ -74,7 +74,7 @@ class Trial(NamedTuple):
     heading_fixed: bool
     gps: Array | None
     clipped: npt.NDArray[np.bool_] | None = None
-    told: tuple[Told, ...] = ()
+    told: tuple[FilterInput, ...] = ()
     declination_rad: float = 0.0
     notes: tuple[str, ...] = ()
 

@@ -13,8 +13,8 @@ from h2nav.recordings.context import (
     Battery,
     CompassRows,
     Esc,
-    Fault,
     Motors,
+    ReportedFault,
     Series,
     VibrationTrack,
 )
@@ -169,7 +169,7 @@ def compasses(log: ULogRows, parameters: Mapping[str, float]) -> tuple[CompassRo
     )
 
 
-def faults(log: ULogRows) -> tuple[Fault, ...]:
+def faults(log: ULogRows) -> tuple[ReportedFault, ...]:
     """Failsafes, failures that were detected, and the battery's warnings, as they begin and end."""
     found = []
     rows = log.find("vehicle_status", "failsafe")
@@ -185,14 +185,14 @@ def faults(log: ULogRows) -> tuple[Fault, ...]:
             level = int(levels[place])
             text = BATTERY_WARNINGS.get(level, "battery: over" if level == 0 else "")
             if text:
-                found.append(Fault(float(rows.t_s[place]), "battery", level, text))
+                found.append(ReportedFault(float(rows.t_s[place]), "battery", level, text))
     return tuple(sorted(found, key=lambda fault: fault.t_s))
 
 
-def _flags(rows: Rows, column: str, subsystem: str, text: str) -> list[Fault]:
+def _flags(rows: Rows, column: str, subsystem: str, text: str) -> list[ReportedFault]:
     is_so = (rows.table.integers(column) != 0).astype(np.int64)
     return [
-        Fault(
+        ReportedFault(
             float(rows.t_s[place]),
             subsystem,
             int(is_so[place]),

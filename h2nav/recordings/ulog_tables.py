@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.recordings.row_tables import LogTables, Source
+from h2nav.recordings.row_tables import LogTables, RowSource
 
 MAGIC = b"ULog\x01\x12\x35"
 FILE_HEADER = struct.Struct("<7sBQ")
@@ -76,7 +76,7 @@ NUMBERS = 1 << 16
 Bytes = NDArray[np.uint8]
 
 
-class Field(NamedTuple):
+class ULogField(NamedTuple):
     """One field of a format: `length` is None where it is no array."""
 
     kind: str
@@ -147,7 +147,7 @@ class _Formats:
     """The formats of a file, which may lie: nothing of them is unfolded before it is asked for."""
 
     def __init__(self) -> None:
-        self._fields: dict[str, tuple[Field, ...]] = {}
+        self._fields: dict[str, tuple[ULogField, ...]] = {}
         self._padding: dict[str, int] = {}
         self._sizes: dict[str, int | None] = {}
 
@@ -155,7 +155,9 @@ class _Formats:
         """Takes ``name:type field;type[n] field;``; False if it is none."""
         name, _, rest = text.partition(":")
         matches = [FIELD.fullmatch(part) for part in rest.split(";") if part]
-        fields = [Field(m[1], int(m[2]) if m[2] else None, m[3]) for m in matches if m is not None]
+        fields = [
+            ULogField(m[1], int(m[2]) if m[2] else None, m[3]) for m in matches if m is not None
+        ]
         if not name or not fields or len(fields) != len(matches):
             return False
         padding = 0
@@ -398,15 +400,15 @@ class _Chain:
     def _on_dropout(self, _place: int, _body: bytes) -> None:
         self._notes["dropouts of the autopilot's logger"] += 1
 
-    def _sources(self) -> dict[str, Source]:
+    def _sources(self) -> dict[str, RowSource]:
         """How to make the table of each topic that occurs."""
-        sources: dict[str, Source] = {}
+        sources: dict[str, RowSource] = {}
         for topic in self._subscriptions.values():
             known = sources.get(topic.table)
             if not topic.places or (known and len(known.places) >= len(topic.places)):
                 continue
             places = np.array(topic.places, np.int64)
-            sources[topic.table] = Source(
+            sources[topic.table] = RowSource(
                 self._data, places, partial(self._formats.row, topic.topic), {}
             )
         return sources

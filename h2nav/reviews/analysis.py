@@ -28,11 +28,11 @@ from h2nav.reviews.timing import look_at_pauses, look_at_slow_log, look_at_timin
 from h2nav.reviews.tracks import (
     Bias,
     CompassFit,
-    Field,
+    FieldTrack,
     Receiver,
     Spectrum,
-    Timing,
-    Vibration,
+    TimingTrack,
+    Vibrations,
 )
 
 # Recordings of streams, whose messages arrive at rhythms of their own.
@@ -69,11 +69,11 @@ class Analysis(NamedTuple):
 
     findings: tuple[Finding, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
-    vibrations: tuple[Vibration, ...] = ()
-    fields: tuple[Field, ...] = ()
+    vibrations: tuple[Vibrations, ...] = ()
+    fields: tuple[FieldTrack, ...] = ()
     compasses: tuple[CompassFit, ...] = ()
     biases: tuple[Bias, ...] = ()
-    timings: tuple[Timing, ...] = ()
+    timings: tuple[TimingTrack, ...] = ()
     receivers: tuple[Receiver, ...] = ()
     impacts: tuple[Impact, ...] = ()
     rests: dict[int, Rest] = {}  # noqa: RUF012 - never changed

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.integrity.witness import BEYOND, QUALITIES, Source
+from h2nav.integrity.witness import BEYOND, QUALITIES, AttitudeSource
 from h2nav.recordings.context import Array, AttitudeTrack
 from h2nav.reviews.angles import tilt_and_heading
 from h2nav.reviews.flight import Flight
@@ -46,7 +46,7 @@ def differences(flight: Flight) -> tuple[Difference, ...]:
 
 def _against(ours: Attitudes, track: AttitudeTrack, *, is_truth: bool) -> Difference:
     tilt, heading = tilt_and_heading(ours.at(track.t_s), track.q_nb)
-    healthy = QUALITIES[Source.AUTOPILOT]
+    healthy = QUALITIES[AttitudeSource.AUTOPILOT]
     own = (0.0, 0.0) if is_truth else (healthy.tilt_rad, healthy.heading_rad)
     limits = [
         BEYOND * np.hypot(ours.near(np.where(np.isinf(sigma), np.nan, sigma), track.t_s), of_other)

@@ -19,7 +19,7 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Context, ImuTrack, Series
 from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Attitudes, Mask, conjugate, means, rotate, thinned, within
-from h2nav.reviews.tracks import CompassFit, Field
+from h2nav.reviews.tracks import CompassFit, FieldTrack
 
 MOST_POINTS = 2000
 MOST_ROWS = 4000
@@ -65,7 +65,7 @@ AROUND_S = 12.0
 MG_PER_UT = 10.0
 
 
-class Rows(NamedTuple):
+class SentFields(NamedTuple):
     """Means of the field over short times, with the expected field.
 
     Attributes:
@@ -94,9 +94,9 @@ class Rows(NamedTuple):
     sigma_rad: Array
     flying: Mask
 
-    def part(self, places: Mask | NDArray[np.intp]) -> "Rows":
+    def part(self, places: Mask | NDArray[np.intp]) -> "SentFields":
         """A selection of the rows."""
-        return Rows(
+        return SentFields(
             self.t_s[places],
             self.m_b_ut[places],
             self.earth_b_ut[places],
@@ -135,7 +135,7 @@ class Fit(NamedTuple):
         C = self.covariance[first:after, first:after]
         return float(value @ np.linalg.solve(C, value)) > SURE**2
 
-    def undone(self, rows: Rows) -> Array:
+    def undone(self, rows: SentFields) -> Array:
         """(N, 3) the field without the fitted disturbance."""
         a, b = self.x[4:6]
         mixed = np.array([[1.0 + a, b, 0.0], [b, 1.0 - a, 0.0], [0.0, 0.0, 1.0]])
@@ -146,7 +146,7 @@ class Fit(NamedTuple):
 
 def look_at_compass(
     track: ImuTrack, best: Attitudes | None, earth: EarthFields, context: Context, *, is_raw: bool
-) -> tuple[Field | None, CompassFit | None, list[Finding]]:
+) -> tuple[FieldTrack | None, CompassFit | None, list[Finding]]:
     """Analyses one compass.
 
     Args:
@@ -172,18 +172,20 @@ def look_at_compass(
     return shown, _sectors(track.imu, usual, fit), found
 
 
-def _strangeness(piece: Rows) -> tuple[bool, float]:
+def _strangeness(piece: SentFields) -> tuple[bool, float]:
     """How far the field of a part is from the earth's; short parts do not count."""
     own = np.linalg.norm(piece.m_b_ut - piece.earth_b_ut, axis=1)
     return bool(piece.t_s[-1] - piece.t_s[0] < USUAL_S), float(np.median(own))
 
 
-def _in_flight(rows: Rows, t_s: float) -> bool:
+def _in_flight(rows: SentFields, t_s: float) -> bool:
     """Whether the motors turned throughout the time around `t_s`."""
     return bool(rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all())
 
 
-def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context) -> Rows | None:
+def _rows(
+    track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context
+) -> SentFields | None:
     """Means of 0.2 s, without quick turns, where the vertical is known."""
     good = np.isfinite(track.m_b_ut).all(axis=1) & np.isfinite(track.w_b).all(axis=1)
     if good.sum() < FEWEST_ROWS:
@@ -213,7 +215,7 @@ def _rows(track: ImuTrack, best: Attitudes, earth: EarthFields, context: Context
     error = np.arctan2(measured_n[:, 1], measured_n[:, 0]) - declination
     nose = rotate(q, np.tile([1.0, 0.0, 0.0], (len(q), 1)))
     throttle = context.throttle or context.current_a
-    return Rows(
+    return SentFields(
         at_s,
         m_b,
         rotate(back, earth_n),
@@ -238,12 +240,12 @@ def _interpolated(series: Series, at_s: Array) -> Array:
     return values
 
 
-def _shown(compass: int, rows: Rows) -> Field:
+def _shown(compass: int, rows: SentFields) -> FieldTrack:
     place = thinned(len(rows.t_s), MOST_POINTS)
     norm = np.linalg.norm(rows.m_b_ut, axis=1)
     vertical = (rows.m_b_ut * rows.down_b).sum(axis=1)
     dip = np.arcsin(np.clip(vertical / np.maximum(norm, 1e-9), -1.0, 1.0))
-    return Field(
+    return FieldTrack(
         compass,
         rows.t_s[place],
         norm[place],
@@ -257,7 +259,7 @@ def _shown(compass: int, rows: Rows) -> Field:
 # --- magnets that come and go -----------------------------------------------------------------
 
 
-def _pieces(rows: Rows) -> list[Rows]:
+def _pieces(rows: SentFields) -> list[SentFields]:
     """Parts between steps of the body's own field."""
     own = rows.m_b_ut - rows.earth_b_ut
     size = _step_sizes(own)
@@ -283,7 +285,7 @@ def _step_sizes(own: Array) -> Array:
     return size
 
 
-def _is_step(rows: Rows, own: Array, place: int) -> bool:
+def _is_step(rows: SentFields, own: Array, place: int) -> bool:
     """Whether it is a step rather than a slope, well above the noise on both sides.
 
     In a turn, a wrong heading of the attitude makes a step of the earth's own field: that must be
@@ -309,7 +311,9 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.linalg.norm(np.median(apart, axis=0)))
 
 
-def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Finding]:
+def _steps(
+    compass: int, rows: SentFields, pieces: list[SentFields], usual: SentFields
+) -> list[Finding]:
     """The change in each part against the usual one."""
     own = np.median(usual.m_b_ut - usual.earth_b_ut, axis=0)
     least = STEP_SHARE * float(np.median(usual.norm_ut))
@@ -346,7 +350,7 @@ def _steps(compass: int, rows: Rows, pieces: list[Rows], usual: Rows) -> list[Fi
 # --- what was there all the time --------------------------------------------------------------
 
 
-def best_fit(rows: Rows) -> Fit | None:
+def best_fit(rows: SentFields) -> Fit | None:
     """The fit with motors if only they explain the residuals, otherwise without them."""
     if rows.flying.sum() >= FEWEST_ROWS:
         rows = rows.part(rows.flying)
@@ -360,7 +364,7 @@ def best_fit(rows: Rows) -> Fit | None:
     return full if full.is_sure(6, 9) and full.after_ut < BETTER * plain.after_ut else plain
 
 
-def fitted(rows: Rows, lever: Array | None) -> Fit:
+def fitted(rows: SentFields, lever: Array | None) -> Fit:
     """Offset, scale, soft iron and motors without a heading.
 
     With u = m - offset - throttle * motor and E = [[a, b, 0], [b, -a, 0], [0, 0, 0]], two residuals
@@ -393,7 +397,7 @@ def fitted(rows: Rows, lever: Array | None) -> Fit:
     return Fit(x, covariance, lever is not None, before_ut, after_ut)
 
 
-def _residuals(rows: Rows, x: Array, lever: Array | None) -> tuple[Array, Array]:
+def _residuals(rows: SentFields, x: Array, lever: Array | None) -> tuple[Array, Array]:
     """(2 N,) residuals, microtesla, and their (2 N, 9) derivatives."""
     throttle = np.zeros((len(rows.t_s), 1)) if lever is None else lever[:, None]
     mixed = np.array([[1.0 + x[4], x[5], 0.0], [x[5], 1.0 - x[4], 0.0], [0.0, 0.0, 1.0]])
@@ -434,7 +438,7 @@ def _balanced(heading_rad: Array) -> Array:
     return weights
 
 
-def _lever(rows: Rows) -> Array | None:
+def _lever(rows: SentFields) -> Array | None:
     """Throttle of each row, if it changed enough in flight."""
     known = np.isfinite(rows.throttle)
     if not known.all() or not rows.flying.all():
@@ -445,7 +449,7 @@ def _lever(rows: Rows) -> Array | None:
 
 
 def _constant(
-    compass: int, rows: Rows, fit: Fit, context: Context, *, is_raw: bool
+    compass: int, rows: SentFields, fit: Fit, context: Context, *, is_raw: bool
 ) -> list[Finding]:
     """Hard iron, soft iron and scale throughout the flight."""
     if fit.after_ut > BETTER * fit.before_ut or not _has_turned(rows):
@@ -486,7 +490,7 @@ def _constant(
     return found
 
 
-def _has_turned(rows: Rows) -> bool:
+def _has_turned(rows: SentFields) -> bool:
     """Whether enough headings were flown to separate fields fixed to the body."""
     counts = np.bincount(_sector(rows.heading_rad), minlength=SECTORS)
     return bool(np.count_nonzero(counts > LEAST_SHARE * counts.sum()) >= FEWEST_SECTORS)
@@ -515,7 +519,7 @@ def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -
     return f"add ({-x:+.0f}, {-y:+.0f}, {-z:+.0f}) to ArduPilot's COMPASS_OFS, or calibrate anew"
 
 
-def _motors(compass: int, rows: Rows, fit: Fit, *, is_current: bool) -> list[Finding]:
+def _motors(compass: int, rows: SentFields, fit: Fit, *, is_current: bool) -> list[Finding]:
     """The effect of throttle, or current, on the field."""
     if not fit.has_motor or not fit.is_sure(6, 9):
         return []
@@ -545,7 +549,7 @@ def _motors(compass: int, rows: Rows, fit: Fit, *, is_current: bool) -> list[Fin
     ]
 
 
-def _sectors(compass: int, rows: Rows, fit: Fit | None) -> CompassFit:
+def _sectors(compass: int, rows: SentFields, fit: Fit | None) -> CompassFit:
     """Residuals per heading and per throttle, for pictures."""
     own = rows.m_b_ut - rows.earth_b_ut
     rest = own if fit is None else fit.undone(rows) - rows.earth_b_ut

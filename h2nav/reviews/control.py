@@ -28,7 +28,7 @@ BEFORE_S = 10.0
 WITHOUT_ATTITUDE = ("ACRO", "FLIP", "MANUAL", "RATTITUDE", "THROW", "STAB_ACRO")
 
 
-class Errors(NamedTuple):
+class ControlErrors(NamedTuple):
     """Attitude minus demand.
 
     Attributes:
@@ -70,7 +70,7 @@ def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list
     return found
 
 
-def control_errors(bins: Bins, context: Context) -> Errors | None:
+def control_errors(bins: Bins, context: Context) -> ControlErrors | None:
     """Attitude minus demand on a grid of time; None if either was not recorded."""
     if context.demand is None or not context.attitudes or len(context.demand.t_s) < 2:
         return None
@@ -87,7 +87,7 @@ def control_errors(bins: Bins, context: Context) -> Errors | None:
     demand = np.stack([np.interp(t_s, asked.t_s, asked.values[:, i]) for i in range(2)], axis=1)
     up, asked_up = _vertical(angles[:, 0], angles[:, 1]), _vertical(demand[:, 0], demand[:, 1])
     size = np.arccos(np.clip((up * asked_up).sum(axis=1), -1.0, 1.0))
-    return Errors(
+    return ControlErrors(
         t_s,
         angles[:, 0],
         angles[:, 1],
@@ -121,7 +121,7 @@ def _flies(bins: Bins, context: Context, t_s: Array) -> Mask:
     return flies
 
 
-def _before(errors: Errors, bins: Bins, impact: Impact) -> Finding | None:
+def _before(errors: ControlErrors, bins: Bins, impact: Impact) -> Finding | None:
     """The last time before an impact that the attitude left its demand for good."""
     off = errors.size_rad > LEFT_RAD
     rate = np.interp(errors.t_s, bins.t_s, bins.peak_rad_s)
@@ -148,7 +148,7 @@ def _turning_since(off: Mask, rate: Array) -> Mask:
     return found
 
 
-def _alone(errors: Errors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
+def _alone(errors: ControlErrors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
     """Attitudes that went far from their demand and stayed there, wherever it ended.
 
     An estimator that tumbles by itself also leaves the demand, so the vehicle must turn.
@@ -164,7 +164,7 @@ def _alone(errors: Errors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
     return found[:1]
 
 
-def _finding(errors: Errors, first: int, last: int) -> Finding:
+def _finding(errors: ControlErrors, first: int, last: int) -> Finding:
     # A third of a second later the direction is clear.
     shown = min(first + 3, last)
     parts = [

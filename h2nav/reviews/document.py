@@ -17,7 +17,7 @@ from h2nav.reviews.chain import chain
 from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.parameters import in_order
-from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, Timing
+from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, TimingTrack
 from h2nav.reviews.verdict import verdict
 
 FORMAT = 1
@@ -225,7 +225,7 @@ def _imus(analysis: Analysis) -> list[dict[str, object]]:
     return found
 
 
-def _timing(one: Timing) -> dict[str, object]:
+def _timing(one: TimingTrack) -> dict[str, object]:
     return {
         "message": one.source,
         "rate_hz": _median(one.rate_hz),

@@ -14,7 +14,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, GRAVITY_M_S2
-from h2nav.recordings.context import Array, Context, Fault, ImuTrack, Span
+from h2nav.recordings.context import Array, Context, ImuTrack, ReportedFault, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
 
@@ -460,7 +460,7 @@ def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> l
     ]
 
 
-def _is_check(fault: Fault) -> bool:
+def _is_check(fault: ReportedFault) -> bool:
     return fault.subsystem == "crash_check" and fault.code > 0
 
 

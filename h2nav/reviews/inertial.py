@@ -171,7 +171,7 @@ def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
     return found
 
 
-class Velocity(NamedTuple):
+class VelocityTrack(NamedTuple):
     """The integral of the acceleration, whose constant is unknown.
 
     Attributes:
@@ -211,7 +211,7 @@ def interpolated(at_s: Array, t_s: Array, values: Array) -> Array:
     return found
 
 
-def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
+def inertial_velocity(track: ImuTrack, q_nb: Array) -> VelocityTrack:
     """Integrates the specific force, rotated by the attitude, plus gravity.
 
     Args:
@@ -226,7 +226,7 @@ def inertial_velocity(track: ImuTrack, q_nb: Array) -> Velocity:
     acceleration[1:] = 0.5 * (acceleration[1:] + acceleration[:-1])
     unknown_s = np.cumsum(np.where(is_known, gap - dt, gap))
     v_n = np.cumsum(acceleration * dt[:, None], axis=0)
-    return Velocity(track.t_s, np.column_stack((v_n, unknown_s, noise(track.f_b, dt))))
+    return VelocityTrack(track.t_s, np.column_stack((v_n, unknown_s, noise(track.f_b, dt))))
 
 
 def noise(values: Array, dt_s: Array) -> Array:

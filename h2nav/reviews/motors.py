@@ -37,7 +37,7 @@ FUNCTION = re.compile(r"SERVO\d+_FUNCTION|PWM_(MAIN|AUX)_FUNC\d+")
 MOTOR_FUNCTIONS = {*range(33, 41), *range(82, 86), *range(101, 113)}
 
 
-class Outputs(NamedTuple):
+class MotorOutputs(NamedTuple):
     """The motors' outputs at the times of bins.
 
     Attributes:
@@ -71,18 +71,18 @@ def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[
     return [*failed, *_uneven(sound, motors), *_saturated(outputs, motors, failed, impacts)]
 
 
-def _outputs(bins: Bins, motors: Motors, context: Context, impacts: list[Impact]) -> Outputs:
+def _outputs(bins: Bins, motors: Motors, context: Context, impacts: list[Impact]) -> MotorOutputs:
     columns = np.nan_to_num(motors.pwm_us).T
     pwm_us = np.stack([np.interp(bins.t_s, motors.t_s, column) for column in columns], axis=1)
     columns = np.nan_to_num(motors.share()).T
     share = np.stack([np.interp(bins.t_s, motors.t_s, column) for column in columns], axis=1)
-    return Outputs(bins, pwm_us, share, in_flight(bins, context, impacts))
+    return MotorOutputs(bins, pwm_us, share, in_flight(bins, context, impacts))
 
 
 # --- one that works harder --------------------------------------------------------------------
 
 
-def _uneven(outputs: Outputs, motors: Motors) -> list[Finding]:
+def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     """Differences between motors with wind and motion removed."""
     bins = outputs.bins
     tilt = np.arccos(np.clip(-bins.f_b[:, 2] / np.linalg.norm(bins.f_b, axis=1), -1.0, 1.0))
@@ -140,7 +140,7 @@ def _uneven(outputs: Outputs, motors: Motors) -> list[Finding]:
 
 
 def _saturated(
-    outputs: Outputs, motors: Motors, failed: list[Finding], impacts: list[Impact]
+    outputs: MotorOutputs, motors: Motors, failed: list[Finding], impacts: list[Impact]
 ) -> list[Finding]:
     """Motors at full output for long, or shortly before a crash."""
     known = {finding.sensor.number for finding in failed}
@@ -174,7 +174,7 @@ def _groups(pieces: list[tuple[int, int]], t_s: Array) -> list[list[tuple[int, i
 
 
 def _at_limit(
-    outputs: Outputs, number: int, pieces: list[tuple[int, int]], longest: float
+    outputs: MotorOutputs, number: int, pieces: list[tuple[int, int]], longest: float
 ) -> Finding:
     t_s, driven = outputs.bins.t_s, outputs.bins.driven
     total = float(sum(t_s[last] - t_s[first] + BIN_S for first, last in pieces))
@@ -197,7 +197,7 @@ def _at_limit(
 # --- one that gives no thrust -----------------------------------------------------------------
 
 
-def _failed(outputs: Outputs, motors: Motors, context: Context) -> list[Finding]:
+def _failed(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Finding]:
     """Motors switched off by a setting, reported by the autopilot, or driven in vain."""
     found = [
         finding
@@ -209,7 +209,7 @@ def _failed(outputs: Outputs, motors: Motors, context: Context) -> list[Finding]
     return found or _in_vain(outputs, motors)
 
 
-def _switched_off(change: ChangedSetting, outputs: Outputs) -> Finding | None:
+def _switched_off(change: ChangedSetting, outputs: MotorOutputs) -> Finding | None:
     """A motor's output that was assigned to another function in flight."""
     if not FUNCTION.fullmatch(change.name) or int(change.before) not in MOTOR_FUNCTIONS:
         return None
@@ -231,7 +231,7 @@ def _motor_of(function: int) -> int:
     return function - first + 1
 
 
-def _reported(context: Context, outputs: Outputs) -> list[Finding]:
+def _reported(context: Context, outputs: MotorOutputs) -> list[Finding]:
     """ArduPilot's check for a motor at full thrust while the vehicle sinks."""
     for said in context.said:
         known = THRUST_LOSS.search(said.text)
@@ -243,7 +243,7 @@ def _reported(context: Context, outputs: Outputs) -> list[Finding]:
     return []
 
 
-def _in_vain(outputs: Outputs, motors: Motors) -> list[Finding]:
+def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     """One motor receives full output, yet the vehicle turns and its force falls."""
     bins, share = outputs.bins, outputs.share
     count = len(motors.numbers)

@@ -14,7 +14,7 @@ from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import (
     Attitudes,
     Mask,
-    Velocity,
+    VelocityTrack,
     inertial_velocity,
     runs,
     thinned,
@@ -141,7 +141,9 @@ def moves_of(gps: GpsTrack) -> Moves:
     )
 
 
-def _change(t_s: Array, v_n: Array, velocity: Velocity, length_s: float, lag_s: float) -> Array:
+def _change(
+    t_s: Array, v_n: Array, velocity: VelocityTrack, length_s: float, lag_s: float
+) -> Array:
     """(N, 3) change of velocity over the window that ends with each fix, receiver minus inertial.
 
     NaN where no fix is near the window's beginning.
@@ -156,7 +158,7 @@ def _change(t_s: Array, v_n: Array, velocity: Velocity, length_s: float, lag_s: 
     return change
 
 
-def _lag(moves: Moves, velocity: Velocity) -> float:
+def _lag(moves: Moves, velocity: VelocityTrack) -> float:
     """Delay of the receiver's velocity, s; NaN if the motion does not show it."""
     if len(moves.t_s) > MOST_LAG_FIXES:
         # For a long flight, a part from its middle suffices.
@@ -187,7 +189,7 @@ def _lag(moves: Moves, velocity: Velocity) -> float:
     return float(lags[place] + 0.5 * LAG_STEP_S * (left - right) / bend)
 
 
-def _cost(moves: Moves, velocity: Velocity, lags: Array) -> tuple[Array | None, float]:
+def _cost(moves: Moves, velocity: VelocityTrack, lags: Array) -> tuple[Array | None, float]:
     """(L,) mean squares of the residuals at each lag, over the same windows, and their seconds."""
     changes = np.array(
         [_change(moves.t_s, moves.v_n, velocity, LAG_WINDOW_S, lag)[:, moves.axes] for lag in lags]
@@ -240,7 +242,7 @@ def _told_lag(
     ]
 
 
-def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
+def _by_jitter(moves: Moves, velocity: VelocityTrack, lag_s: float) -> Array:
     """(N,) velocity error from the uncertain times of the fixes, m/s."""
     half_s = min(0.5 * float(np.median(np.diff(moves.t_s))), LARGEST_JITTER_S)
     at_s = moves.t_s - lag_s
@@ -255,7 +257,7 @@ def _by_jitter(moves: Moves, velocity: Velocity, lag_s: float) -> Array:
 def _contradictions(
     sensor: Sensor,
     moves: Moves,
-    velocity: Velocity,
+    velocity: VelocityTrack,
     slow: Array,
     context: Context,
     lag_s: float,

@@ -14,7 +14,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, Burst, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, within
-from h2nav.reviews.tracks import Peak, Spectrum, Vibration
+from h2nav.reviews.tracks import Peak, Spectrum, Vibrations
 
 MOST_BINS = 256
 MOST_COLUMNS = 300
@@ -290,7 +290,7 @@ def _notch(spectrum: Spectrum, strong: list[Peak]) -> str:
 
 def look_at_vibration(
     track: ImuTrack, armed: tuple[Span, ...], *, is_told: bool
-) -> tuple[Vibration, list[Finding]]:
+) -> tuple[Vibrations, list[Finding]]:
     """The level of one accelerometer, and its clipped samples.
 
     Args:
@@ -308,7 +308,7 @@ def look_at_vibration(
     if count > MOST_CLIPPED:
         found.append(_clipped(track, clipped & flying, count))
     place = np.linspace(0, max(len(t_s) - 1, 0), min(LEVELS, len(t_s))).astype(np.intp)
-    shown = Vibration(track.imu, t_s[place], level[place], VIBE_LIMIT_M_S2, int(clipped.sum()))
+    shown = Vibrations(track.imu, t_s[place], level[place], VIBE_LIMIT_M_S2, int(clipped.sum()))
     return shown, found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, runs, within
-from h2nav.reviews.tracks import Timing
+from h2nav.reviews.tracks import TimingTrack
 
 MOST_COLUMNS = 1000
 FEWEST = 100
@@ -84,7 +84,7 @@ def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
 
 def look_at_timing(
     track: ImuTrack, armed: tuple[Span, ...], paused: tuple[Span, ...] = ()
-) -> tuple[Timing, list[Finding]]:
+) -> tuple[TimingTrack, list[Finding]]:
     """Analyses rate, gaps and lateness of one IMU.
 
     Args:
@@ -107,9 +107,9 @@ def look_at_timing(
     return timing, found
 
 
-def _empty(track: ImuTrack) -> Timing:
+def _empty(track: ImuTrack) -> TimingTrack:
     nothing = np.zeros(0)
-    return Timing(track.imu, track.source, nothing, nothing, nothing, nothing)
+    return TimingTrack(track.imu, track.source, nothing, nothing, nothing, nothing)
 
 
 def _stamps(track: ImuTrack) -> Array:
@@ -183,7 +183,7 @@ def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
     return late, -slope * 1e6
 
 
-def _columns(track: ImuTrack, stamp_s: Array, late_s: Array | None) -> Timing:
+def _columns(track: ImuTrack, stamp_s: Array, late_s: Array | None) -> TimingTrack:
     t_s = track.t_s
     count = int(np.clip((t_s[-1] - t_s[0]) / 0.5, 1, MOST_COLUMNS))
     edges = np.linspace(t_s[0], t_s[-1], count + 1)
@@ -193,7 +193,7 @@ def _columns(track: ImuTrack, stamp_s: Array, late_s: Array | None) -> Timing:
     longest = _largest(steps, place)
     lateness = np.full(count, np.nan) if late_s is None else _largest(late_s, place)
     centres = 0.5 * (edges[1:] + edges[:-1])
-    return Timing(track.imu, track.source, centres, rate, longest, lateness)
+    return TimingTrack(track.imu, track.source, centres, rate, longest, lateness)
 
 
 def _largest(values: Array, place: np.ndarray) -> Array:

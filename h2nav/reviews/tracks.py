@@ -55,7 +55,7 @@ class Spectrum(NamedTuple):
     levels: NDArray[np.float32]
 
 
-class Vibration(NamedTuple):
+class Vibrations(NamedTuple):
     """Vibration of one accelerometer as ArduPilot's VIBE messages define it.
 
     Attributes:
@@ -73,7 +73,7 @@ class Vibration(NamedTuple):
     clipped: int
 
 
-class Field(NamedTuple):
+class FieldTrack(NamedTuple):
     """The field of one compass and the World Magnetic Model; at most 2000 points.
 
     Attributes:
@@ -146,7 +146,7 @@ class Bias(NamedTuple):
     force_limit: float
 
 
-class Timing(NamedTuple):
+class TimingTrack(NamedTuple):
     """Samples of one IMU over time; at most 1000 columns.
 
     Attributes:

@@ -102,7 +102,7 @@ PHRASES: dict[Kind, str] = {
 }
 
 
-class Verdict(NamedTuple):
+class FlightVerdict(NamedTuple):
     """The verdict and its basis.
 
     Attributes:
@@ -116,7 +116,7 @@ class Verdict(NamedTuple):
     missing: tuple[str, ...]
 
 
-def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
+def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     """Composes the verdict on a flight.
 
     Args:
@@ -136,7 +136,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> Verdict:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
         text = _flown(of_vehicle, _ending(flight.context), looked, missing)
-    return Verdict(text, looked, missing)
+    return FlightVerdict(text, looked, missing)
 
 
 # --- a crash ------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import EarthField, ImuSample
 from h2nav.integrity.findings import Severity
-from h2nav.integrity.preflight import Fault, Item, Preflight, Verdict
+from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item, Preflight
 from h2nav.service.effects import Effect
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Tell
@@ -34,12 +34,12 @@ class BeforeArming:
         self._since_ns: dict[tuple[Item, str], int] = {}
         self._looked_ns = 0
         self._is_armed = False
-        self.verdict = Verdict()
+        self.verdict = GroundVerdict()
         self._sound_ns: int | None = None
         self._is_sound = False
 
     @property
-    def faults(self) -> Sequence[Fault]:
+    def faults(self) -> Sequence[GroundFault]:
         """What has been wrong for some seconds; none while armed."""
         return self.verdict.faults
 
@@ -53,7 +53,7 @@ class BeforeArming:
         """Another autopilot, another epoch: what was seen says nothing of it."""
         self._preflight.restart()
         self._since_ns.clear()
-        self.verdict = Verdict()
+        self.verdict = GroundVerdict()
         self._sound_ns, self._is_sound = None, False
 
     def on_sample(self, imu: int, t_ns: int, sample: ImuSample) -> None:
@@ -96,7 +96,7 @@ class BeforeArming:
         now = {(fault.item, fault.sensor): fault for fault in faults}
         self._since_ns = {key: self._since_ns.get(key, t_ns) for key in now}
         lasting = [f for key, f in now.items() if t_ns - self._since_ns[key] >= LASTS_NS]
-        self.verdict = Verdict(tuple(lasting), judged)
+        self.verdict = GroundVerdict(tuple(lasting), judged)
         # A fault that has just begun is no fault yet, and no soundness either.
         if now or Item.ACCELEROMETER not in judged:
             self._sound_ns = None

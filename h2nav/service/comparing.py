@@ -6,7 +6,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
-from h2nav.integrity.witness import Comparison, Source, Witness
+from h2nav.integrity.witness import AttitudeSource, Comparison, Witness
 from h2nav.maths.quaternion import Quat
 from h2nav.service.effects import Effect, Record
 from h2nav.service.limits import SECOND_NS, RateLimit
@@ -24,7 +24,7 @@ AHRS2_SHARE = 0.5
 STALE_NS = 2 * SECOND_NS
 
 
-class Told(NamedTuple):
+class LatestReport(NamedTuple):
     """An attitude of the autopilot.
 
     Attributes:
@@ -34,7 +34,7 @@ class Told(NamedTuple):
     """
 
     t_ns: int
-    source: Source
+    source: AttitudeSource
     q_nb: Quat
 
 
@@ -58,7 +58,7 @@ class Comparing:
 
     def __init__(self) -> None:
         self.witness = Witness()
-        self._told: dict[Source, Told] = {}
+        self._told: dict[AttitudeSource, LatestReport] = {}
         self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
 
     def heeds(self, t_ns: int, message_id: int) -> bool:
@@ -74,9 +74,9 @@ class Comparing:
         found = self.witness.add(sample, estimate)
         return _records(found) if found else []
 
-    def told(self, t_ns: int) -> Told | None:
+    def told(self, t_ns: int) -> LatestReport | None:
         """The autopilot's newest attitude, of its main estimator if it can be; None if stale."""
-        for source in (Source.AUTOPILOT, Source.AHRS2):
+        for source in (AttitudeSource.AUTOPILOT, AttitudeSource.AHRS2):
             told = self._told.get(source)
             if told is not None and t_ns - told.t_ns <= STALE_NS:
                 return told
@@ -84,8 +84,8 @@ class Comparing:
 
     def on_report(self, t_ns: int, reported: ReportedAttitude) -> list[Effect]:
         """An attitude of the autopilot."""
-        source = Source.AHRS2 if reported.is_second else Source.AUTOPILOT
-        self._told[source] = Told(t_ns, source, reported.q_nb)
+        source = AttitudeSource.AHRS2 if reported.is_second else AttitudeSource.AUTOPILOT
+        self._told[source] = LatestReport(t_ns, source, reported.q_nb)
         return _records(self.witness.report(source, reported.time_ms, reported.q_nb))
 
 

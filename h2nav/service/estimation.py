@@ -28,10 +28,10 @@ from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.intake import Need
 from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
-from h2nav.service.lane_selection import CLEARLY, Cause, Condition, LaneSelection, Switch
+from h2nav.service.lane_selection import CLEARLY, Condition, LaneSelection, Switch, SwitchCause
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.records import LaneRecord
-from h2nav.service.sample_clock import Verdict
+from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.twins import Twins
@@ -45,7 +45,7 @@ EPOCH_NS = 10 * SECOND_NS
 APART_RAD = math.radians(2.0)
 
 
-class Outcome(NamedTuple):
+class SentSample(NamedTuple):
     """What resulted from an IMU reading.
 
     Attributes:
@@ -60,7 +60,7 @@ class Outcome(NamedTuple):
     sample: ImuSample | None = None
     estimate: AttitudeEstimate | None = None
     unled: AttitudeEstimate | None = None
-    event: Verdict | None = None
+    event: TimeVerdict | None = None
     switched: str = ""
 
 
@@ -224,7 +224,7 @@ class Estimation:
         self._takers = [taker for taker in needs if taker[1]]
         return bool(self._takers)
 
-    def take(self, t_ns: int, message_id: int, reading: ImuReading) -> Outcome:
+    def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
         """Takes a reading of the bound autopilot that was considered just now."""
         steps: dict[int, Step] = {}
         if self._first_ns is None:
@@ -296,11 +296,11 @@ class Estimation:
         assert self._sent is not None
         return self._sent
 
-    def _sendable(self, t_ns: int, step: Step, switched: str) -> Outcome:
+    def _sendable(self, t_ns: int, step: Step, switched: str) -> SentSample:
         """What is sent of a step of the lane that is sent: its times only grow."""
         (sample, unled, of_step), lane = step, self._lane
         if sample is None:
-            return Outcome(switched=switched)
+            return SentSample(switched=switched)
         event = lane.pop_event()
         if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
             event = None if of_step is None else event
@@ -309,12 +309,12 @@ class Estimation:
             self._begin_epoch()
             self._first_ns = t_ns
         if self._newest is not None and sample.t_us <= self._newest[0]:
-            return Outcome(switched=switched)
+            return SentSample(switched=switched)
         self._newest = sample.t_us, t_ns
         self._has_sent |= unled is not None
         self.used += 1
         estimate = None if unled is None else lane.lead(unled)
-        return Outcome(sample, estimate, unled, event, switched)
+        return SentSample(sample, estimate, unled, event, switched)
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; tells of a change."""
@@ -394,12 +394,12 @@ class Estimation:
         reason = self._reason(before, self._lane, switch.cause)
         return f"{self._lane.sensor.name} instead of {before.imu + 1}: {reason}"
 
-    def _reason(self, before: Lane, lane: Lane, cause: Cause) -> str:
+    def _reason(self, before: Lane, lane: Lane, cause: SwitchCause) -> str:
         """Why another lane is sent, for people."""
-        if cause is Cause.BAD:
+        if cause is SwitchCause.BAD:
             return next((alarm.text for alarm in before.faults()), "sensor bad")
-        if cause is Cause.WORSE and self._is_by_compass(before, lane):
-            cause = Cause.COMPASS
+        if cause is SwitchCause.WORSE and self._is_by_compass(before, lane):
+            cause = SwitchCause.COMPASS
         return _REASONS[cause]
 
     def _is_by_compass(self, worse: Lane, lane: Lane) -> bool:
@@ -431,10 +431,10 @@ class Estimation:
 
 
 _REASONS = {
-    Cause.SILENT: "no samples",
-    Cause.WORSE: "its gyro or force is off",
-    Cause.NOISE: "it vibrates",
-    Cause.COMPASS: "its compass is off",
+    SwitchCause.SILENT: "no samples",
+    SwitchCause.WORSE: "its gyro or force is off",
+    SwitchCause.NOISE: "it vibrates",
+    SwitchCause.COMPASS: "its compass is off",
 }
 
 

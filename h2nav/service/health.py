@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
-class State(Enum):
+class ServiceState(Enum):
     """From the worst to the best; the value is its name in logs."""
 
     NO_LINK = "no_link"
@@ -19,12 +19,12 @@ class State(Enum):
 
 
 SYSTEM_STATUS = {
-    State.NO_LINK: mavlink.MAV_STATE_BOOT,
-    State.NO_AUTOPILOT: mavlink.MAV_STATE_BOOT,
-    State.NO_IMU: mavlink.MAV_STATE_STANDBY,
-    State.ALIGNING: mavlink.MAV_STATE_STANDBY,
-    State.DEGRADED: mavlink.MAV_STATE_CRITICAL,
-    State.ACTIVE: mavlink.MAV_STATE_ACTIVE,
+    ServiceState.NO_LINK: mavlink.MAV_STATE_BOOT,
+    ServiceState.NO_AUTOPILOT: mavlink.MAV_STATE_BOOT,
+    ServiceState.NO_IMU: mavlink.MAV_STATE_STANDBY,
+    ServiceState.ALIGNING: mavlink.MAV_STATE_STANDBY,
+    ServiceState.DEGRADED: mavlink.MAV_STATE_CRITICAL,
+    ServiceState.ACTIVE: mavlink.MAV_STATE_ACTIVE,
 }
 # An estimate older than this is no estimate.
 SILENT_IMU_NS = 500_000_000
@@ -77,7 +77,7 @@ class Signs(NamedTuple):
     granted_rate_hz: float | None
 
 
-class Verdict(NamedTuple):
+class StateVerdict(NamedTuple):
     """A state with its reason.
 
     Attributes:
@@ -86,7 +86,7 @@ class Verdict(NamedTuple):
         reason: for people; its figures may change while the cause stays.
     """
 
-    state: State
+    state: ServiceState
     cause: str = ""
     reason: str = ""
 
@@ -96,27 +96,31 @@ class Verdict(NamedTuple):
         return f"{self.state.value}: {self.reason}" if self.reason else self.state.value
 
 
-AT_START = Verdict(State.NO_LINK, LINK_DOWN, LINK_DOWN)
+AT_START = StateVerdict(ServiceState.NO_LINK, LINK_DOWN, LINK_DOWN)
 
 
-def judge(signs: Signs, t_ns: int) -> Verdict:
+def judge(signs: Signs, t_ns: int) -> StateVerdict:
     """The state at `t_ns`."""
     if signs.link_error is not None:
         reason = signs.link_error or LINK_DOWN
-        return Verdict(State.NO_LINK, reason, reason)
+        return StateVerdict(ServiceState.NO_LINK, reason, reason)
     if signs.stall_ns:
-        return Verdict(State.DEGRADED, "late", _late(max(signs.stall_ns, signs.late_ns)))
+        return StateVerdict(
+            ServiceState.DEGRADED, "late", _late(max(signs.stall_ns, signs.late_ns))
+        )
     if not signs.autopilot_known and signs.bytes_are_junk:
-        return Verdict(State.NO_AUTOPILOT, "junk", "bytes, no MAVLink: wrong baud rate?")
+        return StateVerdict(
+            ServiceState.NO_AUTOPILOT, "junk", "bytes, no MAVLink: wrong baud rate?"
+        )
     if not signs.autopilot_known:
-        return Verdict(State.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
+        return StateVerdict(ServiceState.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
-        return Verdict(State.NO_IMU, *signs.no_imu())
+        return StateVerdict(ServiceState.NO_IMU, *signs.no_imu())
     if signs.last_gap_ns is not None and signs.last_gap_ns > SILENT_IMU_NS:
         # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
-        return Verdict(State.NO_IMU, *signs.no_imu())
+        return StateVerdict(ServiceState.NO_IMU, *signs.no_imu())
     if not signs.has_estimate:
-        return Verdict(State.ALIGNING, "alignment", "finding the first attitude")
+        return StateVerdict(ServiceState.ALIGNING, "alignment", "finding the first attitude")
     objections = list(signs.objections)
     if signs.late_ns:
         objections.insert(0, Objection("late", _late(signs.late_ns)))
@@ -124,9 +128,9 @@ def judge(signs: Signs, t_ns: int) -> Verdict:
     if rate_hz is not None and granted_hz is not None and rate_hz < LOW_RATE_SHARE * granted_hz:
         objections.append(Objection("rate", f"IMU rate {rate_hz:.0f} of {granted_hz:.0f} Hz"))
     if not objections:
-        return Verdict(State.ACTIVE)
+        return StateVerdict(ServiceState.ACTIVE)
     causes, texts = zip(*objections, strict=True)
-    return Verdict(State.DEGRADED, "; ".join(causes), "; ".join(texts))
+    return StateVerdict(ServiceState.DEGRADED, "; ".join(causes), "; ".join(texts))
 
 
 def _late(late_ns: int) -> str:

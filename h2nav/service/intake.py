@@ -8,12 +8,12 @@ from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.limits import SECOND_NS
-from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.sample_clock import SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
 # Two clocks under one identity are an objection for so long.
 CONTESTED_NS = 5 * SECOND_NS
-NEW_EPOCHS = (Verdict.REBOOT, Verdict.NEW_EPOCH)
+NEW_EPOCHS = (TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH)
 
 
 class Need(IntEnum):
@@ -32,7 +32,7 @@ class Arrived(NamedTuple):
         sample: in the time of the lane; None where the reading cannot be used.
     """
 
-    verdict: Verdict | None = None
+    verdict: TimeVerdict | None = None
     sample: ImuSample | None = None
 
 
@@ -131,7 +131,7 @@ class Intake:
         self._note_contest(t_ns, verdict)
         if verdict in NEW_EPOCHS:
             self.restart()
-        elif verdict is not Verdict.NEXT:
+        elif verdict is not TimeVerdict.NEXT:
             return Arrived(verdict)
         self.newest_us, self._newest_ns = t_us, t_ns
         _, w_b, f_b, m_b_ut, clipped, _, _ = self._fields.choose(
@@ -153,12 +153,12 @@ class Intake:
             self._clock_of = message_id
         return self._clock
 
-    def _note_contest(self, t_ns: int, verdict: Verdict) -> None:
+    def _note_contest(self, t_ns: int, verdict: TimeVerdict) -> None:
         """Two senders speak where the first goes on; otherwise it was one, held up."""
         assert self._clock is not None
-        if verdict is Verdict.SECOND_SENDER:
+        if verdict is TimeVerdict.SECOND_SENDER:
             self._contested_line = self._clock.line
-        elif verdict is Verdict.NEXT or verdict in NEW_EPOCHS:
-            if verdict is Verdict.NEXT and self._contested_line == self._clock.line:
+        elif verdict is TimeVerdict.NEXT or verdict in NEW_EPOCHS:
+            if verdict is TimeVerdict.NEXT and self._contested_line == self._clock.line:
                 self._contested_ns = t_ns
             self._contested_line = None

@@ -28,10 +28,10 @@ from h2nav.service.lane_selection import Condition
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.own_bias import OwnBias
 from h2nav.service.range_end import RangeEnds
-from h2nav.service.sample_clock import Verdict
+from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
-from h2nav.service.trust import Trust
+from h2nav.service.trust import LaneTrust
 from h2nav.wire.imu import Ages, ImuMessage, ImuReading
 
 FilterFor = Callable[[Identity], AttitudeFilter]
@@ -55,7 +55,7 @@ class Step(NamedTuple):
 
     sample: ImuSample | None = None
     unled: AttitudeEstimate | None = None
-    event: Verdict | None = None
+    event: TimeVerdict | None = None
 
 
 NO_STEP = Step()
@@ -96,7 +96,7 @@ class Lane:
         self._wanted_hz = settings.imu_rate_hz
         lends = settings.imu_message == "auto"
         self._intake = Intake(messages, identity.autopilot, lends=lends)
-        self._trust = Trust(count)
+        self._trust = LaneTrust(count)
         self._bias = OwnBias()
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
         self._monitor = Monitor(self.sensor, speeds)
@@ -110,7 +110,7 @@ class Lane:
         self.newest: ImuSample | None = None
         self._unled: AttitudeEstimate | None = None
         self.rate_hz = 0.0
-        self._event: Verdict | None = None
+        self._event: TimeVerdict | None = None
         self.compass_is_wrong = False
         self.heading_is_wrong = False
         self._doubt_rad = 0.0
@@ -272,7 +272,7 @@ class Lane:
         """Readings come again after none of any lane had come."""
         self._resumed_ns = t_ns
 
-    def pop_event(self) -> Verdict | None:
+    def pop_event(self) -> TimeVerdict | None:
         """The new epoch that has not been reported; None where there is none."""
         event, self._event = self._event, None
         return event
@@ -355,7 +355,9 @@ class Lane:
         self._intake.restart()
         self._begin_epoch()
 
-    def _step(self, t_ns: int, sample: ImuSample, ages: Ages | None, event: Verdict | None) -> Step:
+    def _step(
+        self, t_ns: int, sample: ImuSample, ages: Ages | None, event: TimeVerdict | None
+    ) -> Step:
         self.newest = sample
         use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
         if use is Use.NONE:

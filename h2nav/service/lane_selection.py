@@ -21,7 +21,7 @@ NOISE_LASTING_NS = 1_000_000_000
 GOOD_FIELD = 0.5
 
 
-class Cause(Enum):
+class SwitchCause(Enum):
     """Why another lane is sent."""
 
     SILENT = "silent"
@@ -62,14 +62,14 @@ class Switch(NamedTuple):
     """
 
     lane: int
-    cause: Cause
+    cause: SwitchCause
 
 
 class LaneSelection:
     """Looks at all lanes again and again, and says when another one is better."""
 
     def __init__(self) -> None:
-        self._cause: Cause | None = None
+        self._cause: SwitchCause | None = None
         self._since_ns = 0
 
     def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
@@ -97,39 +97,39 @@ class LaneSelection:
         if t_ns - self._since_ns < _PATIENCE_NS[cause]:
             return None
         self._cause = None
-        if cause is Cause.COMPASS and not present.compass_is_wrong:
+        if cause is SwitchCause.COMPASS and not present.compass_is_wrong:
             others = {lane: found for lane, found in others.items() if _sees_north(found)}
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
-        if cause is Cause.NOISE:
+        if cause is SwitchCause.NOISE:
             others = {lane: found for lane, found in others.items() if _is_calmer(found, present)}
         return Switch(min(others, key=lambda lane: (others[lane].ratio, lane)), cause)
 
 
 _PATIENCE_NS = {
-    Cause.SILENT: SILENT_LASTING_NS,
-    Cause.BAD: 0,
-    Cause.WORSE: LASTING_NS,
-    Cause.NOISE: NOISE_LASTING_NS,
-    Cause.COMPASS: FIELD_LASTING_NS,
+    SwitchCause.SILENT: SILENT_LASTING_NS,
+    SwitchCause.BAD: 0,
+    SwitchCause.WORSE: LASTING_NS,
+    SwitchCause.NOISE: NOISE_LASTING_NS,
+    SwitchCause.COMPASS: FIELD_LASTING_NS,
 }
 
 
-def _cause(present: Condition, others: Mapping[int, Condition]) -> Cause | None:
+def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause | None:
     if not others:
         return None
     if math.isinf(present.ratio):
-        return Cause.BAD
+        return SwitchCause.BAD
     if present.is_silent:
-        return Cause.SILENT
+        return SwitchCause.SILENT
     if present.compass_is_wrong and not all(o.compass_is_wrong for o in others.values()):
-        return Cause.COMPASS
+        return SwitchCause.COMPASS
     best = min(found.ratio for found in others.values())
     if present.ratio > 1.0 and best < CLEARLY * present.ratio:
-        return Cause.WORSE
+        return SwitchCause.WORSE
     if present.is_shaken and any(_is_calmer(found, present) for found in others.values()):
-        return Cause.NOISE
+        return SwitchCause.NOISE
     if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
-        return Cause.COMPASS
+        return SwitchCause.COMPASS
     return None
 
 

@@ -11,7 +11,7 @@ from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect
 from h2nav.service.motion_output import OdometryOut
-from h2nav.service.motion_source import Source
+from h2nav.service.motion_source import MotionSource
 from h2nav.service.motion_twist import TwistMotion
 from h2nav.service.motion_wheels import WheelMotion
 from h2nav.service.notices import Tell
@@ -104,13 +104,13 @@ def motion_for(
     """
     motion, own_id = settings.motion, settings.output.component_id
     if motion.estimator == "twist":
-        source = Source(autopilot, own_id, motion.pose_component_id)
+        source = MotionSource(autopilot, own_id, motion.pose_component_id)
         out = OdometryOut(autopilot, outputs, "poses", tell)
         return TwistMotion(settings.twist, motion.pose_message, source, out, unix_offset_ns)
     if motion.estimator == "wheels":
         out = OdometryOut(autopilot, outputs, "wheel distances", tell)
         rate_hz = motion.wheel_distance_rate_hz
-        source = Source(autopilot, own_id)
+        source = MotionSource(autopilot, own_id)
         return WheelMotion(settings.odometry, rate_hz, source, out, unix_offset_ns)
     return NoMotion()
 

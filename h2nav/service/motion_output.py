@@ -7,7 +7,7 @@ from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record, Send
 from h2nav.service.motion_records import odometry_line
 from h2nav.service.notices import Tell
-from h2nav.service.outputs import Motion, Outputs
+from h2nav.service.outputs import Outputs, SentMotion
 
 # An estimate that rests on a measurement older than this is not sent.
 STALE_S = 2.0
@@ -66,7 +66,7 @@ class OdometryOut:
         self._put_ns = 0
         self.refusals = RefusalStreak(source, tell)
 
-    def put(self, t_ns: int, motion: Motion) -> list[Effect]:
+    def put(self, t_ns: int, motion: SentMotion) -> list[Effect]:
         """A fresh, finite estimate: sends and logs it where it is due."""
         effects: list[Effect] = []
         self._put_ns = t_ns
@@ -98,7 +98,7 @@ class OdometryOut:
         return self._tell(t_ns, Severity.WARNING, text)
 
 
-def is_finite(motion: Motion) -> bool:
+def is_finite(motion: SentMotion) -> bool:
     """Whether every number of an estimate is one."""
     record = motion.record
     values = (

@@ -7,7 +7,7 @@ from h2nav.maths import quaternion
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import OdometryRecord, PoseSample, TwistEstimate
 from h2nav.motion.wheel_odometry import WheelEstimate
-from h2nav.service.motion_source import Refusal
+from h2nav.service.motion_source import MotionRefusal
 
 
 class TwistRecord(NamedTuple):
@@ -110,7 +110,9 @@ class PoseRecord(NamedTuple):
     source_resets: int
 
 
-def pose_record(pose: PoseSample, verdict: PoseVerdict | Refusal, newest_us: int) -> PoseRecord:
+def pose_record(
+    pose: PoseSample, verdict: PoseVerdict | MotionRefusal, newest_us: int
+) -> PoseRecord:
     """Flattens a pose."""
     age_ms = (newest_us - pose.t_us) * 1e-3
     return PoseRecord(pose.t_us, verdict.value, age_ms, *pose.q_ob, *pose.p_o, pose.source_resets)

@@ -9,7 +9,7 @@ from h2nav.wire.motion import POSE_STRAY_TIME
 SILENT_NS = 5_000_000_000
 
 
-class Refusal(StrEnum):
+class MotionRefusal(StrEnum):
     """Why a pose that could be read does not reach the observer, besides its own verdicts."""
 
     OTHER_SOURCE = "pose_other_source"
@@ -17,7 +17,7 @@ class Refusal(StrEnum):
     STRAY_TIME = POSE_STRAY_TIME
 
 
-class Source:
+class MotionSource:
     """The one sender and message that is listened to: the first, until it has long been silent.
 
     Args:

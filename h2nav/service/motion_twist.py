@@ -17,8 +17,8 @@ from h2nav.service.effects import Effect, Record
 from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import pose_record, twist_record
-from h2nav.service.motion_source import Refusal, Source
-from h2nav.service.outputs import Motion
+from h2nav.service.motion_source import MotionRefusal, MotionSource
+from h2nav.service.outputs import SentMotion
 from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import POSE_OF_AUTOPILOT, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
@@ -53,7 +53,7 @@ class TwistMotion:
         self,
         settings: TwistObserverSettings,
         pose_message: str,
-        source: Source,
+        source: MotionSource,
         out: OdometryOut,
         unix_offset_ns: int,
     ) -> None:
@@ -87,7 +87,7 @@ class TwistMotion:
         if not isinstance(measured, PoseReading) or not self._source.is_of_vehicle(sender):
             return []
         if not self._source.may_be(t_ns, sender, message_id):
-            self._refused[Refusal.OTHER_SOURCE] += 1
+            self._refused[MotionRefusal.OTHER_SOURCE] += 1
             return []
         if self._source.heard(t_ns, sender, message_id):
             # Another camera has another origin.
@@ -104,7 +104,7 @@ class TwistMotion:
             self._refused[reason] += 1
             return []
         if not self._source.may_be(t_ns, sender, message_id):
-            self._refused[Refusal.OTHER_SOURCE] += 1
+            self._refused[MotionRefusal.OTHER_SOURCE] += 1
             return []
         return self._refuse(t_ns, reason)
 
@@ -124,7 +124,9 @@ class TwistMotion:
             self.latest = None
             return self._out.nothing(t_ns)
         quality = max(1, round(100.0 * (1.0 - max(0.0, twist.pose_age_s) / STALE_S)))
-        motion = Motion(odometry_records.of_twist(twist), mavlink.MAV_ESTIMATOR_TYPE_VIO, quality)
+        motion = SentMotion(
+            odometry_records.of_twist(twist), mavlink.MAV_ESTIMATOR_TYPE_VIO, quality
+        )
         if not is_finite(motion):
             self._refused["odometry_not_finite"] += 1
             self._observer.restart()
@@ -147,11 +149,11 @@ class TwistMotion:
 
     def _on_pose(self, t_ns: int, reading: PoseReading) -> list[Effect]:
         if self._newest_us is None:
-            self._refused[Refusal.BEFORE_ATTITUDE] += 1
+            self._refused[MotionRefusal.BEFORE_ATTITUDE] += 1
             return []
         t_us = self._clock.imu_time(t_ns, reading.usec)
         if t_us is None:
-            return self._refuse(t_ns, Refusal.STRAY_TIME.value)
+            return self._refuse(t_ns, MotionRefusal.STRAY_TIME.value)
         pose = PoseSample(t_us, *reading[1:])
         verdict = self._observer.use_pose(pose)
         effects: list[Effect] = []

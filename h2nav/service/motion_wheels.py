@@ -13,8 +13,8 @@ from h2nav.service.effects import Effect, Record
 from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import wheels_record
-from h2nav.service.motion_source import Source
-from h2nav.service.outputs import Motion
+from h2nav.service.motion_source import MotionSource
+from h2nav.service.outputs import SentMotion
 from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import WHEELS_STRAY_TIME, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
@@ -47,7 +47,7 @@ class WheelMotion:
         self,
         settings: OdometrySettings,
         rate_hz: float,
-        source: Source,
+        source: MotionSource,
         out: OdometryOut,
         unix_offset_ns: int,
     ) -> None:
@@ -93,7 +93,7 @@ class WheelMotion:
         self._out.refusals.good()
         if estimate is None:
             return []
-        motion = Motion(
+        motion = SentMotion(
             odometry_records.of_wheels(estimate),
             mavlink.MAV_ESTIMATOR_TYPE_UNKNOWN,
             UNKNOWN_QUALITY,

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.integrity.findings import Alarm, Kind, SensorKind
-from h2nav.integrity.preflight import Item, Verdict
+from h2nav.integrity.preflight import GroundVerdict, Item
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.witness import Comparison
 from h2nav.motion.samples import OdometryRecord
@@ -40,10 +40,10 @@ class Assessment(NamedTuple):
     ratios: InnovationRatios = InnovationRatios()
     alarms: tuple[Alarm, ...] = ()
     difference: Comparison | None = None
-    on_ground: Verdict = Verdict()
+    on_ground: GroundVerdict = GroundVerdict()
 
 
-class Motion(NamedTuple):
+class SentMotion(NamedTuple):
     """An estimate of motion with what ODOMETRY says of it.
 
     Attributes:
@@ -170,17 +170,17 @@ class Outputs:
                 settings.difference_rate_hz,
             ),
         }
-        self._odometry: _Output[Motion] = _Output(
+        self._odometry: _Output[SentMotion] = _Output(
             lambda motion: (motion.message,), odometry_rate_hz or 0.0
         )
-        self._outputs: dict[int, _Output[AttitudeEstimate] | _Output[Motion]] = {
+        self._outputs: dict[int, _Output[AttitudeEstimate] | _Output[SentMotion]] = {
             **self._attitudes,
             **self._assessments,
         }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self._latest: AttitudeEstimate | None = None
-        self._latest_motion: Motion | None = None
+        self._latest_motion: SentMotion | None = None
         # Between these nothing is due: most estimates are told by two comparisons.
         self._after_us = self._before_us = 0.0
         self.sent = 0
@@ -204,7 +204,7 @@ class Outputs:
                 due += output.make(estimate)
         return due
 
-    def due_odometry(self, motion: Motion) -> Messages:
+    def due_odometry(self, motion: SentMotion) -> Messages:
         """ODOMETRY of this estimate, where it is due."""
         self._latest_motion = motion
         return self._odometry.take(motion)

@@ -13,7 +13,7 @@ LEAST_SPAN_NS = 1_000_000_000
 ENOUGH = 0.8
 
 
-class Arrivals(NamedTuple):
+class ArrivalCount(NamedTuple):
     """What came in a stretch of time.
 
     Attributes:
@@ -75,15 +75,15 @@ class RateMeter:
         del self._snapshots[:old], self._times_ns[:old]
         return True
 
-    def since(self, message_id: int, t_ns: int) -> Arrivals:
+    def since(self, message_id: int, t_ns: int) -> ArrivalCount:
         """What came from host time `t_ns` to the latest look, within `LONGEST_SPAN_NS`."""
         if not self._snapshots:
-            return Arrivals(0, 0.0)
+            return ArrivalCount(0, 0.0)
         place = bisect_left(self._times_ns, t_ns)
         first = self._snapshots[min(place, len(self._snapshots) - 1)]
         last = self._snapshots[-1]
         messages = last.counts.get(message_id, 0) - first.counts.get(message_id, 0)
-        return Arrivals(messages, (last.t_ns - first.t_ns) * 1e-9)
+        return ArrivalCount(messages, (last.t_ns - first.t_ns) * 1e-9)
 
     def hz(self, message_id: int, span_ns: int = SPAN_NS) -> float | None:
         """The rate over the last `span_ns`; None in the first second after the first arrival."""

@@ -24,7 +24,7 @@ BOOT_LIMIT_US = 60_000_000
 UINT32 = 1 << 32
 
 
-class Verdict(Enum):
+class TimeVerdict(Enum):
     """What a raw sample time means."""
 
     NEXT = "next"
@@ -62,7 +62,7 @@ class SampleClock:
         self._confirmed = 0
         self.epoch = self.line = 0
 
-    def advance(self, t_ns: int, raw: int) -> tuple[Verdict, int]:
+    def advance(self, t_ns: int, raw: int) -> tuple[TimeVerdict, int]:
         """Judges one raw time.
 
         Args:
@@ -76,7 +76,7 @@ class SampleClock:
         raw_us = raw * self._unit_us
         if self._newest_us is None:
             self._wraps_us = 0
-            return Verdict.NEXT, self._accept(t_ns, raw_us)
+            return TimeVerdict.NEXT, self._accept(t_ns, raw_us)
         if self._wraps_us is None:
             # Another message's counter may be wider, and have wrapped less often than this one.
             missing_us = self._newest_us - raw_us
@@ -85,19 +85,19 @@ class SampleClock:
         step_us = t_us - self._newest_us
         if 0 < step_us <= MAX_GAP_US:
             if self._is_ahead(t_ns, step_us):
-                return self._try_candidate(t_ns, raw_us, Verdict.STRAY)
+                return self._try_candidate(t_ns, raw_us, TimeVerdict.STRAY)
             self._newest_us, self._newest_ns = t_us, t_ns
-            return Verdict.NEXT, t_us
+            return TimeVerdict.NEXT, t_us
         if step_us == 0:
-            return Verdict.DUPLICATE, t_us
+            return TimeVerdict.DUPLICATE, t_us
         if -LATE_US < step_us < 0:
             if self._is_alive(t_ns):
-                return Verdict.LATE, t_us
-            return self._try_candidate(t_ns, raw_us, Verdict.LATE)
+                return TimeVerdict.LATE, t_us
+            return self._try_candidate(t_ns, raw_us, TimeVerdict.LATE)
         if 0 < step_us + self._wrap_us <= MAX_GAP_US:
             self._wraps_us += self._wrap_us
-            return Verdict.NEXT, self._accept(t_ns, t_us + self._wrap_us)
-        return self._try_candidate(t_ns, raw_us, Verdict.STRAY)
+            return TimeVerdict.NEXT, self._accept(t_ns, t_us + self._wrap_us)
+        return self._try_candidate(t_ns, raw_us, TimeVerdict.STRAY)
 
     def _is_ahead(self, t_ns: int, step_us: int) -> bool:
         """Whether the stamp has run on by more than the time that passed since the newest one."""
@@ -112,7 +112,9 @@ class SampleClock:
         self._newest_us, self._newest_ns = t_us, t_ns
         return t_us
 
-    def _try_candidate(self, t_ns: int, raw_us: int, unconfirmed: Verdict) -> tuple[Verdict, int]:
+    def _try_candidate(
+        self, t_ns: int, raw_us: int, unconfirmed: TimeVerdict
+    ) -> tuple[TimeVerdict, int]:
         """A time of another line; its third sample in a row makes it the one to use."""
         assert self._newest_us is not None
         assert self._wraps_us is not None
@@ -127,14 +129,14 @@ class SampleClock:
         if self._confirmed < CONFIRMATIONS:
             return unconfirmed, raw_us
         if self._is_alive(t_ns):
-            return Verdict.SECOND_SENDER, raw_us
+            return TimeVerdict.SECOND_SENDER, raw_us
         self._candidate_us, self._confirmed = None, 0
         self.line += 1
         t_us = raw_us + self._wraps_us
         if 0 < t_us - self._newest_us <= MAX_GAP_US:
-            return Verdict.NEXT, self._accept(t_ns, t_us)
+            return TimeVerdict.NEXT, self._accept(t_ns, t_us)
         self._wraps_us = 0
         self.epoch += 1
         self._accept(t_ns, raw_us)
         rebooted = raw_us < BOOT_LIMIT_US
-        return (Verdict.REBOOT if rebooted else Verdict.NEW_EPOCH), raw_us
+        return (TimeVerdict.REBOOT if rebooted else TimeVerdict.NEW_EPOCH), raw_us

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Finding, Severity
-from h2nav.integrity.preflight import Verdict as GroundVerdict
+from h2nav.integrity.preflight import GroundVerdict
 from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
@@ -27,7 +27,7 @@ from h2nav.service.effects import Effect, Notice, Record, Send, Used
 from h2nav.service.estimation import Estimation
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.ground_stations import GroundStations
-from h2nav.service.health import SYSTEM_STATUS, Objection, Signs, State
+from h2nav.service.health import SYSTEM_STATUS, Objection, ServiceState, Signs
 from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
@@ -38,7 +38,7 @@ from h2nav.service.notices import Notices
 from h2nav.service.outputs import Assessment, Outputs
 from h2nav.service.parameter_request import ParameterRequest
 from h2nav.service.pulse import Pulse
-from h2nav.service.sample_clock import Verdict
+from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.standing import Standing
 from h2nav.service.status import status_record
@@ -521,12 +521,12 @@ class Service:
                 effects += self._notices.tell(t_ns, Severity.ERROR, text, f"units {quantity}")
         return effects
 
-    def _on_new_epoch(self, t_ns: int, event: Verdict) -> list[Effect]:
+    def _on_new_epoch(self, t_ns: int, event: TimeVerdict) -> list[Effect]:
         self._start_over()
         if self._streams is not None:
             self._streams.restart()
         self._parameter.restart()
-        rebooted = event is Verdict.REBOOT
+        rebooted = event is TimeVerdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.tell(t_ns, Severity.WARNING, text)
 
@@ -746,7 +746,7 @@ class Service:
         told = self._standing.tell(t_ns, is_starting=self._pulse.is_starting(t_ns))
         if not has_changed:
             return told
-        if self._standing.verdict.state not in (State.ACTIVE, State.DEGRADED):
+        if self._standing.verdict.state not in (ServiceState.ACTIVE, ServiceState.DEGRADED):
             self._outputs.forget()
         return [*told, Record("/health", self.health)]
 

@@ -3,10 +3,10 @@
 from h2nav.integrity.findings import Severity
 from h2nav.service import health
 from h2nav.service.effects import Effect
-from h2nav.service.health import Signs, State, Verdict
+from h2nav.service.health import ServiceState, Signs, StateVerdict
 from h2nav.service.notices import Notices
 
-GOOD = (State.ACTIVE, State.ALIGNING)
+GOOD = (ServiceState.ACTIVE, ServiceState.ALIGNING)
 
 
 class Standing:
@@ -25,14 +25,14 @@ class Standing:
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
         self._told = health.AT_START[:2]
-        self.verdict: Verdict = health.AT_START
+        self.verdict: StateVerdict = health.AT_START
         self.lasted_ns: dict[str, int] = {}
         self._judged_ns: int | None = None
 
     @property
     def is_active(self) -> bool:
         """All is well."""
-        return self.verdict.state is State.ACTIVE
+        return self.verdict.state is ServiceState.ACTIVE
 
     @property
     def complaint(self) -> list[tuple[Severity, str]]:
@@ -56,7 +56,7 @@ class Standing:
             is_starting: a lack of samples is not worth a report yet.
         """
         verdict = self.verdict
-        if verdict[:2] == self._told or (is_starting and verdict.state is State.NO_IMU):
+        if verdict[:2] == self._told or (is_starting and verdict.state is ServiceState.NO_IMU):
             return []
         change = f"{self._told} -> {verdict[:2]}"
         if not self._notices.may_tell(t_ns, change):

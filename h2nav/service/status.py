@@ -2,8 +2,8 @@
 
 import math
 
-from h2nav.service.comparing import Told
-from h2nav.service.health import Verdict
+from h2nav.service.comparing import LatestReport
+from h2nav.service.health import StateVerdict
 from h2nav.service.outputs import Assessment
 from h2nav.service.records import StatusRecord
 
@@ -12,10 +12,10 @@ NS_PER_MS = 1e6
 
 def status_record(
     t_ns: int,
-    verdict: Verdict,
+    verdict: StateVerdict,
     vehicle: str,
     sample_ns: int | None,
-    told: Told | None,
+    told: LatestReport | None,
     assessment: Assessment,
 ) -> StatusRecord:
     """The record of a moment.

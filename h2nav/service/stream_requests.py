@@ -22,7 +22,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.service.effects import Notice
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
-from h2nav.service.wished_stream import SHORTEST_LOOK_NS, Phase, Trouble, Wish, WishedStream
+from h2nav.service.wished_stream import SHORTEST_LOOK_NS, StreamPhase, Trouble, Wish, WishedStream
 from h2nav.wire import outbound
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.readers import message_name
@@ -127,7 +127,7 @@ class StreamRequests:
         if stream is None or self._refused_waiting:
             return
         self._unanswered = 0
-        if stream.phase is Phase.GIVEN_UP:
+        if stream.phase is StreamPhase.GIVEN_UP:
             self._waiting = None
             return
         if result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
@@ -173,7 +173,7 @@ class StreamRequests:
         if asked:
             self._blames_until_ns = t_ns + SPARED_NS
         needed = self._needed
-        if needed[0].phase is Phase.HELD and not any(stream.is_short for stream in needed):
+        if needed[0].phase is StreamPhase.HELD and not any(stream.is_short for stream in needed):
             self._complete_ns = t_ns
         elif t_ns - self._complete_ns >= SHORT_FOR_NS:
             for stream in asked:
@@ -231,7 +231,7 @@ class StreamRequests:
     def is_refused(self, message_id: int) -> bool:
         """Whether the autopilot refuses a wished message, its alternatives and lower rates, too."""
         return any(
-            stream.phase is Phase.REFUSED
+            stream.phase is StreamPhase.REFUSED
             for stream in self._streams
             if message_id in stream.candidates
         )
@@ -255,7 +255,7 @@ class StreamRequests:
         if not stream.wish.is_optional:
             return True
         needed = self._needed
-        comes = needed[0].phase is Phase.HELD and all(other.is_decided for other in needed)
+        comes = needed[0].phase is StreamPhase.HELD and all(other.is_decided for other in needed)
         return comes and self._unanswered == 0
 
     def _comes(self, stream: WishedStream) -> bool:
@@ -276,7 +276,7 @@ class StreamRequests:
                 self._tell(t_ns, stream, trouble)
         elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
             return True
-        elif stream.phase is not Phase.GIVEN_UP:
+        elif stream.phase is not StreamPhase.GIVEN_UP:
             self._unanswered += 1
             stream.unanswered(t_ns, at_once=self._unanswered <= UNANSWERED_BEFORE_FALLBACK)
         self._waiting = None

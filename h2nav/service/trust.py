@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from h2nav.service.health import Objection
 from h2nav.service.limits import SECOND_NS
-from h2nav.service.sample_clock import Verdict
+from h2nav.service.sample_clock import TimeVerdict
 
 # Why no sample comes, by what became of the readings of the last moments.
 REFUSAL_TEXTS = {
@@ -14,9 +14,9 @@ REFUSAL_TEXTS = {
     "rate_out_of_range": "the gyro's values are beyond any gyro's range",
     "force_out_of_range": "the accelerometer's values are beyond any accelerometer's range",
     "time_out_of_range": "the time stamps of the IMU messages are no times",
-    Verdict.DUPLICATE.value: "the time stamps of the IMU messages stand still",
-    Verdict.LATE.value: "the time stamps of the IMU messages run backwards",
-    Verdict.STRAY.value: "the time stamps of the IMU messages jump",
+    TimeVerdict.DUPLICATE.value: "the time stamps of the IMU messages stand still",
+    TimeVerdict.LATE.value: "the time stamps of the IMU messages run backwards",
+    TimeVerdict.STRAY.value: "the time stamps of the IMU messages jump",
 }
 RECENT_NS = SECOND_NS
 # A filter that was fed with bad samples for so long has no attitude of its own any more.
@@ -28,7 +28,7 @@ REFUSALS = 100
 REST_NS = 60 * SECOND_NS
 
 
-class Trust:
+class LaneTrust:
     """What is thought of one lane.
 
     Args:

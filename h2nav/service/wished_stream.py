@@ -13,7 +13,7 @@ by half.
 from enum import Enum
 from typing import NamedTuple
 
-from h2nav.service.rate_meter import Arrivals, RateMeter
+from h2nav.service.rate_meter import ArrivalCount, RateMeter
 
 SECOND_NS = 1_000_000_000
 # Arrivals were seen up to 157 ms late: a shorter look could miss a stream that comes.
@@ -52,7 +52,7 @@ class Wish(NamedTuple):
     is_optional: bool = False
 
 
-class Phase(Enum):
+class StreamPhase(Enum):
     """Where the negotiation stands."""
 
     LISTENING = "listening"
@@ -86,7 +86,7 @@ class WishedStream:
         self.wish = wish
         self.candidates = (wish.message_id, *wish.alternatives)
         self._settled = (0, wish.rate_hz)
-        self.phase = Phase.LISTENING
+        self.phase = StreamPhase.LISTENING
         self.since_ns: int | None = None
         self.due_ns = 0
         self.rate_hz = wish.rate_hz
@@ -103,7 +103,7 @@ class WishedStream:
 
     def restart(self) -> None:
         """Starts again; a rate that was settled on is still good if it comes by itself."""
-        self.phase = Phase.LISTENING
+        self.phase = StreamPhase.LISTENING
         self.since_ns = None
         self.due_ns = 0
         self._pause_ns = FIRST_PAUSE_NS
@@ -123,16 +123,16 @@ class WishedStream:
         """Compares what is wanted with what comes; to be called after each look of the meter."""
         if self.since_ns is None:
             self.since_ns = t_ns
-        if self.phase is Phase.LISTENING:
+        if self.phase is StreamPhase.LISTENING:
             self._listen(t_ns, meter)
-        elif self.phase is Phase.GRANTED:
+        elif self.phase is StreamPhase.GRANTED:
             return self._try_granted(t_ns, meter)
-        elif self.phase in (Phase.HELD, Phase.WANTING):
+        elif self.phase in (StreamPhase.HELD, StreamPhase.WANTING):
             self._watch(t_ns, meter)
-        elif self.phase is Phase.REFUSED and t_ns - self.since_ns >= REFUSED_REST_NS:
+        elif self.phase is StreamPhase.REFUSED and t_ns - self.since_ns >= REFUSED_REST_NS:
             self._take_candidate(0)
             self._want(t_ns, t_ns)
-        elif self.phase is Phase.GIVEN_UP and t_ns - self.since_ns >= REFUSED_REST_NS:
+        elif self.phase is StreamPhase.GIVEN_UP and t_ns - self.since_ns >= REFUSED_REST_NS:
             self.restart()
         return None
 
@@ -144,12 +144,15 @@ class WishedStream:
     @property
     def is_decided(self) -> bool:
         """It comes, or it has been found that it does not."""
-        return self.phase in (Phase.HELD, Phase.REFUSED) or self._misses >= TRIALS_BEFORE_CUT
+        return (
+            self.phase in (StreamPhase.HELD, StreamPhase.REFUSED)
+            or self._misses >= TRIALS_BEFORE_CUT
+        )
 
     @property
     def is_short(self) -> bool:
         """It was asked for and came, and it does not any more."""
-        return self.phase is not Phase.HELD and self._has_held
+        return self.phase is not StreamPhase.HELD and self._has_held
 
     def is_enough(self, first_hz: float) -> bool:
         """The rate is worth an optional stream beside a first one of `first_hz`."""
@@ -158,12 +161,12 @@ class WishedStream:
     @property
     def is_to_be_left(self) -> bool:
         """It was given up, and the autopilot still has to hear of it."""
-        return self.phase is Phase.GIVEN_UP and not self._is_untouched
+        return self.phase is StreamPhase.GIVEN_UP and not self._is_untouched
 
     def give_up(self, t_ns: int) -> None:
         """It is not wanted for a long rest; what was asked for is to have its former rate again."""
-        if self.phase not in (Phase.GIVEN_UP, Phase.REFUSED):
-            self.phase, self.since_ns = Phase.GIVEN_UP, t_ns
+        if self.phase not in (StreamPhase.GIVEN_UP, StreamPhase.REFUSED):
+            self.phase, self.since_ns = StreamPhase.GIVEN_UP, t_ns
 
     def left(self, t_ns: int) -> None:
         """Its former rate is being asked for."""
@@ -172,24 +175,24 @@ class WishedStream:
 
     def want_now(self, t_ns: int) -> None:
         """There is nothing to listen to."""
-        if self.phase is Phase.LISTENING:
+        if self.phase is StreamPhase.LISTENING:
             self._want(t_ns, t_ns)
 
     def is_due(self, t_ns: int) -> bool:
         """Whether it is to be asked for now."""
-        return self.phase is Phase.WANTING and t_ns >= self.due_ns
+        return self.phase is StreamPhase.WANTING and t_ns >= self.due_ns
 
     def asked(self, t_ns: int, most_hz: float) -> float:
         """It is being asked for; gives the rate, which is at most `most_hz` as far as possible."""
         self.rate_hz = max(min(self.rate_hz, most_hz), self._found_hz)
-        self.phase, self.since_ns = Phase.ASKED, t_ns
+        self.phase, self.since_ns = StreamPhase.ASKED, t_ns
         self._is_untouched = False
         self.due_ns = t_ns + self._pause_ns
         return self.rate_hz
 
     def granted(self, t_ns: int) -> Trouble | None:
         """The request was acknowledged, or was of a kind that is never acknowledged."""
-        self.phase, self.since_ns = Phase.GRANTED, t_ns
+        self.phase, self.since_ns = StreamPhase.GRANTED, t_ns
         return Trouble.LOWERED if self._is_lowered else None
 
     def unanswered(self, t_ns: int, at_once: bool) -> None:
@@ -220,7 +223,7 @@ class WishedStream:
         if self._take_next_candidate(t_ns):
             return None
         self.rate_hz = self.wish.rate_hz
-        self.phase, self.since_ns = Phase.REFUSED, t_ns
+        self.phase, self.since_ns = StreamPhase.REFUSED, t_ns
         return Trouble.REFUSED
 
     # --- judging ------------------------------------------------------------------------------
@@ -249,9 +252,9 @@ class WishedStream:
         if reached and self._is_untouched:
             usual = meter.since(self.message_id, t_ns - LONGEST_SPAN_NS)
             self._found_hz = max(self._found_hz, usual.hz)
-        if reached and self.phase is Phase.WANTING:
+        if reached and self.phase is StreamPhase.WANTING:
             self._hold(t_ns, self.rate_hz)
-        elif not reached and self.phase is Phase.HELD:
+        elif not reached and self.phase is StreamPhase.HELD:
             assert self.since_ns is not None
             was_steady = t_ns - self.since_ns >= LAST_PAUSE_NS
             self._want(t_ns, max(t_ns, self._next_turn_ns()))
@@ -268,7 +271,7 @@ class WishedStream:
             return None
         return self._miss(t_ns, arrivals)
 
-    def _miss(self, t_ns: int, arrivals: Arrivals) -> Trouble | None:
+    def _miss(self, t_ns: int, arrivals: ArrivalCount) -> Trouble | None:
         """A granted rate was not reached."""
         self._misses += 1
         self._measured_hz = arrivals.hz
@@ -323,10 +326,10 @@ class WishedStream:
         return True
 
     def _want(self, t_ns: int, due_ns: int) -> None:
-        self.phase, self.since_ns, self.due_ns = Phase.WANTING, t_ns, due_ns
+        self.phase, self.since_ns, self.due_ns = StreamPhase.WANTING, t_ns, due_ns
 
     def _hold(self, t_ns: int, rate_hz: float) -> None:
-        self.phase, self.since_ns = Phase.HELD, t_ns
+        self.phase, self.since_ns = StreamPhase.HELD, t_ns
         self.rate_hz = rate_hz
         self._misses = 0
         self._has_held = not self._is_untouched
@@ -343,7 +346,7 @@ class WishedStream:
         wanted_ns = round(MESSAGES_TO_JUDGE / self.rate_hz * SECOND_NS)
         return min(max(wanted_ns, SHORTEST_SPAN_NS), LONGEST_SPAN_NS)
 
-    def _recent(self, t_ns: int, meter: RateMeter) -> Arrivals | None:
+    def _recent(self, t_ns: int, meter: RateMeter) -> ArrivalCount | None:
         """What came recently; None before it is known."""
         span_ns = self._span_ns()
         recent = meter.since(self.message_id, t_ns - span_ns)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from h2nav.sim import jets
 from h2nav.sim.jets import Jet
-from h2nav.sim.rigid_motion import EulerAngles, Motion, Path, from_angles
+from h2nav.sim.rigid_motion import EulerAngles, Path, RigidMotion, from_angles
 
 TRACK_M = 0.4
 START_S = 2.0
@@ -49,7 +49,7 @@ def _after(start: _Start, arc: Arc, share: float) -> _Start:
     )
 
 
-class Drive:
+class SimulatedDrive:
     """A sequence of arcs from the origin, after `START_S` of rest; holds its end.
 
     Args:
@@ -64,7 +64,7 @@ class Drive:
             start = _after(start, arc, 1.0)
         self.duration_s = start.t_s
 
-    def motion(self, t_s: float) -> Motion:
+    def motion(self, t_s: float) -> RigidMotion:
         """The truth."""
         start, arc = self._piece(t_s)
         share = jets.step(t_s, start.t_s, arc.length_s)
@@ -95,10 +95,10 @@ class Drive:
         return found
 
 
-HALF_CIRCLE = Drive([Arc(6.0, 2.0 * math.pi, math.pi)])
-FIGURE_EIGHT = Drive(
+HALF_CIRCLE = SimulatedDrive([Arc(6.0, 2.0 * math.pi, math.pi)])
+FIGURE_EIGHT = SimulatedDrive(
     [Arc(10.0, 4.0 * math.pi, 2.0 * math.pi), Arc(10.0, 4.0 * math.pi, -2.0 * math.pi)]
 )
-SQUARE = Drive([Arc(4.0, 4.0), Arc(2.0, 0.0, 0.5 * math.pi)] * 4)
+SQUARE = SimulatedDrive([Arc(4.0, 4.0), Arc(2.0, 0.0, 0.5 * math.pi)] * 4)
 
 WheelsAt = Callable[[float], tuple[float, float]]

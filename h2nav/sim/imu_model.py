@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from h2nav.attitude.samples import EarthField, ImuSample, Quat, Vec3
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG, GRAVITY_M_S2
-from h2nav.sim.rigid_motion import Motion, mean_rate, specific_force
+from h2nav.sim.rigid_motion import RigidMotion, mean_rate, specific_force
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ class Disturbance(NamedTuple):
 CALM = Disturbance()
 
 
-class Readings(NamedTuple):
+class SensorReadings(NamedTuple):
     """Readings of ideal sensors over a whole flight: arrays with one row per sample.
 
     Attributes:
@@ -132,7 +132,7 @@ class Readings(NamedTuple):
 
 
 class ImuBatch(NamedTuple):
-    """Readings of real sensors over a whole flight; shapes and units as in `Readings`.
+    """Readings of real sensors over a whole flight; shapes and units as in `SensorReadings`.
 
     Attributes:
         gyro_bias: (N, 3) the true bias in each sample, rad/s.
@@ -158,11 +158,11 @@ def field_vector(field: EarthField) -> Vec3:
 
 
 def readings(
-    motion_at: Callable[[float], Motion],
+    motion_at: Callable[[float], RigidMotion],
     t_us: Sequence[int],
     field: EarthField,
     gyro_sampling: GyroSampling = GyroSampling.MEAN,
-) -> Readings:
+) -> SensorReadings:
     """Readings of ideal sensors on a flight, for `ImuModel.batch` with many seeds.
 
     Args:
@@ -174,7 +174,7 @@ def readings(
     ideal = _IdealImu(gyro_sampling, field)
     motions = [motion_at(t * 1e-6) for t in t_us]
     rows = [ideal.read(t, motion, motion.q_nb) for t, motion in zip(t_us, motions, strict=True)]
-    return Readings(
+    return SensorReadings(
         np.array(t_us, dtype=np.int64),
         np.array([row[0] for row in rows]),
         np.array([row[1] for row in rows]),
@@ -219,7 +219,7 @@ class ImuModel:
     def sample(
         self,
         t_us: int,
-        motion: Motion,
+        motion: RigidMotion,
         disturbance: Disturbance = CALM,
         field_q_nb: Quat | None = None,
     ) -> ImuSample:
@@ -255,7 +255,7 @@ class ImuModel:
         )
         return ImuSample(t_us, gyro, accel, mag, gyro_clipped or accel_clipped or mag_clipped)
 
-    def batch(self, ideal: Readings) -> ImuBatch:
+    def batch(self, ideal: SensorReadings) -> ImuBatch:
         """Returns a whole undisturbed flight, equal to a new model's `sample` called in turn.
 
         Args:
@@ -301,7 +301,7 @@ class _IdealImu:
         self._field_n = field_vector(field)
         self._before: tuple[int, Quat] | None = None
 
-    def read(self, t_us: int, motion: Motion, field_q_nb: Quat) -> tuple[Vec3, Vec3, Vec3]:
+    def read(self, t_us: int, motion: RigidMotion, field_q_nb: Quat) -> tuple[Vec3, Vec3, Vec3]:
         """Rate (rad/s), specific force (m/s^2) and field (microtesla), body frame."""
         rate = motion.w_b
         if self._sampling is GyroSampling.MEAN:

@@ -14,7 +14,7 @@ from h2nav.sim.imu_streams import (
     raw_imu,
 )
 from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2
-from h2nav.sim.vehicle import Ages
+from h2nav.sim.vehicle import SimulatedAges
 
 MS_NS = 1_000_000
 # For the first IMU and its compass, as on a vehicle that was never calibrated.
@@ -69,7 +69,7 @@ class Personality(NamedTuple):
     unknown_text: str
     takes_data_streams: bool
     stamp_jitter_us: int
-    ages: Ages
+    ages: SimulatedAges
     parameters: dict[str, float]
     boot_text: tuple[bytes, ...]
     mav_type: int | None = None
@@ -115,7 +115,7 @@ ARDUPILOT = Personality(
     # The stamp is taken when the message is sent; intervals were seen to vary by 0.09 ms.
     stamp_jitter_us=200,
     # A low-pass of 20 Hz; the compass is read at 10 Hz and averaged between messages.
-    ages=Ages(0.01125, 0.05),
+    ages=SimulatedAges(0.01125, 0.05),
     parameters={
         "SYSID_THISMAV": 1.0,
         "FRAME_CLASS": 1.0,
@@ -193,7 +193,7 @@ PX4 = Personality(
     takes_data_streams=False,
     stamp_jitter_us=0,
     # Means over 5 ms; of the field over 67 ms.
-    ages=Ages(0.0025, 0.04),
+    ages=SimulatedAges(0.0025, 0.04),
     parameters={
         "SYS_AUTOSTART": 4001.0,
         "IMU_GYRO_CUTOFF": 40.0,

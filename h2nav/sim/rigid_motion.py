@@ -11,7 +11,7 @@ from h2nav.sim.jets import Jet
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 
-class Motion(NamedTuple):
+class RigidMotion(NamedTuple):
     """Position and motion of a vehicle at one instant.
 
     Attributes:
@@ -45,7 +45,7 @@ class Path(NamedTuple):
     down: Jet
 
 
-def specific_force(motion: Motion) -> Vec3:
+def specific_force(motion: RigidMotion) -> Vec3:
     """Returns the reading of an ideal accelerometer in the centre, body frame, m/s^2."""
     a = motion.a_n
     w, x, y, z = motion.q_nb
@@ -63,7 +63,7 @@ def mean_rate(before: Quat, after: Quat, dt_s: float) -> Vec3:
     return (turn[0] / dt_s, turn[1] / dt_s, turn[2] / dt_s)
 
 
-def from_angles(angles: EulerAngles, path: Path | None = None) -> Motion:
+def from_angles(angles: EulerAngles, path: Path | None = None) -> RigidMotion:
     """The motion with these angles, turning on the spot unless a path is given."""
     roll, pitch, yaw = angles
     sin_roll, cos_roll = math.sin(roll[0]), math.cos(roll[0])
@@ -75,9 +75,9 @@ def from_angles(angles: EulerAngles, path: Path | None = None) -> Motion:
     )
     q_nb = quaternion.from_euler(roll[0], pitch[0], yaw[0])
     if path is None:
-        return Motion(q_nb, w_b, ORIGIN, ORIGIN, ORIGIN)
+        return RigidMotion(q_nb, w_b, ORIGIN, ORIGIN, ORIGIN)
     north, east, down = path
-    return Motion(
+    return RigidMotion(
         q_nb,
         w_b,
         (north[2], east[2], down[2]),
@@ -86,7 +86,7 @@ def from_angles(angles: EulerAngles, path: Path | None = None) -> Motion:
     )
 
 
-def of_multirotor(path: Path, wind: Path, yaw: Jet, drag_per_s: float) -> Motion:
+def of_multirotor(path: Path, wind: Path, yaw: Jet, drag_per_s: float) -> RigidMotion:
     """The motion of a multirotor that flies `path` in `wind` with its thrust along -z of the body.
 
     Its tilt follows from the acceleration (differential flatness), so that the accelerometer

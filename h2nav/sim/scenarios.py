@@ -12,9 +12,16 @@ from h2nav.errors import BadInput
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.sim import drives, jets
-from h2nav.sim.drives import Drive, WheelsAt
+from h2nav.sim.drives import SimulatedDrive, WheelsAt
 from h2nav.sim.jets import Jet
-from h2nav.sim.rigid_motion import ORIGIN, EulerAngles, Motion, Path, from_angles, of_multirotor
+from h2nav.sim.rigid_motion import (
+    ORIGIN,
+    EulerAngles,
+    Path,
+    RigidMotion,
+    from_angles,
+    of_multirotor,
+)
 
 TURN = 2.0 * math.pi
 DRAG_PER_S = 0.2
@@ -38,13 +45,13 @@ class Scenario(NamedTuple):
     name: str
     summary: str
     duration_s: float
-    motion_at: Callable[[float], Motion]
+    motion_at: Callable[[float], RigidMotion]
     armed_s: float | None = 0.0
     airborne_s: float | None = 0.0
     mav_type: int = QUADROTOR
     wheels_at: WheelsAt | None = None
 
-    def motion(self, t_s: float) -> Motion:
+    def motion(self, t_s: float) -> RigidMotion:
         """The truth at `t_s` seconds after the start."""
         return self.motion_at(max(t_s, 0.0))
 
@@ -69,16 +76,16 @@ def scenario(name: str) -> Scenario:
     return SCENARIOS[name]
 
 
-def _rest(_t_s: float) -> Motion:
-    return Motion(quaternion.from_euler(0.0, 0.0, 30.0 * DEG), ORIGIN, ORIGIN, ORIGIN, ORIGIN)
+def _rest(_t_s: float) -> RigidMotion:
+    return RigidMotion(quaternion.from_euler(0.0, 0.0, 30.0 * DEG), ORIGIN, ORIGIN, ORIGIN, ORIGIN)
 
 
 def _sinusoidal(
     roll_deg: float, pitch_deg: float, yaw_deg: float, omega_rad_s: float
-) -> Callable[[float], Motion]:
+) -> Callable[[float], RigidMotion]:
     """Roll, pitch and yaw in phase: our reading of the source paper's two cases."""
 
-    def motion_at(t_s: float) -> Motion:
+    def motion_at(t_s: float) -> RigidMotion:
         roll, pitch, yaw = (
             jets.sinusoid(t_s, amplitude * DEG, omega_rad_s)
             for amplitude in (roll_deg, pitch_deg, yaw_deg)
@@ -96,7 +103,7 @@ def _from_rest(path: Path, rise: Jet) -> Path:
     return Path(*(jets.product(rise, axis) for axis in path))
 
 
-def _hover(t_s: float) -> Motion:
+def _hover(t_s: float) -> RigidMotion:
     """Holds its place in gusty wind by leaning into the gusts."""
     rise = jets.step(t_s, REST_S, 3.0)
     path = Path(
@@ -121,7 +128,7 @@ def _gusts(t_s: float) -> Path:
     )
 
 
-def _aggressive(t_s: float) -> Motion:
+def _aggressive(t_s: float) -> RigidMotion:
     """A Lissajous figure at up to 11 m/s and 60 deg of tilt, with the nose turning."""
     rise = jets.step(t_s, REST_S, 6.0)
     path = Path(
@@ -141,7 +148,7 @@ def _aggressive(t_s: float) -> Motion:
 STILL_AIR = Path(jets.ZERO, jets.ZERO, jets.ZERO)
 
 
-def _spin(t_s: float) -> Motion:
+def _spin(t_s: float) -> RigidMotion:
     """At rest for 2 s, then up to 360 deg/s about the vertical with 10 deg of wobble."""
     rise = jets.step(t_s, 2.0, 2.0)
     return from_angles(
@@ -153,7 +160,7 @@ def _spin(t_s: float) -> Motion:
     )
 
 
-def _loop(t_s: float) -> Motion:
+def _loop(t_s: float) -> RigidMotion:
     """At rest for 2 s, then loops at 90 deg/s exactly through both pitch poles."""
     rise = jets.step(t_s, 2.0, 2.0)
     return from_angles(
@@ -190,7 +197,7 @@ _ROUND_S = sum(leg.length_s for leg in _ROUND)
 _FLIGHT_YAW_DEG = 20.0
 
 
-def _flight(t_s: float) -> Motion:
+def _flight(t_s: float) -> RigidMotion:
     """On the ground for 5 s, up to 8 m, then rounds of four legs in light wind."""
     since_s = t_s - TAKE_OFF_S
     legs: list[tuple[float, _Leg]] = [(0.0, _TAKE_OFF)]
@@ -222,7 +229,7 @@ def _light_wind(since_s: float) -> Path:
     )
 
 
-def _rover(name: str, summary: str, drive: Drive) -> Scenario:
+def _rover(name: str, summary: str, drive: SimulatedDrive) -> Scenario:
     return Scenario(
         name,
         summary,

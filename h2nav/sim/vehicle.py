@@ -18,12 +18,12 @@ from h2nav.sim.calibrations import (
 )
 from h2nav.sim.faults import FaultSchedule
 from h2nav.sim.imu_model import GyroSampling, ImuModel, ImuParameters
-from h2nav.sim.rigid_motion import Motion, specific_force
+from h2nav.sim.rigid_motion import RigidMotion, specific_force
 from h2nav.sim.scenarios import Scenario
 from h2nav.sim.sensor_faults import GpsReading, SensorFaults, faulty_gps
 
 
-class Place(NamedTuple):
+class FlownPlace(NamedTuple):
     """Where on earth a scenario starts."""
 
     latitude_deg: float
@@ -34,7 +34,7 @@ class Place(NamedTuple):
 
 # ArduPilot's home, a model airfield near Canberra; its field after the World Magnetic Model 2025
 # at the end of 2026.
-HOME = Place(
+HOME = FlownPlace(
     -35.363262,
     149.165237,
     584.0,
@@ -51,7 +51,7 @@ OWN_ERROR: Vec3 = (0.1 * DEG, 0.1 * DEG, 0.4 * DEG)
 SECOND_ERROR: Vec3 = (0.4 * DEG, 0.4 * DEG, 1.2 * DEG)
 
 
-class Ages(NamedTuple):
+class SimulatedAges(NamedTuple):
     """Age of the content of the autopilot's messages at their time stamp, s.
 
     Attributes:
@@ -92,7 +92,7 @@ class Vehicle:
         schedule: FaultSchedule,
         seed: int,
         stamp_jitter_us: int,
-        ages: Ages,
+        ages: SimulatedAges,
     ) -> None:
         self.scenario = scenario
         self.home = HOME
@@ -110,7 +110,7 @@ class Vehicle:
         self._start_ns: int | None = None
         self._boot_ns = 0
         self._t_ns: int | None = None
-        self._motions: dict[float, Motion] = {}
+        self._motions: dict[float, RigidMotion] = {}
         self._samples: dict[int, ImuSample] = {}
         self._departed_ns = 0
         self.t_s = 0.0  # since the simulator started; continues through a reboot
@@ -193,11 +193,11 @@ class Vehicle:
         return UNIX_AT_START_US + round(self.t_s * 1e6)
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> RigidMotion:
         """The truth."""
         return self._past(0.0)
 
-    def _past(self, age_s: float) -> Motion:
+    def _past(self, age_s: float) -> RigidMotion:
         """The truth `age_s` ago, cached because it is the most expensive part."""
         motion = self._motions.get(age_s)
         if motion is None:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import Quat, Vec3
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
-from h2nav.sim.rigid_motion import Motion
+from h2nav.sim.rigid_motion import RigidMotion
 from h2nav.sim.streams import Stream
 from h2nav.sim.vehicle import Vehicle
 
@@ -67,7 +67,7 @@ class _Camera:
         motion = vehicle.scenario.motion(vehicle.flown_s - options.delay_s)
         return self._make(self._pose(vehicle.time_usec - round(options.delay_s * 1e6), motion))
 
-    def _pose(self, t_usec: int, motion: Motion) -> _Pose:
+    def _pose(self, t_usec: int, motion: RigidMotion) -> _Pose:
         noise = quaternion.exp(self._noise(self._options.attitude_sigma_rad))
         q_nb = quaternion.multiply(motion.q_nb, noise)
         shake, wobble = self._noise(self._options.position_sigma_m), self._noise(VELOCITY_SIGMA_M_S)

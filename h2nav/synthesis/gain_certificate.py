@@ -59,7 +59,7 @@ class Loop:
         return lines
 
 
-class Verdict(NamedTuple):
+class CertificateVerdict(NamedTuple):
     """The result of checking a gain file.
 
     Attributes:
@@ -101,7 +101,9 @@ def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, o
     return replace(file, certificate={"sha256": seal(file), "loops": sections})
 
 
-def checked(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]) -> Verdict:
+def checked(
+    file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]
+) -> CertificateVerdict:
     """Checks a file's certificate against its loops, without trusting any of it.
 
     Args:
@@ -130,9 +132,9 @@ def checked(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, obj
         except (KeyError, TypeError, ValueError) as error:
             problems.append(f"{place}: not readable ({error!r})")
     if len(proofs) < len(loops):
-        return Verdict(tuple(problems), None, None)
+        return CertificateVerdict(tuple(problems), None, None)
     abscissa = max(proof.spectral_abscissa_per_s for proof in proofs)
-    return Verdict(tuple(problems), abscissa, proofs[0].h2_norm)
+    return CertificateVerdict(tuple(problems), abscissa, proofs[0].h2_norm)
 
 
 def _seal_problems(file: GainFile) -> list[str]:

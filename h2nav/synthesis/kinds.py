@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.synthesis import constant_gain, sensors, velocity_aided
-from h2nav.synthesis.gain_certificate import Loop, Verdict, checked
+from h2nav.synthesis.gain_certificate import CertificateVerdict, Loop, checked
 
 
-class Kind(NamedTuple):
+class GainKind(NamedTuple):
     """How to check a kind of gain file; both functions take the file and its place, for errors.
 
     Attributes:
@@ -20,13 +20,13 @@ class Kind(NamedTuple):
     fixed_point: Callable[[GainFile, str], Mapping[str, object]]
 
 
-KINDS: dict[str, Kind] = {
-    "two_stage": Kind(sensors.loops, constant_gain.fixed_point_section),
-    "velocity_aided": Kind(velocity_aided.loops, velocity_aided.fixed_point_section),
+KINDS: dict[str, GainKind] = {
+    "two_stage": GainKind(sensors.loops, constant_gain.fixed_point_section),
+    "velocity_aided": GainKind(velocity_aided.loops, velocity_aided.fixed_point_section),
 }
 
 
-def check(file: GainFile, place: str) -> Verdict:
+def check(file: GainFile, place: str) -> CertificateVerdict:
     """Checks a gain file's certificate.
 
     Args:

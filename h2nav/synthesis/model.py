@@ -56,7 +56,7 @@ class Disturbances:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class ModelField:
     """The earth's field: norm and dip, or a place and date for the World Magnetic Model."""
 
     norm_ut: Annotated[float, Within(1, 100)] = ABSENT
@@ -80,7 +80,7 @@ class SensorModel:
     gyro: Gyro
     accelerometer: Accelerometer
     magnetometer: Magnetometer
-    field: Field
+    field: ModelField
     disturbances: Disturbances = dataclasses.field(default_factory=Disturbances)
 
 
@@ -187,7 +187,7 @@ def model_from_values(values: Mapping[str, object], place: str) -> SensorModel:
         "gyro": Gyro,
         "accelerometer": Accelerometer,
         "magnetometer": Magnetometer,
-        "field": Field,
+        "field": ModelField,
         "disturbances": Disturbances,
     }
     built: dict[str, Any] = {}
@@ -222,7 +222,7 @@ def _noise_complaints(model: SensorModel) -> list[str]:
     ]
 
 
-def _dip_complaints(given: Field) -> list[str]:
+def _dip_complaints(given: ModelField) -> list[str]:
     if abs(given.dip_deg) <= MAX_DIP_DEG:
         return []
     return [

@@ -50,7 +50,7 @@ DEPLOYED_LIMIT = 1e-9
 _DIGITS = 12
 
 
-class Synthesis(NamedTuple):
+class SensorSynthesis(NamedTuple):
     """A gain file and figures that are not written into it.
 
     Attributes:
@@ -72,7 +72,7 @@ class _Problem(NamedTuple):
 
 def synthesize(
     model: SensorModel, rate_hz: float, place: str, lmi_solvers: Sequence[str]
-) -> Synthesis:
+) -> SensorSynthesis:
     """Synthesises the certified gains of a model at a rate.
 
     Args:
@@ -110,7 +110,7 @@ def synthesize(
         made_by=f"h2nav {__version__} synthesize",
     )
     image = fixed_point_section(file, place)
-    return Synthesis(certified(file, loops(file, place), image), wall_time_s)
+    return SensorSynthesis(certified(file, loops(file, place), image), wall_time_s)
 
 
 def loops(file: GainFile, place: str) -> list[Loop]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from h2nav.attitude.kernel_files import KernelFiles
 from h2nav.translate.c99 import translate
 from h2nav.translate.c_expressions import DOUBLE, INT32
-from h2nav.translate.source import Kernel, Record, Source
+from h2nav.translate.source import Kernel, KernelSource, RecordSource
 from h2nav.translate.structs import struct_text
 
 # What a row of results holds, and from which column on: of the state, and of the workspace, where
@@ -16,7 +16,7 @@ _OF_WORKSPACE = (("sigma_tilt", 8), ("sigma_heading", 9))
 COLUMNS = 10
 
 
-def batch_c(kernel: KernelFiles, sources: Sequence[Source]) -> str:
+def batch_c(kernel: KernelFiles, sources: Sequence[KernelSource]) -> str:
     """The C file of one kernel; a row of its results holds attitude and bias, if any, and bits."""
     translation = translate(sources, [kernel.entry])
     records = _records(translation.kernel, kernel.entry)
@@ -68,7 +68,7 @@ const struct kernel {kernel.name} = {{
 """
 
 
-def _records(kernel: Kernel, entry: str) -> list[Record]:
+def _records(kernel: Kernel, entry: str) -> list[RecordSource]:
     """The records that a step takes, in its order: state, workspace if any, gains, sample."""
     arguments = kernel.functions[entry].node.args.args
     annotations = [argument.annotation for argument in arguments]

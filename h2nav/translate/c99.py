@@ -28,8 +28,8 @@ from h2nav.translate.source import (
     ConstantValue,
     Function,
     Kernel,
-    Refused,
-    Source,
+    KernelSource,
+    Untranslatable,
     read_kernel,
 )
 
@@ -49,7 +49,7 @@ class Translation(NamedTuple):
 
 
 def translate(
-    sources: Sequence[Source],
+    sources: Sequence[KernelSource],
     entries: Sequence[str],
     initialisers: Sequence[str] = (),
     struct_names: Mapping[str, str] | None = None,
@@ -68,7 +68,7 @@ def translate(
     kernel = read_kernel(sources)
     for name in (*entries, *initialisers):
         if name not in kernel.functions:
-            raise Refused(sources[-1].path, ast.Pass(), f"there is no function {name}")
+            raise Untranslatable(sources[-1].path, ast.Pass(), f"there is no function {name}")
     facts = analyse(kernel, entries, initialisers)
     runtime: set[str] = set()
     writers: dict[str, list[bool]] = {}
@@ -153,8 +153,8 @@ class _FunctionWriter:
         self._lines.append("}")
         return "".join(f"{part}\n" for line in self._lines for part in broken(line))
 
-    def _refuse(self, node: ast.AST, reason: str) -> Refused:
-        return Refused(self._function.path, node, reason)
+    def _refuse(self, node: ast.AST, reason: str) -> Untranslatable:
+        return Untranslatable(self._function.path, node, reason)
 
     def _parameter(self, name: str, written: bool) -> str:
         const = "" if written else "const "

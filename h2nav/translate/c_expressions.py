@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from h2nav.translate.facts import Array, Facts, Float, FunctionFacts, Scalar
 from h2nav.translate.intervals import Interval, subtract
-from h2nav.translate.source import Function, Kernel, Number, Refused
+from h2nav.translate.source import Function, Kernel, Number, Untranslatable
 
 _ATOM, _UNARY, _PRODUCT, _SUM, _OTHER = 4, 3, 2, 1, 0
 _OPERATORS: dict[type[ast.operator], tuple[str, int]] = {
@@ -46,7 +46,7 @@ def c_type(kind: Scalar) -> str:
     return INT32 if kind.fits(32) else INT64
 
 
-class Text(NamedTuple):
+class CText(NamedTuple):
     """C text of an expression, how tightly it binds, its C type."""
 
     text: str
@@ -57,13 +57,13 @@ class Text(NamedTuple):
         """The text, in parentheses where it binds less tightly than `level`."""
         return self.text if self.level >= level else f"({self.text})"
 
-    def cast(self, type_name: str) -> "Text":
+    def cast(self, type_name: str) -> "CText":
         """The text with an explicit conversion where the type differs."""
         if self.type == type_name:
             return self
-        return Text(f"({type_name}){self.at(_UNARY)}", _UNARY, type_name)
+        return CText(f"({type_name}){self.at(_UNARY)}", _UNARY, type_name)
 
-    def widened(self, type_name: str) -> "Text":
+    def widened(self, type_name: str) -> "CText":
         """Explicit only where C would not widen by itself, or leaves the integers."""
         explicit = (self.type == INT64 and type_name == INT32) or type_name == DOUBLE
         return self.cast(type_name) if explicit else self
@@ -94,8 +94,8 @@ class ExpressionWriter:
         self._found = found
         self._runtime = runtime
 
-    def _refuse(self, node: ast.AST, reason: str) -> Refused:
-        return Refused(self._function.path, node, reason)
+    def _refuse(self, node: ast.AST, reason: str) -> Untranslatable:
+        return Untranslatable(self._function.path, node, reason)
 
     def _kind(self, node: ast.expr) -> Scalar:
         kind = self._facts.nodes.get(node)
@@ -103,17 +103,17 @@ class ExpressionWriter:
             raise self._refuse(node, "is never reached")
         return kind
 
-    def expression(self, node: ast.expr, store: bool = False) -> Text:
+    def expression(self, node: ast.expr, store: bool = False) -> CText:
         """C text of an expression; `store` for the target of an assignment."""
         match node:
             case ast.Constant(value=int() | float() as value):
-                return Text(c_number(value), _ATOM, c_type(self._kind(node)))
+                return CText(c_number(value), _ATOM, c_type(self._kind(node)))
             case ast.Attribute():
                 return self._attribute(node)
             case ast.Name(id=name):
                 if name in self._found.scalars:
-                    return Text(name, _ATOM, c_type(self._found.scalars[name]))
-                return Text(name, _ATOM, c_type(self._kind(node)))
+                    return CText(name, _ATOM, c_type(self._found.scalars[name]))
+                return CText(name, _ATOM, c_type(self._kind(node)))
             case ast.Subscript(value=array, slice=index):
                 return self._element(node, array, index, store)
             case ast.UnaryOp(op=operator, operand=operand):
@@ -128,12 +128,12 @@ class ExpressionWriter:
                 a, b = self.expression(body), self.expression(orelse)
                 type_name = DOUBLE if DOUBLE in (a.type, b.type) else max(a.type, b.type)
                 choice = f"({self.test(test)} ? {a.at(_SUM)} : {b.at(_SUM)})"
-                return Text(choice, _ATOM, type_name)
+                return CText(choice, _ATOM, type_name)
             case ast.Call():
                 return self.call(node)
         raise self._refuse(node, f"{type(node).__name__} is outside the subset")
 
-    def _element(self, node: ast.Subscript, array: ast.expr, index: ast.expr, store: bool) -> Text:
+    def _element(self, node: ast.Subscript, array: ast.expr, index: ast.expr, store: bool) -> CText:
         name = self._array(array)
         if isinstance(array, ast.Attribute):
             array_type = self.expression(array).type
@@ -143,57 +143,57 @@ class ExpressionWriter:
             self._facts.constants.add(name)
             array_type = c_type(self._kind(node)) if not store else INT32
         if isinstance(index, ast.Constant):
-            return Text(f"{name}[{index.value!r}]", _ATOM, array_type)
-        return Text(f"{name}[{self.expression(index).text}]", _ATOM, array_type)
+            return CText(f"{name}[{index.value!r}]", _ATOM, array_type)
+        return CText(f"{name}[{self.expression(index).text}]", _ATOM, array_type)
 
-    def _attribute(self, node: ast.Attribute) -> Text:
+    def _attribute(self, node: ast.Attribute) -> CText:
         """A field of a record, or pi."""
         owner = node.value.id if isinstance(node.value, ast.Name) else ""
         if owner not in self._found.structures:
-            return Text(c_number(math.pi), _ATOM, DOUBLE)
+            return CText(c_number(math.pi), _ATOM, DOUBLE)
         number = self._found.structures[owner].members[node.attr]
-        return Text(f"{owner}->{node.attr}", _ATOM, element_type(number))
+        return CText(f"{owner}->{node.attr}", _ATOM, element_type(number))
 
     def _array(self, node: ast.expr) -> str:
         """C text of an array: a variable or the vector of a record."""
         return node.id if isinstance(node, ast.Name) else self.expression(node).text
 
-    def _result(self, node: ast.expr, text: Text) -> Text:
+    def _result(self, node: ast.expr, text: CText) -> CText:
         """`text` narrowed to 32 bits where its range is proved to fit."""
         kind = self._kind(node)
         narrow = text.type == INT64 and isinstance(kind, Interval) and kind.fits(32)
         return text.cast(INT32) if narrow else text
 
-    def _unary(self, node: ast.expr, operator: ast.unaryop, value: Text) -> Text:
+    def _unary(self, node: ast.expr, operator: ast.unaryop, value: CText) -> CText:
         sign = "-" if isinstance(operator, ast.USub) else "~"
         wide = value.cast(c_type(self._kind(node))) if value.type == INT32 else value
         text = wide.at(_ATOM)
-        return self._result(node, Text(f"{sign}{text}", _UNARY, wide.type))
+        return self._result(node, CText(f"{sign}{text}", _UNARY, wide.type))
 
-    def _scaled(self, node: ast.expr, left: ast.expr, right: ast.expr) -> Text:
+    def _scaled(self, node: ast.expr, left: ast.expr, right: ast.expr) -> CText:
         """A shift to the left, written as the product that it is."""
         value, n = self.expression(left), self._kind(right)
         assert isinstance(n, Interval)
         if n.lo == n.hi:
-            factor = Text(c_number(1 << n.lo), _ATOM, INT32 if n.lo < 31 else INT64)
+            factor = CText(c_number(1 << n.lo), _ATOM, INT32 if n.lo < 31 else INT64)
         else:
             count = self.expression(right).at(_ATOM)
-            factor = Text(f"(INT32_C(1) << {count})", _ATOM, INT32)
+            factor = CText(f"(INT32_C(1) << {count})", _ATOM, INT32)
         return self._binary(node, value, ast.Mult(), factor)
 
-    def _shifted(self, node: ast.expr, left: ast.expr, right: ast.expr) -> Text:
+    def _shifted(self, node: ast.expr, left: ast.expr, right: ast.expr) -> CText:
         value, kind = self.expression(left), self._kind(left)
         n = self._kind(right)
         assert isinstance(kind, Interval)
         assert isinstance(n, Interval)
         count = str(n.lo) if n.lo == n.hi else self.expression(right).at(_ATOM)
         if kind.lo >= 0:
-            return self._result(node, Text(f"{value.at(_ATOM)} >> {count}", _OTHER, value.type))
+            return self._result(node, CText(f"{value.at(_ATOM)} >> {count}", _OTHER, value.type))
         name = f"shift_right_{64 if value.type == INT64 else 32}"
         self._runtime.add(name)
-        return self._result(node, Text(f"{name}({value.text}, {count})", _ATOM, value.type))
+        return self._result(node, CText(f"{name}({value.text}, {count})", _ATOM, value.type))
 
-    def _binary(self, node: ast.expr, a: Text, operator: ast.operator, b: Text) -> Text:
+    def _binary(self, node: ast.expr, a: CText, operator: ast.operator, b: CText) -> CText:
         sign, level = _OPERATORS[type(operator)]
         kind = self._kind(node)
         if isinstance(kind, Float):
@@ -206,14 +206,14 @@ class ExpressionWriter:
             text = f"{a.at(_UNARY)} {sign} {b.at(_UNARY)}"
         else:
             text = f"{a.at(level)} {sign} {b.at(level + 1)}"
-        return self._result(node, Text(text, level, type_name))
+        return self._result(node, CText(text, level, type_name))
 
-    def call(self, node: ast.Call) -> Text:
+    def call(self, node: ast.Call) -> CText:
         """C text of a call, of the runtime or of another kernel function."""
         match node.func:
             case ast.Attribute(attr=name):
                 arguments = ", ".join(self.expression(value).text for value in node.args)
-                return Text(f"{name}({arguments})", _ATOM, DOUBLE)
+                return CText(f"{name}({arguments})", _ATOM, DOUBLE)
             case ast.Name(id="float"):
                 return self.expression(node.args[0]).cast(DOUBLE)
             case ast.Name(id="abs"):
@@ -222,7 +222,7 @@ class ExpressionWriter:
                     value = value.cast(c_type(self._kind(node)))
                 name = f"magnitude_{64 if value.type == INT64 else 32}"
                 self._runtime.add(name)
-                return self._result(node, Text(f"{name}({value.text})", _ATOM, value.type))
+                return self._result(node, CText(f"{name}({value.text})", _ATOM, value.type))
             case ast.Name(id="clamp"):
                 return self._clamp(node)
             case ast.Name(id="known"):
@@ -231,7 +231,7 @@ class ExpressionWriter:
                 return self._kernel_call(node, name)
         raise self._refuse(node, "call outside the subset")
 
-    def _clamp(self, node: ast.Call) -> Text:
+    def _clamp(self, node: ast.Call) -> CText:
         x, low, high = (self.expression(part) for part in node.args)
         kinds = [self._kind(part) for part in node.args]
         ranges = [kind for kind in kinds if isinstance(kind, Interval)]
@@ -246,9 +246,9 @@ class ExpressionWriter:
             name, limits = f"clamp_{bits}", f"{low.text}, {high.text}"
         self._runtime.add(name)
         text = f"{name}({x.text}, {limits})"
-        return self._result(node, Text(text, _ATOM, f"int{bits}_t"))
+        return self._result(node, CText(text, _ATOM, f"int{bits}_t"))
 
-    def _kernel_call(self, node: ast.Call, name: str) -> Text:
+    def _kernel_call(self, node: ast.Call, name: str) -> CText:
         callee = self._facts.functions[name]
         arguments = []
         parameters = self._kernel.functions[name].node.args.args
@@ -259,7 +259,7 @@ class ExpressionWriter:
                 wanted = c_type(callee.scalars[parameter.arg])
                 arguments.append(self.expression(value).widened(wanted).text)
         type_name = "void" if callee.result is None else c_type(callee.result)
-        text = Text(f"{name}({', '.join(arguments)})", _ATOM, type_name)
+        text = CText(f"{name}({', '.join(arguments)})", _ATOM, type_name)
         return text if callee.result is None else self._result(node, text)
 
     def test(self, node: ast.expr) -> str:

@@ -10,13 +10,13 @@ from h2nav.translate.facts import (
     Facts,
     Float,
     Scalar,
-    State,
+    ScopeState,
     Structure,
     join_scalars,
     join_states,
 )
 from h2nav.translate.intervals import INT32, INT64, Interval
-from h2nav.translate.source import Kernel, Refused
+from h2nav.translate.source import Kernel, Untranslatable
 
 FLOAT_FUNCTIONS = {
     "sqrt": 1,
@@ -56,7 +56,7 @@ _MIRROR: dict[type[ast.cmpop], type[ast.cmpop]] = {
 }
 
 # Calls a kernel function: (place, name, argument expressions, state) -> result.
-Caller = Callable[[ast.Call, str, State], "Scalar | None"]
+Caller = Callable[[ast.Call, str, ScopeState], "Scalar | None"]
 
 
 class Expressions:
@@ -87,11 +87,11 @@ class Expressions:
         self._structures = structures
         self._call = call
 
-    def refuse(self, node: ast.AST, reason: str) -> Refused:
+    def refuse(self, node: ast.AST, reason: str) -> Untranslatable:
         """The refusal of `node`, to be raised."""
-        return Refused(self._path, node, reason)
+        return Untranslatable(self._path, node, reason)
 
-    def scalar(self, node: ast.expr, state: State) -> Scalar:
+    def scalar(self, node: ast.expr, state: ScopeState) -> Scalar:
         """Kind and range of `node`; integers must fit 64 bits.
 
         Raises:
@@ -107,7 +107,7 @@ class Expressions:
         self._facts.nodes[node] = joined
         return value
 
-    def integer(self, node: ast.expr, state: State) -> Interval:
+    def integer(self, node: ast.expr, state: ScopeState) -> Interval:
         """Range of an expression that must be an integer."""
         value = self.scalar(node, state)
         if isinstance(value, Float):
@@ -119,7 +119,7 @@ class Expressions:
         if isinstance(value, Interval) and not value.fits(54):
             raise self.refuse(node, "too wide to become a float exactly")
 
-    def _evaluate(self, node: ast.expr, state: State) -> Scalar:
+    def _evaluate(self, node: ast.expr, state: ScopeState) -> Scalar:
         match node:
             case ast.Constant(value=bool()):
                 raise self.refuse(node, "truth values are not numbers")
@@ -146,7 +146,7 @@ class Expressions:
                 return self._called(node, state)
         raise self.refuse(node, f"{type(node).__name__} is outside the subset")
 
-    def _name(self, node: ast.expr, name: str, state: State) -> Scalar:
+    def _name(self, node: ast.expr, name: str, state: ScopeState) -> Scalar:
         if name in state.scalars:
             return state.scalars[name]
         constant = self._kernel.constants.get(name)
@@ -181,7 +181,7 @@ class Expressions:
             raise self.refuse(node, f"{structure.type_name} has no field {node.attr}")
         return structure.members[node.attr]
 
-    def element_of(self, node: ast.Subscript, state: State) -> tuple[Array, Interval]:
+    def element_of(self, node: ast.Subscript, state: ScopeState) -> tuple[Array, Interval]:
         """The array that `node` subscripts and the range of the index, which must lie inside."""
         array = self.array_at(node.value)
         if array is None:
@@ -192,7 +192,7 @@ class Expressions:
             raise self.refuse(node, f"index {index.lo}..{index.hi} leaves 0..{limit}")
         return array, index
 
-    def _element(self, node: ast.Subscript, state: State) -> Scalar:
+    def _element(self, node: ast.Subscript, state: ScopeState) -> Scalar:
         array, index = self.element_of(node, state)
         if array.is_float:
             return FLOAT
@@ -205,7 +205,7 @@ class Expressions:
         return hull
 
     def _unary(
-        self, node: ast.expr, operator: ast.unaryop, operand: ast.expr, state: State
+        self, node: ast.expr, operator: ast.unaryop, operand: ast.expr, state: ScopeState
     ) -> Scalar:
         value = self.scalar(operand, state)
         if isinstance(operator, ast.USub):
@@ -220,7 +220,7 @@ class Expressions:
         left: ast.expr,
         operator: ast.operator,
         right: ast.expr,
-        state: State,
+        state: ScopeState,
     ) -> Scalar:
         a, b = self.scalar(left, state), self.scalar(right, state)
         if isinstance(a, Float) or isinstance(b, Float):
@@ -250,7 +250,7 @@ class Expressions:
         return intervals.shift_right(a, n)
 
     def _choice(
-        self, node: ast.expr, test: ast.expr, body: ast.expr, orelse: ast.expr, state: State
+        self, node: ast.expr, test: ast.expr, body: ast.expr, orelse: ast.expr, state: ScopeState
     ) -> Scalar:
         values = [
             self.scalar(branch, narrowed)
@@ -264,7 +264,7 @@ class Expressions:
             self._facts.nodes.setdefault(branch, joined)
         return joined
 
-    def _called(self, node: ast.Call, state: State) -> Scalar:
+    def _called(self, node: ast.Call, state: ScopeState) -> Scalar:
         match node:
             case ast.Call(keywords=[_, *_]):
                 raise self.refuse(node, "keyword arguments are outside the subset")
@@ -286,7 +286,7 @@ class Expressions:
                 return result
         raise self.refuse(node, f"call of {ast.unparse(node.func)} is outside the subset")
 
-    def _float_call(self, node: ast.Call, name: str, state: State) -> Scalar:
+    def _float_call(self, node: ast.Call, name: str, state: ScopeState) -> Scalar:
         if FLOAT_FUNCTIONS.get(name) != len(node.args):
             raise self.refuse(node, f"math.{name} with {len(node.args)} arguments is not known")
         if any(isinstance(self.scalar(value, state), Interval) for value in node.args):
@@ -294,14 +294,14 @@ class Expressions:
         return FLOAT
 
     def _clamped(
-        self, node: ast.Call, value: ast.expr, lo: ast.expr, hi: ast.expr, state: State
+        self, node: ast.Call, value: ast.expr, lo: ast.expr, hi: ast.expr, state: ScopeState
     ) -> Interval:
         x, low, high = (self.integer(part, state) for part in (value, lo, hi))
         if low.hi > high.lo:
             raise self.refuse(node, "clamp: the lower limit may lie above the upper")
         return intervals.clamp(x, low, high)
 
-    def narrow(self, test: ast.expr, state: State, truth: bool) -> State | None:
+    def narrow(self, test: ast.expr, state: ScopeState, truth: bool) -> ScopeState | None:
         """The state in which `test` has the given truth; None when it never has."""
         match test:
             case ast.UnaryOp(op=ast.Not(), operand=operand):
@@ -327,11 +327,11 @@ class Expressions:
         left: ast.expr,
         operators: list[ast.cmpop],
         operands: list[ast.expr],
-        state: State,
+        state: ScopeState,
         *,
         truth: bool,
-    ) -> State | None:
-        narrowed: State | None = state
+    ) -> ScopeState | None:
+        narrowed: ScopeState | None = state
         for operator, right in zip(operators, operands, strict=True):
             if type(operator) not in _MIRROR:
                 raise self.refuse(test, f"{type(operator).__name__} is outside the subset")
@@ -348,12 +348,12 @@ class Expressions:
 
     def _restrict(
         self,
-        state: State | None,
+        state: ScopeState | None,
         node: ast.expr,
         value: Interval,
         relation: type[ast.cmpop],
         bound: Interval,
-    ) -> State | None:
+    ) -> ScopeState | None:
         """`state` with the variable `node` limited to what stands in `relation` to `bound`."""
         if state is None:
             return None

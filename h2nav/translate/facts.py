@@ -46,7 +46,7 @@ class Structure(NamedTuple):
 
 
 @dataclass(slots=True)
-class State:
+class ScopeState:
     """Scalars by name and array elements by array key, at one point of the program.
 
     Elements missing from an array of integers hold any 32-bit value. The elements of an array are
@@ -56,9 +56,9 @@ class State:
     scalars: dict[str, Scalar] = field(default_factory=dict)
     cells: dict[int, dict[int, Interval]] = field(default_factory=dict)
 
-    def copy(self) -> "State":
+    def copy(self) -> "ScopeState":
         """An independent copy."""
-        return State(dict(self.scalars), dict(self.cells))
+        return ScopeState(dict(self.scalars), dict(self.cells))
 
     def put(self, key: int, index: int, value: Interval) -> None:
         """Writes one element of an array."""
@@ -72,11 +72,11 @@ def join_scalars(a: Scalar, b: Scalar) -> Scalar | None:
     return FLOAT if isinstance(a, Float) and isinstance(b, Float) else None
 
 
-def join_states(a: State | None, b: State | None) -> State | None:
+def join_states(a: ScopeState | None, b: ScopeState | None) -> ScopeState | None:
     """The state after either path; a name that only one path sets is unset afterwards."""
     if a is None or b is None:
         return a or b
-    joined = State()
+    joined = ScopeState()
     for name in a.scalars.keys() & b.scalars.keys():
         scalar = join_scalars(a.scalars[name], b.scalars[name])
         if scalar is not None:

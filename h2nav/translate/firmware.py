@@ -10,7 +10,7 @@ from h2nav.attitude.kernel_files import KernelFiles
 from h2nav.attitude.record import Number
 from h2nav.translate.c99 import translate
 from h2nav.translate.layout import broken
-from h2nav.translate.source import Record, Source, read_kernel
+from h2nav.translate.source import KernelSource, RecordSource, read_kernel
 from h2nav.translate.structs import constant_text, struct_text
 
 # (name without prefix, value, comment)
@@ -45,7 +45,7 @@ class IntegerForm(NamedTuple):
         return self.kernel.name.removesuffix("_integer")
 
 
-class Firmware(NamedTuple):
+class ExportedFirmware(NamedTuple):
     """Identity of one exported filter.
 
     Attributes:
@@ -63,7 +63,7 @@ class Firmware(NamedTuple):
     constants: tuple[Row, ...] = ()
 
 
-def header(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> str:
+def header(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[KernelSource]) -> str:
     """Text of ``h2nav_filter.h``."""
     about = "\n".join(f" * {line}".rstrip() for line in form.about.splitlines())
     records = read_kernel(kernels).records
@@ -94,11 +94,11 @@ def header(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> 
 """
 
 
-def _struct(record: Record) -> str:
+def _struct(record: RecordSource) -> str:
     return struct_text(record.about, record.rows, STRUCT_NAMES[record.name])
 
 
-def _size(record: Record) -> int:
+def _size(record: RecordSource) -> int:
     return sum(row.length for row in record.rows)
 
 
@@ -119,7 +119,7 @@ def enumeration(comment: str, rows: Sequence[Row]) -> str:
     return "\n".join([f"/* {comment} */", "enum {", *lines, "};", "", ""])
 
 
-def source(form: IntegerForm, firmware: Firmware, kernels: Sequence[Source]) -> str:
+def source(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[KernelSource]) -> str:
     """Text of ``h2nav_filter.c``.
 
     Args:

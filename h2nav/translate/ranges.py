@@ -18,13 +18,13 @@ from h2nav.translate.facts import (
     Float,
     FunctionFacts,
     Scalar,
-    State,
+    ScopeState,
     Structure,
     join_scalars,
     join_states,
 )
 from h2nav.translate.intervals import INT16, INT32, INT64, UINT16, Interval
-from h2nav.translate.source import Function, Kernel, Record, Refused
+from h2nav.translate.source import Function, Kernel, RecordSource, Untranslatable
 
 _ANNOTATED = {"int": INT32, "I16": INT16, "U16": UINT16, "I32": INT32, "I64": INT64}
 _LOOP_LIMIT = 4096
@@ -74,11 +74,11 @@ class _Analysis:
         return Array(self._arrays, is_float, length, writable)
 
     def run_entry(self, function: Function, begins: bool) -> None:
-        state = State(cells={array.key: cells for array, cells in self._tables.values()})
+        state = ScopeState(cells={array.key: cells for array, cells in self._tables.values()})
         arguments: dict[str, Argument] = {}
         for number, argument in enumerate(function.node.args.args):
             kind = _annotation(self._kernel, function, argument)
-            if isinstance(kind, Record):
+            if isinstance(kind, RecordSource):
                 is_zero = begins and number == 0
                 arguments[argument.arg] = self._new_structure(kind, state, is_zero=is_zero)
             elif isinstance(kind, bool):
@@ -92,7 +92,7 @@ class _Analysis:
             if isinstance(value, Structure) and after is not None:
                 self._check_declared(function, name, value, after)
 
-    def _new_structure(self, record: Record, state: State, is_zero: bool) -> Structure:
+    def _new_structure(self, record: RecordSource, state: ScopeState, is_zero: bool) -> Structure:
         """A record in memory: of zeros, or anywhere in its declared ranges."""
         members = {}
         for row in record.rows:
@@ -103,7 +103,7 @@ class _Analysis:
         return Structure(record.name, members, numbers)
 
     def _check_declared(
-        self, function: Function, name: str, structure: Structure, after: State
+        self, function: Function, name: str, structure: Structure, after: ScopeState
     ) -> None:
         for row in self._kernel.records[structure.type_name].rows:
             if row.range is None:
@@ -113,7 +113,7 @@ class _Analysis:
                 reached = cells.get(i, INT32)
                 if not reached.within(allowed):
                     place = row.name if row.size is None else f"{row.name}[{i}]"
-                    raise Refused(
+                    raise Untranslatable(
                         function.path,
                         function.node,
                         f"{function.name} may leave {name}.{place} at {reached.lo}..{reached.hi}, "
@@ -121,14 +121,14 @@ class _Analysis:
                     )
 
     def run(
-        self, function: Function, arguments: Mapping[str, Argument], state: State
-    ) -> tuple[Scalar | None, State | None]:
+        self, function: Function, arguments: Mapping[str, Argument], state: ScopeState
+    ) -> tuple[Scalar | None, ScopeState | None]:
         """Runs one call; returns what it returns and the state of the arrays afterwards."""
         if function.name in self._calls:
-            raise Refused(function.path, function.node, f"{function.name} calls itself")
+            raise Untranslatable(function.path, function.node, f"{function.name} calls itself")
         self._calls.append(function.name)
         frame = _Frame(self, self._kernel, function, arguments, self._tables)
-        result = frame.run(State({}, state.cells))
+        result = frame.run(ScopeState({}, state.cells))
         self._calls.pop()
         return result
 
@@ -139,7 +139,7 @@ class _Analysis:
             joined = join_scalars(known.scalars.get(name, scalar), scalar)
             if joined is None:
                 reason = f"{name} is sometimes an integer, sometimes a float"
-                raise Refused(function.path, function.node, reason)
+                raise Untranslatable(function.path, function.node, reason)
             known.scalars[name] = joined
         known.arrays.update(found.arrays)
         known.structures.update(found.structures)
@@ -179,9 +179,9 @@ class _Frame:
             self._found.structures,
             self._call,
         )
-        self._returned: State | None = None
+        self._returned: ScopeState | None = None
 
-    def run(self, state: State) -> tuple[Scalar | None, State | None]:
+    def run(self, state: ScopeState) -> tuple[Scalar | None, ScopeState | None]:
         state.scalars = dict(self._scalars)
         end = self._block(self._function.node.body, state)
         returns = self._function.node.returns
@@ -191,17 +191,17 @@ class _Frame:
         self._analysis.remember(self._function, self._found)
         return self._found.result, join_states(self._returned, end)
 
-    def _refuse(self, node: ast.AST, reason: str) -> Refused:
-        return Refused(self._function.path, node, reason)
+    def _refuse(self, node: ast.AST, reason: str) -> Untranslatable:
+        return Untranslatable(self._function.path, node, reason)
 
-    def _block(self, body: Sequence[ast.stmt], state: State | None) -> State | None:
+    def _block(self, body: Sequence[ast.stmt], state: ScopeState | None) -> ScopeState | None:
         for statement in body:
             if state is None:
                 break  # another call may reach the rest; the writer refuses what none does
             state = self._statement(statement, state)
         return state
 
-    def _statement(self, node: ast.stmt, state: State) -> State | None:
+    def _statement(self, node: ast.stmt, state: ScopeState) -> ScopeState | None:
         match node:
             case ast.Assign(targets=[target], value=value):
                 self._assign(target, value, state)
@@ -226,7 +226,7 @@ class _Frame:
                 raise self._refuse(node, f"{type(node).__name__} is outside the subset")
         return state
 
-    def _assign(self, target: ast.expr, value: ast.expr, state: State) -> None:
+    def _assign(self, target: ast.expr, value: ast.expr, state: ScopeState) -> None:
         if isinstance(target, ast.Name):
             elements = list_elements(value)
             if elements is not None:
@@ -246,7 +246,7 @@ class _Frame:
         else:
             raise self._refuse(target, "only names, elements and fields may be assigned")
 
-    def _new_list(self, target: ast.Name, elements: list[ast.expr], state: State) -> None:
+    def _new_list(self, target: ast.Name, elements: list[ast.expr], state: ScopeState) -> None:
         values = [self._expressions.scalar(element, state) for element in elements]
         is_float = any(isinstance(value, Float) for value in values)
         known = self._found.arrays.get(target.id)
@@ -261,7 +261,9 @@ class _Frame:
             raise self._refuse(target, "an array of integers holds 32-bit values")
         state.cells[array.key] = cells
 
-    def _store(self, target: ast.Subscript | ast.Attribute, value: Scalar, state: State) -> None:
+    def _store(
+        self, target: ast.Subscript | ast.Attribute, value: Scalar, state: ScopeState
+    ) -> None:
         if isinstance(target, ast.Attribute):
             array, index = self._expressions.number_at(target), intervals.exactly(0)
         else:
@@ -283,7 +285,7 @@ class _Frame:
             hulls = {i: cells.get(i, INT32).hull(value) for i in reached}
             state.cells[array.key] = {**cells, **hulls}
 
-    def _if(self, node: ast.If, state: State) -> State | None:
+    def _if(self, node: ast.If, state: ScopeState) -> ScopeState | None:
         taken = self._expressions.narrow(node.test, state, True)
         other = self._expressions.narrow(node.test, state, False)
         after = [
@@ -292,7 +294,7 @@ class _Frame:
         ]
         return join_states(after[0], after[1])
 
-    def _for(self, node: ast.For, state: State) -> State | None:
+    def _for(self, node: ast.For, state: ScopeState) -> ScopeState | None:
         match node:
             case ast.For(
                 target=ast.Name(id=name),
@@ -307,7 +309,7 @@ class _Frame:
         start, stop = (0, ends[0].lo) if len(ends) == 1 else (ends[0].lo, ends[1].lo)
         if stop - start > _LOOP_LIMIT:
             raise self._refuse(node, f"more than {_LOOP_LIMIT} passes")
-        after: State | None = state
+        after: ScopeState | None = state
         for i in range(start, stop):
             if after is None:
                 break
@@ -321,7 +323,7 @@ class _Frame:
             after.scalars.pop(name, None)
         return after
 
-    def _return(self, value: ast.expr | None, state: State) -> None:
+    def _return(self, value: ast.expr | None, state: ScopeState) -> None:
         if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
             scalar = self._expressions.scalar(value, state)
             self._found.result = join_scalars(self._found.result or scalar, scalar)
@@ -329,7 +331,7 @@ class _Frame:
                 raise self._refuse(value, "returns sometimes an integer, sometimes a float")
         self._returned = join_states(self._returned, state)
 
-    def _call(self, node: ast.Call, name: str, state: State) -> Scalar | None:
+    def _call(self, node: ast.Call, name: str, state: ScopeState) -> Scalar | None:
         function = self._kernel.functions[name]
         parameters = function.node.args.args
         if len(parameters) != len(node.args) or node.keywords:
@@ -337,7 +339,7 @@ class _Frame:
         arguments: dict[str, Argument] = {}
         for parameter, value in zip(parameters, node.args, strict=True):
             kind = _annotation(self._kernel, function, parameter)
-            if isinstance(kind, Record):
+            if isinstance(kind, RecordSource):
                 arguments[parameter.arg] = self._structure(value, kind, name)
                 continue
             if isinstance(kind, bool):
@@ -362,7 +364,7 @@ class _Frame:
             state.cells = after.cells
         return result
 
-    def _structure(self, value: ast.expr, record: Record, callee: str) -> Structure:
+    def _structure(self, value: ast.expr, record: RecordSource, callee: str) -> Structure:
         found = self._found.structures.get(value.id) if isinstance(value, ast.Name) else None
         if found is None or found.type_name != record.name:
             raise self._refuse(value, f"{callee} needs a {record.name} here")
@@ -392,7 +394,9 @@ def list_elements(value: ast.expr) -> list[ast.expr] | None:
     return None
 
 
-def _annotation(kernel: Kernel, function: Function, argument: ast.arg) -> Scalar | bool | Record:
+def _annotation(
+    kernel: Kernel, function: Function, argument: ast.arg
+) -> Scalar | bool | RecordSource:
     """Range of an annotated scalar; for an array whether it holds floats; a record."""
     match argument.annotation:
         case ast.Name(id=name) if name in kernel.records:
@@ -403,4 +407,6 @@ def _annotation(kernel: Kernel, function: Function, argument: ast.arg) -> Scalar
             return _ANNOTATED[name]
         case ast.Subscript(value=ast.Name(id="list"), slice=ast.Name(id=name)):
             return name == "float"
-    raise Refused(function.path, argument, f"{argument.arg} needs an annotation of the subset")
+    raise Untranslatable(
+        function.path, argument, f"{argument.arg} needs an annotation of the subset"
+    )

@@ -30,7 +30,7 @@ ROW_MAKERS: dict[str, Callable[..., Any]] = {
 }
 
 
-class Source(NamedTuple):
+class KernelSource(NamedTuple):
     """Text of one kernel module.
 
     Attributes:
@@ -42,7 +42,7 @@ class Source(NamedTuple):
     text: str
 
 
-class Refused(BadInput):
+class Untranslatable(BadInput):
     """The kernel contains something that the translator does not support or cannot prove."""
 
     def __init__(self, path: str, node: ast.AST, reason: str) -> None:
@@ -74,7 +74,7 @@ class Function:
     comments: Mapping[int, Comment]
 
 
-class Record(NamedTuple):
+class RecordSource(NamedTuple):
     """A record of `h2nav.attitude.record`, as declared in its module.
 
     Attributes:
@@ -94,10 +94,10 @@ class Kernel:
 
     constants: dict[str, Constant] = field(default_factory=dict)
     functions: dict[str, Function] = field(default_factory=dict)
-    records: dict[str, Record] = field(default_factory=dict)
+    records: dict[str, RecordSource] = field(default_factory=dict)
 
 
-def read_kernel(sources: Sequence[Source]) -> Kernel:
+def read_kernel(sources: Sequence[KernelSource]) -> Kernel:
     """Reads the constants and functions of `sources`, each of which may import earlier ones.
 
     Raises:
@@ -118,7 +118,7 @@ def _read_statement(
         if any(
             node.name in names for names in (kernel.functions, kernel.constants, kernel.records)
         ):
-            raise Refused(path, node, f"{node.name} is defined twice")
+            raise Untranslatable(path, node, f"{node.name} is defined twice")
         if isinstance(node, ast.ClassDef):
             kernel.records[node.name] = _read_record(kernel, path, node)
         else:
@@ -130,12 +130,14 @@ def _read_statement(
             if alias.asname or not (
                 _is_known(kernel, alias.name) or node.module in INTRINSIC_MODULES
             ):
-                raise Refused(path, node, f"import of {alias.name} from a module not translated")
+                raise Untranslatable(
+                    path, node, f"import of {alias.name} from a module not translated"
+                )
     elif isinstance(node, ast.Import):
         if any(alias.name != "math" or alias.asname for alias in node.names):
-            raise Refused(path, node, "only math may be imported as a module")
+            raise Untranslatable(path, node, "only math may be imported as a module")
     elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
-        raise Refused(path, node, f"a kernel module may not hold {type(node).__name__}")
+        raise Untranslatable(path, node, f"a kernel module may not hold {type(node).__name__}")
 
 
 def _read_constants(
@@ -146,14 +148,14 @@ def _read_constants(
     text = "" if remark.alone else remark.text
     for name, value in _definitions(kernel, path, node):
         if kernel.constants.setdefault(name, Constant(name, value, text)).value != value:
-            raise Refused(path, node, f"{name} has another value in a file before this one")
+            raise Untranslatable(path, node, f"{name} has another value in a file before this one")
 
 
 def _is_known(kernel: Kernel, name: str) -> bool:
     return name in kernel.constants or name in kernel.functions or name in kernel.records
 
 
-def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> Record:
+def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> RecordSource:
     names = {name.id for name in node.decorator_list if isinstance(name, ast.Name)}
     rows = [
         row
@@ -175,9 +177,9 @@ def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> Record:
             ):
                 pass
             case _:
-                raise Refused(path, statement, "a record holds only fields made by a row")
+                raise Untranslatable(path, statement, "a record holds only fields made by a row")
     about = (ast.get_docstring(node) or "").split("\n\n")[0]
-    return Record(node.name, about, tuple(rows))
+    return RecordSource(node.name, about, tuple(rows))
 
 
 def _row_argument(kernel: Kernel, path: str, node: ast.expr) -> object:
@@ -191,7 +193,7 @@ def _definitions(
 ) -> list[tuple[str, ConstantValue]]:
     targets = node.targets if isinstance(node, ast.Assign) else [node.target]
     if node.value is None or len(targets) != 1:
-        raise Refused(path, node, "a constant needs one name and a value")
+        raise Untranslatable(path, node, "a constant needs one name and a value")
     target, value = targets[0], constant_value(kernel.constants, path, node.value)
     if isinstance(target, ast.Name):
         return [(target.id, value)]
@@ -199,7 +201,7 @@ def _definitions(
         names = [element.id for element in target.elts if isinstance(element, ast.Name)]
         if len(names) == len(target.elts) == len(value):
             return list(zip(names, value, strict=True))
-    raise Refused(path, node, "a constant is assigned to a name")
+    raise Untranslatable(path, node, "a constant is assigned to a name")
 
 
 def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr) -> ConstantValue:
@@ -229,7 +231,7 @@ def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr)
                 _number(constants, path, left),
                 _number(constants, path, right),
             )
-    raise Refused(path, node, "not a constant expression of numbers and earlier constants")
+    raise Untranslatable(path, node, "not a constant expression of numbers and earlier constants")
 
 
 def _tuple_value(
@@ -241,7 +243,7 @@ def _tuple_value(
 def _number(constants: Mapping[str, Constant], path: str, node: ast.expr) -> Number:
     value = constant_value(constants, path, node)
     if isinstance(value, tuple):
-        raise Refused(path, node, "a number is needed here")
+        raise Untranslatable(path, node, "a number is needed here")
     return value
 
 
@@ -267,7 +269,7 @@ def _binary(path: str, node: ast.expr, operator: ast.operator, a: Number, b: Num
                 return a | b
             case ast.Pow() if b >= 0:
                 return int(a**b)
-    raise Refused(path, node, f"constants may not be joined by {type(operator).__name__}")
+    raise Untranslatable(path, node, f"constants may not be joined by {type(operator).__name__}")
 
 
 def _comments(text: str) -> dict[int, Comment]:

@@ -40,7 +40,7 @@ Stream = tuple[int, int, int]
 """System id, component id, link id."""
 
 
-class Refusal(StrEnum):
+class Denial(StrEnum):
     """Why a frame is rejected while signing is on; also the names of its counters."""
 
     MAVLINK_1 = "mavlink_1"
@@ -176,9 +176,9 @@ class SignatureChecker:
         Besides admitted senders this includes those with a slow clock, such as an autopilot before
         its first GPS fix: they are admitted once they have received the local stamp.
         """
-        return frame.signed and self.objection(frame) in (None, Refusal.OLD_STAMP)
+        return frame.signed and self.objection(frame) in (None, Denial.OLD_STAMP)
 
-    def admit(self, frame: Frame) -> Refusal | None:
+    def admit(self, frame: Frame) -> Denial | None:
         """Admits a frame and advances its stream and the local stamp, or returns a refusal."""
         objection = self.objection(frame)
         if objection is None and frame.signed:
@@ -189,31 +189,31 @@ class SignatureChecker:
             self._stamp.follow(stamp)
         return objection
 
-    def objection(self, frame: Frame) -> Refusal | None:
+    def objection(self, frame: Frame) -> Denial | None:
         """Why `admit` would reject a frame; None if it would not. Changes nothing."""
         if frame.msg_id == SETUP_SIGNING_ID:
-            return Refusal.SETUP_SIGNING
+            return Denial.SETUP_SIGNING
         if not frame.signed:
             if frame.msg_id in self._accept_unsigned:
                 return None
-            return Refusal.MAVLINK_1 if frame.version == 1 else Refusal.UNSIGNED
+            return Denial.MAVLINK_1 if frame.version == 1 else Denial.UNSIGNED
         stream, stamp, digest = _signature(frame)
         if not hmac.compare_digest(_digest(self._keyed, frame.raw[:-_HASH_SIZE]), digest):
-            return Refusal.BAD_SIGNATURE
+            return Denial.BAD_SIGNATURE
         return self._stamp_objection(stream, stamp)
 
-    def _stamp_objection(self, stream: Stream, stamp: int) -> Refusal | None:
+    def _stamp_objection(self, stream: Stream, stamp: int) -> Denial | None:
         """What is wrong with the stamp of a frame whose signature matches."""
         if stream in self._own_streams:
-            return Refusal.REFLECTED
+            return Denial.REFLECTED
         latest = self._latest.get(stream)
         if latest is not None:
-            return None if stamp > latest else Refusal.REPLAYED
+            return None if stamp > latest else Denial.REPLAYED
         if stamp < self._oldest_new():
-            return Refusal.OLD_STAMP
+            return Denial.OLD_STAMP
         if len(self._latest) < MOST_STREAMS or min(self._latest.values()) < self._oldest_new():
             return None
-        return Refusal.TOO_MANY_STREAMS
+        return Denial.TOO_MANY_STREAMS
 
     def _make_room(self) -> None:
         """Forgets streams whose old frames would be rejected anyway."""

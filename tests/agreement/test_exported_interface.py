@@ -27,7 +27,7 @@ from h2nav.attitude.velocity_aided.integer.kernel import place, start, step
 from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 from h2nav.files import gain_files
 from h2nav.translate.c99 import translate
-from h2nav.translate.source import Refused, Source
+from h2nav.translate.source import KernelSource, Untranslatable
 
 IDENTITY = IDENTITIES["velocity_aided"]
 GAINS = velocity_aided_gains(gain_files.load(IDENTITY.gains), IDENTITY.gains)
@@ -240,8 +240,8 @@ def test_a_changed_kernel_changes_the_c() -> None:
         mutant = mutated(source.text)
         if mutant is not None:
             changed = [*sources]
-            changed[index] = Source(source.path, mutant)
-            with contextlib.suppress(Refused):
+            changed[index] = KernelSource(source.path, mutant)
+            with contextlib.suppress(Untranslatable):
                 assert translate(changed, entries, ["reset"]).code != code
             seen += 1
     assert seen >= len(sources) - 1  # every module but the memory has one

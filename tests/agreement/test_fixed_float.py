@@ -9,7 +9,7 @@ from agreement.constant_gain_reference import ConstantGainReference, rotation
 from h2nav.attitude.constant_gain.filter import fill_sample
 from h2nav.attitude.constant_gain.gains import (
     BIAS_UNIT,
-    IntegerGains,
+    ConstantIntegerGains,
     constant_gains,
     integer_gains,
 )
@@ -23,7 +23,7 @@ FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 DENSITIES = SensorDensities(1e-3, 2e-5, 0.3, 5.0, 9.80665, FIELD)
 
 
-def image_at(rate_hz: int) -> IntegerGains:
+def image_at(rate_hz: int) -> ConstantIntegerGains:
     return integer_gains(constant_gains(DENSITIES, rate_hz, 1.0), "test")
 
 

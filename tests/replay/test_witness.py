@@ -5,8 +5,8 @@ from replayed import Replayed
 
 from h2nav.apps.configuration import Configuration
 from h2nav.integrity.findings import Findings
-from h2nav.integrity.velocity_witness import Verdict
-from h2nav.integrity.witness import Source
+from h2nav.integrity.velocity_witness import VelocityVerdict
+from h2nav.integrity.witness import AttitudeSource
 
 
 class Watched(Replayed):
@@ -35,12 +35,12 @@ def test_a_magnet_that_turns_the_autopilots_heading_is_told_and_the_velocity_sup
     assert (first.kind, first.sensor.name) == ("autopilot_heading", "autopilot")
     assert first.text == "autopilot heading off 6 deg, GPS backs us"
     verdicts = {found.verdicts.heading for found in seen.compared}
-    assert verdicts == {Verdict.H2NAV, Verdict.UNDECIDED}
+    assert verdicts == {VelocityVerdict.H2NAV, VelocityVerdict.UNDECIDED}
     assert {alarm.kind for alarm in seen.told} == {"autopilot_heading"}
 
 
 def test_where_both_are_right_nothing_is_told():
     seen = Watched("calm")
     assert len(seen.compared) > 1900
-    assert all(found.source is Source.AUTOPILOT for found in seen.compared)
+    assert all(found.source is AttitudeSource.AUTOPILOT for found in seen.compared)
     assert seen.told == []

@@ -14,12 +14,12 @@ from h2nav.apps.log_contents import attach_inputs
 from h2nav.log.recorder import Recorder
 from h2nav.service.sensor_delays import butterworth_delay_s
 from h2nav.sim.personalities import ARDUPILOT, PX4
-from h2nav.sim.vehicle import Ages
+from h2nav.sim.vehicle import SimulatedAges
 
 FAST_HZ = 80.0
 FAST = ARDUPILOT._replace(
     parameters={**ARDUPILOT.parameters, "INS_GYRO_FILTER": FAST_HZ},
-    ages=Ages(butterworth_delay_s(FAST_HZ), 0.05),
+    ages=SimulatedAges(butterworth_delay_s(FAST_HZ), 0.05),
 )
 
 

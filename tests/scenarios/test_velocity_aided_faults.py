@@ -11,7 +11,7 @@ from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import samples
 from h2nav.files import gain_files
-from h2nav.maths.attitude_errors import Errors, errors
+from h2nav.maths.attitude_errors import AttitudeErrors, errors
 from h2nav.maths.rows import enu_from_ned
 from h2nav.recordings.trials import Trial, read_trial
 
@@ -24,7 +24,9 @@ def trial() -> Trial:
     return read_trial(shared_data("imu/sitl__calm.npz"))
 
 
-def fly(trial: Trial, fault: Fault) -> tuple[Errors, np.ndarray, list[Trust], VelocityAidedFilter]:
+def fly(
+    trial: Trial, fault: Fault
+) -> tuple[AttitudeErrors, np.ndarray, list[Trust], VelocityAidedFilter]:
     """Errors and mask of the samples that got an estimate, and what was trusted."""
     filter_ = VelocityAidedFilter(
         velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")

@@ -7,14 +7,14 @@ import pytest
 from needs import shared_data
 
 from h2nav.evaluation.dataset.filters import Conditions
-from h2nav.evaluation.dataset.scores import Score, Task, score_task
+from h2nav.evaluation.dataset.scores import TrialScore, TrialTask, score_task
 from h2nav.recordings.trials import read_trial
 
 MAGNETIC_DECLINATION_DEG = 12.69  # of the simulated flights' truth, which points to magnetic north
 
 
 def score(path: Path, conditions: Conditions) -> tuple[float, float, float]:
-    found: Score = score_task(Task(path, read_trial, path.stem, "default", conditions))
+    found: TrialScore = score_task(TrialTask(path, read_trial, path.stem, "default", conditions))
     assert found.rms_deg is not None, found.remark
     return found.rms_deg
 

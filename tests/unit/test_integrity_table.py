@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from needs import REPOSITORY
 
-from h2nav.evaluation.flights.tracks import Track
+from h2nav.evaluation.flights.tracks import ErrorTrack
 from h2nav.integrity.findings import Severity
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.scenarios import SCENARIOS
@@ -45,7 +45,9 @@ def flight(tool):
     ]
     t_s = np.arange(0.0, 100.0, 0.5)
     error = np.where((t_s >= 40.0) & (t_s < 60.0), 10.0, 1.0)
-    track = Track(t_s, error, 0.5 * error, 0.8 * error, np.full(len(t_s), 2.0), np.ones(len(t_s)))
+    track = ErrorTrack(
+        t_s, error, 0.5 * error, 0.8 * error, np.full(len(t_s), 2.0), np.ones(len(t_s))
+    )
     return tool.Flight(said, heard, [], track, None)
 
 

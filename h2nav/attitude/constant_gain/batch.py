@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from h2nav.attitude.batch_driver import (
     BatchResult,
+    BatchSamples,
     Mask,
-    Samples,
     Table,
     empty_table,
     rounded,
@@ -35,7 +35,7 @@ class ConstantGainBatch:
         self._filter = attitude_filter
         self._was_aligned = False
 
-    def special(self, samples: Samples) -> Mask:
+    def special(self, samples: BatchSamples) -> Mask:
         """Samples after a gap, or that are not numbers."""
         gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
         finite = np.isfinite(sizes(samples.gyr)) & np.isfinite(sizes(samples.acc))
@@ -45,7 +45,7 @@ class ConstantGainBatch:
         special[1:] |= ~finite[:-1]
         return special
 
-    def ready(self, samples: Samples, first: int, stop: int) -> int:
+    def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
         """All of them: the kernel itself aligns."""
         del samples, first
         return stop
@@ -54,7 +54,7 @@ class ConstantGainBatch:
         """What the kernel takes before a sample."""
         return self._filter.kernel_state, self._filter.kernel_gains
 
-    def table(self, part: Samples) -> Table:
+    def table(self, part: BatchSamples) -> Table:
         """The kernel's samples: `fixedpoint.to_fixed` in place, all rows at once.
 
         Powers of two are exact factors, so it does not matter when they come in.
@@ -74,7 +74,7 @@ class ConstantGainBatch:
         table["dt_us"] = np.diff(part.t_us, prepend=self._filter.t_us or 0)
         return table
 
-    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+    def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates, to true north; NaN where the filter gives none."""
         del table
         half = 0.5 * self._filter.field.declination_rad

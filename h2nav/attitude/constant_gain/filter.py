@@ -12,7 +12,7 @@ from h2nav.attitude.constant_gain import memory
 from h2nav.attitude.constant_gain.gains import (
     BIAS_UNIT,
     ConstantGainModel,
-    IntegerGains,
+    ConstantIntegerGains,
     constant_gains,
     integer_gains,
 )
@@ -113,7 +113,7 @@ class ConstantGainFilter:
         copy(self._integer_gains(field).gains, self._g, Gains)
         self._field = field
 
-    def _integer_gains(self, field: EarthField) -> IntegerGains:
+    def _integer_gains(self, field: EarthField) -> ConstantIntegerGains:
         """The integers for a field; near the poles with the gains of the steepest dip that fits.
 
         Where the field is nearly vertical, the heading gains per unit of it outgrow the format.

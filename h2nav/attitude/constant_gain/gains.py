@@ -85,7 +85,7 @@ class ConstantGains(NamedTuple):
     rate_hz: float
 
 
-class IntegerGains(NamedTuple):
+class ConstantIntegerGains(NamedTuple):
     """The kernel's gains and what rounding has done to them.
 
     Attributes:
@@ -125,7 +125,7 @@ def constant_gain_model(file: GainFile, place: str) -> ConstantGainModel:
     return ConstantGainModel(file.name, file.rate_hz, densities, 1.0)
 
 
-def integer_gains_of(file: GainFile, place: str) -> IntegerGains:
+def integer_gains_of(file: GainFile, place: str) -> ConstantIntegerGains:
     """The integers of a gain file.
 
     Raises:
@@ -217,7 +217,7 @@ def _inverse(a: Square) -> Square:
     return a[3] / determinant, -a[1] / determinant, -a[2] / determinant, a[0] / determinant
 
 
-def integer_gains(gains: ConstantGains, place: str) -> IntegerGains:
+def integer_gains(gains: ConstantGains, place: str) -> ConstantIntegerGains:
     """The integers that stand for `gains`.
 
     Args:
@@ -270,7 +270,7 @@ def integer_gains(gains: ConstantGains, place: str) -> IntegerGains:
         if any(exact)
         for a, b in zip(exact, image, strict=True)
     )
-    return IntegerGains(image, rounded, error)
+    return ConstantIntegerGains(image, rounded, error)
 
 
 def _q14(value: float) -> int:

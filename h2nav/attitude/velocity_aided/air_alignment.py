@@ -51,7 +51,7 @@ class Leveled(NamedTuple):
     length_s: float
 
 
-class Reference(NamedTuple):
+class AirReference(NamedTuple):
     """What is known of the field.
 
     Attributes:
@@ -128,7 +128,7 @@ class AirAlignment:
         for i, (a, b) in enumerate(itertools.combinations_with_replacement(row, 2)):
             self._sums[i] += a * b
 
-    def solve(self, q_nb: Quat, reference: Reference, sigma_m_s: float) -> Leveled | None:
+    def solve(self, q_nb: Quat, reference: AirReference, sigma_m_s: float) -> Leveled | None:
         """The attitude now; None while the window is too short, or its velocities impossible.
 
         Args:
@@ -173,7 +173,7 @@ class AirAlignment:
             matrix[i][j] = matrix[j][i] = value
         return matrix
 
-    def _turn_to_field(self, start: Quat, wanted: Vec3, reference: Reference) -> float | None:
+    def _turn_to_field(self, start: Quat, wanted: Vec3, reference: AirReference) -> float | None:
         """The angle about the mean force that brings the field to its heading; None without."""
         if not self._fields or reference.norm == 0.0:
             return None

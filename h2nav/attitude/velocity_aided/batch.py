@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.attitude.batch_driver import BatchResult, Mask, Samples, Table, empty_table, sizes
+from h2nav.attitude.batch_driver import BatchResult, BatchSamples, Mask, Table, empty_table, sizes
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.attitude.velocity_aided.shell import (
@@ -31,11 +31,11 @@ class VelocityAidedBatch:
         self._filter = attitude_filter
         self._explains = explains
 
-    def special(self, samples: Samples) -> Mask:
+    def special(self, samples: BatchSamples) -> Mask:
         """Samples that the filter does not pass to its kernel as they are."""
         return special_samples(samples)
 
-    def ready(self, samples: Samples, first: int, stop: int) -> int:
+    def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
         """None while the filter aligns, after a long gap, or with an outside velocity at hand."""
         return stop if self._filter.is_free_at(int(samples.t_us[first])) else first
 
@@ -44,7 +44,7 @@ class VelocityAidedBatch:
         chosen = self._filter
         return chosen.kernel_state, chosen.kernel_workspace, chosen.kernel_gains
 
-    def table(self, part: Samples) -> Table:
+    def table(self, part: BatchSamples) -> Table:
         """The kernel's samples; what the autopilot says of the vehicle stays as it is."""
         table = empty_table(Sample, len(part.t_us))
         before = np.append(self._filter.t_us or 0, part.t_us[:-1])
@@ -59,7 +59,7 @@ class VelocityAidedBatch:
         table["forward_speed"] = self._filter.kernel_sample.forward_speed
         return table
 
-    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+    def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates; the filter's last sample becomes that of the part."""
         last = self._filter.kernel_sample
         last.dt_s = float(table["dt_s"][-1])
@@ -76,7 +76,7 @@ class VelocityAidedBatch:
         return BatchResult(*plain[:2], out[:, 8], out[:, 9], trust)
 
 
-def special_samples(samples: Samples) -> Mask:
+def special_samples(samples: BatchSamples) -> Mask:
     """Samples that the filter, in floats or integers, does not pass to its kernel as they are."""
     gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
     plausible = sizes(samples.gyr) < MOST_RATE_RAD_S * (1.0 - 1e-9)

@@ -24,7 +24,7 @@ from h2nav.attitude.samples import (
     VehicleState,
 )
 from h2nav.attitude.velocity_aided import memory
-from h2nav.attitude.velocity_aided.air_alignment import LONGEST_S, Leveled, Reference
+from h2nav.attitude.velocity_aided.air_alignment import LONGEST_S, AirReference, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.kernel.estimate import estimate
 from h2nav.attitude.velocity_aided.kernel.field_offset import open_offset
@@ -186,9 +186,9 @@ class VelocityAidedFilter(VelocityAidedShell):
         w, x, y, z = self._state.q_nb[:]
         return w, x, y, z
 
-    def _reference(self) -> Reference:
+    def _reference(self) -> AirReference:
         s, g = self._state, self._g
-        return Reference(
+        return AirReference(
             0.0 if s.heading_witnessed > 0.0 else s.mag_ref_norm,
             s.mag_ref_dip,
             s.declination,

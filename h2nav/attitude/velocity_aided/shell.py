@@ -28,7 +28,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided import memory
-from h2nav.attitude.velocity_aided.air_alignment import AirAlignment, Leveled, Reference
+from h2nav.attitude.velocity_aided.air_alignment import AirAlignment, AirReference, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.heading_witness import (
     HIGH_PASS_S,
@@ -298,7 +298,7 @@ class VelocityAidedShell(ABC):
         """The attitude, body to n."""
 
     @abstractmethod
-    def _reference(self) -> Reference:
+    def _reference(self) -> AirReference:
         """What the field is compared with; of no norm while velocities show the heading."""
 
     @abstractmethod

@@ -25,7 +25,7 @@ READINGS = ("twist", "displacement")
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class WheelCalibration:
     """The result of one calibration.
 
     Attributes:
@@ -63,7 +63,7 @@ class Calibration:
         return float(np.sqrt(np.mean(m * m))), float(np.sqrt(np.mean(rad * rad)))
 
 
-def calibrate_differential(phi: Any, motion: Any, solver: str = "qr") -> Calibration:
+def calibrate_differential(phi: Any, motion: Any, solver: str = "qr") -> WheelCalibration:
     """Track and radii of a differential drive.
 
     Args:
@@ -79,7 +79,7 @@ def calibrate_differential(phi: Any, motion: Any, solver: str = "qr") -> Calibra
 
 def calibrate_omni(
     phi: Any, motion: Any, wheel_angles_rad: tuple[float, float, float], solver: str = "qr"
-) -> Calibration:
+) -> WheelCalibration:
     """Arm and radii of three omni wheels at known angles.
 
     Args:
@@ -95,7 +95,7 @@ def calibrate_omni(
     return _better_reading(motion, lambda twist, name: _omni(phi, twist, rows, solver, name))
 
 
-def calibrate_matrix(odo: Any, motion: Any, solver: str = "qr") -> Calibration:
+def calibrate_matrix(odo: Any, motion: Any, solver: str = "qr") -> WheelCalibration:
     """The full matrix X with motion = X odometry.
 
     Args:
@@ -115,13 +115,13 @@ def calibrate_matrix(odo: Any, motion: Any, solver: str = "qr") -> Calibration:
     names = tuple(f"{to}_per_{of}" for to in axes for of in axes)
     residuals = np.stack([solution.residuals for solution in solutions], axis=1)
     notes = solutions[0].notes
-    return Calibration(
+    return WheelCalibration(
         "matrix", "as given", names, values, covariance, solutions[0], residuals, notes
     )
 
 
 def configuration(
-    result: Calibration, angles_rad: tuple[float, ...], fed_radius_m: float
+    result: WheelCalibration, angles_rad: tuple[float, ...], fed_radius_m: float
 ) -> dict[str, Any] | None:
     """The daemon's section `odometry`; None when the data do not determine it.
 
@@ -142,7 +142,7 @@ def configuration(
     return parameters
 
 
-def _differential(phi: Array, twist: Array, solver: str, reading: str) -> Calibration:
+def _differential(phi: Array, twist: Array, solver: str, reading: str) -> WheelCalibration:
     turn = solve(phi, twist[:, 2], solver)
     j = turn.x
     halves = 0.5 * phi * np.array([-1.0, 1.0])
@@ -157,10 +157,10 @@ def _differential(phi: Array, twist: Array, solver: str, reading: str) -> Calibr
     residuals = twist - np.stack([ahead, zero, phi @ j], axis=1)
     names = ("track_m", "radius_left_m", "radius_right_m")
     notes = turn.notes + _quality_notes(names, values, covariance)
-    return Calibration("diff", reading, names, values, covariance, turn, residuals, notes)
+    return WheelCalibration("diff", reading, names, values, covariance, turn, residuals, notes)
 
 
-def _omni(phi: Array, twist: Array, rows: Array, solver: str, reading: str) -> Calibration:
+def _omni(phi: Array, twist: Array, rows: Array, solver: str, reading: str) -> WheelCalibration:
     A = np.concatenate([phi * rows[0], phi * rows[1]])
     radii = solve(A, np.concatenate([twist[:, 0], twist[:, 1]]), solver)
     rims = phi * rows[2]
@@ -176,7 +176,7 @@ def _omni(phi: Array, twist: Array, rows: Array, solver: str, reading: str) -> C
     residuals = twist - np.stack([way[0], way[1], turn], axis=1)
     names = ("arm_m", "radius_1_m", "radius_2_m", "radius_3_m")
     notes = radii.notes + _quality_notes(names, values, covariance)
-    return Calibration("omni", reading, names, values, covariance, radii, residuals, notes)
+    return WheelCalibration("omni", reading, names, values, covariance, radii, residuals, notes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +210,9 @@ def _fit_scale(c: Array, c_D_x: Array, reference: Array, first: Solution) -> _Sc
     return _Scale(value, covariance)
 
 
-def _better_reading(motion: Array, fit: Callable[[Array, str], Calibration]) -> Calibration:
+def _better_reading(
+    motion: Array, fit: Callable[[Array, str], WheelCalibration]
+) -> WheelCalibration:
     """The reading of the reference increments with the smaller residuals."""
     as_displacement = np.array([se2.log((x, y, turn)) for x, y, turn in motion.tolist()])
     fits = [fit(motion, READINGS[0]), fit(as_displacement, READINGS[1])]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from h2nav.calibration import pictures
-from h2nav.calibration.odometry.calibration import Calibration
+from h2nav.calibration.odometry.calibration import WheelCalibration
 from h2nav.calibration.odometry.tracks import Increments
 from h2nav.maths import se2
 from h2nav.motion import dead_reckoning
@@ -21,7 +21,7 @@ ELLIPSES = 12
 
 
 def write(
-    folder: Path, result: Calibration, data: Increments, angles_rad: tuple[float, float, float]
+    folder: Path, result: WheelCalibration, data: Increments, angles_rad: tuple[float, float, float]
 ) -> list[Path]:
     """Writes ``calibration_residuals.png`` and, where wheels are known, ``odometry_path.png``."""
     pyplot = pictures.pyplot()
@@ -40,7 +40,7 @@ def write(
     return written
 
 
-def _residuals(axes: "list[Axes]", result: Calibration) -> None:
+def _residuals(axes: "list[Axes]", result: WheelCalibration) -> None:
     labels = (("ahead", "mm"), ("left", "mm"), ("turn", "mrad"))
     for ax, values, (name, unit) in zip(axes, 1e3 * result.residuals.T, labels, strict=True):
         ax.plot(values, ".", markersize=3)
@@ -52,7 +52,7 @@ def _residuals(axes: "list[Axes]", result: Calibration) -> None:
     axes[-1].set_xlabel("increment")
 
 
-def _chassis(result: Calibration, angles_rad: tuple[float, float, float]) -> Chassis | None:
+def _chassis(result: WheelCalibration, angles_rad: tuple[float, float, float]) -> Chassis | None:
     """The calibrated layout; None where there is none to draw."""
     if not result.determined or result.model == "matrix":
         return None
@@ -60,7 +60,7 @@ def _chassis(result: Calibration, angles_rad: tuple[float, float, float]) -> Cha
     return DifferentialDrive(length) if result.model == "diff" else OmniDrive(angles_rad, length)
 
 
-def _path(ax: "Axes", chassis: Chassis, result: Calibration, data: Increments) -> None:
+def _path(ax: "Axes", chassis: Chassis, result: WheelCalibration, data: Increments) -> None:
     """The odometry's path with 3-sigma ellipses of the default slip, and the reference's."""
     settings = OdometrySettings()
     slip = Slip(settings.slip_wheel_m_rtm, settings.slip_side_m_rtm)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from h2nav.calibration.odometry.tracks import Increments, TimedPose, Track, of_track
+from h2nav.calibration.odometry.tracks import Increments, PoseTrack, TimedPose, of_track
 from h2nav.errors import BadInput
 from h2nav.maths import frames, quaternion
 from h2nav.motion.samples import WheelSample
@@ -66,7 +66,7 @@ def read_increments(path: Path, model: str | None) -> Increments:
     if count < used:
         raise BadInput(f"{path}: WHEEL_DISTANCE of {count} wheel(s); the model {model} has {used}")
     readings = [WheelSample(f.time_usec, tuple(f.distance[:used])) for f in wheels]
-    return of_track(Track(readings, poses), model, f"{path} (reference {name})")
+    return of_track(PoseTrack(readings, poses), model, f"{path} (reference {name})")
 
 
 Streams = dict[tuple[int, int, int], list[Any]]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from h2nav.calibration.odometry.tracks import Array, Increments, TimedPose, Track, of_track
+from h2nav.calibration.odometry.tracks import Array, Increments, PoseTrack, TimedPose, of_track
 from h2nav.errors import BadInput
 from h2nav.motion.samples import WheelSample
 from h2nav.validation import shown
@@ -67,7 +67,7 @@ def _read_track(path: Path, model: str | None, header: list[str], rows: Rows) ->
         x, y, heading = rest[-3:]
         readings.append(WheelSample(round(time_s * 1e6), tuple(rest[:-3])))
         poses.append(TimedPose(round(time_s * 1e6), (x, y, heading)))
-    return of_track(Track(readings, poses), model, str(path))
+    return of_track(PoseTrack(readings, poses), model, str(path))
 
 
 def _model_of(path: Path, header: list[str]) -> str:

@@ -31,7 +31,7 @@ class TimedPose(NamedTuple):
     pose: Planar
 
 
-class Track(NamedTuple):
+class PoseTrack(NamedTuple):
     """A drive: what the wheels counted and where the vehicle really was, on one clock."""
 
     readings: Sequence[WheelSample]
@@ -53,7 +53,7 @@ class Increments(NamedTuple):
     readings: Array
     motion: Array
     source: str
-    track: Track | None = None
+    track: PoseTrack | None = None
 
 
 class Drive(NamedTuple):
@@ -70,7 +70,7 @@ class Drive(NamedTuple):
     end_error_sigmas: float
 
 
-def of_track(track: Track, model: str, source: str) -> Increments:
+def of_track(track: PoseTrack, model: str, source: str) -> Increments:
     """Increments of `INCREMENT_S` cut from a drive.
 
     Raises:
@@ -87,7 +87,7 @@ def of_track(track: Track, model: str, source: str) -> Increments:
     return Increments(model, np.array(ways), np.array(motion), told, track)
 
 
-def drive(track: Track, settings: OdometrySettings) -> Drive | None:
+def drive(track: PoseTrack, settings: OdometrySettings) -> Drive | None:
     """Feeds the counters to `WheelOdometry`; None where no reference pose covers the drive."""
     times = [pose.t_us for pose in track.poses]
     odometry = WheelOdometry(settings)

@@ -33,7 +33,7 @@ from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.maths.rows import Array, enu_from_ned, from_euler, product
 from h2nav.maths.units import DEG
-from h2nav.recordings.trials import Told, Trial
+from h2nav.recordings.trials import FilterInput, Trial
 
 GPS_SIGMA_M_S = 0.1
 # From forward-left-up to forward-right-down, as a factor on rows of vectors.
@@ -58,7 +58,7 @@ class Conditions(NamedTuple):
     shows_insides: bool = False
 
 
-class Track(NamedTuple):
+class FilterTrack(NamedTuple):
     """The result of a filter on a trial.
 
     Attributes:
@@ -89,29 +89,29 @@ def samples(trial: Trial) -> Iterator[ImuSample]:
         yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
 
 
-def run_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
+def run_velocity_aided(trial: Trial, conditions: Conditions) -> FilterTrack:
     """The velocity-aided filter with the shipped gains of the class and the nearest rate."""
     return run_with_gains(trial, conditions, _class_gains(trial, conditions))
 
 
-def run_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
+def run_velocity_aided_integer(trial: Trial, conditions: Conditions) -> FilterTrack:
     """The same in integers."""
     return _run(trial, conditions, _integer_filter(_class_gains(trial, conditions), conditions))
 
 
-def smooth_velocity_aided(trial: Trial, conditions: Conditions) -> Track:
+def smooth_velocity_aided(trial: Trial, conditions: Conditions) -> FilterTrack:
     """The velocity-aided filter forward and backward."""
     gains = _class_gains(trial, conditions)
     return _smooth(trial, conditions, lambda: _float_filter(gains, conditions))
 
 
-def smooth_velocity_aided_integer(trial: Trial, conditions: Conditions) -> Track:
+def smooth_velocity_aided_integer(trial: Trial, conditions: Conditions) -> FilterTrack:
     """The same in integers."""
     gains = _class_gains(trial, conditions)
     return _smooth(trial, conditions, lambda: _integer_filter(gains, conditions))
 
 
-def run_with_gains(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> Track:
+def run_with_gains(trial: Trial, conditions: Conditions, gains: VelocityAidedGains) -> FilterTrack:
     """The velocity-aided filter with given gains."""
     return _run(trial, conditions, _float_filter(gains, conditions))
 
@@ -139,7 +139,7 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
     return gains._replace(cruise_speed_m_s=conditions.cruise_speed_m_s)
 
 
-def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> Track:
+def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> FilterTrack:
     """Runs a filter of h2nav in the fastest way that records what is wanted."""
     told = _told(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
@@ -159,7 +159,7 @@ def _backend_of_samples(chosen: AttitudeFilter) -> str:
     return "native, called per sample" if _is_compiled(chosen) else "python"
 
 
-def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
+def _run_batch(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilter) -> FilterTrack:
     """Runs the stretches between these records through the compiled kernel."""
     count = len(trial.t_us)
     q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
@@ -180,10 +180,10 @@ def _run_batch(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Tr
     if not known.any():
         raise TaskFailed(f"{trial.name}: {chosen.name} never aligned: no usable sample")
     latest = _latest(known)
-    return Track(enu_from_ned(q_nb[latest]), us_per_sample, "native", bias[latest])
+    return FilterTrack(enu_from_ned(q_nb[latest]), us_per_sample, "native", bias[latest])
 
 
-def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> Track:
+def _run_samples(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilter) -> FilterTrack:
     """Runs sample by sample, as the daemon does."""
     taken = list(samples(trial))
     estimates: list[AttitudeEstimate | None] = []
@@ -204,7 +204,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     filled = _filled(estimates, f"{trial.name}: {chosen.name}")
-    return Track(
+    return FilterTrack(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
         backend=_backend_of_samples(chosen),
@@ -214,7 +214,7 @@ def _run_samples(trial: Trial, told: Sequence[Told], chosen: AttitudeFilter) -> 
     )
 
 
-def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> Track:
+def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> FilterTrack:
     """The smoother around a filter."""
     given = Given(list(samples(trial)), _told(trial, conditions))
     started = time.process_time()
@@ -222,7 +222,7 @@ def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> Track:
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     chosen = make()
     filled = _filled(estimates, f"{trial.name}: {chosen.name}")
-    return Track(
+    return FilterTrack(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
         backend=_backend_of_samples(chosen),
@@ -243,7 +243,7 @@ def _filled(estimates: Sequence[AttitudeEstimate | None], what: str) -> list[Att
     return [estimate for estimate in rows if estimate is not None]
 
 
-def run_paper(trial: Trial, _: Conditions) -> Track:
+def run_paper(trial: Trial, _: Conditions) -> FilterTrack:
     """The source paper's Euler-angle filter, its vectors scaled to 1 and its weights 1.
 
     It works only near level: z up or down as in the first force, x forward.
@@ -272,10 +272,10 @@ def run_paper(trial: Trial, _: Conditions) -> Track:
     q_nb = from_euler(np.where(np.isfinite(rows), rows, 0.0))
     to_enu = frames.attitude_enu_from_ned if is_frd else frames.attitude_enu_flu_from_ned_frd
     q_es = np.array([to_enu(tuple(q)) for q in q_nb.tolist()])
-    return Track(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
+    return FilterTrack(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
 
 
-def _told(trial: Trial, conditions: Conditions) -> list[Told]:
+def _told(trial: Trial, conditions: Conditions) -> list[FilterInput]:
     """The further inputs of the filter, in order; velocities only on request.
 
     Raises:
@@ -289,7 +289,7 @@ def _told(trial: Trial, conditions: Conditions) -> list[Told]:
     return told
 
 
-def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
+def _fixes(trial: Trial, conditions: Conditions) -> list[FilterInput]:
     """The trial's gps rows as velocities, courses rotated to the truth's north."""
     assert trial.gps is not None
     told = []
@@ -298,7 +298,7 @@ def _fixes(trial: Trial, conditions: Conditions) -> list[Told]:
         v_n = (speed * math.cos(course), speed * math.sin(course), math.nan)
         t_us = round(t_s * 1e6)
         row = int(np.searchsorted(trial.t_us, t_us))
-        told.append(Told(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
+        told.append(FilterInput(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
     return told
 
 

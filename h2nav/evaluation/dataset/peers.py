@@ -16,7 +16,7 @@ from h2nav.attitude import alignment
 from h2nav.errors import TaskFailed
 from h2nav.evaluation import imufusion
 from h2nav.evaluation.dataset import filters as ours
-from h2nav.evaluation.dataset.filters import Conditions, Track, held
+from h2nav.evaluation.dataset.filters import Conditions, FilterTrack, held
 from h2nav.maths.rows import Array, enu_from_ned, ned_from_nwu
 from h2nav.recordings.trials import Trial
 
@@ -30,7 +30,7 @@ SMOOTHED = {
     "velocity_aided_integer": "velocity_aided_integer_smoothed",
     "vqf": "vqf_offline",
 }
-Runner = Callable[[Trial, Conditions], Track]
+Runner = Callable[[Trial, Conditions], FilterTrack]
 # Filter -> extra and module that it needs beyond the base.
 NEEDS = {
     "paper": ("synthesis", "scipy.linalg"),
@@ -73,7 +73,7 @@ def _is_installed(name: str) -> bool:
 def _guarded(name: str, runner: Runner) -> Runner:
     """Makes an exception of a third-party filter fail one trial only."""
 
-    def run(trial: Trial, conditions: Conditions) -> Track:
+    def run(trial: Trial, conditions: Conditions) -> FilterTrack:
         try:
             track = runner(trial, conditions)
         except (ValueError, TypeError, ArithmeticError) as error:
@@ -83,12 +83,12 @@ def _guarded(name: str, runner: Runner) -> Runner:
     return run
 
 
-def _vqf(trial: Trial, _: Conditions) -> Track:
+def _vqf(trial: Trial, _: Conditions) -> FilterTrack:
     vqf = importlib.import_module("vqf")
     return _run_vqf(trial, vqf.VQF(1.0 / trial.rate_hz).updateBatch)
 
 
-def _vqf_offline(trial: Trial, _: Conditions) -> Track:
+def _vqf_offline(trial: Trial, _: Conditions) -> FilterTrack:
     vqf = importlib.import_module("vqf")
 
     def run(rates: Array, forces: Array, fields: Array | None = None) -> dict[str, Array]:
@@ -98,7 +98,7 @@ def _vqf_offline(trial: Trial, _: Conditions) -> Track:
     return _run_vqf(trial, run)
 
 
-def _run_vqf(trial: Trial, run: Callable[..., dict[str, Array]]) -> Track:
+def _run_vqf(trial: Trial, run: Callable[..., dict[str, Array]]) -> FilterTrack:
     """One of its variants, which take the whole recording."""
     arrays = [np.ascontiguousarray(trial.w_s), np.ascontiguousarray(trial.f_s)]
     if trial.m_s is not None:
@@ -107,19 +107,19 @@ def _run_vqf(trial: Trial, run: Callable[..., dict[str, Array]]) -> Track:
     out = run(*arrays)
     us_per_sample = (time.process_time() - started) * 1e6 / len(trial.w_s)
     q_es = out["quat9D" if trial.m_s is not None else "quat6D"]
-    return Track(q_es, us_per_sample, "native", np.asarray(out["bias"]))
+    return FilterTrack(q_es, us_per_sample, "native", np.asarray(out["bias"]))
 
 
-def _imufusion(trial: Trial, _: Conditions) -> Track:
+def _imufusion(trial: Trial, _: Conditions) -> FilterTrack:
     fields = None if trial.m_s is None else held(trial.m_s)
     started = time.process_time()
     # By default it starts level, and needs 20 s to turn sensor axes that point down.
     q_ns = imufusion.attitudes(trial.w_s, trial.f_s, fields, _steps_s(trial), _start_nwu(trial))
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
-    return Track(enu_from_ned(q_ns), us_per_sample, "native, called per sample")
+    return FilterTrack(enu_from_ned(q_ns), us_per_sample, "native, called per sample")
 
 
-def _madgwick(trial: Trial, _: Conditions) -> Track:
+def _madgwick(trial: Trial, _: Conditions) -> FilterTrack:
     filters = importlib.import_module("ahrs.filters")
     q_nwu = np.empty((len(trial.w_s), 4))
     q_nwu[0] = _start_nwu(trial)
@@ -134,10 +134,10 @@ def _madgwick(trial: Trial, _: Conditions) -> Track:
         else:
             q_nwu[k] = chosen.updateMARG(q_nwu[k - 1], mag=fields[k], **sample)
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_nwu)
-    return Track(enu_from_ned(ned_from_nwu(q_nwu)), us_per_sample, "python")
+    return FilterTrack(enu_from_ned(ned_from_nwu(q_nwu)), us_per_sample, "python")
 
 
-def _ekf(trial: Trial, _: Conditions) -> Track:
+def _ekf(trial: Trial, _: Conditions) -> FilterTrack:
     filters = importlib.import_module("ahrs.filters")
     if trial.m_s is None:
         raise TaskFailed(f"{trial.name}: ahrs.ekf is run with a magnetometer only")
@@ -155,7 +155,7 @@ def _ekf(trial: Trial, _: Conditions) -> Track:
     for k in range(1, len(q_ns)):
         q_ns[k] = chosen.update(q_ns[k - 1], trial.w_s[k], -trial.f_s[k], fields[k], steps_s[k])
     us_per_sample = (time.process_time() - started) * 1e6 / len(q_ns)
-    return Track(enu_from_ned(q_ns), us_per_sample, "python")
+    return FilterTrack(enu_from_ned(q_ns), us_per_sample, "python")
 
 
 def _steps_s(trial: Trial) -> list[float]:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from h2nav.calibration import pictures
-from h2nav.evaluation.dataset.filters import Track
-from h2nav.maths.attitude_errors import Errors
+from h2nav.evaluation.dataset.filters import FilterTrack
+from h2nav.maths.attitude_errors import AttitudeErrors
 from h2nav.recordings.trials import Trial
 
 
-def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
+def draw(trial: Trial, track: FilterTrack, found: AttitudeErrors, path: Path) -> None:
     """Writes the picture of one filter on one trial."""
     t_s = trial.t_us * 1e-6
     figure, axes = pictures.pyplot().subplots(
@@ -36,7 +36,7 @@ def draw(trial: Trial, track: Track, found: Errors, path: Path) -> None:
     pictures.save(figure, path)
 
 
-def _gate(axis: Any, t_s: Any, trial: Trial, track: Track) -> None:
+def _gate(axis: Any, t_s: Any, trial: Trial, track: FilterTrack) -> None:
     """Share of the field's samples that passed the gate, over one second."""
     assert track.field_used is not None
     width = max(1, round(trial.rate_hz))

@@ -13,7 +13,7 @@ from h2nav.errors import BadInput
 from h2nav.maths.rows import enu_from_ned, from_euler
 from h2nav.recordings.listener import UNKNOWN, Listener, Stretch
 from h2nav.recordings.reference import Pairs, Reference
-from h2nav.recordings.trials import Told, Trial, usual_rate_hz
+from h2nav.recordings.trials import FilterInput, Trial, usual_rate_hz
 
 LEAST_SAMPLES = 2
 
@@ -59,7 +59,7 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     )
 
 
-def _on_clock_of_trial(told: Told, start_us: int) -> Told:
+def _on_clock_of_trial(told: FilterInput, start_us: int) -> FilterInput:
     if isinstance(told.what, VelocityFix):
         return told._replace(what=told.what._replace(t_us=told.what.t_us - start_us))
     return told

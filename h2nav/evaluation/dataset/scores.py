@@ -15,7 +15,7 @@ from h2nav.recordings.trials import Trial
 _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
 
 
-class Task(NamedTuple):
+class TrialTask(NamedTuple):
     """One filter on one trial; self-contained, for another process.
 
     Attributes:
@@ -35,7 +35,7 @@ class Task(NamedTuple):
     plots: Path | None = None
 
 
-class Score(NamedTuple):
+class TrialScore(NamedTuple):
     """The result of a task.
 
     Attributes:
@@ -59,9 +59,9 @@ class Score(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def score_task(task: Task) -> Score:
+def score_task(task: TrialTask) -> TrialScore:
     """Runs and scores one task, in a worker process."""
-    nothing = Score(task.trial, task.filter_name)
+    nothing = TrialScore(task.trial, task.filter_name)
     try:
         trial = task.read(task.path)
         if trial.q_es is None or not trial.mask.any():
@@ -86,7 +86,7 @@ def score_task(task: Task) -> Score:
     )
 
 
-def summary(scores: Sequence[Score], name: str) -> dict[str, Any]:
+def summary(scores: Sequence[TrialScore], name: str) -> dict[str, Any]:
     """One filter's results: per trial, their mean, the time per sample and the backend."""
     done = [s for s in scores if s.filter_name == name and s.rms_deg is not None]
     trials = {s.trial: s.rms_deg._asdict() for s in done if s.rms_deg is not None}

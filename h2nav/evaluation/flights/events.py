@@ -27,7 +27,7 @@ class Event(NamedTuple):
     text: str
 
 
-class Phase(NamedTuple):
+class FlightPhase(NamedTuple):
     """A part of a flight.
 
     Attributes:
@@ -65,17 +65,17 @@ def read_events(path: Path) -> list[Event]:
     return events
 
 
-def phases_of(events: list[Event]) -> list[Phase]:
+def phases_of(events: list[Event]) -> list[FlightPhase]:
     """The phases that the events begin."""
     begins = [event for event in events if event.text.startswith(PHASE)]
     end = Event(math.inf, "")
     return [
-        Phase(event.text.removeprefix(PHASE), event.boot_s, following.boot_s)
+        FlightPhase(event.text.removeprefix(PHASE), event.boot_s, following.boot_s)
         for event, following in pairwise([*begins, end])
     ]
 
 
-def parse_phase(text: str) -> Phase:
+def parse_phase(text: str) -> FlightPhase:
     """``NAME=FROM-TO``, times in s.
 
     Raises:
@@ -84,4 +84,4 @@ def parse_phase(text: str) -> Phase:
     match = re.fullmatch(r"([^=]+)=(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
     if match is None or float(match[2]) >= float(match[3]):
         raise ValueError(f"expected NAME=FROM-TO, found {text}")
-    return Phase(match[1], float(match[2]), float(match[3]))
+    return FlightPhase(match[1], float(match[2]), float(match[3]))

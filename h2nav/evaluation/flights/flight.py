@@ -7,19 +7,19 @@ from typing import NamedTuple
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import (
     Event,
-    Phase,
+    FlightPhase,
     events_path,
     phases_of,
     read_events,
 )
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
-from h2nav.evaluation.flights.tracks import Track, track_of, tracks_of_autopilot
+from h2nav.evaluation.flights.tracks import ErrorTrack, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import truth_of
 
 MOST = 0.98  # of the estimates; where fewer have a truth, that is noted
 
 
-class Task(NamedTuple):
+class FlightTask(NamedTuple):
     """One flight; self-contained, for another process.
 
     Attributes:
@@ -33,11 +33,11 @@ class Task(NamedTuple):
     path: Path
     name: str
     play: Callable[[Path], HeardFlight]
-    phases: tuple[Phase, ...] | None = None
+    phases: tuple[FlightPhase, ...] | None = None
     plots: Path | None = None
 
 
-class Flight(NamedTuple):
+class PlayedFlight(NamedTuple):
     """A flight with everything for its figures and its picture.
 
     Attributes:
@@ -56,16 +56,16 @@ class Flight(NamedTuple):
     name: str
     truth: str
     duration_s: float
-    tracks: dict[str, Track]
+    tracks: dict[str, ErrorTrack]
     airborne: tuple[tuple[float, float], ...] | None
-    phases: tuple[Phase, ...]
+    phases: tuple[FlightPhase, ...]
     events: tuple[Event, ...]
     runs: dict[str, FromService]
     start_us: int
     notes: tuple[str, ...]
 
 
-def flight_of(task: Task) -> Flight:
+def flight_of(task: FlightTask) -> PlayedFlight:
     """Plays one flight.
 
     Raises:
@@ -88,7 +88,7 @@ def flight_of(task: Task) -> Flight:
             notes.append(f"{name}: {1.0 - share:.0%} of the estimates have no truth near them")
     tracks |= tracks_of_autopilot(truth, autopilot)
     events, phases, more = _told_beside(task, autopilot)
-    return Flight(
+    return PlayedFlight(
         name=task.name,
         truth=truth.name,
         duration_s=(autopilot.end_us - autopilot.start_us) * 1e-6,
@@ -115,8 +115,8 @@ def _airborne(heard: FromAutopilot) -> tuple[tuple[float, float], ...] | None:
 
 
 def _told_beside(
-    task: Task, heard: FromAutopilot
-) -> tuple[tuple[Event, ...], tuple[Phase, ...], list[str]]:
+    task: FlightTask, heard: FromAutopilot
+) -> tuple[tuple[Event, ...], tuple[FlightPhase, ...], list[str]]:
     """Events and phases on the recording's clock, and remarks."""
     path = events_path(task.path)
     try:
@@ -132,6 +132,6 @@ def _told_beside(
     shift_s = (offset_us - heard.start_us) * 1e-6
     return (
         tuple(Event(event.boot_s + shift_s, event.text) for event in events),
-        tuple(Phase(p.name, p.from_s + shift_s, p.to_s + shift_s) for p in phases),
+        tuple(FlightPhase(p.name, p.from_s + shift_s, p.to_s + shift_s) for p in phases),
         [],
     )

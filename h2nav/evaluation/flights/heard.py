@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.maths.rows import Array
-from h2nav.recordings.reference import ATTITUDE, SIMSTATE, Attitudes
+from h2nav.recordings.reference import ATTITUDE, SIMSTATE, TimedAttitudes
 from h2nav.wire import codec
 from h2nav.wire.deframer import Frame
 from h2nav.wire.vehicle import heartbeat, landed_state
@@ -23,7 +23,7 @@ EXTENDED_SYS_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
 REBOOT_US = 1_000_000
 
 
-class Estimates(NamedTuple):
+class HeardEstimates(NamedTuple):
     """All estimates of one estimator.
 
     Attributes:
@@ -58,10 +58,10 @@ class FromAutopilot:
 
     def __init__(self) -> None:
         self.start_us = self.end_us = 0
-        self.truth = Attitudes()
-        self.ekf = Attitudes()
+        self.truth = TimedAttitudes()
+        self.ekf = TimedAttitudes()
         self.ekf_boot_us = array("q")
-        self.ahrs2 = Attitudes()
+        self.ahrs2 = TimedAttitudes()
         self.airborne: list[tuple[int, bool]] = []
         self._is_armed: bool | None = None
         self._has_landed = False
@@ -161,10 +161,10 @@ class FromService:
         """Stores a notice."""
         self.notices.append((t_ns // 1000, severity, text))
 
-    def estimates(self) -> Estimates:
+    def estimates(self) -> HeardEstimates:
         """All so far."""
         rows = np.array(self._rows).reshape(-1, 6)
-        return Estimates(
+        return HeardEstimates(
             np.array(self._arrived_us, dtype=np.int64),
             np.array(self._boot_us, dtype=np.int64),
             rows[:, :4],

@@ -8,8 +8,8 @@ import numpy as np
 
 from h2nav.calibration import pictures
 from h2nav.evaluation.flights.events import PHASE, Event
-from h2nav.evaluation.flights.flight import Flight
-from h2nav.evaluation.flights.tracks import Track
+from h2nav.evaluation.flights.flight import PlayedFlight
+from h2nav.evaluation.flights.tracks import ErrorTrack
 from h2nav.maths.attitude_errors import BEYOND
 from h2nav.maths.rows import Array
 
@@ -29,7 +29,7 @@ PHASE_LETTERS_ACROSS = 150.0
 LETTERS_ACROSS = 190.0  # of a label, over the width of the picture
 
 
-def draw(flight: Flight, path: Path) -> None:
+def draw(flight: PlayedFlight, path: Path) -> None:
     """Writes the picture of a flight."""
     figure, axes = pictures.pyplot().subplots(
         4,
@@ -81,7 +81,7 @@ def _binned(t_s: Array, values: Array, edges: Array) -> Array:
     return found
 
 
-def _band(axis: Any, track: Track, name: str, edges: Array) -> None:
+def _band(axis: Any, track: ErrorTrack, name: str, edges: Array) -> None:
     sigma = {"tilt": track.sigma_tilt, "heading": track.sigma_heading}.get(name)
     if sigma is None:
         return
@@ -98,7 +98,7 @@ def _band(axis: Any, track: Track, name: str, edges: Array) -> None:
     )
 
 
-def _shade(axes: Any, flight: Flight) -> None:
+def _shade(axes: Any, flight: PlayedFlight) -> None:
     """Every second phase in grey, with its name on top."""
     free_s = [0.0] * PHASE_LINES
     for number, phase in enumerate(flight.phases):
@@ -123,7 +123,7 @@ def _shade(axes: Any, flight: Flight) -> None:
         )
 
 
-def _label(axes: Any, flight: Flight) -> None:
+def _label(axes: Any, flight: PlayedFlight) -> None:
     """Draws events and our notices under the errors, without overlap."""
     shown = [(event, "0.25") for event in flight.events if _is_shown(event)]
     shown += [

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from h2nav.errors import BadInput
-from h2nav.evaluation.flights.flight import Flight, Task, flight_of
-from h2nav.evaluation.flights.tracks import Mask, Track, figures
+from h2nav.evaluation.flights.flight import FlightTask, PlayedFlight, flight_of
+from h2nav.evaluation.flights.tracks import ErrorTrack, Mask, figures
 from h2nav.maths.rows import Array
 from h2nav.recordings.trials import RECORDING_SUFFIXES
 
@@ -18,7 +18,7 @@ SPANS = ("whole", "settled", "airborne")
 Document = dict[str, Any]
 
 
-class Score(NamedTuple):
+class FlightScore(NamedTuple):
     """The result of a task.
 
     Attributes:
@@ -51,22 +51,22 @@ def flight_paths(place: Path) -> list[Path]:
     return paths
 
 
-def score_flight(task: Task) -> Score:
+def score_flight(task: FlightTask) -> FlightScore:
     """Plays and scores one flight, in a worker process."""
     try:
         flight = flight_of(task)
     except BadInput as error:
-        return Score(task.name, {}, " ".join(error.lines))
+        return FlightScore(task.name, {}, " ".join(error.lines))
     if task.plots is not None:
         from h2nav.evaluation.flights.pictures import draw
 
         draw(flight, task.plots / f"{task.name}.png")
-    return Score(task.name, document(flight))
+    return FlightScore(task.name, document(flight))
 
 
-def document(flight: Flight) -> Document:
+def document(flight: PlayedFlight) -> Document:
     """The figures of a flight, as JSON."""
-    parts: dict[str, Callable[[Track], Mask]] = {
+    parts: dict[str, Callable[[ErrorTrack], Mask]] = {
         "whole": lambda track: np.ones(len(track.t_s), dtype=bool),
         "settled": lambda track: track.t_s >= SETTLED_S,
         "airborne": lambda track: _inside(track.t_s, flight.airborne or ()),
@@ -107,7 +107,9 @@ def document(flight: Flight) -> Document:
     }
 
 
-def _of_all(tracks: Mapping[str, Track], mask: Callable[[Track], Mask]) -> dict[str, Document]:
+def _of_all(
+    tracks: Mapping[str, ErrorTrack], mask: Callable[[ErrorTrack], Mask]
+) -> dict[str, Document]:
     """Estimator -> figures over a part, for those with estimates in it."""
     found = {name: figures(track, mask(track)) for name, track in tracks.items()}
     return {name: values for name, values in found.items() if values is not None}

@@ -5,16 +5,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
+from h2nav.evaluation.flights.heard import FromAutopilot, HeardEstimates
 from h2nav.evaluation.flights.truth import EPOCH_US, Truth, pairs
 from h2nav.maths.attitude_errors import errors, honesty, root_mean_square
 from h2nav.maths.rows import Array, from_euler
-from h2nav.recordings.reference import Attitudes
+from h2nav.recordings.reference import TimedAttitudes
 
 Mask = NDArray[np.bool_]
 
 
-class Track(NamedTuple):
+class ErrorTrack(NamedTuple):
     """Errors of one estimator, all of the same length and in the order of time.
 
     Attributes:
@@ -34,7 +34,7 @@ class Track(NamedTuple):
     sigma_heading: Array | None = None
 
 
-def track_of(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Track:
+def track_of(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> ErrorTrack:
     """The errors of an estimator against the truth."""
     rows, q_true = pairs(truth, heard, estimates)
     track = _track(estimates.q_nb[rows], q_true, _since_start_s(heard, estimates.arrived_us[rows]))
@@ -43,7 +43,7 @@ def track_of(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Track:
     return track._replace(sigma_tilt=told[0], sigma_heading=told[1])
 
 
-def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, Track]:
+def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, ErrorTrack]:
     """Errors of the estimators on board, by name, as far as recorded."""
     tracks = {}
     if truth.ekf_nb is not None:
@@ -55,14 +55,14 @@ def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, Track]:
     return {name: track for name, track in tracks.items() if len(track.t_s)}
 
 
-def _estimates(attitudes: Attitudes, boot_us: NDArray[np.int64] | None) -> Estimates:
+def _estimates(attitudes: TimedAttitudes, boot_us: NDArray[np.int64] | None) -> HeardEstimates:
     arrived_us, angles = attitudes.arrays()
     unknown = np.full(len(arrived_us), np.nan)
     boot_us = np.zeros_like(arrived_us) if boot_us is None else boot_us
-    return Estimates(arrived_us, boot_us, from_euler(angles), unknown, unknown)
+    return HeardEstimates(arrived_us, boot_us, from_euler(angles), unknown, unknown)
 
 
-def _recorded_beside(truth: Truth, ekf_nb: Array, heard: FromAutopilot) -> Track:
+def _recorded_beside(truth: Truth, ekf_nb: Array, heard: FromAutopilot) -> ErrorTrack:
     """The autopilot's estimates in the rows of the truth, while the recording ran."""
     arrived_us, _ = heard.ekf.arrays()
     boot_us = np.array(heard.ekf_boot_us) + EPOCH_US * heard.epochs(arrived_us)
@@ -76,16 +76,16 @@ def _recorded_beside(truth: Truth, ekf_nb: Array, heard: FromAutopilot) -> Track
     return _track(ekf_nb[used], truth.q_nb[used], _since_start_s(heard, t_us[used]))
 
 
-def _track(q_est: Array, q_true: Array, t_s: Array) -> Track:
+def _track(q_est: Array, q_true: Array, t_s: Array) -> ErrorTrack:
     total, heading, tilt = errors(q_est, q_true, np.ones(len(t_s), dtype=bool), True)
-    return Track(t_s, total, heading, tilt)
+    return ErrorTrack(t_s, total, heading, tilt)
 
 
 def _since_start_s(heard: FromAutopilot, t_us: NDArray[np.int64]) -> Array:
     return (t_us - heard.start_us).astype(np.float64) * 1e-6
 
 
-def figures(track: Track, mask: Mask) -> dict[str, Any] | None:
+def figures(track: ErrorTrack, mask: Mask) -> dict[str, Any] | None:
     """RMS and worst errors, deg, over a part, and the consistency of the predicted deviations.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.evaluation.flights.heard import Estimates, FromAutopilot
+from h2nav.evaluation.flights.heard import FromAutopilot, HeardEstimates
 from h2nav.maths.rows import Array, from_euler
 from h2nav.recordings.reference import FARTHEST_US
 
@@ -139,7 +139,7 @@ def read_truth(path: Path) -> TruthFile:
     return TruthFile(table[:, 0].astype(np.int64), table[:, 1:5], ekf_nb)
 
 
-class Pairs(NamedTuple):
+class TruthPairs(NamedTuple):
     """Estimates with the true attitude at their times.
 
     Attributes:
@@ -151,7 +151,7 @@ class Pairs(NamedTuple):
     q_nb: Array
 
 
-def pairs(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Pairs:
+def pairs(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> TruthPairs:
     """Pairs each estimate with the truth at its time, where one is near.
 
     Args:
@@ -171,7 +171,7 @@ def pairs(truth: Truth, heard: FromAutopilot, estimates: Estimates) -> Pairs:
     # The middle of a gap is unknown.
     share = np.where(gap_us > 2 * FARTHEST_US, np.round(share), share)
     q_nb = _between(truth.q_nb[before], truth.q_nb[after], share)
-    return Pairs(np.flatnonzero(is_near), q_nb[is_near])
+    return TruthPairs(np.flatnonzero(is_near), q_nb[is_near])
 
 
 def _between(q_0: Array, q_1: Array, share: Array) -> Array:

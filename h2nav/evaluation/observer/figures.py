@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from h2nav.evaluation.observer.trials import Course, Trial, rms_after, run, time_to
+from h2nav.evaluation.observer.trials import Course, ObserverTrial, rms_after, run, time_to
 from h2nav.motion.finite_time import FiniteTimeGains
 
 EXPONENTS = (1.0, 0.9, 0.8, 0.75, 0.6)
@@ -20,7 +20,10 @@ CONDITIONS = {
 
 def convergence() -> dict[float, Course]:
     """Exponent -> errors from far off, without noise."""
-    return {a1: run(Trial(FiniteTimeGains(4.0, 4.0, a1), 18.0, imu_hz=500.0)) for a1 in EXPONENTS}
+    return {
+        a1: run(ObserverTrial(FiniteTimeGains(4.0, 4.0, a1), 18.0, imu_hz=500.0))
+        for a1 in EXPONENTS
+    }
 
 
 def document(courses: dict[float, Course]) -> dict[str, Any]:
@@ -43,7 +46,7 @@ def _times(course: Course) -> dict[str, float]:
 
 def _noise(a1: float) -> dict[str, float]:
     gains = FiniteTimeGains(2.0, 1.0, a1)
-    trial = Trial(
+    trial = ObserverTrial(
         gains, 60.0, imu_hz=200.0, sigma_r_rad=2e-3, sigma_p_m=5e-3, starts_off=False, seed=1
     )
     course = run(trial)
@@ -60,7 +63,7 @@ def _noise(a1: float) -> dict[str, float]:
 def _vision(a1: float) -> dict[str, float]:
     figures: dict[str, float] = {}
     for name, noise in (("noisy", 1.0), ("noise_free", 0.0)):
-        trial = Trial(
+        trial = ObserverTrial(
             FiniteTimeGains(3.0, 3.0, a1),
             40.0,
             imu_hz=300.0,

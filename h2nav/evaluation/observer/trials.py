@@ -32,7 +32,7 @@ START_OFF_M = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ObserverTrial:
     """One simulated run.
 
     Attributes:
@@ -93,7 +93,7 @@ def twist(t_s: float) -> tuple[Vec3, Vec3]:
     )
 
 
-def run(trial: Trial) -> Course:
+def run(trial: ObserverTrial) -> Course:
     """Runs one trial."""
     gains = trial.gains
     observer = TwistObserver(
@@ -142,7 +142,7 @@ def _start_off() -> RigidState:
     return RigidState(0, quaternion.exp((x, y, z)), (way, -way, way), ZERO)
 
 
-def _truth(trial: Trial) -> Iterator[tuple[RigidState, TwistSample, bool]]:
+def _truth(trial: ObserverTrial) -> Iterator[tuple[RigidState, TwistSample, bool]]:
     state = RigidState(0, quaternion.IDENTITY, ZERO, ZERO)
     for step in range(1, round(trial.seconds * trial.imu_hz) + 1):
         t_us = round(step * 1e6 / trial.imu_hz)
@@ -168,7 +168,7 @@ class _Camera(NamedTuple):
         return PoseSample(truth.t_us, q_ob, plus(truth.p_o, self.shift))
 
 
-def _poses(trial: Trial) -> Iterator[_Camera]:
+def _poses(trial: ObserverTrial) -> Iterator[_Camera]:
     rng = np.random.default_rng(trial.seed)
     while True:
         r = rng.normal(0.0, 1.0, 6).tolist()

@@ -49,7 +49,7 @@ SLIDES: dict[str, dict[str, SlidesRow]] = {
 }
 
 
-class Row(NamedTuple):
+class PaperRow(NamedTuple):
     """One row of our tables, degrees: roll, pitch, yaw.
 
     Attributes:
@@ -63,7 +63,7 @@ class Row(NamedTuple):
     min_max_deg: list[list[float]]
 
 
-Tables = dict[str, dict[str, Row]]  # case -> filter -> figures
+Tables = dict[str, dict[str, PaperRow]]  # case -> filter -> figures
 
 
 class Sums(NamedTuple):
@@ -124,17 +124,17 @@ def _summed(errors: Matrix) -> Sums:
     )
 
 
-def _row(parts: Sequence[Sums]) -> Row:
+def _row(parts: Sequence[Sums]) -> PaperRow:
     square, square_late, samples, samples_late, lowest, highest = zip(*parts, strict=True)
     extremes = [np.mean(np.concatenate(values), axis=0) for values in (lowest, highest)]
-    return Row(
+    return PaperRow(
         np.sqrt(np.sum(square, axis=0) / sum(samples)).tolist(),
         np.sqrt(np.sum(square_late, axis=0) / sum(samples_late)).tolist(),
         np.stack(extremes, axis=1).tolist(),
     )
 
 
-class Comparison(NamedTuple):
+class PaperComparison(NamedTuple):
     """One figure of the slides beside ours."""
 
     what: str
@@ -147,7 +147,7 @@ class Comparison(NamedTuple):
         return self.slides * self.ours > 0 and 1 / WITHIN <= self.ours / self.slides <= WITHIN
 
 
-def comparisons(found: Tables, figure: str) -> Iterator[Comparison]:
+def comparisons(found: Tables, figure: str) -> Iterator[PaperComparison]:
     """Pairs the slides' RMS ("rms_deg") or extremes ("min_max_deg") with ours."""
     for case, rows in SLIDES.items():
         for name, row in rows.items():
@@ -155,4 +155,4 @@ def comparisons(found: Tables, figure: str) -> Iterator[Comparison]:
             ours = np.ravel(getattr(found[case][name], figure)).tolist()
             for number, (a, b) in enumerate(zip(theirs, ours, strict=True)):
                 axis = ("roll", "pitch", "yaw")[number * 3 // len(theirs)]
-                yield Comparison(f"{case} {name} {axis}", a, b)
+                yield PaperComparison(f"{case} {name} {axis}", a, b)

@@ -13,7 +13,7 @@ from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
-from h2nav.reviews.pictures.picture import Lines, Mark, Section, Trace
+from h2nav.reviews.pictures.picture import Lines, PictureMark, Section, Trace
 from h2nav.reviews.pictures.timeline import own_rows
 from h2nav.reviews.pictures.vehicle import demand
 
@@ -235,7 +235,7 @@ def innovations(flight: Flight) -> Section:
         "within their data sheets may differ. Above 1 for a while, something is wrong.",
         "",
         tuple(traces),
-        (Mark(1.0, "1: test fails"),),
+        (PictureMark(1.0, "1: test fails"),),
         digits=2,
         at_least=(0.0, 1.2),
     )

@@ -4,7 +4,7 @@ from h2nav.integrity.findings import Finding
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures.attitude import attitude_lines
 from h2nav.reviews.pictures.columns import Columns
-from h2nav.reviews.pictures.picture import Lines, Row, Rows, Section, Stack
+from h2nav.reviews.pictures.picture import Lines, PictureRow, PictureRows, Section, Stack
 from h2nav.reviews.pictures.timeline import MOMENTS, vehicle_rows
 from h2nav.reviews.pictures.vehicle import height_lines, motor_lines, voltage_lines
 
@@ -47,7 +47,7 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
     end_s = max(min(context.duration_s, last_s + AFTER_S), begin_s + 1.0)
     window_s = begin_s, end_s
     columns = Columns(end_s - begin_s, COLUMNS, begin_s)
-    lanes: list[Lines | Rows] = [
+    lanes: list[Lines | PictureRows] = [
         picture._replace(window_s=window_s)
         for picture in (
             *attitude_lines(flight, columns, window_s),
@@ -59,19 +59,19 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
     ]
     rows = tuple(_part(row, window_s) for row in vehicle_rows(flight) if _changes(row, window_s))
     if rows:
-        lanes.append(Rows("", "", rows, window_s))
+        lanes.append(PictureRows("", "", rows, window_s))
     told = ", ".join(f"{MOMENTS[one.kind]} at {one.from_s:.1f} s" for one in group)
     about = "Dashed violet is the demand. A brown line is the moment itself."
     return Stack(told[:1].upper() + told[1:], about, tuple(lanes))
 
 
-def _changes(row: Row, window_s: tuple[float, float]) -> bool:
+def _changes(row: PictureRow, window_s: tuple[float, float]) -> bool:
     """Whether something begins or ends in the window; constant rows are omitted."""
     begin_s, end_s = window_s
     return any(begin_s < one.from_s <= end_s or begin_s < one.to_s < end_s for one in row.spans)
 
 
-def _part(row: Row, window_s: tuple[float, float]) -> Row:
+def _part(row: PictureRow, window_s: tuple[float, float]) -> PictureRow:
     """The part of a row in the window."""
     begin_s, end_s = window_s
     kept = [
@@ -79,4 +79,6 @@ def _part(row: Row, window_s: tuple[float, float]) -> Row:
         for span, colour in zip(row.spans, row.colours, strict=True)
         if span.from_s <= end_s and span.to_s >= begin_s
     ]
-    return Row(row.label, tuple(span for span, _ in kept), tuple(colour for _, colour in kept))
+    return PictureRow(
+        row.label, tuple(span for span, _ in kept), tuple(colour for _, colour in kept)
+    )

@@ -33,7 +33,7 @@ class Trace(NamedTuple):
     sets_range: bool = True
 
 
-class Mark(NamedTuple):
+class PictureMark(NamedTuple):
     """A labelled value, such as a limit.
 
     Attributes:
@@ -64,7 +64,7 @@ class Lines(NamedTuple):
     about: str
     unit: str
     traces: tuple[Trace, ...]
-    limits: tuple[Mark, ...] = ()
+    limits: tuple[PictureMark, ...] = ()
     digits: int = 1
     at_least: tuple[float, float] | None = None
     goes_round: bool = False
@@ -92,7 +92,7 @@ class Curves(NamedTuple):
     x_text: str
     x: Array
     traces: tuple[Trace, ...]
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[PictureMark, ...] = ()
     digits: int = 1
     is_logarithmic: bool = False
 
@@ -115,7 +115,7 @@ class Heat(NamedTuple):
     levels: NDArray[np.uint8]
 
 
-class Row(NamedTuple):
+class PictureRow(NamedTuple):
     """A row of spans.
 
     Attributes:
@@ -129,7 +129,7 @@ class Row(NamedTuple):
     colours: tuple[str, ...]
 
 
-class Rows(NamedTuple):
+class PictureRows(NamedTuple):
     """Rows of spans over time.
 
     Attributes:
@@ -141,7 +141,7 @@ class Rows(NamedTuple):
 
     title: str
     about: str
-    rows: tuple[Row, ...]
+    rows: tuple[PictureRow, ...]
     window_s: tuple[float, float] | None = None
 
 
@@ -156,10 +156,10 @@ class Stack(NamedTuple):
 
     title: str
     about: str
-    lanes: tuple[Lines | Rows, ...]
+    lanes: tuple[Lines | PictureRows, ...]
 
 
-Picture = Lines | Curves | Heat | Rows
+Picture = Lines | Curves | Heat | PictureRows
 Shown = Picture | Stack
 
 
@@ -217,7 +217,7 @@ def for_script(picture: Picture) -> dict[str, object]:
                 "rows": picture.levels.shape[1],
                 "levels": _text(np.ascontiguousarray(picture.levels, np.uint8)),
             }
-        case Rows():
+        case PictureRows():
             return {"kind": "rows", "rows": picture.rows, "window": picture.window_s}
 
 

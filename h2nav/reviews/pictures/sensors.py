@@ -7,7 +7,7 @@ from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, Columns
-from h2nav.reviews.pictures.picture import Lines, Mark, Picture, Section, Trace
+from h2nav.reviews.pictures.picture import Lines, Picture, PictureMark, Section, Trace
 
 MS = 1e-3
 
@@ -30,7 +30,7 @@ def bias(flight: Flight, analysis: Analysis) -> Section:
                 "What the gyro measures while nothing turns, as the filter has learnt it.",
                 "deg/s",
                 traces,
-                (Mark(limit, "data sheet"), Mark(-limit, "data sheet"))
+                (PictureMark(limit, "data sheet"), PictureMark(-limit, "data sheet"))
                 if np.isfinite(limit)
                 else (),
                 digits=3,
@@ -48,7 +48,7 @@ def _force(columns: Columns, imu: int, t_s: np.ndarray, norm: np.ndarray) -> Lin
         "The force that it measures while the vehicle stands still; gravity is 9.8 m/s².",
         "m/s²",
         (Trace("norm of the force", colours.of(colours.SENSORS, imu), columns.of(t_s, norm)),),
-        (Mark(9.80665, "gravity"),),
+        (PictureMark(9.80665, "gravity"),),
         digits=3,
     )
 
@@ -73,7 +73,7 @@ def vibration(flight: Flight, analysis: Analysis) -> Section:
                 "How strongly the accelerometer is shaken, on its worst axis, as ArduPilot's VIBE.",
                 "m/s²",
                 traces,
-                (Mark(limit, f"limit {limit:.0f} m/s²"),),
+                (PictureMark(limit, f"limit {limit:.0f} m/s²"),),
                 at_least=(0.0, 1.0),
             )
         )

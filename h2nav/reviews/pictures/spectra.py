@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.pictures import colours
-from h2nav.reviews.pictures.picture import Curves, Heat, Mark, Picture, Section, Trace
+from h2nav.reviews.pictures.picture import Curves, Heat, Picture, PictureMark, Section, Trace
 from h2nav.reviews.tracks import Spectrum
 
 # White is this much quieter than black.
@@ -68,7 +68,7 @@ def _mean(spectrum: Spectrum) -> Curves:
         )
     )
     marks = tuple(
-        Mark(peak.frequency_hz, f"{peak.frequency_hz:.0f} Hz")
+        PictureMark(peak.frequency_hz, f"{peak.frequency_hz:.0f} Hz")
         for peak in spectrum.peaks[:MOST_MARKS]
     )
     return Curves(

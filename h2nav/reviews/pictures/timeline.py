@@ -5,7 +5,7 @@ from h2nav.recordings.context import Span
 from h2nav.reviews.certainty import GROUPS, aids
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures import colours
-from h2nav.reviews.pictures.picture import Row, Rows, Section
+from h2nav.reviews.pictures.picture import PictureRow, PictureRows, Section
 
 _STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
 # Limit for recordings with more spans than a picture can show.
@@ -40,7 +40,7 @@ def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, st
     return sorted(found[:MOST_MARKS] + reported[:MOST_MARKS])
 
 
-def vehicle_rows(flight: Flight) -> list[Row]:
+def vehicle_rows(flight: Flight) -> list[PictureRow]:
     """Modes, arming, take-off, and the autopilot's reports."""
     context = flight.context
     airborne = _airborne(flight)
@@ -61,7 +61,7 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     rows = _found(findings[:MOST_SPANS])
     rows += vehicle_rows(flight)
     rows.append(_row("autopilot's estimator", context.primary))
-    picture = Rows(
+    picture = PictureRows(
         "Time line",
         "Findings, the worst in the first row; modes, states and reports of the autopilot.",
         tuple(row for row in rows if row.spans),
@@ -69,25 +69,25 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     return Section("timeline", "Time line", (picture,) if picture.rows else ())
 
 
-def own_rows(flight: Flight) -> Rows:
+def own_rows(flight: Flight) -> PictureRows:
     """h2nav itself: its state, its aids, its tests."""
     states = flight.states[:MOST_SPANS]
     rows = [
         _row("IMU that h2nav used", flight.lanes),
-        Row("h2nav", states, tuple(_state(span.name) for span in states)),
+        PictureRow("h2nav", states, tuple(_state(span.name) for span in states)),
     ]
     for name in dict.fromkeys(span.name for span in flight.held):
         spans = tuple(span for span in flight.held if span.name == name)[:MOST_SPANS]
-        rows.append(Row(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
+        rows.append(PictureRow(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
     rows += [
-        Row(
+        PictureRow(
             f"tested: {GROUPS[group]}",
             spans[:MOST_SPANS],
             (colours.GOOD,) * len(spans[:MOST_SPANS]),
         )
         for group, spans in aids(flight).items()
     ]
-    return Rows(
+    return PictureRows(
         "What held our attitude",
         "h2nav is 'active' while its attitude can be trusted and 'degraded' while it cannot. "
         "'Held by' says what else than gyro and gravity it rested on; 'tested' what could be "
@@ -115,24 +115,24 @@ def _airborne(flight: Flight) -> tuple[Span, ...]:
     return tuple(joined)
 
 
-def _moments(flight: Flight) -> list[Row]:
+def _moments(flight: Flight) -> list[PictureRow]:
     """Moments: warnings in words, events, changed parameters."""
     context = flight.context
     warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MOST_SPANS]
     occurrences = context.occurrences[:MOST_SPANS]
     changes = context.changes[:MOST_SPANS]
     return [
-        Row(
+        PictureRow(
             "autopilot says",
             tuple(Span(one.t_s, one.t_s, one.text) for one in warnings),
             tuple(_severity(one.severity) for one in warnings),
         ),
-        Row(
+        PictureRow(
             "events",
             tuple(Span(one.t_s, one.t_s, one.text) for one in occurrences),
             (colours.REPORTED,) * len(occurrences),
         ),
-        Row(
+        PictureRow(
             "parameters changed",
             tuple(Span(one.t_s, one.t_s, f"{one.name} {one.after:.6g}") for one in changes),
             (colours.REPORTED,) * len(changes),
@@ -140,7 +140,7 @@ def _moments(flight: Flight) -> list[Row]:
     ]
 
 
-def _reported(flight: Flight) -> list[Row]:
+def _reported(flight: Flight) -> list[PictureRow]:
     """Faults reported by the autopilot until they are resolved, one row per subsystem."""
     spans: dict[str, list[Span]] = {}
     for fault in flight.context.faults:
@@ -150,7 +150,7 @@ def _reported(flight: Flight) -> list[Row]:
         if fault.code:
             row.append(Span(fault.t_s, flight.context.duration_s, fault.text))
     return [
-        Row(
+        PictureRow(
             f"autopilot reports: {subsystem.replace('_', ' ')}",
             tuple(row[:MOST_SPANS]),
             (colours.BAD,) * len(row[:MOST_SPANS]),
@@ -160,7 +160,7 @@ def _reported(flight: Flight) -> list[Row]:
     ]
 
 
-def _found(findings: tuple[Finding, ...]) -> list[Row]:
+def _found(findings: tuple[Finding, ...]) -> list[PictureRow]:
     """The worst findings in the first row, overlapping ones in unlabelled rows below."""
     rows: list[list[Finding]] = []
     for one in findings:
@@ -172,7 +172,7 @@ def _found(findings: tuple[Finding, ...]) -> list[Row]:
     for row in rows:
         row.sort(key=lambda one: one.from_s)
     return [
-        Row(
+        PictureRow(
             "findings" if number == 0 else "",
             tuple(Span(one.from_s, one.to_s, one.text) for one in row),
             tuple(_severity(one.severity) for one in row),
@@ -185,8 +185,8 @@ def _is_apart(one: Finding, other: Finding) -> bool:
     return one.from_s > other.to_s or other.from_s > one.to_s
 
 
-def _row(label: str, spans: tuple[Span, ...]) -> Row:
-    return Row(label, spans[:MOST_SPANS], _by_name(spans[:MOST_SPANS], colours.BARS))
+def _row(label: str, spans: tuple[Span, ...]) -> PictureRow:
+    return PictureRow(label, spans[:MOST_SPANS], _by_name(spans[:MOST_SPANS], colours.BARS))
 
 
 def _by_name(spans: tuple[Span, ...], palette: tuple[str, ...]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from h2nav.apps.setup import Choice, configuration_text
 from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
 from h2nav.host.system_unit import unit_text
 from h2nav.links import link_scan
-from h2nav.links.link_scan import Hearing, Place, Speaker
+from h2nav.links.link_scan import Hearing, LinkPlace, Speaker
 from h2nav.wire.vehicle import Firmware, Heartbeat
 
 ARDUPILOT = Heartbeat(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False)
@@ -20,7 +20,7 @@ PX4 = Heartbeat(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR, False)
 def choice(url: str, heartbeat: Heartbeat = ARDUPILOT, system_id: int = 1) -> Choice:
     rates_hz = {mavlink.MAVLINK_MSG_ID_RAW_IMU: 50.0}
     speaker = Speaker((system_id, 1), heartbeat, Firmware("4.5.7", ""), rates_hz)
-    hearing = Hearing(Place(url, (url,)), url, (speaker,), 100, 4000, "")
+    hearing = Hearing(LinkPlace(url, (url,)), url, (speaker,), 100, 4000, "")
     return Choice(hearing, speaker)
 
 
@@ -29,8 +29,10 @@ def heard(monkeypatch: pytest.MonkeyPatch) -> list[Choice]:
     """What the scan finds."""
     choices: list[Choice] = []
 
-    def found(places: list[Place], progress: object) -> list[Hearing]:
-        empty = Hearing(Place("udpin:0.0.0.0:14550", ("udpin:0.0.0.0:14550",)), "", (), 0, 0, "")
+    def found(places: list[LinkPlace], progress: object) -> list[Hearing]:
+        empty = Hearing(
+            LinkPlace("udpin:0.0.0.0:14550", ("udpin:0.0.0.0:14550",)), "", (), 0, 0, ""
+        )
         return [each.hearing for each in choices] or [empty]
 
     monkeypatch.setattr(setup, "scan", found)

@@ -13,15 +13,15 @@ from h2nav.attitude.velocity_aided.air_alignment import (
     LONGEST_S,
     SHORTEST_S,
     AirAlignment,
+    AirReference,
     Leveled,
-    Reference,
 )
 from h2nav.maths import quaternion
 
 START = quaternion.from_euler(20.0 * DEG, -15.0 * DEG, 70.0 * DEG)
 # What is believed at the end: a false tilt, and a heading that is false by 90 deg.
 BELIEVED = quaternion.from_euler(5.0 * DEG, 10.0 * DEG, 0.0)
-KNOWN = Reference(FIELD.norm_ut, FIELD.dip_rad, FIELD.declination_rad, 0.1, 10.0 * DEG)
+KNOWN = AirReference(FIELD.norm_ut, FIELD.dip_rad, FIELD.declination_rad, 0.1, 10.0 * DEG)
 UNKNOWN = KNOWN._replace(norm=0.0)
 DT_US = 10_000
 SIGMA_M_S = 0.1
@@ -67,7 +67,7 @@ def feed(window: AirAlignment, samples: list[Sample], field: bool = True) -> Air
     return window
 
 
-def solved(window: AirAlignment, reference: Reference, times: int = 1) -> Leveled:
+def solved(window: AirAlignment, reference: AirReference, times: int = 1) -> Leveled:
     """What a window shows; again from what it has shown, as with every fix, if `times` > 1."""
     q_nb = BELIEVED
     for _ in range(times):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from h2nav.calibration.field_fit import Correction, FieldRows
+from h2nav.calibration.field_fit import FieldCorrection, FieldRows
 from h2nav.maths.units import DEG
 
 EARTH_N_UT = np.array([20.5, 1.1, 43.0])
@@ -11,16 +11,20 @@ TILT_SIGMA_RAD = 0.2 * DEG
 NOISE_UT = 0.25
 
 
-def random_correction(rng: np.random.Generator) -> Correction:
+def random_correction(rng: np.random.Generator) -> FieldCorrection:
     """Off by up to some hundreds of milligauss, as many percent as sensors are, and motors."""
     S = np.diag(1.0 + 0.04 * rng.standard_normal(3))
     for i, j in ((0, 1), (0, 2), (1, 2)):
         S[i, j] = S[j, i] = 0.02 * rng.standard_normal()
-    return Correction(15.0 * rng.standard_normal(3), S, 8.0 * rng.standard_normal(3))
+    return FieldCorrection(15.0 * rng.standard_normal(3), S, 8.0 * rng.standard_normal(3))
 
 
 def flown_rows(
-    rng: np.random.Generator, correction: Correction, *, seconds: float = 240.0, turns: float = 4.0
+    rng: np.random.Generator,
+    correction: FieldCorrection,
+    *,
+    seconds: float = 240.0,
+    turns: float = 4.0,
 ) -> FieldRows:
     """What a compass that needs this correction measures in a flight."""
     t_s = np.arange(0.0, seconds, 0.2)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.parameter_files import parameters_of
 from h2nav.apps.playback import Wishes
 from h2nav.apps.reviewing import evidence_of
-from h2nav.calibration.files import Format, written
+from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.vehicle import calibrate
 from h2nav.maths.units import DEG
 from h2nav.recordings.opening import open_flight
@@ -83,7 +83,7 @@ def test_loaded_and_flown_again_the_heading_is_ten_times_better(wrong, tmp_path)
     options = AutopilotOptions(scenario("flight"), seed=3, wrong=wrong)
     before = flown(tmp_path / "before.tlog", options)
     found = calibrated(before.path)
-    values = parameters_of(written(found, Format.ARDUPILOT).splitlines(), "fix")
+    values = parameters_of(written(found, ParameterFormat.ARDUPILOT).splitlines(), "fix")
     after = flown(tmp_path / "after.tlog", replace(options, parameters=values))
     assert before.heading_error_deg > 10.0 * after.heading_error_deg
     assert values.get("COMPASS_ORIENT", 0.0) == wrong.compass_turned_deg / 45.0

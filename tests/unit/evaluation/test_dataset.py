@@ -15,7 +15,7 @@ from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.evaluation.dataset.filters import (
     Conditions,
-    Track,
+    FilterTrack,
     run_velocity_aided,
     run_velocity_aided_integer,
     to_true_north,
@@ -24,7 +24,7 @@ from h2nav.evaluation.dataset.peers import SMOOTHED, installed
 from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.recordings.listener import Listener
-from h2nav.recordings.trials import Told, Trial, read_trial
+from h2nav.recordings.trials import FilterInput, Trial, read_trial
 from h2nav.service.autopilot import Identity
 
 
@@ -140,13 +140,17 @@ def trial(folder: Path) -> Trial:
     assert found.m_s is not None
     found.m_s[1::2] = np.nan
     field = FIELD._replace(declination_rad=0.2)
-    told = (Told(0, VehicleState(True)), Told(137, field), Told(900, VehicleState(False)))
-    return found._replace(told=(*told, Told(len(found.t_us), VehicleState(True))))
+    told = (
+        FilterInput(0, VehicleState(True)),
+        FilterInput(137, field),
+        FilterInput(900, VehicleState(False)),
+    )
+    return found._replace(told=(*told, FilterInput(len(found.t_us), VehicleState(True))))
 
 
 @pytest.mark.parametrize("run", [run_velocity_aided, run_velocity_aided_integer])
 def test_compiled_kernels_give_the_same_bits(
-    trial: Trial, run: Callable[[Trial, Conditions], Track], monkeypatch: pytest.MonkeyPatch
+    trial: Trial, run: Callable[[Trial, Conditions], FilterTrack], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if native.backend() != "native":
         absent("the compiled kernels are not built from these sources")
@@ -167,7 +171,7 @@ def test_what_a_batch_cannot_show_runs_sample_by_sample(trial: Trial) -> None:
     assert plotted.backend == per_sample
     assert plotted.gain_set is not None
     still = (0.0, 0.0, float("nan"))
-    fixes = [Told(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
+    fixes = [FilterInput(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
     flying = trial._replace(told=tuple(fixes))
     assert run_velocity_aided(flying, Conditions("handheld", True)).backend == per_sample
     assert run_velocity_aided(flying, Conditions("handheld")).backend == backend

@@ -11,11 +11,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.events import parse_phase, phases_of, read_events
-from h2nav.evaluation.flights.flight import Task
+from h2nav.evaluation.flights.flight import FlightTask
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
 from h2nav.evaluation.flights.scores import (
     SETTLED_S,
-    Score,
+    FlightScore,
     flight_paths,
     mean,
     score_flight,
@@ -102,8 +102,8 @@ def made(rotation_at, *, sigmas=(1.0, 1.0)) -> MadeUp:
     return flight
 
 
-def scored(flight: MadeUp, path: Path = Path("flight.tlog"), **more) -> Score:
-    return score_flight(Task(path, path.stem, flight, **more))
+def scored(flight: MadeUp, path: Path = Path("flight.tlog"), **more) -> FlightScore:
+    return score_flight(FlightTask(path, path.stem, flight, **more))
 
 
 def document(flight: MadeUp, path: Path = Path("flight.tlog"), **more) -> dict:

@@ -3,14 +3,16 @@
 import re
 
 from h2nav.fleet.index import MOST_LISTED, page
-from h2nav.fleet.tables import FLIGHT_COLUMNS, Row
+from h2nav.fleet.tables import FLIGHT_COLUMNS, TableRow
 
 
-def row(source: str, severity: str = "", count: int = 0, error: str = "", **more: object) -> Row:
+def row(
+    source: str, severity: str = "", count: int = 0, error: str = "", **more: object
+) -> TableRow:
     values = dict.fromkeys(FLIGHT_COLUMNS)
     values |= {"source": source, "worst_severity": severity, "finding_count": count}
     values |= {"error": error, "review": "" if error else f"reviews/{source[-4:]}.html", **more}
-    return Row(values, ("IMU 1: <i>magnet</i>",) * count)
+    return TableRow(values, ("IMU 1: <i>magnet</i>",) * count)
 
 
 def order(text: str) -> list[str]:

@@ -12,7 +12,7 @@ from distributed import Client
 from pyarrow import parquet
 
 from h2nav.errors import BadInput
-from h2nav.fleet.running import Outcome, Work, cluster, run_fleet
+from h2nav.fleet.running import TaskOutcome, Work, cluster, run_fleet
 from h2nav.fleet.sources import find
 from h2nav.fleet.store import Store
 from h2nav.fleet.work import Limits
@@ -40,7 +40,7 @@ class Fleet:
 
     def run(
         self, client: Client, limits: Limits = LIMITS, sources: list[str] | None = None
-    ) -> Outcome:
+    ) -> TaskOutcome:
         review = functools.partial(fleet_reviews.review, diary=str(self.diary))
         work = Work(review, "1", limits)
         store = Store(str(self.output))
@@ -57,7 +57,7 @@ def fleet(tmp_path: Path) -> Fleet:
     return Fleet(tmp_path)
 
 
-def errors(outcome: Outcome) -> dict[str, str]:
+def errors(outcome: TaskOutcome) -> dict[str, str]:
     return {Path(row.values["source"]).stem: row.values["error"] for row in outcome.rows}
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Severity
-from h2nav.integrity.velocity_witness import Verdict, Verdicts
-from h2nav.integrity.witness import CLOCK_WRAP_US, Source, Witness
+from h2nav.integrity.velocity_witness import VelocityVerdict, Verdicts
+from h2nav.integrity.witness import CLOCK_WRAP_US, AttitudeSource, Witness
 from h2nav.maths.quaternion import conjugate, from_euler, multiply, rotate
 from h2nav.maths.units import GRAVITY_M_S2
 
@@ -36,7 +36,7 @@ class Bench:
         self.t_us = 60_000_000
         self.found = []
 
-    def rests(self, seconds, theirs, source=Source.AUTOPILOT, first_us=0):
+    def rests(self, seconds, theirs, source=AttitudeSource.AUTOPILOT, first_us=0):
         for count in range(round(seconds * 1e6 / STEP_US)):
             self.t_us += STEP_US
             ours = estimate(self.t_us, yaw(0.0), self.trust)
@@ -69,7 +69,7 @@ def test_both_are_compared_at_the_same_time(offset_ms):
         found += witness.add(sample, ours)
         if count == 90:
             at_ms = t_us // 1000 + offset_ms
-            found += witness.report(Source.AUTOPILOT, at_ms, yaw(90.0 + 0.1 * offset_ms))
+            found += witness.report(AttitudeSource.AUTOPILOT, at_ms, yaw(90.0 + 0.1 * offset_ms))
     (only,) = found
     assert only.t_us == 60_900_000 + offset_ms * 1000
     assert abs(only.heading_rad) < 1e-6
@@ -152,8 +152,8 @@ def test_a_heading_of_ours_without_reference_accuses_nobody():
 
 def test_the_second_estimator_is_only_a_remark_and_may_be_worse():
     bench = Bench()
-    assert bench.rests(20.0, yaw(14.0), Source.AHRS2) == ()
-    (alarm,) = bench.rests(20.0, yaw(40.0), Source.AHRS2)
+    assert bench.rests(20.0, yaw(14.0), AttitudeSource.AHRS2) == ()
+    (alarm,) = bench.rests(20.0, yaw(40.0), AttitudeSource.AHRS2)
     assert (alarm.kind, alarm.sensor.name) == ("autopilot_heading", "AHRS2")
     assert alarm.severity is Severity.INFO
 
@@ -164,7 +164,7 @@ def test_a_restart_forgets_everything():
     bench.witness.restart()
     assert bench.witness.alarms() == ()
     assert bench.witness.latest is None
-    assert bench.witness.report(Source.AUTOPILOT, bench.t_us // 1000, yaw(0.0)) == []
+    assert bench.witness.report(AttitudeSource.AUTOPILOT, bench.t_us // 1000, yaw(0.0)) == []
 
 
 class Flight:
@@ -202,7 +202,7 @@ class Flight:
             self.witness.add(sample, estimate(t_us, multiply(our_error, nose)))
             if count % 10 == 0:
                 theirs = multiply(their_error, nose)
-                found = self.witness.report(Source.AUTOPILOT, t_us // 1000, theirs)
+                found = self.witness.report(AttitudeSource.AUTOPILOT, t_us // 1000, theirs)
                 self.verdicts = found[-1].verdicts
             if count % 20 == 0 and t_s < fixes_until_s:
                 north, east = (
@@ -238,14 +238,14 @@ SHORT = 50 - len("h2nav: ")
 
 def test_the_velocity_shows_that_their_heading_is_wrong():
     flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging)
-    assert flight.verdicts == Verdicts(heading=Verdict.H2NAV)
+    assert flight.verdicts == Verdicts(heading=VelocityVerdict.H2NAV)
     assert flight.text == "autopilot heading off 12 deg, GPS backs us"
     assert len(flight.text) <= SHORT
 
 
 def test_the_velocity_shows_that_our_heading_is_wrong():
     flight = Flight(yaw(-12.0), RIGHT, to_and_fro, swinging)
-    assert flight.verdicts == Verdicts(heading=Verdict.AUTOPILOT)
+    assert flight.verdicts == Verdicts(heading=VelocityVerdict.AUTOPILOT)
     assert flight.text == "our heading off 12 deg, GPS backs autopilot"
     assert len(flight.text) <= SHORT
 
@@ -255,8 +255,8 @@ def test_the_velocity_shows_whose_tilt_is_wrong(wrong):
     tilted = from_euler(5.0 * DEG, 0.0, 0.0)
     errors = (tilted, RIGHT) if wrong else (RIGHT, tilted)
     flight = Flight(*errors, to_and_fro, swinging)
-    assert flight.verdicts.tilt is (Verdict.AUTOPILOT if wrong else Verdict.H2NAV)
-    assert flight.verdicts.heading is Verdict.UNDECIDED
+    assert flight.verdicts.tilt is (VelocityVerdict.AUTOPILOT if wrong else VelocityVerdict.H2NAV)
+    assert flight.verdicts.heading is VelocityVerdict.UNDECIDED
 
 
 def test_a_smaller_error_is_told_where_the_velocity_proves_it():
@@ -268,7 +268,7 @@ def test_a_smaller_error_is_told_where_the_velocity_proves_it():
 def test_a_late_receiver_in_a_circle_looks_like_a_wrong_heading_and_proves_nothing():
     """0.3 s at 29 deg/s are 8.6 deg."""
     flight = Flight(RIGHT, yaw(-8.6), circling, round_and_round, late_s=0.3)
-    assert flight.verdicts.heading is not Verdict.AUTOPILOT
+    assert flight.verdicts.heading is not VelocityVerdict.AUTOPILOT
 
 
 def test_a_receiver_that_contradicts_both_proves_nothing():
@@ -280,7 +280,7 @@ def test_a_receiver_that_contradicts_both_proves_nothing():
 def test_a_verdict_lasts_no_longer_than_its_evidence(length_s, is_known):
     """The last velocity came after 30 s; the disagreement goes on."""
     flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging, fixes_until_s=30, length_s=length_s)
-    assert (flight.verdicts.heading is Verdict.H2NAV) == is_known
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
     assert ("GPS backs us" in flight.text) == is_known
 
 

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes
 from h2nav.links import link_scan
-from h2nav.links.link_scan import Hearing, Place, scan, serial_place
+from h2nav.links.link_scan import Hearing, LinkPlace, scan, serial_place
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.scenarios import scenario
 
@@ -63,7 +63,7 @@ def autopilot_on_a_line(baud: int | None) -> Iterator[str]:
         os.close(far_end)
 
 
-def heard(place: Place) -> Hearing:
+def heard(place: LinkPlace) -> Hearing:
     (hearing,) = scan([place])
     return hearing
 
@@ -109,7 +109,7 @@ def test_a_port_of_another_program_says_so() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         url = f"udpin:127.0.0.1:{other.getsockname()[1]}"
-        hearing = heard(Place(url, (url,)))
+        hearing = heard(LinkPlace(url, (url,)))
     assert hearing.error == "another program listens on this port"
 
 

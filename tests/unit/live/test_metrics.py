@@ -9,7 +9,7 @@ from needs import need_package
 
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
-from h2nav.service.health import State
+from h2nav.service.health import ServiceState
 
 
 def families(state, viewers=0):
@@ -25,7 +25,7 @@ def values(family):
 def test_everything_that_is_known_is_told():
     told = families(flying_state(), viewers=2)
     assert values(told["h2nav_state"]) == {
-        (each.value,): float(each is State.ACTIVE) for each in State
+        (each.value,): float(each is ServiceState.ACTIVE) for each in ServiceState
     }
     assert values(told["h2nav_samples_used"]) == {(): 2000.0}
     assert values(told["h2nav_lateness_seconds"]) == {(): 0.002}

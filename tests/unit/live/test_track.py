@@ -3,7 +3,7 @@
 import pytest
 
 from h2nav.live import track as live_track
-from h2nav.live.track import Track
+from h2nav.live.track import LiveTrack
 from h2nav.maths.quaternion import angle, conjugate, exp, from_euler, multiply
 from h2nav.maths.units import DEG
 
@@ -18,7 +18,7 @@ def ours(t_ns):
 
 @pytest.fixture
 def track():
-    made = Track()
+    made = LiveTrack()
     for number in range(11):
         made.add(number * STEP_NS, ours(number * STEP_NS))
     return made
@@ -40,7 +40,7 @@ def test_the_sign_of_a_quaternion_does_not_matter(track):
 
 def test_what_we_do_not_know_is_not_made_up(track):
     told = from_euler(0.1, 0.2, 0.3)
-    assert Track().carried(0, told) is None
+    assert LiveTrack().carried(0, told) is None
     assert track.carried(-1, told) is None  # before all that is remembered
     track.add(10 * STEP_NS + live_track.LONGEST_GAP_NS + 1, ours(0))
     assert track.carried(10 * STEP_NS + 1, told) is None  # in a gap

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.log.file import Attachment, LogFile
-from h2nav.log.reader import Entry, LogScan, is_closed
+from h2nav.log.reader import LogEntry, LogScan, is_closed
 from h2nav.log.recorder import RecorderRecord
 from h2nav.log.repair import DamagedLog, complete_in_place, recover, replace_damaged
 
@@ -37,12 +37,12 @@ def write_log(path: Path, *, close: bool = True) -> Path:
     return log.active_path
 
 
-def entries_of(path: Path) -> list[Entry]:
+def entries_of(path: Path) -> list[LogEntry]:
     with path.open("rb") as stream:
         return list(LogScan(stream).entries())
 
 
-def chunks_of(path: Path) -> list[Entry]:
+def chunks_of(path: Path) -> list[LogEntry]:
     return [entry for entry in entries_of(path) if entry.opcode == Opcode.CHUNK]
 
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.evaluation.observer.trials import Trial, run
+from h2nav.evaluation.observer.trials import ObserverTrial, run
 from h2nav.motion.error_figures import FLOOR, Innovations
 from h2nav.motion.finite_time import FiniteTimeGains
 
 
 def settled(gains, imu_hz, every, delay):
     """Ratio of true to stated rms errors (attitude, position, gyro bias, velocity bias)."""
-    trial = Trial(
+    trial = ObserverTrial(
         gains, 40.0, imu_hz, every, delay,
         sigma_r_rad=2e-3, sigma_p_m=5e-3, starts_off=False, seed=5,
     )  # fmt: skip
@@ -42,7 +42,7 @@ def test_an_error_that_has_not_converged_shows():
 
 
 def test_a_trial_begins_as_far_off_as_its_description_says():
-    course = run(Trial(FiniteTimeGains(3.0, 3.0, 1.0), 0.1))
+    course = run(ObserverTrial(FiniteTimeGains(3.0, 3.0, 1.0), 0.1))
     assert course.attitude[0] == pytest.approx(math.radians(170.0), rel=0.02)
     assert course.position[0] == pytest.approx(3.0, rel=0.02)
 

@@ -11,9 +11,9 @@ from h2nav.recordings.context import (
     ChangedSetting,
     CompassRows,
     Context,
-    Fault,
     ImuTrack,
     Motors,
+    ReportedFault,
     Said,
     Series,
     Span,
@@ -117,7 +117,7 @@ def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
 
 
 def test_a_crash_check_without_a_crash_is_false():
-    fault = Fault(60.0, "crash_check", 1, "crash detected")
+    fault = ReportedFault(60.0, "crash_check", 1, "crash detected")
     found = kinds(multirotor(faults=(fault,)))
     assert found[Kind.AUTOPILOT_CRASH_CHECK].from_s == 60.0
     crashed = tipped(multirotor(faults=(fault._replace(t_s=61.0),)), 60.0)
@@ -260,7 +260,7 @@ def test_vibration_is_held_against_the_same_flight(begins_s, kind):
 
 
 def test_the_battery_is_told_by_number_by_text_and_by_its_voltage():
-    fault = Fault(60.0, "battery", 1, "battery failsafe")
+    fault = ReportedFault(60.0, "battery", 1, "battery failsafe")
     assert kinds(multirotor(faults=(fault,)))[Kind.BATTERY].from_s == 60.0
     said = Said(60.0, Severity.WARNING, "Low battery")
     assert kinds(multirotor(said=(said,)))[Kind.BATTERY].from_s == 60.0

@@ -1,6 +1,6 @@
 import pytest
 
-from h2nav.service.health import Objection, Signs, State, judge
+from h2nav.service.health import Objection, ServiceState, Signs, judge
 
 NOW_NS = 100_000_000_000
 MS_NS = 1_000_000
@@ -25,23 +25,23 @@ def state(**signs):
 
 
 def test_all_is_well():
-    assert judge(WELL, NOW_NS) == (State.ACTIVE, "", "")
+    assert judge(WELL, NOW_NS) == (ServiceState.ACTIVE, "", "")
 
 
 @pytest.mark.parametrize(
     ("signs", "expected"),
     [
-        ({"link_error": ""}, State.NO_LINK),
-        ({"autopilot_known": False}, State.NO_AUTOPILOT),
-        ({"autopilot_known": False, "bytes_are_junk": True}, State.NO_AUTOPILOT),
-        ({"bytes_are_junk": True}, State.ACTIVE),
-        ({"last_sample_ns": None}, State.NO_IMU),
-        ({"last_sample_ns": NOW_NS - 501 * MS_NS}, State.NO_IMU),
-        ({"last_gap_ns": None}, State.ACTIVE),
-        ({"has_estimate": False}, State.ALIGNING),
-        ({"objections": (Objection("stuck", "gyro x is stuck"),)}, State.DEGRADED),
-        ({"late_ns": 400 * MS_NS}, State.DEGRADED),
-        ({"stall_ns": 2_000 * MS_NS, "last_sample_ns": None}, State.DEGRADED),
+        ({"link_error": ""}, ServiceState.NO_LINK),
+        ({"autopilot_known": False}, ServiceState.NO_AUTOPILOT),
+        ({"autopilot_known": False, "bytes_are_junk": True}, ServiceState.NO_AUTOPILOT),
+        ({"bytes_are_junk": True}, ServiceState.ACTIVE),
+        ({"last_sample_ns": None}, ServiceState.NO_IMU),
+        ({"last_sample_ns": NOW_NS - 501 * MS_NS}, ServiceState.NO_IMU),
+        ({"last_gap_ns": None}, ServiceState.ACTIVE),
+        ({"has_estimate": False}, ServiceState.ALIGNING),
+        ({"objections": (Objection("stuck", "gyro x is stuck"),)}, ServiceState.DEGRADED),
+        ({"late_ns": 400 * MS_NS}, ServiceState.DEGRADED),
+        ({"stall_ns": 2_000 * MS_NS, "last_sample_ns": None}, ServiceState.DEGRADED),
     ],
 )
 def test_the_worst_sign_decides(signs, expected):
@@ -49,19 +49,19 @@ def test_the_worst_sign_decides(signs, expected):
 
 
 def test_a_single_sample_after_a_silence_ends_no_silence():
-    assert state(last_gap_ns=1000 * MS_NS) is State.NO_IMU
-    assert state(last_gap_ns=500 * MS_NS) is State.ACTIVE
+    assert state(last_gap_ns=1000 * MS_NS) is ServiceState.NO_IMU
+    assert state(last_gap_ns=500 * MS_NS) is ServiceState.ACTIVE
 
 
 @pytest.mark.parametrize(
     ("rate_hz", "granted_hz", "expected"),
     [
-        (49.0, 100.0, State.DEGRADED),
-        (51.0, 100.0, State.ACTIVE),
-        (40.0, 40.0, State.ACTIVE),
-        (12.0, 15.0, State.ACTIVE),
-        (10.0, None, State.ACTIVE),
-        (None, 100.0, State.ACTIVE),
+        (49.0, 100.0, ServiceState.DEGRADED),
+        (51.0, 100.0, ServiceState.ACTIVE),
+        (40.0, 40.0, ServiceState.ACTIVE),
+        (12.0, 15.0, ServiceState.ACTIVE),
+        (10.0, None, ServiceState.ACTIVE),
+        (None, 100.0, ServiceState.ACTIVE),
     ],
 )
 def test_a_rate_is_low_against_what_was_settled_on(rate_hz, granted_hz, expected):

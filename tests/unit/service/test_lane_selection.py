@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from h2nav.service.lane_selection import Cause, Condition, LaneSelection, Switch
+from h2nav.service.lane_selection import Condition, LaneSelection, Switch, SwitchCause
 
 STEP_NS = 50_000_000
 GOOD = Condition(True, False, 0.1, 0.1)
@@ -24,18 +24,18 @@ def first_switch(*lanes, until_s=60.0):
 
 
 def test_a_bad_lane_is_left_at_once():
-    assert first_switch(BAD, GOOD) == (0.0, Switch(1, Cause.BAD))
+    assert first_switch(BAD, GOOD) == (0.0, Switch(1, SwitchCause.BAD))
 
 
 def test_a_silent_lane_is_left_when_no_other_message_of_its_imu_came():
     at_s, switch = first_switch(SILENT, GOOD)
-    assert switch == Switch(1, Cause.SILENT)
+    assert switch == Switch(1, SwitchCause.SILENT)
     assert at_s == pytest.approx(0.1)
 
 
 def test_a_failing_test_has_to_last():
     at_s, switch = first_switch(GOOD._replace(ratio=1.5), GOOD)
-    assert switch == Switch(1, Cause.WORSE)
+    assert switch == Switch(1, SwitchCause.WORSE)
     assert at_s == pytest.approx(0.5)
 
 
@@ -73,7 +73,7 @@ def test_the_best_of_the_others_takes_over():
 def test_a_compass_that_is_off_is_left_for_one_that_sees_north():
     disturbed = GOOD._replace(field_ratio=1.5)
     at_s, switch = first_switch(disturbed, GOOD._replace(field_ratio=0.8), GOOD)
-    assert switch == Switch(2, Cause.COMPASS)
+    assert switch == Switch(2, SwitchCause.COMPASS)
     assert at_s == pytest.approx(2.0)
 
 
@@ -87,7 +87,7 @@ def test_a_lane_that_is_shaken_is_left_for_a_calmer_one():
     shaken = GOOD._replace(noise_m_s2=4.0, is_shaken=True)
     others = (GOOD._replace(noise_m_s2=3.0, ratio=0.0), GOOD._replace(noise_m_s2=0.5))
     at_s, switch = first_switch(shaken, *others)
-    assert switch == Switch(2, Cause.NOISE)
+    assert switch == Switch(2, SwitchCause.NOISE)
     assert at_s == pytest.approx(1.0)
 
 
@@ -103,7 +103,7 @@ def test_noise_alone_or_that_of_all_is_no_cause(present, other_noise):
 def test_a_compass_that_is_known_to_be_wrong_is_left_for_that_cause():
     wrong = GOOD._replace(compass_is_wrong=True, ratio=1.5)
     _, switch = first_switch(wrong, GOOD._replace(compass_is_wrong=True), GOOD)
-    assert switch == Switch(2, Cause.COMPASS)
+    assert switch == Switch(2, SwitchCause.COMPASS)
 
 
 def test_a_wrong_compass_is_kept_where_all_are_wrong():

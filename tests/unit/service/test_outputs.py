@@ -7,7 +7,7 @@ from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.velocity_witness import Verdicts
-from h2nav.integrity.witness import Comparison, Source
+from h2nav.integrity.witness import AttitudeSource, Comparison
 from h2nav.service.outputs import Assessment, Outputs
 from h2nav.service.settings import OutputSettings
 
@@ -120,7 +120,7 @@ def test_the_differences_go_out_when_there_are_any():
     list(outputs.due(estimate(0)))
     assert outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT) == ()
     found = Assessment(
-        difference=Comparison(5_000, Source.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
+        difference=Comparison(5_000, AttitudeSource.AUTOPILOT, 0.1, -0.2, 0.01, 0.02, Verdicts())
     )
     tilt, heading = outputs.latest(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT)
     assert (tilt.name, tilt.value) == ("h2_tiltdif", pytest.approx(math.degrees(0.1)))

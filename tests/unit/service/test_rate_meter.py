@@ -1,6 +1,6 @@
 import pytest
 
-from h2nav.service.rate_meter import Arrivals, RateMeter
+from h2nav.service.rate_meter import ArrivalCount, RateMeter
 
 SECOND_NS = 1_000_000_000
 FAST, SLOW = 27, 2
@@ -46,7 +46,7 @@ def test_nothing_is_left_after_a_restart():
     meter = counted(RateMeter(), 0.0, 4.0, {FAST: 100})
     meter.restart()
     assert meter.hz(FAST) is None
-    assert meter.since(FAST, 0) == Arrivals(0, 0.0)
+    assert meter.since(FAST, 0) == ArrivalCount(0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -56,4 +56,4 @@ def test_nothing_is_left_after_a_restart():
 def test_a_rate_is_reached_from_four_fifths_on_with_a_margin_where_messages_are_few(
     messages, seconds, rate_hz, reached
 ):
-    assert Arrivals(messages, seconds).reach(rate_hz) is reached
+    assert ArrivalCount(messages, seconds).reach(rate_hz) is reached

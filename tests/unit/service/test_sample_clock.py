@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from h2nav.service.sample_clock import SampleClock, Verdict
+from h2nav.service.sample_clock import SampleClock, TimeVerdict
 
 UINT32 = 1 << 32
 SECOND_NS = 1_000_000_000
@@ -36,9 +36,9 @@ def line(*arguments, **options):
 def test_a_steady_stream_passes_unchanged():
     clock = line(unit_us=1)
     assert [clock.advance(raw) for raw in (5_000, 15_000, 25_000)] == [
-        (Verdict.NEXT, 5_000),
-        (Verdict.NEXT, 15_000),
-        (Verdict.NEXT, 25_000),
+        (TimeVerdict.NEXT, 5_000),
+        (TimeVerdict.NEXT, 15_000),
+        (TimeVerdict.NEXT, 25_000),
     ]
 
 
@@ -48,26 +48,26 @@ def test_another_messages_clock_goes_on_where_the_first_ended(hours):
     newest_us = hours * 3_600_000_000 + 7_000
     milliseconds = line(1000, newest_us)
     raw_ms = (newest_us // 1000 + 10) % UINT32
-    assert milliseconds.advance(raw_ms) == (Verdict.NEXT, newest_us // 1000 * 1000 + 10_000)
+    assert milliseconds.advance(raw_ms) == (TimeVerdict.NEXT, newest_us // 1000 * 1000 + 10_000)
     microseconds = line(1, newest_us)
-    assert microseconds.advance(newest_us + 10_000) == (Verdict.NEXT, newest_us + 10_000)
+    assert microseconds.advance(newest_us + 10_000) == (TimeVerdict.NEXT, newest_us + 10_000)
 
 
 def test_duplicates_and_late_packets_are_named_and_change_nothing():
     clock = line(unit_us=1)
     assert clock.verdicts([1_000_000, 1_010_000, 1_010_000, 1_000_000, 1_020_000]) == [
-        Verdict.NEXT,
-        Verdict.NEXT,
-        Verdict.DUPLICATE,
-        Verdict.LATE,
-        Verdict.NEXT,
+        TimeVerdict.NEXT,
+        TimeVerdict.NEXT,
+        TimeVerdict.DUPLICATE,
+        TimeVerdict.LATE,
+        TimeVerdict.NEXT,
     ]
 
 
 def test_millisecond_counter_wraps_after_49_7_days_without_a_gap():
     clock = line(unit_us=1000)
     times = [clock.advance((UINT32 - 20 + 10 * i) % UINT32) for i in range(5)]
-    assert {verdict for verdict, _ in times} == {Verdict.NEXT}
+    assert {verdict for verdict, _ in times} == {TimeVerdict.NEXT}
     steps_us = {after[1] - before[1] for before, after in itertools.pairwise(times)}
     assert steps_us == {10_000}
 
@@ -75,7 +75,7 @@ def test_millisecond_counter_wraps_after_49_7_days_without_a_gap():
 def test_microsecond_counter_of_32_bits_wraps_after_71_6_minutes():
     clock = line(unit_us=1)
     times = [clock.advance((UINT32 - 10_000 + 5_000 * i) % UINT32) for i in range(5)]
-    assert {verdict for verdict, _ in times} == {Verdict.NEXT}
+    assert {verdict for verdict, _ in times} == {TimeVerdict.NEXT}
     assert clock.clock.epoch == 0
 
 
@@ -84,10 +84,10 @@ def test_reboot_needs_three_samples_in_a_row():
     clock.advance(500_000_000)
     clock.t_ns += SECOND_NS
     assert clock.verdicts([3_000_000, 3_010_000, 3_020_000, 3_030_000]) == [
-        Verdict.STRAY,
-        Verdict.STRAY,
-        Verdict.REBOOT,
-        Verdict.NEXT,
+        TimeVerdict.STRAY,
+        TimeVerdict.STRAY,
+        TimeVerdict.REBOOT,
+        TimeVerdict.NEXT,
     ]
     assert clock.clock.epoch == 1
 
@@ -96,10 +96,10 @@ def test_a_single_stray_time_is_no_reboot():
     clock = line(unit_us=1)
     clock.advance(500_000_000)
     assert clock.verdicts([3_000_000, 500_010_000, 3_000_000, 500_020_000]) == [
-        Verdict.STRAY,
-        Verdict.NEXT,
-        Verdict.STRAY,
-        Verdict.NEXT,
+        TimeVerdict.STRAY,
+        TimeVerdict.NEXT,
+        TimeVerdict.STRAY,
+        TimeVerdict.NEXT,
     ]
 
 
@@ -109,17 +109,17 @@ def test_boot_time_changing_to_unix_time_is_a_new_epoch():
     unix_us = 1_795_253_718_000_000
     seen = clock.verdicts([unix_us + i * 10_000 for i in range(30)])
     # Until the line of before is silent for long enough, it could be another sender.
-    assert Verdict.NEW_EPOCH in seen[:25]
-    assert seen[-1] is Verdict.NEXT
+    assert TimeVerdict.NEW_EPOCH in seen[:25]
+    assert seen[-1] is TimeVerdict.NEXT
 
 
 def test_a_stamp_that_runs_ahead_silences_nothing():
     clock = line(unit_us=1)
     clock.advance(10_000_000)
     assert clock.verdicts([11_900_000, 10_010_000, 10_020_000]) == [
-        Verdict.STRAY,
-        Verdict.NEXT,
-        Verdict.NEXT,
+        TimeVerdict.STRAY,
+        TimeVerdict.NEXT,
+        TimeVerdict.NEXT,
     ]
 
 
@@ -127,7 +127,7 @@ def test_a_clock_that_is_set_ahead_is_followed_within_300_ms_in_the_same_epoch()
     clock = line(unit_us=1)
     clock.advance(10_000_000)
     seen = clock.verdicts([11_900_000 + i * 10_000 for i in range(30)])
-    assert Verdict.NEXT in seen
+    assert TimeVerdict.NEXT in seen
     assert clock.clock.epoch == 0
 
 
@@ -135,29 +135,29 @@ def test_a_clock_that_is_set_back_a_little_is_a_new_epoch_within_300_ms():
     clock = line(unit_us=1)
     clock.advance(100_000_000)
     seen = clock.verdicts([98_500_000 + i * 10_000 for i in range(30)])
-    assert seen[0] is Verdict.LATE
-    assert Verdict.NEW_EPOCH in seen
+    assert seen[0] is TimeVerdict.LATE
+    assert TimeVerdict.NEW_EPOCH in seen
 
 
 def test_time_that_passed_while_nothing_arrived_is_no_stray():
     clock = line(unit_us=1)
     clock.advance(10_000_000)
-    assert clock.advance(15_000_000, pause_ms=5_000)[0] is Verdict.NEXT
+    assert clock.advance(15_000_000, pause_ms=5_000)[0] is TimeVerdict.NEXT
 
 
 def test_two_senders_with_two_clocks_are_noticed_and_the_first_is_kept():
     clock = line(unit_us=1)
     raw_times = [base + i * 10_000 for i in range(20) for base in (500_000_000, 3_000_000)]
     seen = [clock.advance(raw, pause_ms=5)[0] for raw in raw_times]
-    assert seen[::2] == [Verdict.NEXT] * 20
-    assert seen[1::2] == [Verdict.STRAY] * 2 + [Verdict.SECOND_SENDER] * 18
+    assert seen[::2] == [TimeVerdict.NEXT] * 20
+    assert seen[1::2] == [TimeVerdict.STRAY] * 2 + [TimeVerdict.SECOND_SENDER] * 18
 
 
 def test_a_second_sender_of_four_times_the_rate_does_not_take_over():
     clock = line(unit_us=1)
     clock.advance(500_000_000)
     for i in range(1, 200):
-        assert clock.advance(500_000_000 + i * 10_000, pause_ms=2)[0] is Verdict.NEXT
+        assert clock.advance(500_000_000 + i * 10_000, pause_ms=2)[0] is TimeVerdict.NEXT
         for k in range(4):
             clock.advance(3_000_000 + (4 * i + k) * 2_500, pause_ms=2)
 
@@ -169,27 +169,27 @@ def test_time_only_grows_inside_an_epoch_whatever_comes(raw_times):
     newest_us = None
     for raw in raw_times:
         verdict, t_us = clock.advance(raw)
-        if verdict in (Verdict.REBOOT, Verdict.NEW_EPOCH):
+        if verdict in (TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH):
             newest_us = None
-        if verdict in (Verdict.NEXT, Verdict.REBOOT, Verdict.NEW_EPOCH):
+        if verdict in (TimeVerdict.NEXT, TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH):
             assert newest_us is None or t_us > newest_us
             newest_us = t_us
 
 
 def test_another_message_at_the_very_time_of_the_newest_sample_is_a_duplicate():
     clock = line(1, newest_us=6_810_073)
-    assert clock.advance(6_810_073)[0] is Verdict.DUPLICATE
-    assert clock.advance(6_820_140) == (Verdict.NEXT, 6_820_140)
+    assert clock.advance(6_810_073)[0] is TimeVerdict.DUPLICATE
+    assert clock.advance(6_820_140) == (TimeVerdict.NEXT, 6_820_140)
 
 
 def test_messages_that_were_held_up_are_followed_as_another_line_of_the_same_epoch():
     """The newest came 0.4 s late, what was behind it is lost, and the rest comes at once."""
     clock = SampleClock(1)
     for i in range(100):
-        assert clock.advance(i * 10_000_000, i * 10_000)[0] is Verdict.NEXT
+        assert clock.advance(i * 10_000_000, i * 10_000)[0] is TimeVerdict.NEXT
     held_ns = 400_000_000
-    assert clock.advance(100 * 10_000_000 + held_ns, 100 * 10_000)[0] is Verdict.NEXT
+    assert clock.advance(100 * 10_000_000 + held_ns, 100 * 10_000)[0] is TimeVerdict.NEXT
     verdicts = [clock.advance(i * 10_000_000 + 1_000_000, i * 10_000)[0] for i in range(140, 190)]
-    assert verdicts[-1] is Verdict.NEXT
-    assert Verdict.SECOND_SENDER in verdicts
+    assert verdicts[-1] is TimeVerdict.NEXT
+    assert TimeVerdict.SECOND_SENDER in verdicts
     assert (clock.line, clock.epoch) == (1, 0)

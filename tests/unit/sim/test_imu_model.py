@@ -17,7 +17,7 @@ from h2nav.sim.imu_model import (
     field_vector,
     readings,
 )
-from h2nav.sim.rigid_motion import Motion
+from h2nav.sim.rigid_motion import RigidMotion
 from h2nav.sim.scenarios import scenario
 
 FIELD = EarthField(50.0, 60 * DEG, 10 * DEG)
@@ -120,7 +120,7 @@ def test_signs_at_rest():
 
 
 def test_range_clips_and_says_so():
-    fast = Motion((1, 0, 0, 0), (40.0, 0, 0), (0, 0, -200.0), (0, 0, 0), (0, 0, 0))
+    fast = RigidMotion((1, 0, 0, 0), (40.0, 0, 0), (0, 0, -200.0), (0, 0, 0), (0, 0, 0))
     sample = ImuModel(MPU_9250._replace(gyro_sampling=GyroSampling.INSTANT), FIELD, seed=0).sample(
         0, fast
     )

@@ -13,7 +13,7 @@ from h2nav.apps.export_c import kernel_sources
 from h2nav.attitude import record
 from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED
 from h2nav.translate.c99 import translate
-from h2nav.translate.source import Refused, Source, read_kernel
+from h2nav.translate.source import KernelSource, Untranslatable, read_kernel
 from h2nav.translate.structs import constant_text, struct_text
 
 INTEGER_HEAD = "from h2nav.maths.fixedpoint import I16, I32, clamp, known\n"
@@ -42,7 +42,7 @@ class Other:
 
 
 def translated(text: str, entry: str = "step") -> str:
-    return translate([Source("kernel.py", text)], [entry]).code
+    return translate([KernelSource("kernel.py", text)], [entry]).code
 
 
 def with_record(functions: str, entry: str = "step") -> str:
@@ -114,7 +114,7 @@ def step(s: Memory, a: I16, b: I32) -> I32:
 
 
 def test_c_computes_what_python_computes(tmp_path: Path) -> None:
-    rows = read_kernel([Source("kernel.py", EVERYTHING)]).records["Memory"].rows
+    rows = read_kernel([KernelSource("kernel.py", EVERYTHING)]).records["Memory"].rows
     code = struct_text("What it remembers.", rows, "Memory") + translated(EVERYTHING)
     library = compiled(
         tmp_path,
@@ -181,7 +181,7 @@ def test_names_comments_and_formats_are_carried_over() -> None:
 )
 def test_refuses_with_file_and_line(statement: str, line: int, reason: str) -> None:
     text = f"{INTEGER_HEAD}\ndef step(x: I32) -> I32:\n{statement}\n"
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Untranslatable) as refusal:
         translated(text)
     assert str(refusal.value).startswith(f"kernel.py:{line}: ")
     assert reason in str(refusal.value)
@@ -192,29 +192,33 @@ def test_refuses_with_file_and_line(statement: str, line: int, reason: str) -> N
     ["import numpy", "from os import path", "class A:\n    pass", "def f():\n    yield 1\nX = f()"],
 )
 def test_refuses_modules_with_anything_but_constants_and_functions(module_line: str) -> None:
-    with pytest.raises(Refused, match=r"^kernel\.py:\d+: "):
+    with pytest.raises(Untranslatable, match=r"^kernel\.py:\d+: "):
         translated(f"{module_line}\n\ndef step(x: int) -> int:\n    return x\n")
 
 
 def test_a_field_that_may_leave_its_declared_range_is_refused() -> None:
     head = "def step(s: Memory, a: I16) -> None:\n"
     reason = r"may leave s\.level at -32868\.\.32867, declared -100\.\.100"
-    with pytest.raises(Refused, match=reason):
+    with pytest.raises(Untranslatable, match=reason):
         with_record(f"{head}    s.level = s.level + a\n")
     assert "clamp_32" in with_record(f"{head}    s.level = clamp(s.level + a, -100, 100)\n")
-    with pytest.raises(Refused, match=r"may leave s\.parts\[1\] at 10\.\.10, declared -9\.\.9"):
+    with pytest.raises(
+        Untranslatable, match=r"may leave s\.parts\[1\] at 10\.\.10, declared -9\.\.9"
+    ):
         with_record(f"{head}    s.parts[1] = 10\n")
 
 
 def test_an_initialiser_finds_zeros() -> None:
     """Its result is proved from there: what it does not write is zero, and zero must be allowed."""
     text = f"{INTEGER_HEAD}{RECORD}def begin(s: Memory) -> None:\n    s.level = s.level + 100\n"
-    assert translate([Source("kernel.py", text)], [], ["begin"]).code
-    with pytest.raises(Refused, match=r"begin may leave s\.level at 0\.\.200"):
-        translate([Source("kernel.py", text)], ["begin"])
+    assert translate([KernelSource("kernel.py", text)], [], ["begin"]).code
+    with pytest.raises(Untranslatable, match=r"begin may leave s\.level at 0\.\.200"):
+        translate([KernelSource("kernel.py", text)], ["begin"])
     positive = text.replace("integers(2, -9, 9,", "integers(2, 1, 9,")
-    with pytest.raises(Refused, match=r"begin may leave s\.parts\[0\] at 0\.\.0, declared 1\.\.9"):
-        translate([Source("kernel.py", positive)], [], ["begin"])
+    with pytest.raises(
+        Untranslatable, match=r"begin may leave s\.parts\[0\] at 0\.\.0, declared 1\.\.9"
+    ):
+        translate([KernelSource("kernel.py", positive)], [], ["begin"])
 
 
 @pytest.mark.parametrize(
@@ -240,14 +244,14 @@ def test_an_initialiser_finds_zeros() -> None:
     ],
 )
 def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
-    with pytest.raises(Refused, match=r"^kernel\.py:\d+: ") as refusal:
+    with pytest.raises(Untranslatable, match=r"^kernel\.py:\d+: ") as refusal:
         with_record(functions)
     assert reason in str(refusal.value)
 
 
 def test_refuses_one_name_for_two_constants() -> None:
-    sources = [Source("a.py", "MOST = 3\n"), Source("b.py", "MOST = 3\nMOST = 4\n")]
-    with pytest.raises(Refused, match=r"^b\.py:2: MOST has another value"):
+    sources = [KernelSource("a.py", "MOST = 3\n"), KernelSource("b.py", "MOST = 3\nMOST = 4\n")]
+    with pytest.raises(Untranslatable, match=r"^b\.py:2: MOST has another value"):
         read_kernel(sources)
 
 
@@ -262,12 +266,12 @@ def test_refuses_one_name_for_two_constants() -> None:
 )
 def test_refuses_records_of_anything_but_rows(statement: str, reason: str) -> None:
     text = f"class Memory:\n{statement}\n\n\ndef step(x: int) -> int:\n    return x\n"
-    with pytest.raises(Refused, match=rf"^kernel\.py:\d+: .*{reason}"):
+    with pytest.raises(Untranslatable, match=rf"^kernel\.py:\d+: .*{reason}"):
         translated(text)
 
 
 def test_a_record_becomes_a_struct_with_named_members() -> None:
-    rows = read_kernel([Source("kernel.py", INTEGER_HEAD + RECORD)]).records["Memory"].rows
+    rows = read_kernel([KernelSource("kernel.py", INTEGER_HEAD + RECORD)]).records["Memory"].rows
     assert struct_text("What the kernel remembers.", rows, "my_memory") == (
         "/* What the kernel remembers. */\n"
         "typedef struct {\n"
@@ -310,10 +314,10 @@ def test_a_mutation_of_the_kernel_changes_the_c(original: str, mutant: str) -> N
     assert translate(mutated, ["update"]).code != translate(SMALLEST, ["update"]).code
 
 
-def replaced(sources: list[Source], original: str, mutant: str) -> list[Source]:
+def replaced(sources: list[KernelSource], original: str, mutant: str) -> list[KernelSource]:
     """The sources with one piece of text changed, which must be in exactly one of them."""
     assert sum(original in source.text for source in sources) == 1
-    return [Source(path, text.replace(original, mutant, 1)) for path, text in sources]
+    return [KernelSource(path, text.replace(original, mutant, 1)) for path, text in sources]
 
 
 def test_a_wider_input_of_the_constant_gain_kernel_is_noticed() -> None:

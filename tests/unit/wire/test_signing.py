@@ -17,8 +17,8 @@ from h2nav.wire.signing import (
     LARGEST_STAMP,
     MOST_STREAMS,
     NEW_STREAM_BEHIND,
+    Denial,
     LocalStamp,
-    Refusal,
     SignatureChecker,
     Signer,
     stamp_at,
@@ -47,7 +47,7 @@ def test_what_pymavlink_signs_is_admitted() -> None:
 
 
 def test_another_key_is_a_bad_signature() -> None:
-    assert checker().admit(Peer(key=b"x" * 32).frame()) is Refusal.BAD_SIGNATURE
+    assert checker().admit(Peer(key=b"x" * 32).frame()) is Denial.BAD_SIGNATURE
 
 
 @given(st.data())
@@ -69,7 +69,7 @@ def test_no_single_bit_can_be_changed_behind_the_back_of_the_checksum() -> None:
     for bit in range(8 * len(good.raw)):
         raw = bytearray(good.raw)
         raw[bit // 8] ^= 1 << bit % 8
-        assert ours.admit(good._replace(raw=bytes(raw))) is Refusal.BAD_SIGNATURE
+        assert ours.admit(good._replace(raw=bytes(raw))) is Denial.BAD_SIGNATURE
 
 
 def test_the_fields_of_a_frame_and_its_signed_bytes_are_the_same() -> None:
@@ -81,8 +81,8 @@ def test_a_replayed_or_reordered_frame_is_refused() -> None:
     ours, peer = checker(), Peer()
     first, second = peer.frame(), peer.frame()
     assert ours.admit(second) is None
-    assert ours.admit(second) is Refusal.REPLAYED
-    assert ours.admit(first) is Refusal.REPLAYED
+    assert ours.admit(second) is Denial.REPLAYED
+    assert ours.admit(first) is Denial.REPLAYED
     assert ours.admit(peer.frame()) is None
 
 
@@ -100,7 +100,7 @@ def test_a_forged_stamp_does_not_move_the_stream() -> None:
     ours, peer = checker(stamp), Peer()
     assert ours.admit(peer.frame()) is None
     forger = Peer(key=b"x" * 32, stamp=LARGEST_STAMP)
-    assert ours.admit(forger.frame()) is Refusal.BAD_SIGNATURE
+    assert ours.admit(forger.frame()) is Denial.BAD_SIGNATURE
     assert stamp.latest < NOW_STAMP + 10
     assert ours.admit(peer.frame()) is None
 
@@ -109,21 +109,21 @@ def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
     just_fine = Peer(stamp=NOW_STAMP - NEW_STREAM_BEHIND)
     too_old = Peer(stamp=NOW_STAMP - NEW_STREAM_BEHIND - 1)
     assert checker().admit(just_fine.frame()) is None
-    assert checker().admit(too_old.frame()) is Refusal.OLD_STAMP
+    assert checker().admit(too_old.frame()) is Denial.OLD_STAMP
 
 
 def test_a_peer_whose_clock_is_behind_gets_in_once_it_has_heard_us() -> None:
     clock = Clock()
     encoder, _ = signing_encoder(clock)
     ours, peer = checker(LocalStamp(clock)), Peer(stamp=1)
-    assert ours.admit(peer.frame()) is Refusal.OLD_STAMP
+    assert ours.admit(peer.frame()) is Denial.OLD_STAMP
     assert peer.believes(encoder.encode(raw_imu(1)))
     assert ours.admit(peer.frame()) is None
 
 
 @pytest.mark.parametrize(
     ("how", "refusal"),
-    [({"signed": False}, Refusal.UNSIGNED), ({"version": 1}, Refusal.MAVLINK_1)],
+    [({"signed": False}, Denial.UNSIGNED), ({"version": 1}, Denial.MAVLINK_1)],
 )
 def test_a_downgrade_is_refused(how, refusal) -> None:
     ours, peer = checker(), Peer()
@@ -135,21 +135,21 @@ def test_a_downgrade_is_refused(how, refusal) -> None:
 def test_the_status_of_a_radio_is_taken_as_its_firmware_sends_it(how) -> None:
     ours = checker(accept_unsigned=frozenset({RADIO_STATUS.id}))
     assert ours.admit(Peer().frame(RADIO_STATUS, **how)) is None
-    assert ours.admit(Peer(key=b"x" * 32).frame(RADIO_STATUS)) is Refusal.BAD_SIGNATURE
+    assert ours.admit(Peer(key=b"x" * 32).frame(RADIO_STATUS)) is Denial.BAD_SIGNATURE
     assert ours.streams == 0
 
 
 def test_setup_signing_is_refused_even_from_who_has_the_key() -> None:
     message = mavlink.MAVLink_setup_signing_message(1, 191, list(b"y" * 32), NOW_STAMP)
     ours = checker(accept_unsigned=frozenset({message.id}))
-    assert ours.admit(Peer().frame(message)) is Refusal.SETUP_SIGNING
-    assert ours.admit(Peer().frame(message, signed=False)) is Refusal.SETUP_SIGNING
+    assert ours.admit(Peer().frame(message)) is Denial.SETUP_SIGNING
+    assert ours.admit(Peer().frame(message, signed=False)) is Denial.SETUP_SIGNING
 
 
 def test_our_own_frame_sent_back_to_us_is_refused() -> None:
     encoder, signer = signing_encoder(Clock())
     ours = checker(own_streams=signer.streams)
-    assert ours.admit(frame_of(encoder.encode(raw_imu(1)))) is Refusal.REFLECTED
+    assert ours.admit(frame_of(encoder.encode(raw_imu(1)))) is Denial.REFLECTED
     assert ours.admit(Peer(ids=(1, 191), link_id=6).frame()) is None
 
 
@@ -185,7 +185,7 @@ def filled_table(clock: Clock) -> SignatureChecker:
 
 def test_a_full_table_keeps_its_streams_and_takes_no_new_one() -> None:
     ours = filled_table(Clock())
-    assert ours.admit(Peer(link_id=1).frame()) is Refusal.TOO_MANY_STREAMS
+    assert ours.admit(Peer(link_id=1).frame()) is Denial.TOO_MANY_STREAMS
     assert ours.admit(Peer(ids=(1, 1), link_id=0, stamp=NOW_STAMP + 1).frame()) is None
     assert ours.streams == MOST_STREAMS
 
@@ -197,7 +197,7 @@ def test_a_full_table_forgets_only_what_could_not_be_replayed() -> None:
     clock.stamp += NEW_STREAM_BEHIND + 1
     assert ours.admit(Peer(link_id=1, stamp=clock.stamp).frame()) is None
     assert ours.streams == 1
-    assert ours.admit(recorded) is Refusal.OLD_STAMP
+    assert ours.admit(recorded) is Denial.OLD_STAMP
 
 
 def test_who_has_no_key_gets_nothing_into_the_table() -> None:
@@ -205,7 +205,7 @@ def test_who_has_no_key_gets_nothing_into_the_table() -> None:
     for _ in range(1000):
         ids = (rng.randrange(1, 256), rng.randrange(1, 256))
         peer = Peer(key=rng.randbytes(32), ids=ids, link_id=rng.randrange(256))
-        assert ours.admit(peer.frame()) is Refusal.BAD_SIGNATURE
+        assert ours.admit(peer.frame()) is Denial.BAD_SIGNATURE
     assert ours.streams == 0
 
 

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from h2nav.attitude.batch_driver import (
     BatchResult,
+    BatchSamples,
     Integers,
     Mask,
-    Samples,
     Table,
     empty_table,
     rounded,
@@ -35,11 +35,11 @@ class IntegerVelocityAidedBatch:
         self._filter = attitude_filter
         self._last: Integers = np.empty(0, dtype=np.int64)
 
-    def special(self, samples: Samples) -> Mask:
+    def special(self, samples: BatchSamples) -> Mask:
         """Samples that the filter does not pass to its kernel as they are."""
         return special_samples(samples)
 
-    def ready(self, samples: Samples, first: int, stop: int) -> int:
+    def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
         """As with the floats; the unit of the field follows from the first one."""
         if not self._filter.is_free_at(int(samples.t_us[first])):
             return first
@@ -52,7 +52,7 @@ class IntegerVelocityAidedBatch:
         """What the kernel takes before a sample."""
         return self._filter.kernel_state, self._filter.kernel_gains
 
-    def table(self, part: Samples) -> Table:
+    def table(self, part: BatchSamples) -> Table:
         """The kernel's samples, each in as many steps as its time needs.
 
         Powers of two are exact factors, so it does not matter when they come in.
@@ -89,7 +89,7 @@ class IntegerVelocityAidedBatch:
         table["has_mag"][number < counts - 1] = 0
         return table
 
-    def finish(self, part: Samples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
+    def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates after the last step of each sample."""
         accepted = np.flatnonzero(out[:, 7] & FIELD_USED)
         accepted_us = None

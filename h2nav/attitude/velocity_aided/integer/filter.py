@@ -23,7 +23,7 @@ from h2nav.attitude.samples import (
     VehicleState,
 )
 from h2nav.attitude.velocity_aided import memory as shown
-from h2nav.attitude.velocity_aided.air_alignment import Leveled, Reference
+from h2nav.attitude.velocity_aided.air_alignment import AirReference, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer import memory
 from h2nav.attitude.velocity_aided.integer.gains import (
@@ -352,9 +352,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         length = math.sqrt(w * w + x * x + y * y + z * z)
         return (w / length, x / length, y / length, z / length)
 
-    def _reference(self) -> Reference:
+    def _reference(self) -> AirReference:
         s, g, unit = self._state, self._gains.kernel, self.field_unit * 2.0**-26
-        return Reference(
+        return AirReference(
             s.mag_ref_norm * unit,
             math.atan2(s.mag_ref_down, s.mag_ref_horizontal),
             s.declination * 2.0**-28,
