@@ -82,6 +82,15 @@ def example(name: str) -> str:
     return text.replace(f"={SCHEMA}", f"={path.with_name(SCHEMA)}", 1)
 
 
+def is_example(path: Path) -> bool:
+    """Whether a file is one of the examples as they are, so that nothing of the user's is in it."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return any(text == example(name) for name in _examples())
+
+
 def _examples() -> dict[str, Path]:
     """Name -> path of the example configurations shipped with h2nav."""
     packaged = Path(str(resources.files("h2nav"))) / "configs"

@@ -86,7 +86,8 @@ class Choice(NamedTuple):
 def run(args: argparse.Namespace) -> int:
     """Scans, reports, writes, starts; returns 0 if there is an autopilot."""
     output = args.output or (SERVICE_CONFIG if os.geteuid() == 0 else USER_CONFIG)
-    if output.exists() and not args.force and (args.yes or args.output):
+    replaces = args.force or check_config.is_example(output)  # such as that of the Debian package
+    if output.exists() and not replaces and (args.yes or args.output):
         raise BadInput(f"{output}: exists; --force replaces it")
     ports, urls = _wanted(args.connect)
     places = [serial_place(port.path) for port in ports] + [LinkPlace(url, (url,)) for url in urls]
@@ -103,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     if not asks and not args.yes:
         return 0
     chosen = _pick(_with_system(choices, args.system_id), asks)
-    if chosen is None or not _write(output, chosen, choices, args.force, asks):
+    if chosen is None or not _write(output, chosen, choices, replaces, asks):
         return 0
     if not args.no_service and os.geteuid() == 0 and output == SERVICE_CONFIG:
         _offer_service(asks)
@@ -252,12 +253,13 @@ def _preference(choice: Choice) -> tuple[int, float]:
 
 
 def _write(
-    output: Path, chosen: Choice, choices: Sequence[Choice], force: bool, asks: bool
+    output: Path, chosen: Choice, choices: Sequence[Choice], replaces: bool, asks: bool
 ) -> bool:
     """Writes and checks the configuration; returns False if the user declines."""
     if asks and not _agrees(f"write {output}?"):
         return False
-    if output.exists() and not force and not (asks and _agrees(f"{output} exists; replace it?")):
+    keeps = output.exists() and not replaces
+    if keeps and not (asks and _agrees(f"{output} exists; replace it?")):
         return False
     others = [each for each in choices if each.hearing is chosen.hearing]
     text = configuration_text(chosen, is_shared=len(others) > 1)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.apps import configuration, setup
+from h2nav.apps import check_config, configuration, setup
 from h2nav.apps.setup import Choice, configuration_text
 from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
 from h2nav.host.system_unit import unit_text
@@ -80,6 +80,14 @@ def test_a_file_that_is_there_stays(heard: list[Choice], tmp_path: Path) -> None
     assert main(["setup", "--yes", "-o", str(path)]) == BAD_INPUT
     assert path.read_text() == "mine"
     assert main(["setup", "--yes", "--force", "-o", str(path), "--no-service"]) == SUCCESS
+    assert configuration.read(path).link.url == "udpin:0.0.0.0:14550"
+
+
+def test_an_unchanged_example_gives_way(heard: list[Choice], tmp_path: Path) -> None:
+    heard.append(choice("udpin:0.0.0.0:14550"))
+    path = tmp_path / "config.yaml"
+    path.write_text(check_config.example("ardupilot-serial"))
+    assert main(["setup", "--yes", "-o", str(path), "--no-service"]) == SUCCESS
     assert configuration.read(path).link.url == "udpin:0.0.0.0:14550"
 
 
