@@ -185,8 +185,6 @@ def _advice(hearing: Hearing) -> list[str]:
     target = parse_link_url(hearing.url or hearing.place.urls[0])
     if not hearing.speakers or not isinstance(target, SerialUrl) or target.baud >= GOOD_BAUD:
         return []
-    if "ttyACM" in os.path.realpath(target.path):
-        return []  # USB has no baud rate
     return [
         f"{target.baud} baud carries few IMU samples: set SERIALn_BAUD (ArduPilot) or SER_*_BAUD "
         "(PX4) to 921600 unless this is a telemetry radio"

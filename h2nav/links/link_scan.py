@@ -6,6 +6,7 @@ only a version request to a detected autopilot, and a heartbeat to a silent USB 
 wakes PX4's port.
 """
 
+import os
 import select
 import time
 from collections import Counter
@@ -22,6 +23,7 @@ from h2nav.wire.vehicle import Firmware, Heartbeat
 
 # Most common first: the defaults of ArduPilot's and PX4's telemetry and companion ports.
 BAUDS = (57600, 115200, 921600, 460800, 230400, 500000, 1500000, 38400)
+USB_BAUD = 921600
 # A heartbeat comes once a second; a port may open slowly.
 LISTEN_S = 1.6
 # After the first frame, rates are counted and the version is awaited for this long.
@@ -91,10 +93,12 @@ class Hearing(NamedTuple):
         return self.bytes_in > 0 and self.frames == 0
 
 
-def serial_place(path: str, baud: int | None = None) -> LinkPlace:
-    """A serial port, at one baud rate or at each of `BAUDS`."""
-    bauds = BAUDS if baud is None else (baud,)
-    return LinkPlace(path, tuple(f"serial:{path}:{rate}" for rate in bauds), "ttyACM" in path)
+def serial_place(path: str) -> LinkPlace:
+    """A serial port, at each of `BAUDS`."""
+    # An autopilot's own USB port answers at any rate; the first one must not look like a radio's.
+    is_usb = "ttyACM" in path or "ttyACM" in os.path.realpath(path)
+    bauds = (USB_BAUD, *(rate for rate in BAUDS if rate != USB_BAUD)) if is_usb else BAUDS
+    return LinkPlace(path, tuple(f"serial:{path}:{rate}" for rate in bauds), is_usb)
 
 
 def scan(

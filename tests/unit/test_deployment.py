@@ -223,7 +223,7 @@ def test_the_documented_commands_work_one_after_the_other(tmp_path):
     assert (tmp_path / "etc" / "systemd" / "system" / "h2nav.service").read_text() == UNIT
     asked = (tmp_path / "asked").read_text().splitlines()
     assert [line.split()[0] for line in asked] == [
-        "apt-get", "useradd", "systemctl", "systemctl", "journalctl",
+        "apt-get", "apt-get", "useradd", "systemctl", "systemctl", "journalctl",
     ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -77,6 +78,15 @@ def test_the_baud_rate_is_the_one_at_which_frames_pass_their_checksum(baud: int)
     assert speaker.address == (1, 1)
     assert str(speaker.firmware) == "4.7.0 dev"
     assert speaker.rates_hz[mavlink.MAVLINK_MSG_ID_HEARTBEAT] > 0.5
+
+
+def test_a_usb_port_is_not_taken_for_a_radio(tmp_path: Path) -> None:
+    stable = tmp_path / "usb-Hex_ProfiCNC_CubeOrange-if00"
+    stable.symlink_to("/dev/ttyACM7")
+    usb, uart = serial_place(str(stable)), serial_place("/dev/ttyAMA0")
+    assert usb.urls[0] == f"serial:{stable}:921600"
+    assert len(usb.urls) == len(uart.urls) == len(link_scan.BAUDS)
+    assert (usb.is_usb_autopilot, uart.is_usb_autopilot) == (True, False)
 
 
 def test_bytes_without_frames_are_junk_and_every_baud_rate_is_tried() -> None:
