@@ -188,10 +188,14 @@ def test_a_wrong_configuration_is_not_restarted():
 
 
 def documented_commands() -> list[str]:
+    """Those of an installation by hand, without `h2nav setup`."""
     text = (REPOSITORY / "docs" / "companion.md").read_text()
-    block = re.search(r"### With Python alone\n.*?\n```\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    return block[1].splitlines()
+    section = re.search(r"### With Python alone\n(.*?)\n### ", text, re.DOTALL)
+    assert section is not None
+    short, by_hand = re.findall(r"\n```\n(.*?)```", section[1], re.DOTALL)
+    *installation, setup = short.splitlines()
+    assert setup == "h2nav setup"
+    return [*installation, *by_hand.splitlines()]
 
 
 def test_the_documented_commands_work_one_after_the_other(tmp_path):
