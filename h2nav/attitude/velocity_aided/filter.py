@@ -255,6 +255,7 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
         s = self._state
+        s.unused_variance = 0.0
         x, y, z = rate
         s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
         if force is not None:

@@ -129,6 +129,9 @@ class State:
     fix_lag_variance: float = real("s^2", "variance of that")
     dtilt_lag: list[float] = reals(2, "1/s", "sensitivity of the tilt to it, north and east")
     dvelocity_lag: list[float] = reals(2, "", "sensitivity of the velocity to it, north and east")
+    fix_mean_n: float = real("s", "low-passed innovation of the fixes north")
+    fix_mean_e: float = real("s", "the same east")
+    unused_variance: float = real("", "share of their predicted variance that they do not show")
 
 
 @dataclass(slots=True)
@@ -145,6 +148,7 @@ class Workspace:
     offset_gain: list[float] = reals(3, "", "covariance of the measurement with that offset")
     doffset: list[float] = reals(3, "", "correction of it")
     dfix_lag: float = real("s", "correction of it")
+    predicted: float = real("s^2", "variance of an innovation without the noise of its measurement")
     rate: list[float] = reals(3, "rad/s", "angular rate without the bias")
     sigma_tilt: float = real("rad", "predicted deviation of the tilt")
     sigma_heading: float = real("rad", "predicted deviation of the heading")

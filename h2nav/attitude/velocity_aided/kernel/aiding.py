@@ -7,6 +7,8 @@ from ..memory import Gains, State, Workspace
 from .field_offset import shrink_offset, times_offset
 from .theta import shrink, times_covariance
 
+MATCHING_S = 30.0  # mean over so many independent values of the low-passed innovation: six
+
 
 def measure_all(
     s: State,
@@ -67,7 +69,8 @@ def measure_all(
         left = left - row[i] * w.dtheta[i]
     for i in range(3):
         variance = variance + w.row_offset[i] * w.offset_gain[i]
-    scale = 1.0 / (variance + ax * hx + ay * hy + row_lag * hl + noise)
+    w.predicted = variance + ax * hx + ay * hy + row_lag * hl
+    scale = 1.0 / (w.predicted + noise)
     e = scale * (left - ax * w.daccel[0] - ay * w.daccel[1] - row_lag * w.dfix_lag)
     shrink(s, h[0], h[1], h[2], h[3], scale)
     shrink_offset(s, w, h, scale)
@@ -91,6 +94,36 @@ def measure_all(
     s.p_accel[1] = s.p_accel[1] - falls * kx * hy
     s.p_accel[2] = s.p_accel[2] - falls * ky * hy
     s.fix_lag_variance = s.fix_lag_variance - falls * scale * hl * hl
+
+
+def match_variance(
+    s: State, g: Gains, north: float, east: float, predicted: float, period: float
+) -> None:
+    """What the predicted variance has too much of, by the innovations that stay.
+
+    An error of tilt or bias moves the velocity for as long as the loop takes to correct it; the
+    noise of the fixes is over sooner.
+
+    Args:
+        s: state.
+        g: gains.
+        north: innovation, s.
+        east: the same.
+        predicted: variance of both together without the noise of the fixes, s^2.
+        period: time since the fix before, s.
+
+    Source: docs/filter.md Eq. (63).
+    """
+    slow = period / (g.innovation_mean_time_s + period)
+    s.fix_mean_n = s.fix_mean_n + slow * (north - s.fix_mean_n)
+    s.fix_mean_e = s.fix_mean_e + slow * (east - s.fix_mean_e)
+    unused = 0.0
+    square = s.fix_mean_n * s.fix_mean_n + s.fix_mean_e * s.fix_mean_e
+    if square < predicted:
+        unused = 1.0 - square / predicted
+    s.unused_variance = s.unused_variance + period / (MATCHING_S + period) * (
+        unused - s.unused_variance
+    )
 
 
 def use_gains(s: State, accel_n: float, accel_e: float, kt: float, kv: float) -> None:

@@ -13,6 +13,8 @@ LOST_HEADING_RAD = 1.8137993642342178  # pi over the root of 3: of a heading tha
 # The densities of the loop and of theta are upper limits of what they stand for.
 TILT_SHARE = 0.85
 HEADING_SHARE = 0.5
+# Of the predicted variance: the mean of six squares is below a sixth of it by chance once in 2,000.
+MOST_UNUSED = 0.84
 # Of the field, until velocities have confirmed the heading: a few percent of iron turn it, and show
 # in norm and dip no more than the calibration's own errors.
 UNCONFIRMED = 0.05
@@ -53,9 +55,16 @@ def tilt_deviation(s: State) -> float:
     gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
     if s.aided > 0.0:
         # The gains at a fix are those of a second times its period.
-        gain_set = gain_set / (s.fix_period_s * s.fix_period_s)
-        variance = variance + of_accel(s, s.dtilt_accel_n[0], s.dtilt_accel_n[1])
-        variance = variance + of_accel(s, s.dtilt_accel_e[0], s.dtilt_accel_e[1])
+        unused = s.unused_variance
+        if unused > MOST_UNUSED:
+            unused = MOST_UNUSED
+        gain_set = (1.0 - unused) * gain_set / (s.fix_period_s * s.fix_period_s)
+        # No innovation shows the accelerometer's bias while the vehicle does not turn.
+        variance = (
+            (1.0 - unused) * variance
+            + of_accel(s, s.dtilt_accel_n[0], s.dtilt_accel_n[1])
+            + of_accel(s, s.dtilt_accel_e[0], s.dtilt_accel_e[1])
+        )
     variance = gain_set + variance
     if variance < 0.0:
         variance = 0.0

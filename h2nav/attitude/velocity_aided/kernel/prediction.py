@@ -192,6 +192,7 @@ def forget_velocity(s: State) -> None:
         s.dvelocity_accel_n[i] = 0.0
         s.dvelocity_accel_e[i] = 0.0
         s.dvelocity_lag[i] = 0.0
+    s.unused_variance = 0.0
 
 
 def begin_bias(s: State, w: Workspace, g: Gains) -> None:

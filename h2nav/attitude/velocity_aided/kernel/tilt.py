@@ -85,6 +85,7 @@ def raise_tilt_sigma(s: State, angle: float) -> None:
         angle = MOST_TILT_SIGMA
     if angle > s.extra_tilt_sigma:
         s.extra_tilt_sigma = angle
+    s.unused_variance = 0.0
 
 
 def check_level(s: State, w: Workspace, g: Gains, sample: Sample) -> int:

@@ -17,7 +17,7 @@ from ..memory import (
     State,
     Workspace,
 )
-from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, measure_all, use_gains
+from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, match_variance, measure_all, use_gains
 from .field_offset import correct_offset, forget_offset
 from .prediction import forget_velocity, gyro_density
 from .theta import apply_theta, measure_level, measure_theta
@@ -173,8 +173,10 @@ def correct_by_fix(
         learns = own / (own + 2.0 * s.accel_jitter)
     row_lag = s.dvelocity_lag[0] - sample.fix_accel_n
     measure_all(s, w, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, learns)
+    predicted = w.predicted
     row_lag = s.dvelocity_lag[1] - sample.fix_accel_e
     measure_all(s, w, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
+    match_variance(s, g, north, east, predicted + w.predicted, s.fix_period_s)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
     correct_accel(s, w, g)
     correct_offset(s, w)
