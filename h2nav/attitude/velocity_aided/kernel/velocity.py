@@ -17,7 +17,14 @@ from ..memory import (
     State,
     Workspace,
 )
-from .aiding import accel_tilt_e, accel_tilt_n, correct_accel, match_variance, measure_all, use_gains
+from .aiding import (
+    accel_tilt_e,
+    accel_tilt_n,
+    correct_accel,
+    match_variance,
+    measure_all,
+    use_gains,
+)
 from .field_offset import correct_offset, forget_offset
 from .prediction import forget_velocity, gyro_density
 from .theta import apply_theta, measure_level, measure_theta
