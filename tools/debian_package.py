@@ -35,23 +35,33 @@ SOURCES = (
     *("pyproject.toml", "setup.py", "MANIFEST.in", "Makefile", "Dockerfile", ".dockerignore"),
     *("README.md", "LICENSE", "ARCHITECTURE.md", "CHANGELOG.md"),
 )
-# Installs, flies, upgrades over itself, removes, purges; the last lines say what is left.
+# The commands of the page, with an autopilot on a pseudo-terminal; flies, upgrades over itself,
+# removes, purges; the last lines say what is left.
 TRIAL = """
 set -eu
-export DEBIAN_FRONTEND=noninteractive
-apt-get install -y -qq /h2nav.deb
+export DEBIAN_FRONTEND=noninteractive RUNTIME_DIRECTORY=/run/h2nav
+cd /trial
+{installation}
 h2nav --version | grep 'native kernels'
-h2nav check-config /etc/h2nav/config.yaml
+h2nav fake-autopilot --connect pty:/dev/ttyACM0 --scenario flight --seconds 999 &
+timeout 60 sh -c 'until test -e /dev/ttyACM0; do sleep 0.1; done'
+h2nav setup --yes
+mkdir -p $RUNTIME_DIRECTORY
+h2nav run -c /etc/h2nav/config.yaml & daemon=$!
+timeout 120 sh -c 'until h2nav status; do sleep 1; done'
+kill $daemon; wait $daemon; kill %1
+h2nav log info /var/log/h2nav/*.mcap | grep /estimate
 h2nav demo --seconds {seconds}
 echo '# mine' >> /etc/h2nav/config.yaml
-apt-get install -y -qq --reinstall /h2nav.deb
+apt-get install -y -qq --reinstall ./h2nav_*.deb
 tail -n 1 /etc/h2nav/config.yaml | grep -x '# mine'
 apt-get remove -y -qq h2nav
 test -e /etc/h2nav/config.yaml
 apt-get purge -y -qq h2nav
 ! getent passwd h2nav
-! find / -xdev -ipath '*h2nav*' -not -path /h2nav.deb -not -path '/tmp/*' -not -path '/proc/*' \
-    -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '/var/cache/*' | grep .
+! find / -xdev -ipath '*h2nav*' -not -path '/trial*' -not -path '/tmp/*' -not -path '/run/*' \
+    -not -path '/proc/*' -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' \
+    -not -path '/var/cache/*' | grep .
 echo 'the package is fine'
 """
 
@@ -126,14 +136,23 @@ def check(package: Path, arguments: argparse.Namespace) -> None:
     seconds = 20 if arguments.arch == own_architecture() else 40
     with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
         trial = Path(folder) / "trial"
-        trial.write_text(TRIAL.format(seconds=seconds))
+        trial.write_text(TRIAL.format(seconds=seconds, installation=documented_installation()))
         debian(
             arguments.suite,
             arguments.arch,
-            f"--customize-hook=cp {package} $1/h2nav.deb",
-            f"--customize-hook=cp {trial} $1/tmp/trial",
-            "--customize-hook=chroot $1 sh /tmp/trial",
+            f"--customize-hook=mkdir $1/trial && cp {package} {trial} $1/trial",
+            "--customize-hook=chroot $1 bash /trial/trial",
         )
+
+
+def documented_installation() -> str:
+    """The page's commands up to `h2nav setup`, which asks questions there."""
+    page = (REPOSITORY / "docs" / "companion.md").read_text()
+    block = re.search(r"### The Debian package\n.*?\n```\n(.*?)```", page, re.DOTALL)
+    assert block is not None
+    *installation, setup, status = block[1].splitlines()
+    assert (setup, status) == ("h2nav setup", "h2nav status")
+    return "\n".join(installation)
 
 
 def make_runnable(architecture: str) -> None:
