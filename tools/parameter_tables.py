@@ -8,7 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from h2nav.attitude.velocity_aided.gains import CRUISE_SPEED, LIMITS, VEHICLE_CLASSES
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
+from h2nav.attitude.velocity_aided.gains import CRUISE_SPEED, LIMITS
 from h2nav.attitude.velocity_aided.parameters import PARAMETERS
 from h2nav.files.plain_yaml import read_mapping
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from h2nav.apps.algorithms import NAMES, algorithm
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput
 from h2nav.files import plain_yaml, strict_yaml
 from h2nav.links.link_urls import SerialUrl, parse_link_url
@@ -56,14 +58,6 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
-# Name of a filter -> its arithmetics, the default one first.
-ARITHMETICS = {
-    "default": ("float", "fixed"),
-    "velocity_aided": ("float", "fixed"),
-    "constant_gain": ("fixed",),
-}
-
-
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """The estimator.
@@ -80,11 +74,9 @@ class FilterSettings:
             supported.
     """
 
-    name: Annotated[str, OneOf(tuple(ARITHMETICS))] = "default"
+    name: Annotated[str, OneOf(NAMES)] = "default"
     arithmetic: Annotated[str, OneOf(("float", "fixed"))] = "float"
-    vehicle_class: Annotated[
-        str, OneOf(("auto", "handheld", "multirotor", "fixed-wing", "rover"))
-    ] = "auto"
+    vehicle_class: Annotated[str, OneOf(("auto", *VEHICLE_CLASSES))] = "auto"
     gains: str = "auto"
     sensor: Annotated[str, OneOf(("mpu9250", "icm42688", "bmi088"))] = "mpu9250"
     gyro_sampling: Annotated[str, OneOf(("mean",))] = "mean"
@@ -301,7 +293,7 @@ def _identity_complaints(configuration: Configuration) -> list[str]:
 
 def _filter_complaints(settings: FilterSettings) -> list[str]:
     """A filter that exists in integers only."""
-    possible = ARITHMETICS[settings.name]
+    possible = tuple(algorithm(settings.name).makers)
     if settings.arithmetic not in possible:
         return [f"filter.arithmetic: {settings.name} runs in {possible[0]} arithmetic; set that"]
     return []

@@ -10,7 +10,7 @@ from typing import Any
 from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.apps.recorded_trials import read
-from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, SMOOTHED, installed

@@ -1,27 +1,15 @@
 """Creates the filter for a configuration and a vehicle, from its gain file."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
+from h2nav.apps.algorithms import algorithm
 from h2nav.apps.configuration import FilterSettings
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES, GainFile, parse_gain_file
 from h2nav.attitude.gains.seal import check_seal
 from h2nav.errors import BadInput
 from h2nav.files import gain_files, plain_yaml
 from h2nav.service.autopilot import Identity
-
-FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING})
-ROVERS = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
-VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
-
-
-def vehicle_class(vehicle_type: int) -> str:
-    """The class of a MAV_TYPE; vehicles that move like a multirotor count as one."""
-    if vehicle_type in FIXED_WINGS:
-        return "fixed-wing"
-    return "rover" if vehicle_type in ROVERS else "multirotor"
 
 
 def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str]:
@@ -32,14 +20,9 @@ def shipped_names(settings: FilterSettings, imu_rate_hz: float) -> dict[str, str
     if settings.gains != "auto":
         return dict.fromkeys(classes, settings.gains)
     rate_hz = gain_files.shipped_rate(imu_rate_hz)
-    if algorithm(settings) != "velocity_aided":
-        return dict.fromkeys(classes, f"{settings.sensor}_{rate_hz}hz")
-    return {name: f"{name}_{rate_hz}hz" for name in classes}
-
-
-def algorithm(settings: FilterSettings) -> str:
-    """The name of the filter that the settings select."""
-    return "velocity_aided" if settings.name == "default" else settings.name
+    if algorithm(settings.name).gains_by_class:
+        return {name: f"{name}_{rate_hz}hz" for name in classes}
+    return dict.fromkeys(classes, f"{settings.sensor}_{rate_hz}hz")
 
 
 class FilterFactory:
@@ -57,7 +40,7 @@ class FilterFactory:
     def __init__(
         self, settings: FilterSettings, names: Mapping[str, str], files: Mapping[str, GainFile]
     ) -> None:
-        wanted = "velocity_aided" if algorithm(settings) == "velocity_aided" else "two_stage"
+        wanted = algorithm(settings.name).gain_kind
         for name, file in files.items():
             if file.filter_name != wanted:
                 raise BadInput(
@@ -110,45 +93,8 @@ class FilterFactory:
     def filter_for(self, identity: Identity) -> AttitudeFilter:
         """Creates a filter for this vehicle."""
         wanted = self._settings.vehicle_class
-        name = vehicle_class(identity.vehicle_type) if wanted == "auto" else wanted
+        name = identity.vehicle_class if wanted == "auto" else wanted
         return self._filter_from(self._files[self._names[name]])
 
     def _filter_from(self, file: GainFile) -> AttitudeFilter:
-        return _MAKERS[algorithm(self._settings), self._settings.arithmetic](file)
-
-
-def _velocity_aided(file: GainFile) -> AttitudeFilter:
-    from h2nav.attitude.kernel_files import VELOCITY_AIDED
-    from h2nav.attitude.native import compiled_step
-    from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-
-    gains = velocity_aided_gains(file, file.name)
-    return VelocityAidedFilter(gains, compiled_step(VELOCITY_AIDED))
-
-
-def _integer_velocity_aided(file: GainFile) -> AttitudeFilter:
-    from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
-    from h2nav.attitude.native import compiled_step
-    from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
-    from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-
-    gains = velocity_aided_gains(file, file.name)
-    return IntegerVelocityAidedFilter(gains, file.name, compiled_step(VELOCITY_AIDED_INTEGER))
-
-
-def _constant_gain(file: GainFile) -> AttitudeFilter:
-    from h2nav.attitude.constant_gain.filter import ConstantGainFilter
-    from h2nav.attitude.constant_gain.gains import constant_gain_model
-    from h2nav.attitude.kernel_files import CONSTANT_GAIN
-    from h2nav.attitude.native import compiled_step
-
-    model = constant_gain_model(file, file.name)
-    return ConstantGainFilter(model, compiled_step(CONSTANT_GAIN))
-
-
-_MAKERS: dict[tuple[str, str], Callable[[GainFile], AttitudeFilter]] = {
-    ("velocity_aided", "float"): _velocity_aided,
-    ("velocity_aided", "fixed"): _integer_velocity_aided,
-    ("constant_gain", "fixed"): _constant_gain,
-}
+        return algorithm(self._settings.name).makers[self._settings.arithmetic](file)

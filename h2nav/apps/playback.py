@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from h2nav.apps import configuration
+from h2nav.apps.algorithms import NAMES, algorithm
 from h2nav.apps.configuration import Configuration
-from h2nav.apps.filters import VEHICLE_CLASSES, FilterFactory
+from h2nav.apps.filters import FilterFactory
 from h2nav.apps.log_contents import RecordedInputs, inputs_of
 from h2nav.apps.pipeline import Observer, Outlets, Pipeline, Watcher
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
 from h2nav.log.recorder import Recorder
@@ -60,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--filter",
-        choices=tuple(configuration.ARITHMETICS),
+        choices=NAMES,
         help="filter to run instead of the configured one",
     )
     parser.add_argument(
@@ -130,8 +132,9 @@ def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
     if wished.filter_name is not None:
         changes["name"] = wished.filter_name
         # The name alone selects the arithmetic.
-        if wished.filter_name == "constant_gain":
-            changes["arithmetic"] = configuration.ARITHMETICS[wished.filter_name][0]
+        possible = algorithm(wished.filter_name).makers
+        if chosen.filter.arithmetic not in possible:
+            changes["arithmetic"] = next(iter(possible))
     if wished.vehicle_class is not None:
         changes["vehicle_class"] = wished.vehicle_class
     chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))

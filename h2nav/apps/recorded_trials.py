@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from h2nav.apps.configuration import Configuration
-from h2nav.apps.filters import vehicle_class
 from h2nav.apps.log_contents import inputs_of
 from h2nav.apps.pipeline import deliver
 from h2nav.apps.playback import date_of
@@ -53,7 +52,7 @@ def read_with_class(path: Path) -> ReadTrial:
     service = _listen(recording, listener, reference)
     trial = trial_of(path, listener, reference)
     assert listener.identity is not None  # samples come from a bound autopilot only
-    flown = vehicle_class(listener.identity.vehicle_type)
+    flown = listener.identity.vehicle_class
     about = f"{listener.identity.description}, {service.health.imu_message}; its class is {flown}"
     return ReadTrial(trial._replace(notes=(about, *trial.notes)), flown)
 

@@ -9,7 +9,7 @@ from h2nav import __version__
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import Daemon, StopSignals
-from h2nav.apps.filters import FilterFactory, algorithm
+from h2nav.apps.filters import FilterFactory
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.panel import LogSight, Sight
@@ -177,9 +177,8 @@ def _event_socket(configuration: Configuration, console: Console) -> "EventSocke
 def _greeting(configuration: Configuration) -> str:
     """Describes the run in one line."""
     chosen = configuration.filter
-    name = chosen.name if chosen.name == "default" else algorithm(chosen)
     arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"
     log = f"log in {configuration.log.folder}" if configuration.log.folder else "no log"
-    slow = "" if backend() == "native" else " (no compiler at installation: ten times slower)"
-    runs = f"filter {name}{arithmetic}, {backend()} kernels{slow}"
+    slow = "" if backend() == "native" else " (no compiler at installation: slower)"
+    runs = f"filter {chosen.name}{arithmetic}, {backend()} kernels{slow}"
     return f"h2nav {__version__} on {configuration.link.url}, {runs}, {log}"

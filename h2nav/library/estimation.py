@@ -18,10 +18,11 @@ import numpy.typing as npt
 from h2nav.attitude import native, smoothing
 from h2nav.attitude.batch import filter_array, samples_of
 from h2nav.attitude.batch_driver import BatchResult, BatchSamples, empty_result, run_python
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES, velocity_aided_gains
+from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.errors import BadInput
 from h2nav.files import gain_files
 from h2nav.maths import frames
@@ -260,7 +261,7 @@ def smooth(
 ) -> Attitude:
     """Estimates the attitude of a recording, each sample from those before and after it.
 
-    Arguments and errors are those of `estimate`; it takes some ten times as long.
+    Arguments and errors are those of `estimate`; it takes longer, for three passes.
     """
     chosen_hz = _rate_hz(rate_hz, t_s)
     chosen = AttitudeFilter(chosen_hz, vehicle, frame)

@@ -37,11 +37,13 @@ class Said(NamedTuple):
         t_s: its time.
         severity: of the message.
         text: the message.
+        is_made: made from an error's numbers, which the autopilot gave no words.
     """
 
     t_s: float
     severity: Severity
     text: str
+    is_made: bool = False
 
 
 class ImuTrack(NamedTuple):

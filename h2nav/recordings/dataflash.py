@@ -640,7 +640,7 @@ def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
     pairs = zip(table.integers("Subsys").tolist(), table.integers("ECode").tolist(), strict=True)
     in_words = np.array([one.t_s for one in said if one.t_s > 0.0])
     return [
-        Said(t_s, Severity.INFO, f"error: {text}")
+        Said(t_s, Severity.INFO, f"error: {text}", is_made=True)
         for t_s, text in zip(
             rows.t_s.tolist(), (said_of_error(*pair) for pair in pairs), strict=True
         )

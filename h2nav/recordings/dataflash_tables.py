@@ -3,8 +3,8 @@
 A binary log is a chain of records: two bytes of head, a byte that says the type, and the fields, of
 a length that a FMT record has told before. This reader follows the chain once, notes where each
 type's records stand, and takes columns out of them with numpy; what is not asked for is not
-decoded. It exists beside pymavlink's, which makes an object per record (tests hold it to that one,
-value for value), because a fleet of flights is read 100 times as fast.
+decoded. It exists beside pymavlink's, which makes an object per record, for the sake of fleets;
+tests hold it to that one, value for value.
 
 Damage costs what it hit: where no record begins, the reader goes on at the next place where one
 does and another one follows it, and counts the bytes between.

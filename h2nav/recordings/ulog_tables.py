@@ -3,8 +3,7 @@
 A file is a chain of messages: two bytes of size, one of type. Formats name the fields of a topic
 (fields may be topics again), subscriptions give a topic's instance a number, and data messages
 carry that number. As with dataflash logs, the chain is followed once and the columns are taken out
-with numpy afterwards; tests hold them to those of pyulog, value for value, which needs ten times as
-long.
+with numpy afterwards; tests hold them to those of pyulog, value for value.
 
 A data message has the size that its format says, so that damage shows at once. The reader then
 goes on where three messages follow each other again.

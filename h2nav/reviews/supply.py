@@ -46,9 +46,7 @@ def _reported(
     found += [
         (said.t_s, said.text)
         for said in context.said
-        if pattern.search(said.text)
-        and not said.text.startswith("error: ")
-        and _counts(context, said.t_s)
+        if not said.is_made and pattern.search(said.text) and _counts(context, said.t_s)
     ]
     return sorted(found)
 

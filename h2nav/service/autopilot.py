@@ -32,6 +32,13 @@ HEARTBEAT_APART_NS = 400_000_000
 STATE_HOLD_NS = 900_000_000
 ADDRESSES = 1 << 16
 
+# The vehicles that do not move like a multirotor.
+CLASSES = {
+    mavlink.MAV_TYPE_FIXED_WING: "fixed-wing",
+    mavlink.MAV_TYPE_GROUND_ROVER: "rover",
+    mavlink.MAV_TYPE_SURFACE_BOAT: "rover",
+}
+
 Sender = tuple[int, int]
 
 
@@ -52,9 +59,19 @@ class Identity(NamedTuple):
         return self.system_id, self.component_id
 
     @property
+    def vehicle_class(self) -> str:
+        """Its class; a vehicle that moves like a multirotor counts as one."""
+        return CLASSES.get(self.vehicle_type, "multirotor")
+
+    @property
     def is_fixed_wing(self) -> bool:
         """Whether the vehicle flies along its nose."""
-        return bool(self.vehicle_type == mavlink.MAV_TYPE_FIXED_WING)
+        return self.vehicle_class == "fixed-wing"
+
+    @property
+    def is_rover(self) -> bool:
+        """Whether it drives, on land or water."""
+        return self.vehicle_class == "rover"
 
     @property
     def description(self) -> str:

@@ -28,7 +28,6 @@ GYRO_FILTER = "INS_GYRO_FILTER"
 DEFAULT_FILTER_HZ = 20.0
 # ArduPilot's default for what drives.
 DEFAULT_DRIVING_FILTER_HZ = 4.0
-DRIVING_TYPES = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 # A filter outside this is a misprint: 2 Hz would make the rates 0.11 s old.
 SLOWEST_FILTER_HZ = 2.0
 FASTEST_FILTER_HZ = 1000.0
@@ -146,8 +145,8 @@ class SensorTiming:
             return Ages(None, None)
         if self._filter_age_s is not None:
             return Ages(self._filter_age_s, ARDUPILOT_FIELD_S)
-        drives = self._identity.vehicle_type in DRIVING_TYPES
-        cutoff_hz = DEFAULT_DRIVING_FILTER_HZ if drives else DEFAULT_FILTER_HZ
+        is_rover = self._identity.is_rover
+        cutoff_hz = DEFAULT_DRIVING_FILTER_HZ if is_rover else DEFAULT_FILTER_HZ
         return Ages(butterworth_delay_s(cutoff_hz), ARDUPILOT_FIELD_S)
 
     def _period_at(self, t_us: int) -> float | None:

@@ -29,7 +29,8 @@ import yaml
 from fuzz import file_seeds
 from fuzz.file_mutations import mutated
 from h2nav import cli
-from h2nav.apps.configuration import ARITHMETICS, FilterSettings
+from h2nav.apps.algorithms import NAMES, algorithm
+from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.synthesize import sensor_model
 from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
@@ -184,8 +185,8 @@ def _gains_with_a_fitting_seal(data: bytes, _: Path) -> None:
     with contextlib.suppress(BadInput):
         file = _sealed(parse_gain_file(parse_bytes(data, "file"), "file"))
         check_seal(file, "file")
-        for name, arithmetics in ARITHMETICS.items():
-            for arithmetic in arithmetics:
+        for name in NAMES:
+            for arithmetic in algorithm(name).makers:
                 settings = FilterSettings(name=name, arithmetic=arithmetic)
                 with contextlib.suppress(BadInput):
                     FilterFactory(settings, {}, {"file": file})

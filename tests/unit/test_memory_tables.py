@@ -9,8 +9,8 @@ from types import ModuleType
 import pytest
 from needs import REPOSITORY
 
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.attitude.kernel_files import COMPILED, sources
-from h2nav.attitude.velocity_aided.gains import VEHICLE_CLASSES
 from h2nav.files.plain_yaml import read_mapping
 
 

@@ -11,6 +11,8 @@ from h2nav.validation import Within, key_complaints, numbers_within
 
 FORMAT = "h2nav-gains/1"
 KINDS = ("velocity_aided", "two_stage")
+# Gain files are shipped per class; which vehicles are of which: `service.autopilot`.
+VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
 # kinds of older files
 FORMER_KINDS = {"shaped": "velocity_aided"}
 MAX_RATE_HZ = 4000.0

@@ -5,15 +5,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from h2nav.attitude.gains.envelope import GainFile
+from h2nav.attitude.gains.envelope import VEHICLE_CLASSES, GainFile
 from h2nav.attitude.velocity_aided.memory import PERIODS, SETS, Gains
 from h2nav.attitude.velocity_aided.parameters import PARAMETERS
 from h2nav.errors import BadInput
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.validation import Within, finite_numbers, key_complaints, numbers_within
-
-VEHICLE_CLASSES = ("handheld", "multirotor", "fixed-wing", "rover")
-
 
 CRUISE_SPEED = "cruise_speed_m_s"
 TABLES = ("set_bounds_s4", "k_tilt_s2", "k_velocity_s", "fix_periods_s", "k_fix_tilt_s")

@@ -1,0 +1,113 @@
+"""Rules of the code that neither ruff nor import-linter can hold."""
+
+import ast
+import re
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from needs import REPOSITORY
+
+SOURCES = {
+    path.relative_to(REPOSITORY).as_posix(): path.read_text(encoding="utf-8")
+    for path in sorted((REPOSITORY / "h2nav").rglob("*.py"))
+}
+TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
+
+# Every kernel declares its records under the same names; `import h2nav` has names for its users.
+KERNEL_RECORDS = {"State", "Workspace", "Gains", "Sample"}
+FACE = "h2nav/library/"
+
+# Fields that are meant for people.
+TEXTS = {"text", "evidence", "told", "reason", "remark", "source_text"}
+PARSERS = {"startswith", "endswith", "split", "partition", "rpartition", "find", "index", "replace"}
+# Texts of autopilots and of a simulator's events say what nothing else of theirs does.
+OF_OTHERS = {"said", "event"}
+OF_AUTOPILOTS = {
+    "h2nav/recordings/dataflash.py",  # the version of its firmware
+    "h2nav/recordings/telemetry.py",  # the same
+}
+
+COUNT = r"\d+|two|three|four|five|ten|hundred"
+SPEED = re.compile(rf"\b({COUNT}) (x|times) (as fast|faster|slower|quicker|as long|as quick)")
+FIGURE = re.compile(r"\(figure (\w+)\.(\w+)\)")
+
+
+def classes(path: str) -> Iterator[ast.ClassDef]:
+    return (node for node in TREES[path].body if isinstance(node, ast.ClassDef))
+
+
+def test_a_public_class_has_a_name_of_its_own() -> None:
+    places = defaultdict(list)
+    for path in SOURCES:
+        for node in classes(path):
+            is_kernels = path.endswith("/memory.py") and node.name in KERNEL_RECORDS
+            if not (node.name.startswith("_") or path.startswith(FACE) or is_kernels):
+                places[node.name].append(path)
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+@pytest.mark.parametrize("path", [path for path in SOURCES if path.endswith("/memory.py")])
+def test_state_and_workspace_share_no_field(path: str) -> None:
+    fields = {
+        node.name: {
+            item.target.id
+            for item in node.body
+            if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)
+        }
+        for node in classes(path)
+    }
+    assert fields, "a memory declares records"
+    assert not fields.get("State", set()) & fields.get("Workspace", set())
+
+
+def test_nothing_parses_a_text_meant_for_people() -> None:
+    found = [
+        f"{path}:{node.lineno}: {ast.unparse(node)}"
+        for path, tree in TREES.items()
+        if path not in OF_AUTOPILOTS
+        for node in ast.walk(tree)
+        if is_parsed(node)
+    ]
+    assert found == []
+
+
+def is_text(node: ast.AST) -> bool:
+    """Whether it is such a field; `said` and `event` are names of what others have written."""
+    if not isinstance(node, ast.Attribute) or node.attr not in TEXTS:
+        return False
+    return not (isinstance(node.value, ast.Name) and node.value.id in OF_OTHERS)
+
+
+def is_parsed(node: ast.AST) -> bool:
+    """Whether an expression looks into such a text: a method, a comparison, a pattern."""
+    match node:
+        case ast.Call(func=ast.Attribute(value=value, attr=attr)) if attr in PARSERS:
+            return is_text(value)
+        case ast.Call(func=ast.Attribute(attr="search" | "match" | "fullmatch" | "sub"), args=args):
+            return any(map(is_text, args))
+        case ast.Compare(left=left, ops=[ast.In() | ast.NotIn()], comparators=[right]):
+            return is_text(right) and isinstance(left, ast.Constant)
+        case ast.Subscript(value=value):
+            return is_text(value)
+    return False
+
+
+def test_the_rule_sees_a_text_that_is_parsed() -> None:
+    parsed = ("a.text.split()", "'IMU' in a.evidence", "re.sub('x', '#', a.reason)", "a.told[:5]")
+    for expression in parsed:
+        assert is_parsed(ast.parse(expression, mode="eval").body), expression
+    for expression in ("a.text + b", "write(a.text)", "a.cause.split()", "a.text in seen"):
+        assert not is_parsed(ast.parse(expression, mode="eval").body), expression
+
+
+def test_a_claim_of_speed_in_a_docstring_has_a_figure() -> None:
+    with Path(REPOSITORY / "docs" / "figures.toml").open("rb") as file:
+        figures = tomllib.load(file)
+    for path, text in SOURCES.items():
+        for claim in SPEED.finditer(text):
+            mark = FIGURE.match(text[claim.end() :].lstrip(" ,.\n#"))
+            assert mark is not None, f"{path}: {claim[0]!r} quotes no figure of docs/figures.toml"
+            assert mark[2] in figures[mark[1]]["figures"], f"{path}: {mark[0]}"
