@@ -60,6 +60,7 @@ class ImuTrack(NamedTuple):
         f_b: (N, 3) specific force, m/s^2.
         m_b_ut: (N, 3) field of the compass of the same number, microtesla; NaN where a sample has
             no new one.
+        device_ids: of accelerometer and gyro as the parameters name them; 0 where it is not said.
     """
 
     imu: int
@@ -69,6 +70,7 @@ class ImuTrack(NamedTuple):
     w_b: Array
     f_b: Array
     m_b_ut: Array
+    device_ids: tuple[int, int] = (0, 0)
 
 
 class CompassTrack(NamedTuple):

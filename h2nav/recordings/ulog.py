@@ -199,18 +199,20 @@ class Means(NamedTuple):
         source: the topic.
         samples: with the times at which the means end.
         length_us: (N,) over how long each is a mean.
+        device_ids: of accelerometer and gyro; 0 where it is not said.
     """
 
     imu: int
     source: str
     samples: Samples
     length_us: Array
+    device_ids: tuple[int, int] = (0, 0)
 
 
 def _imus(log: ULogRows) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
     compasses = _compasses(log)
     tracks, readings = [], []
-    for imu, source, every, lengths_us in _means(log):
+    for imu, source, every, lengths_us, device_ids in _means(log):
         good = imu_series.usable(every)
         log.note(f"values of IMU {imu + 1} that cannot be", int((~good).sum()))
         good[good] = in_order(every.t_us[good])
@@ -219,7 +221,8 @@ def _imus(log: ULogRows) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Reading
             continue
         own = compasses.get(imu)
         t_s = log.since_start(samples.t_us)
-        tracks.append(imu_series.track_of(imu, source, t_s, samples, own))
+        track = imu_series.track_of(imu, source, t_s, samples, own)
+        tracks.append(track._replace(device_ids=device_ids))
         if samples.rate_hz >= imu_series.LEAST_HZ:
             lent = own if own is not None else compasses.get(0)
             # A mean over the time before its stamp is as old as half of that.
@@ -243,6 +246,7 @@ def _means(log: ULogRows) -> list[Means]:
     return [means for means in found if means.imu < MOST_IMUS]
 
 
+DEVICE_IDS = "accel_device_id", "gyro_device_id"
 DELTAS = tuple(f"{name}[{axis}]" for name in ("delta_angle", "delta_velocity") for axis in range(3))
 
 
@@ -257,7 +261,16 @@ def _delta(rows: Rows) -> Means:
         w_b = table.numbers(*DELTAS[:3]) / (1e-6 * angle_us[:, None])
         f_b = table.numbers(*DELTAS[3:]) / (1e-6 * velocity_us[:, None])
     samples = Samples(rows.sample_us, w_b, f_b)
-    return Means(rows.number, "vehicle_imu", samples, _length(angle_us))
+    ids = _device_ids(rows, DEVICE_IDS)
+    return Means(rows.number, "vehicle_imu", samples, _length(angle_us), ids)
+
+
+def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
+    """Of accelerometer and gyro, where they are the same all the time."""
+    if rows is None or not all(name in rows.table for name in names):
+        return (0, 0)
+    accelerometer, gyro = (np.unique(rows.table.integers(name)).tolist() for name in names)
+    return (accelerometer[0], gyro[0]) if len(accelerometer) == len(gyro) == 1 else (0, 0)
 
 
 def _combined(log: ULogRows) -> list[Means]:
@@ -272,7 +285,11 @@ def _combined(log: ULogRows) -> list[Means]:
         unit_us = 1e6 if table.kind("gyro_integral_dt") == "f" else 1.0
         length_us = _length(table.numbers("gyro_integral_dt") * unit_us)
     samples = Samples(rows.t_us, table.numbers(*gyro), table.numbers(*force))
-    return [Means(0, "sensor_combined", samples, length_us)]
+    primary = tuple(f"{name}_primary" for name in DEVICE_IDS)
+    ids = _device_ids(log.find("sensors_status_imu", *primary), primary)
+    if ids == (0, 0):
+        ids = _device_ids(log.find("sensor_selection", *DEVICE_IDS), DEVICE_IDS)
+    return [Means(0, "sensor_combined", samples, length_us, ids)]
 
 
 def _single_sensors(log: ULogRows) -> list[Means]:

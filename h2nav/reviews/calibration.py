@@ -41,13 +41,8 @@ def _sensor(sensor: dict[str, Any]) -> str:
     parts += [f"<p>{escape(note)}</p>" for note in sensor["notes"]]
     reasons = sensor["not_from_these_flights"]
     parts += [f"<p>Nothing to set: {escape(reason)}.</p>" for reason in reasons]
-    figures = sensor["figures"]
-    if "residual_before_mg" in figures:
-        parts.append(
-            "<p>Residual {residual_before_mg:.0f} before, {residual_after_mg:.0f} mG rms after; "
-            "heading {heading_before_deg:.1f} before, {heading_after_deg:.1f} deg rms "
-            "after.</p>".format(**{name: value or 0.0 for name, value in figures.items()})
-        )
+    if sensor["shown_by"]:
+        parts.append(f"<p>Shown by: {escape(sensor['shown_by'])}.</p>")
     return "".join(parts)
 
 

@@ -95,7 +95,7 @@ def look_at_receiver(
     moves = moves_of(gps)
     if track is not None and best is not None and len(moves.t_s) > 10:
         velocity = inertial_velocity(track, best.at(track.t_s))
-        lag_s = _lag(moves, velocity)
+        lag_s = lag_of(moves, velocity)
         found += _told_lag(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
         slow = _slow(moves, best, force_error(rest))
@@ -158,7 +158,7 @@ def _change(
     return change
 
 
-def _lag(moves: Moves, velocity: VelocityTrack) -> float:
+def lag_of(moves: Moves, velocity: VelocityTrack) -> float:
     """Delay of the receiver's velocity, s; NaN if the motion does not show it."""
     if len(moves.t_s) > MOST_LAG_FIXES:
         # For a long flight, a part from its middle suffices.

@@ -113,14 +113,12 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
         if f.sensor == imu and f.kind in DEAD
     ]
     good = ~within(track.t_s, spans)
-    return ImuTrack(
-        track.imu,
-        track.source,
-        track.t_s[good],
-        track.stamp_us[good],
-        track.w_b[good],
-        track.f_b[good],
-        track.m_b_ut[good],
+    return track._replace(
+        t_s=track.t_s[good],
+        stamp_us=track.stamp_us[good],
+        w_b=track.w_b[good],
+        f_b=track.f_b[good],
+        m_b_ut=track.m_b_ut[good],
     )
 
 
@@ -136,7 +134,7 @@ def _of_imu(
     track: ImuTrack, best: Attitudes | None, armed: tuple[Span, ...]
 ) -> tuple[Bias, list[Finding]]:
     imu = Sensor(SensorKind.IMU, track.imu + 1)
-    centres, bias, rough = _gyro_bias(track, best)
+    centres, bias, rough = gyro_bias(track, best)
     rest_s, norms = _rest(track, armed)
     place = thinned(len(centres), MOST_POINTS)
     rested = thinned(len(rest_s), MOST_POINTS)
@@ -155,7 +153,7 @@ def _of_imu(
     return shown, found + _force(imu, rest_s, norms)
 
 
-def _gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
+def gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Mask]:
     """(M,) centres of windows, (M, 3) bias in each, and where it is uncertain.
 
     A bias b adds the turn M b to the true one, seen from the body at the window's end, where M is
@@ -204,7 +202,8 @@ def _stands_still(track: ImuTrack, edges: Array) -> Mask:
     shape = (len(edges) - 1, STILL_PARTS, 3)
     force = means(track.t_s, track.f_b, inner).reshape(shape)
     field = means(track.t_s[has_field], track.m_b_ut[has_field], inner).reshape(shape)
-    down = force / np.linalg.norm(force, axis=2, keepdims=True)
+    with np.errstate(invalid="ignore"):  # nothing is no direction
+        down = force / np.linalg.norm(force, axis=2, keepdims=True)
     level = field - (field * down).sum(axis=2, keepdims=True) * down
     level /= np.linalg.norm(level, axis=2, keepdims=True)
     still = np.ones(len(edges) - 1, dtype=bool)

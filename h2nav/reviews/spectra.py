@@ -246,7 +246,7 @@ def _lines(spectrum: Spectrum) -> list[Finding]:
             f"{spectrum.rate_hz:.0f}|"
         )
     if spectrum.sensor == "gyro":
-        evidence += f"; {_notch(spectrum, strong)}"
+        evidence += f"; {_notch(spectrum)}"
     return [
         Finding(
             Kind.VIBRATION_LINE,
@@ -266,16 +266,40 @@ def _order(peak: Peak) -> str:
     return f", harmonic {peak.harmonic}" if peak.harmonic else ""
 
 
-def _notch(spectrum: Spectrum, strong: list[Peak]) -> str:
-    """Parameters of a notch, if the samples show where the line is."""
-    if spectrum.rate_hz < ADVISED_FROM_HZ:
-        return "no notch can be advised: record bursts (INS_LOG_BAT_MASK) or the raw gyro"
+class Family(NamedTuple):
+    """Lines that a notch can be set for.
+
+    Attributes:
+        base_hz: the fundamental.
+        mask: bit 0 for the fundamental, bit 1 for twice as much, and so on.
+        lines: the peaks, by harmonic.
+    """
+
+    base_hz: float
+    mask: int
+    lines: tuple[Peak, ...]
+
+
+def family_of(spectrum: Spectrum) -> Family | None:
+    """The strongest lines of a gyro; None where the samples cannot say where they are."""
+    strong = [peak for peak in spectrum.peaks if peak.rms >= GYRO_LINE_RAD_S]
+    if not strong or spectrum.rate_hz < ADVISED_FROM_HZ:
+        return None
     family = sorted((p for p in spectrum.peaks if p.harmonic), key=lambda p: p.harmonic)
     lines = family if strong[0].harmonic else strong[:1]
     base = lines[0].frequency_hz / max(lines[0].harmonic, 1)
-    if base > HIGHEST_SHARE * spectrum.rate_hz:
-        return "the line is too near half the rate for a notch to be advised"
     mask = sum({1 << (max(p.harmonic, 1) - 1) for p in lines})
+    return Family(base, mask, tuple(lines)) if base <= HIGHEST_SHARE * spectrum.rate_hz else None
+
+
+def _notch(spectrum: Spectrum) -> str:
+    """Parameters of a notch, where the samples can say where the line is."""
+    if spectrum.rate_hz < ADVISED_FROM_HZ:
+        return "no notch can be advised: record bursts (INS_LOG_BAT_MASK) or the raw gyro"
+    family = family_of(spectrum)
+    if family is None:
+        return "the line is too near half the rate for a notch to be advised"
+    base, mask, lines = family
     # ArduPilot's bandwidth at half the frequency; PX4's default of 20 Hz, or what the line needs.
     width = max(20.0, 2.0 * lines[0].width_hz)
     advice = (

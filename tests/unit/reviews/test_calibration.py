@@ -8,12 +8,8 @@ SENSOR = {
     "changes": [{"name": "COMPASS_OFS_X", "old": 5.0, "new": 50.26, "sigma": 1.7}],
     "not_from_these_flights": [],
     "notes": ["it lies turned: <yaw 90>"],
-    "figures": {
-        "residual_before_mg": 73.1,
-        "residual_after_mg": 1.9,
-        "heading_before_deg": 8.6,
-        "heading_after_deg": None,
-    },
+    "shown_by": "residual 73 -> 2 mG rms",
+    "figures": {},
 }
 TOLD = {
     "sensors": [SENSOR],
@@ -25,7 +21,7 @@ TOLD = {
 def test_old_and_new_stand_side_by_side():
     shown = calibration_section(TOLD)
     assert "<td>COMPASS_OFS_X</td><td>5</td><td>50.26</td><td>1.7</td>" in shown
-    assert "Residual 73 before, 2 mG rms after" in shown
+    assert "Shown by: residual 73 -&gt; 2 mG rms." in shown
     assert "&lt;yaw 90&gt;" in shown
 
 
