@@ -34,6 +34,7 @@ SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
 MOST_BIAS_DEG_S = 100.0
 MOST_FIELD_MG = 5000.0
+MOST_OFFSET = 10.0
 AXES = ("X", "Y", "Z")
 BITS_PER_BYTE_ON_A_LINE = 10
 
@@ -89,6 +90,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, unit in (
         ("--compass-offset", "a field of the vehicle's own, mG"),
         ("--motor-field", "the motors' field at full throttle, mG"),
+        ("--accelerometer-offset", "what the accelerometer shows of no force, m/s^2"),
+        ("--gyro-offset", "what the gyro shows of no turn, deg/s"),
     ):
         wrong.add_argument(
             name, nargs=3, type=float, default=SOUND.compass_offset_mg, metavar=AXES, help=unit
@@ -108,6 +111,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.0,
         metavar="DEG",
         help="the compass is mounted turned about the vertical",
+    )
+    wrong.add_argument(
+        "--board",
+        nargs=2,
+        type=float,
+        default=SOUND.board_deg,
+        metavar=("ROLL", "PITCH"),
+        help="how the board is mounted in the frame, deg",
     )
     wrong.add_argument(
         "--parameters",
@@ -285,6 +296,9 @@ def _wrong(args: argparse.Namespace) -> Miscalibration:
         tuple(args.compass_scale),
         tuple(args.motor_field),
         tuple(args.accelerometer_scale),
+        tuple(args.accelerometer_offset),
+        tuple(args.gyro_offset),
+        tuple(args.board),
     )
     fields = (*wrong.compass_offset_mg, *wrong.motor_field_mg)
     scales = (*wrong.compass_scale, *wrong.accelerometer_scale)
@@ -292,6 +306,9 @@ def _wrong(args: argparse.Namespace) -> Miscalibration:
         raise BadInput(f"a field: expected numbers within +-{MOST_FIELD_MG:g} mG")
     if not all(0.5 <= value <= 2.0 for value in scales):
         raise BadInput("a scale: expected numbers from 0.5 to 2")
+    offsets = (*wrong.accelerometer_offset_m_s2, *wrong.gyro_offset_deg_s, *wrong.board_deg)
+    if not all(abs(value) <= MOST_OFFSET for value in offsets):
+        raise BadInput(f"an offset or an angle: expected numbers within +-{MOST_OFFSET:g}")
     if not abs(wrong.compass_turned_deg) <= 360.0:
         raise BadInput("--compass-turned: expected a number within +-360")
     return wrong

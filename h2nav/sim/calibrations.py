@@ -17,6 +17,7 @@ UT_PER_MG = 0.1
 ZERO, ONE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 # Throttle of a hovering multirotor; more thrust takes proportionally more.
 HOVER_THROTTLE = 0.35
+FULL_CURRENT_A = 40.0
 # COMPASS_ORIENT counts in steps of 45 deg about the vertical; larger values mean other rotations.
 YAW_STEP_DEG, YAW_STEPS = 45.0, 8
 SCALES = 0.7, 1.3
@@ -31,6 +32,9 @@ class Miscalibration(NamedTuple):
         compass_scale: scale factor per axis.
         motor_field_mg: field of the motors at full throttle, body axes.
         accelerometer_scale: scale factor per axis.
+        accelerometer_offset_m_s2: output at zero force, per axis.
+        gyro_offset_deg_s: added to the gyro's own bias, per axis.
+        board_deg: roll and pitch of the board in the frame.
     """
 
     compass_offset_mg: Vec3 = ZERO
@@ -38,17 +42,40 @@ class Miscalibration(NamedTuple):
     compass_scale: Vec3 = ONE
     motor_field_mg: Vec3 = ZERO
     accelerometer_scale: Vec3 = ONE
+    accelerometer_offset_m_s2: Vec3 = ZERO
+    gyro_offset_deg_s: Vec3 = ZERO
+    board_deg: tuple[float, float] = (0.0, 0.0)
 
     def shown(self, sample: ImuSample, throttle: float, own: Mapping[str, float]) -> ImuSample:
         """Applies the errors and the correction by parameters to a sample of sound sensors."""
-        raw_b = _each(sample.f_b, self.accelerometer_scale, lambda f, scale: f * scale)
-        shift = _axes(own, "INS_ACCOFFS_", 0.0)
-        scale = _axes(own, "INS_ACCSCAL_", 1.0)
-        f_b = _each(_less(raw_b, shift), scale, lambda f, k: f * k)
+        board = self._board
+        w_b = quaternion.rotate(board, sample.w_b)
+        w_b = _each(w_b, self.gyro_offset_deg_s, lambda w, offset: w + offset * DEG)
+        w_b = _less(w_b, _axes(own, "INS_GYROFFS_", 0.0))
         field = sample.m_b_ut
         if field is not None:
-            field = self._field(field, throttle, own)
-        return sample._replace(f_b=f_b, m_b_ut=field)
+            field = self._field(quaternion.rotate(board, field), throttle, own)
+        f_b = self._force(quaternion.rotate(board, sample.f_b), own)
+        return sample._replace(w_b=w_b, f_b=f_b, m_b_ut=field)
+
+    def tilt_error_rad(self, own: Mapping[str, float]) -> tuple[float, float]:
+        """Roll and pitch of a level frame as estimated from the corrected force alone."""
+        force = self._force(quaternion.rotate(self._board, (0.0, 0.0, -GRAVITY_M_S2)), own)
+        x, y, z = trimmed(force, own)
+        return math.atan2(-y, -z), math.atan2(x, math.hypot(y, z))
+
+    @property
+    def _board(self) -> Quat:
+        """From the axes of the frame to those of the board."""
+        roll, pitch = self.board_deg
+        return quaternion.conjugate(quaternion.from_euler(roll * DEG, pitch * DEG, 0.0))
+
+    def _force(self, f_b: Vec3, own: Mapping[str, float]) -> Vec3:
+        """The corrected force of the true one, in the axes of the board."""
+        raw = _each(f_b, self.accelerometer_scale, lambda f, scale: f * scale)
+        raw = _each(raw, self.accelerometer_offset_m_s2, lambda f, offset: f + offset)
+        less = _less(raw, _axes(own, "INS_ACCOFFS_", 0.0))
+        return _each(less, _axes(own, "INS_ACCSCAL_", 1.0), lambda f, scale: f * scale)
 
     def _field(self, m_b_ut: Vec3, throttle: float, own: Mapping[str, float]) -> Vec3:
         """The corrected field, microtesla, for the true field."""
@@ -73,12 +100,18 @@ class Miscalibration(NamedTuple):
         xy, xz, yz = _axes(own, "COMPASS_ODI_", 0.0)
         if (a, b, c) != ZERO:
             x, y, z = a * x + xy * y + xz * z, xy * x + b * y + yz * z, xz * x + yz * y + c * z
-        lever = throttle if own.get("COMPASS_MOTCT", 0.0) == 1.0 else 0.0
+        levers = {1.0: throttle, 2.0: FULL_CURRENT_A * throttle}
+        lever = levers.get(own.get("COMPASS_MOTCT", 0.0), 0.0)
         motor = _axes(own, "COMPASS_MOT_", 0.0)
         return _each((x, y, z), motor, lambda m, k: m + UT_PER_MG * lever * k)
 
 
 SOUND = Miscalibration()
+
+
+def trimmed(v: Vec3, own: Mapping[str, float]) -> Vec3:
+    """Turns a vector from board axes to frame axes by AHRS_TRIM."""
+    return quaternion.rotate(quaternion.from_euler(*_axes(own, "AHRS_TRIM_", 0.0)), v)
 
 
 def throttle_of(f_b: Vec3) -> float:

@@ -21,6 +21,8 @@ MS_NS = 1_000_000
 UNCALIBRATED = {
     **{f"INS_ACCOFFS_{axis}": 0.0 for axis in "XYZ"},
     **{f"INS_ACCSCAL_{axis}": 1.0 for axis in "XYZ"},
+    **{f"INS_GYROFFS_{axis}": 0.0 for axis in "XYZ"},
+    **{f"AHRS_TRIM_{axis}": 0.0 for axis in "XYZ"},
     **{f"COMPASS_OFS_{axis}": 0.0 for axis in "XYZ"},
     **{f"COMPASS_DIA_{axis}": 1.0 for axis in "XYZ"},
     **{f"COMPASS_ODI_{axis}": 0.0 for axis in "XYZ"},

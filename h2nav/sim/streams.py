@@ -168,6 +168,8 @@ def extended_sys_state(vehicle: Vehicle) -> Any:
 
 def sys_status(vehicle: Vehicle) -> Any:
     """Sensors present and healthy, half a battery."""
+    current_a = vehicle.current_a
+    current_ca = -1 if current_a is None else round(100.0 * current_a)
     sensors = (
         mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
         | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -179,7 +181,7 @@ def sys_status(vehicle: Vehicle) -> Any:
         | mavlink.MAV_SYS_STATUS_PREARM_CHECK
     )
     return mavlink.MAVLink_sys_status_message(
-        sensors, sensors, sensors, 250, 15_200, -1, 50, 0, 0, 0, 0, 0, 0
+        sensors, sensors, sensors, 250, 15_200, current_ca, 50, 0, 0, 0, 0, 0, 0
     )
 
 

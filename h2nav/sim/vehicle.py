@@ -9,12 +9,14 @@ from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.sim.calibrations import (
+    FULL_CURRENT_A,
     HOVER_THROTTLE,
     SOUND,
     ZERO,
     Miscalibration,
     heading_error_rad,
     throttle_of,
+    trimmed,
 )
 from h2nav.sim.faults import FaultSchedule
 from h2nav.sim.imu_model import GyroSampling, ImuModel, ImuParameters
@@ -218,7 +220,10 @@ class Vehicle:
     def estimate(self) -> Estimate:
         """The autopilot's own estimate: the truth with a small, slow error, and with its faults."""
         roll, pitch, yaw = self._own_error.at(self.t_s)
-        yaw += self._compass_error_rad()
+        if self._wrong != SOUND:
+            yaw += self._compass_error_rad()
+            errors = self._wrong.tilt_error_rad(self._parameters)
+            roll, pitch = roll + errors[0], pitch + errors[1]
         roll += (self._schedule.number("autopilot-tilt", self.t_s) or 0.0) * DEG
         yaw += (self._schedule.number("autopilot-heading", self.t_s) or 0.0) * DEG
         return self._estimate((roll, pitch, yaw))
@@ -234,11 +239,12 @@ class Vehicle:
         return Estimate(roll + error[0], pitch + error[1], turned, self.motion.w_b)
 
     def _compass_error_rad(self) -> float:
-        """Error of a heading that follows the first compass, where that is wrong."""
-        field = self.imu(0).m_b_ut if self._wrong != SOUND else None
+        """Error of a heading that follows the first compass."""
+        field = self.imu(0).m_b_ut
         if field is None:
             return 0.0
         q_nb = self._past(self._ages.field_s).q_nb
+        field = trimmed(field, self._parameters)
         return heading_error_rad(q_nb, field, self.home.field.declination_rad)
 
     @property
@@ -249,6 +255,11 @@ class Vehicle:
         if self._wrong.motor_field_mg == ZERO:
             return HOVER_THROTTLE
         return throttle_of(specific_force(self.motion))
+
+    @property
+    def current_a(self) -> float | None:
+        """Of the battery; None where motors disturb nothing."""
+        return None if self._wrong.motor_field_mg == ZERO else FULL_CURRENT_A * self.throttle
 
     @property
     def imus(self) -> int:
