@@ -19,6 +19,7 @@ from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.evidence import Evidence
 from h2nav.calibration.field_fit import COUNT, OFFSET, FieldCorrection, FieldRows, fitted
 from h2nav.calibration.field_rows import earth_at, field_rows
+from h2nav.calibration.regression import part_of
 from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
 from h2nav.calibration.vehicle import calibrate
 from h2nav.maths.units import DEG
@@ -59,7 +60,7 @@ def halves(path: Path) -> None:
             continue
         settings = settings or CompassSettings(track.compass, 0)
         middle = 0.5 * (rows.t_s[0] + rows.t_s[-1])
-        first, second = rows.part(rows.t_s < middle), rows.part(rows.t_s >= middle)
+        first, second = (part_of(rows, half) for half in (rows.t_s < middle, rows.t_s >= middle))
         free = np.zeros(COUNT, dtype=bool)
         free[OFFSET] = True
         nothing = np.zeros(len(first.t_s))

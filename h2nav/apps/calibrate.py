@@ -77,21 +77,14 @@ def _show(found: dict[str, Any], output: Path | None) -> None:
         print(f"{sensor['sensor']}{device}")
         for change in sensor["changes"]:
             sigma = "" if change["sigma"] is None else f" ± {change['sigma']:.4g}"
-            print(f"  {change['name']:18} {change['old']:>10.5g} -> {change['new']:.5g}{sigma}")
+            old = "" if change["old"] is None else f"{change['old']:.5g}"
+            print(f"  {change['name']:18} {old:>10} -> {change['new']:.5g}{sigma}")
             count += 1
         for note in sensor["notes"]:
             print(f"  {note}")
         for reason in sensor["not_from_these_flights"]:
             print(f"  nothing to set: {reason}")
-        _show_figures(sensor["figures"])
+        if sensor["shown_by"]:
+            print(f"  {sensor['shown_by']}")
     if output is not None:
         print(f"{output}: {count} parameters" if count else f"{output} not written: no parameter")
-
-
-def _show_figures(figures: dict[str, Any]) -> None:
-    if "residual_before_mg" in figures:
-        form = (
-            "  residual {residual_before_mg:.0f} -> {residual_after_mg:.0f} mG rms, "
-            "heading {heading_before_deg:.1f} -> {heading_after_deg:.1f} deg rms"
-        )
-        print(form.format(**figures))

@@ -18,7 +18,6 @@ from h2nav.calibration.field_fit import (
     MOTOR,
     NONE,
     OFFSET,
-    Array,
     FieldCorrection,
     FieldFit,
     FieldRows,
@@ -33,10 +32,10 @@ from h2nav.calibration.field_rows import (
     field_rows,
     headings_flown,
     lever_of,
-    together,
     widest_gap_deg,
 )
 from h2nav.calibration.outcome import Outcome, ParameterChange
+from h2nav.calibration.regression import Array, part_of, together
 from h2nav.calibration.settings import (
     CompassSettings,
     Lever,
@@ -70,6 +69,10 @@ BLOCK_S = 20.0
 # Change of throttle that shows the motors, between the 5th and the 95th percentile; of current.
 THROTTLE_SPREAD, CURRENT_SPREAD_A, KNOWN = 0.15, 2.0, 0.8
 TYPICAL = 0.7
+SHOWN_BY = (
+    "residual {residual_before_mg:.0f} -> {residual_after_mg:.0f} mG rms, "
+    "heading {heading_before_deg:.1f} -> {heading_after_deg:.1f} deg rms"
+)
 FAR_SIGMA_RAD = 20.0 * DEG
 
 
@@ -194,7 +197,9 @@ def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
     model = _chosen(subject, levers, norm)
     fit = _fitted(subject, model)
     left = _left(fit, norm)
-    told = Outcome(subject.name, notes=tuple(notes), figures=_figures(rows, original, before, fit))
+    figures = _figures(rows, original, before, fit)
+    shown = SHOWN_BY.format(**figures)
+    told = Outcome(subject.name, notes=tuple(notes), shown=shown, figures=figures)
     return told._replace(left=(left,), notes=()) if left else _told(subject, model, fit, told)
 
 
@@ -264,7 +269,7 @@ def _unseen_ut(subject: Subject, model: Model) -> float:
     lever = model.lever if model.lever is not Lever.NONE else settings.lever
     found = []
     for half in (0, 1):
-        seen, unseen = rows.part(block == half), rows.part(block != half)
+        seen, unseen = part_of(rows, block == half), part_of(rows, block != half)
         least = FEWEST_ROWS // 2 if model == Model() else FEWEST_RICH_ROWS
         if min(len(seen.t_s), len(unseen.t_s)) < least:
             return math.inf
@@ -301,7 +306,7 @@ def _rotation(subject: Subject, norm: float) -> int | None:
         return None
     if float(np.median(rows.sigma_rad)) > FAR_SIGMA_RAD:
         return None  # a turn about the vertical would be the heading's
-    rows = rows.part(np.arange(0, len(rows.t_s), max(1, len(rows.t_s) // SEARCH_ROWS)))
+    rows = part_of(rows, np.arange(0, len(rows.t_s), max(1, len(rows.t_s) // SEARCH_ROWS)))
     back = rotations.matrix(settings.rotation or 0).T if settings.can_turn else np.eye(3)
     raw = CompassSettings(settings.slot, 0)
     left = {}

@@ -37,6 +37,11 @@ class Evidence(NamedTuple):
         return PX4 if "PX4" in says or self.flight.kind == "ulog" else ARDUPILOT
 
     @property
+    def is_log(self) -> bool:
+        """Whether the autopilot wrote it itself, with every fix when it came."""
+        return self.flight.kind in ("dataflash", "ulog")
+
+    @property
     def trim(self) -> Trim:
         """From the axes of the board, in which compasses are calibrated, to those of the body.
 
@@ -46,10 +51,13 @@ class Evidence(NamedTuple):
 
     def attitude(self) -> Attitudes:
         """Of the board, to NED; where the deviation of the heading is not known, it is infinite."""
+        track = self.attitude_of_tracks()
+        return track._replace(q_nb=self.trim.of_board(track.q_nb))
+
+    def attitude_of_tracks(self) -> Attitudes:
+        """The same in the axes in which rates and forces were read."""
         free = self.free
-        track = attitudes(free.t_s, free.q_nb)
-        return track._replace(
-            q_nb=self.trim.of_board(track.q_nb),
+        return attitudes(free.t_s, free.q_nb)._replace(
             sigma_tilt_rad=_finite(free.sigma_tilt_rad),
             sigma_heading_rad=_finite(free.sigma_heading_rad),
         )

@@ -7,18 +7,29 @@ heading may be off by an angle that changes slowly, which is fitted as well: an 
 process as wide as the attitude's own deviation, no quicker than a gyro drifts. The field may be
 late, and so may the messages that bring it.
 
-Least squares with prior deviations that are those of sensors and vehicles, and weights that take
-out what fits nothing (Geman-McClure). Everything is in microtesla; covariances count how long the
-residuals hold.
+Least squares with prior deviations that are those of sensors and vehicles. Everything is in
+microtesla.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating[Any]]
+from h2nav.calibration.regression import (
+    LAST_ROUNDS,
+    ROUNDS,
+    SETTLED,
+    STARTS,
+    Array,
+    Wander,
+    longer,
+    noise_of,
+    normal,
+    robust,
+)
+
 Mask = NDArray[np.bool_]
 
 OFFSET, MATRIX, MOTOR = slice(0, 3), slice(3, 9), slice(9, 12)
@@ -31,18 +42,11 @@ _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
 # How late a field is, of compasses that are read 10 to 100 times a second and smoothed.
 LATE_S = 0.03
-# Heading: knots, how long its error holds, and how fast a gyro whose bias was learnt drifts.
-KNOT_S, HOLDS_S, DRIFT_RAD_S = 10.0, 60.0, math.radians(0.15)
-LARGEST_SIGMA_RAD, LEAST_SIGMA_RAD = math.pi / 2.0, math.radians(0.3)
+LEAST_SIGMA_RAD = math.radians(0.3)
 # The noise of the best compass, and of the vertical: 0.1 uT; 0.2 deg of 45 uT.
 LEAST_NOISE_UT = 0.2
-STARTS, ROUNDS, LAST_ROUNDS = (8.0, 4.0, 2.0), 2, 8
-OUTLIER = 3.0
-# Residuals hold for less than this long; no flight has so many blocks of it.
-BLOCK_S, BLOCKS = 30.0, 1_000_000
 # One direction of the field in the body says no more than this long does.
 FULL_ROWS, DIRECTIONS = 50, 4.0
-SETTLED = 1e-4
 
 
 class FieldRows(NamedTuple):
@@ -71,11 +75,6 @@ class FieldRows(NamedTuple):
     sigma_rad: Array
     throttle: Array
     current_a: Array
-
-    def part(self, wanted: Mask | NDArray[np.intp]) -> "FieldRows":
-        """Some of them."""
-        columns: Any = [column[wanted] for column in self]
-        return FieldRows(*columns)
 
 
 class FieldCorrection(NamedTuple):
@@ -156,7 +155,7 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
         free: (12,) which of its values are fitted.
         lever: (N,) of the motors; 0 where they are left out.
     """
-    heading = _Heading.of(rows)
+    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, LEAST_SIGMA_RAD)
     scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
     sigma = np.concatenate(
         (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
@@ -173,10 +172,9 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
         r, J = _linear(rows, x, heading, knots, lever, places)
         length = np.linalg.norm(r, axis=1)
-        noise_ut = max(_scale(length, balance), LEAST_NOISE_UT)
-        robust = (1.0 + (length / (OUTLIER * start * noise_ut)) ** 2) ** -2
-        w = (balance * robust / noise_ut**2)[:, None, None]
-        A, g = _normal(J, w, r)
+        noise_ut = max(noise_of(length, balance), LEAST_NOISE_UT)
+        fits = robust(length, noise_ut, start)
+        A, g = normal(J, (balance * fits / noise_ut**2)[:, None, None], r)
         A += information
         before = np.concatenate((x[places] - prior.values[places], knots))
         step = -np.linalg.solve(A, g + information @ before)
@@ -185,15 +183,15 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
         if start == 1.0 and np.abs(step).max(initial=0.0) < SETTLED:
             break
     r, _ = _linear(rows, x, heading, knots, lever, places)
-    inflated = _longer(rows, r, balance * robust, len(places))
+    inflated = longer(rows.flight, rows.t_s, r, balance * fits, len(places))
     covariance = np.zeros((COUNT, COUNT))
     own = np.linalg.inv((A - information) / inflated + information)
     covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
     before = np.concatenate((x[places] - prior.values[places], knots))
-    cost = float((balance * robust) @ (r**2).sum(axis=1)) / noise_ut**2
+    cost = float((balance * fits) @ (r**2).sum(axis=1)) / noise_ut**2
     cost += float(before @ information @ before)
     angle = heading.hats @ knots[:-1]
-    return FieldFit(correction(x), covariance, angle, robust, r, cost)
+    return FieldFit(correction(x), covariance, angle, fits, r, cost)
 
 
 def headed(rows: FieldRows, angle_rad: Array) -> Array:
@@ -205,68 +203,10 @@ def headed(rows: FieldRows, angle_rad: Array) -> Array:
     return turned
 
 
-class _Heading(NamedTuple):
-    """How the attitude's heading may be off over time.
-
-    Attributes:
-        hats: (N, K) share of each knot in each row.
-        information: (K, K) of the knots.
-    """
-
-    hats: Array
-    information: Array
-
-    @property
-    def knots(self) -> int:
-        """How many."""
-        return len(self.information)
-
-    @classmethod
-    def of(cls, rows: FieldRows) -> "_Heading":
-        """Knots of each flight by itself."""
-        hats, blocks = [], []
-        for flight in np.unique(rows.flight):
-            own = rows.flight == flight
-            t_s, sigma = rows.t_s[own], rows.sigma_rad[own]
-            count = max(2, math.ceil((t_s[-1] - t_s[0]) / KNOT_S) + 1)
-            at_s = np.linspace(t_s[0], max(t_s[-1], t_s[0] + 1e-3), count)
-            place = np.clip(np.searchsorted(at_s, t_s, side="right") - 1, 0, count - 2)
-            share = (t_s - at_s[place]) / (at_s[1] - at_s[0])
-            hat = np.zeros((len(rows.t_s), count))
-            number = np.flatnonzero(own)
-            hat[number, place], hat[number, place + 1] = 1.0 - share, share
-            near = np.clip(np.searchsorted(t_s, at_s), 0, len(t_s) - 1)
-            hats.append(hat)
-            blocks.append(_heading_information(sigma[near], float(at_s[1] - at_s[0])))
-        size = sum(map(len, blocks))
-        information = np.zeros((size, size))
-        first = 0
-        for block in blocks:
-            information[first : first + len(block), first : first + len(block)] = block
-            first += len(block)
-        return cls(np.hstack(hats), information)
-
-
-def _heading_information(sigma_rad: Array, step_s: float) -> Array:
-    """Of knots so far apart: as wide as the deviation says, and no quicker than a gyro drifts."""
-    sigma = np.where(np.isfinite(sigma_rad), sigma_rad, LARGEST_SIGMA_RAD)
-    sigma = sigma.clip(LEAST_SIGMA_RAD, LARGEST_SIGMA_RAD)
-    hold = math.exp(-step_s / HOLDS_S)
-    count = len(sigma)
-    # x / sigma is a stationary process: its first value, and each step.
-    rows = np.eye(count)
-    rows[np.arange(1, count), np.arange(count - 1)] = -hold
-    rows[1:] /= math.sqrt(1.0 - hold**2)
-    rows /= sigma[None, :]
-    drift = np.diff(np.eye(count), axis=0) / (DRIFT_RAD_S * step_s)
-    information: Array = rows.T @ rows + drift.T @ drift
-    return information
-
-
 def _linear(
     rows: FieldRows,
     x: Array,
-    heading: _Heading,
+    heading: Wander,
     knots: Array,
     lever: Array,
     places: NDArray[np.intp],
@@ -289,21 +229,6 @@ def _linear(
     return r, np.concatenate((J[:, :, places], turned, rows.slope_ut[:, :, None]), axis=2)
 
 
-def _normal(J: Array, w: Array, r: Array) -> tuple[Array, Array]:
-    """(P, P) information and (P,) slope of weighted rows."""
-    flat = J.reshape(-1, J.shape[2])
-    weighted = (J * w).reshape(flat.shape)
-    return weighted.T @ flat, weighted.T @ r.ravel()
-
-
-def _scale(length: Array, balance: Array) -> float:
-    """Deviation of one axis by the weighted median of the residuals' lengths."""
-    order = np.argsort(length)
-    total = np.cumsum(balance[order])
-    middle = length[order[min(np.searchsorted(total, 0.5 * total[-1]), len(order) - 1)]]
-    return float(middle) / 1.538  # the median length of three unit normals
-
-
 def _balanced(earth_ut: Array) -> Array:
     """(N,) weights: a direction that was held for long counts as one that was held for a while."""
     unit = earth_ut / np.maximum(np.linalg.norm(earth_ut, axis=1, keepdims=True), 1e-9)
@@ -312,18 +237,3 @@ def _balanced(earth_ut: Array) -> Array:
     )
     weight: Array = np.minimum(1.0, FULL_ROWS / counts)[place.ravel()]
     return weight
-
-
-def _longer(rows: FieldRows, r: Array, weight: Array, count: int) -> float:
-    """By how much residuals that hold for a while make the variance larger.
-
-    Sums over blocks of the flight against what independent rows would sum up to, and against what
-    so many parameters took out of the sums.
-    """
-    block = np.floor(rows.t_s / BLOCK_S).astype(np.int64) + BLOCKS * rows.flight
-    _, place = np.unique(block, return_inverse=True)
-    sums = np.zeros((int(place.max()) + 1, 3))
-    np.add.at(sums, place.ravel(), r * weight[:, None])
-    alone = float(weight**2 @ (r**2).sum(axis=1))
-    taken = sums.size / max(sums.size - count, 0.25 * sums.size)
-    return max(1.0, taken * float((sums**2).sum()) / max(alone, 1e-12))

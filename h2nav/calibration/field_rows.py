@@ -1,13 +1,11 @@
 """The raw field of a compass over a flight, beside the earth's as an attitude shows it."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from h2nav.calibration import rotations
 from h2nav.calibration.evidence import Evidence, series_at
-from h2nav.calibration.field_fit import Array, FieldRows
+from h2nav.calibration.field_fit import FieldRows
+from h2nav.calibration.regression import Array
 from h2nav.calibration.settings import CompassSettings, Lever
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import CompassTrack
@@ -81,12 +79,6 @@ def earth_at(earth: EarthFields, t_s: Array) -> Array:
     return np.stack(
         (level * np.cos(declination), level * np.sin(declination), norm * np.sin(dip)), axis=1
     )
-
-
-def together(rows: Sequence[FieldRows]) -> FieldRows:
-    """Of several flights, one after the other."""
-    columns: Any = [np.concatenate(values) for values in zip(*rows, strict=True)]
-    return FieldRows(*columns)
 
 
 def lever_of(rows: FieldRows, lever: Lever) -> Array:

@@ -11,8 +11,8 @@ from h2nav.calibration.outcome import Calibration, ParameterChange
 
 INT8, INT32, REAL32 = 2, 6, 9
 # Everything else is a real number.
-ARDUPILOT_INTEGERS = ("COMPASS_MOTCT", "COMPASS_ORIENT")
-PX4_INTEGERS = ("_ROT", "_TYP")
+ARDUPILOT_INTEGERS = ("COMPASS_MOTCT", "COMPASS_ORIENT", "INS_HNTCH_ENABLE", "INS_HNTCH_MODE")
+PX4_INTEGERS = ("_ROT", "_TYP", "IMU_GYRO_DNF_EN")
 SYSTEM, COMPONENT = 1, 1
 
 

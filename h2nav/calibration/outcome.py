@@ -10,7 +10,7 @@ class ParameterChange(NamedTuple):
 
     Attributes:
         name: of the autopilot.
-        old: value in use.
+        old: value in use; NaN where the recording does not say.
         new: value that is better.
         sigma: deviation of the new one; NaN where it is a choice.
     """
@@ -30,6 +30,7 @@ class Outcome(NamedTuple):
         changes: what is significantly better; empty where nothing is.
         left: what is not from these flights, and why, one phrase each.
         notes: what to know of the changes, one phrase each.
+        shown: how it was shown: what is left before and after.
         figures: by name with unit: residuals before and after, what they rest on.
     """
 
@@ -38,6 +39,7 @@ class Outcome(NamedTuple):
     changes: tuple[ParameterChange, ...] = ()
     left: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    shown: str = ""
     figures: Mapping[str, float] = {}
 
 

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.calibration import rotations
-from h2nav.calibration.field_fit import NONE, Array, FieldCorrection
+from h2nav.calibration.field_fit import NONE, FieldCorrection
+from h2nav.calibration.regression import Array
 from h2nav.wire.imu import UT_PER_GAUSS, UT_PER_MGAUSS
 
 Parameters = Mapping[str, float]

@@ -6,7 +6,11 @@ from typing import Any
 
 from h2nav.calibration.compass import calibrate_compass
 from h2nav.calibration.evidence import PX4, Evidence
+from h2nav.calibration.imu import calibrate_accelerometer, calibrate_gyro, tracks_of
+from h2nav.calibration.level import calibrate_level
+from h2nav.calibration.notch import calibrate_notch
 from h2nav.calibration.outcome import Calibration, Outcome, ParameterChange
+from h2nav.calibration.receiver import calibrate_receiver
 from h2nav.calibration.settings import Lever
 from h2nav.errors import BadInput
 
@@ -29,7 +33,7 @@ def calibrate(flights: Sequence[Evidence]) -> Calibration:
         last.autopilot,
         last.context.firmware,
         tuple(evidence.flight.file for evidence in flights),
-        tuple(_compasses(flights)),
+        (*_compasses(flights), *_of_imus(flights), calibrate_notch(flights)),
     )
 
 
@@ -46,6 +50,7 @@ def document_of(calibration: Calibration) -> dict[str, Any]:
                 "changes": [_change(change) for change in outcome.changes],
                 "not_from_these_flights": list(outcome.left),
                 "notes": list(outcome.notes),
+                "shown_by": outcome.shown,
                 "figures": {name: _number(value) for name, value in outcome.figures.items()},
             }
             for outcome in calibration.outcomes
@@ -82,6 +87,21 @@ def _need_one_vehicle(flights: Sequence[Evidence]) -> None:
                 f"{other.flight.file}: not the vehicle of {first.flight.file}: {why}; "
                 "give flights of one vehicle"
             )
+
+
+def _of_imus(flights: Sequence[Evidence]) -> list[Outcome]:
+    """Accelerometers and gyros, and by the surest of them the board and the receivers."""
+    # Of a lone compass SCALED_IMU3 shows forces and rates that are 0.
+    numbers = {track.imu for one in flights for track in one.context.imus if track.f_b.any()}
+    tracks = [tracks_of(flights, number) for number in sorted(numbers)]
+    forces = [calibrate_accelerometer(each) for each in tracks]
+    found = [one.outcome for one in forces] + [calibrate_gyro(each) for each in tracks]
+    if tracks:
+        best = min(range(len(tracks)), key=lambda place: forces[place].sigma)
+        found.append(calibrate_level(tracks[best], forces[best]))
+        receivers = sorted({gps.receiver for each in flights for gps in each.context.gps})
+        found += [calibrate_receiver(tracks[best], number) for number in receivers]
+    return found
 
 
 def _compasses(flights: Sequence[Evidence]) -> list[Outcome]:

@@ -29,12 +29,12 @@ def flown_rows(
     """What a compass that needs this correction measures in a flight."""
     t_s = np.arange(0.0, seconds, 0.2)
     yaw = 2.0 * np.pi * turns * t_s / seconds + 0.3 * np.sin(0.7 * t_s)
-    roll = 18.0 * DEG * np.sin(0.31 * t_s) + _slow(rng, t_s, TILT_SIGMA_RAD, 8.0)
-    pitch = 18.0 * DEG * np.sin(0.23 * t_s + 1.0) + _slow(rng, t_s, TILT_SIGMA_RAD, 8.0)
-    tilts = _slow(rng, t_s, TILT_SIGMA_RAD, 8.0), _slow(rng, t_s, TILT_SIGMA_RAD, 8.0)
-    off = _slow(rng, t_s, HEADING_SIGMA_RAD, 60.0)
+    roll = 18.0 * DEG * np.sin(0.31 * t_s) + slow_error(rng, t_s, TILT_SIGMA_RAD, 8.0)
+    pitch = 18.0 * DEG * np.sin(0.23 * t_s + 1.0) + slow_error(rng, t_s, TILT_SIGMA_RAD, 8.0)
+    tilts = slow_error(rng, t_s, TILT_SIGMA_RAD, 8.0), slow_error(rng, t_s, TILT_SIGMA_RAD, 8.0)
+    off = slow_error(rng, t_s, HEADING_SIGMA_RAD, 60.0)
     true_b = np.array(
-        [_body(*angles) @ EARTH_N_UT for angles in zip(roll, pitch, yaw, strict=True)]
+        [body_axes(*angles) @ EARTH_N_UT for angles in zip(roll, pitch, yaw, strict=True)]
     )
     believed = list(zip(roll + tilts[0], pitch + tilts[1], yaw + off, strict=True))
     # It climbs, cruises and descends.
@@ -44,9 +44,9 @@ def flown_rows(
         np.zeros(len(t_s), dtype=np.int64),
         t_s,
         raw,
-        np.array([_body(*angles) @ EARTH_N_UT for angles in believed]),
+        np.array([body_axes(*angles) @ EARTH_N_UT for angles in believed]),
         np.gradient(true_b, t_s, axis=0),
-        np.array([_body(*angles)[:, 2] for angles in believed]),
+        np.array([body_axes(*angles)[:, 2] for angles in believed]),
         yaw + off,
         np.full(len(t_s), HEADING_SIGMA_RAD),
         throttle,
@@ -54,7 +54,7 @@ def flown_rows(
     )
 
 
-def _slow(rng, t_s, sigma, holds_s):
+def slow_error(rng, t_s, sigma, holds_s):
     """An error that holds for a while."""
     hold = np.exp(-(t_s[1] - t_s[0]) / holds_s)
     noise = rng.standard_normal(len(t_s)) * sigma
@@ -65,7 +65,7 @@ def _slow(rng, t_s, sigma, holds_s):
     return values
 
 
-def _body(roll, pitch, yaw):
+def body_axes(roll, pitch, yaw):
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
         (

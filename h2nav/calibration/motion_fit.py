@@ -1,0 +1,123 @@
+"""What an accelerometer and a receiver measure wrong, fitted to changes of the velocity in flight.
+
+Where the vehicle turns, an offset turns with it, and an attitude that is off does not; where it
+pulls, a scale shows; in a turn, how late the velocity is, and where the antenna sits. All of it is
+linear. Deviations before the flight are those of data sheets and of vehicles, and what a flight
+does not show keeps them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.calibration.motion_rows import MotionRows
+from h2nav.calibration.regression import (
+    LAST_ROUNDS,
+    ROUNDS,
+    SETTLED,
+    STARTS,
+    Array,
+    Wander,
+    block_diagonal,
+    longer,
+    noise_of,
+    normal,
+    robust,
+)
+from h2nav.maths.units import DEG
+from h2nav.reviews.inertial import Mask
+
+OFFSET, SCALE, LAG, ARM = slice(0, 3), slice(3, 6), slice(6, 7), slice(7, 10)
+COUNT = 10
+# MPU-6000: zero-g output 50 to 80 mg, sensitivity 3 %. Receivers differ by 0.1 s, and antennas sit
+# within an arm's length.
+SIGMAS = np.repeat((0.6, 0.03, 0.1, 0.3), (3, 3, 1, 3))
+LEAST_SIGMA_RAD = 0.1 * DEG
+# The noise of the best receivers between two fixes, and of a vehicle that rests.
+LEAST_NOISE_M_S, REST_M_S = 0.02, 0.05
+# None of so many parts of the flights is the only one that shows something.
+PARTS = 16
+
+
+class MotionFit(NamedTuple):
+    """What `fitted` found.
+
+    Attributes:
+        values: (10,) what has to be added to the force, m/s^2, and as a share of it; how much later
+            than assumed the velocity is, s; the antenna's place beside the IMU, m, in the body.
+        covariance: (10, 10) of these; 0 where one was not fitted.
+        lasting: (10,) the largest deviation without any one part of the windows: what a single
+            moment of a flight shows is large here.
+        weight: (N,) 0 to 1; below a half, a window does not fit.
+        residual: (N, 3) of each axis that was measured, m/s.
+    """
+
+    values: Array
+    covariance: Array
+    lasting: Array
+    weight: Array
+    residual: Array
+
+    @property
+    def sigma(self) -> Array:
+        """(10,) deviations."""
+        found: Array = np.sqrt(np.diag(self.covariance))
+        return found
+
+
+def fitted(rows: MotionRows, free: Mask) -> MotionFit:
+    """What the windows say, and the attitude's error over time, which nobody asks for.
+
+    Args:
+        rows: at least one between fixes.
+        free: (10,) which values are fitted; the others are 0.
+    """
+    tilt = Wander.of(rows.flight, rows.t_s, rows.sigma_tilt, LEAST_SIGMA_RAD)
+    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_heading, LEAST_SIGMA_RAD)
+    places = np.flatnonzero(free)
+    J = _rows(rows, (tilt, tilt, heading), places)
+    y = rows.share * rows.apart
+    prior = block_diagonal(
+        [np.diag(SIGMAS[places] ** -2), tilt.information, tilt.information, heading.information]
+    )
+    x: Array = np.zeros(len(prior))
+    moves = rows.share[:, 0] > 0.0
+    noise = np.full(len(y), REST_M_S)
+    for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
+        r = y - J @ x
+        length = np.linalg.norm(r, axis=1)
+        noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), LEAST_NOISE_M_S)
+        weight = robust(length, noise, start)
+        A, g = normal(J, (weight / noise**2)[:, None, None], y)
+        before, x = x, np.linalg.solve(A + prior, g)
+        if start == 1.0 and np.abs(x - before).max(initial=0.0) < SETTLED:
+            break
+    r = y - J @ x
+    inflated = longer(rows.flight, rows.t_s, r / noise[:, None], weight, len(places))
+    own = np.linalg.inv(A / inflated + prior)
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
+    w = (weight / noise**2)[:, None, None]
+    lasting = np.zeros(COUNT)
+    for part in np.array_split(np.arange(len(y)), PARTS) if len(places) else ():
+        without = np.linalg.inv((A - normal(J[part], w[part], y[part])[0]) / inflated + prior)
+        lasting[places] = np.fmax(lasting[places], np.sqrt(np.diag(without)[: len(places)]))
+    values = np.zeros(COUNT)
+    values[places] = x[: len(places)]
+    return MotionFit(values, covariance, lasting, weight, r)
+
+
+def _rows(
+    rows: MotionRows, angles: tuple[Wander, Wander, Wander], places: NDArray[np.intp]
+) -> Array:
+    """(N, 3, P + K) derivatives of the weighted windows."""
+    own = np.concatenate((rows.offset, rows.scale, -rows.late[:, :, None], rows.arm), axis=2)[
+        :, :, places
+    ]
+    turned = [
+        np.cross(axis, rows.force)[:, :, None] * angle.hats[:, None, :]
+        for axis, angle in zip(np.eye(3), angles, strict=True)
+    ]
+    J: Array = rows.share[:, :, None] * np.concatenate((own, *turned), axis=2)
+    return J
