@@ -108,7 +108,7 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
         ),
         ("log", "export"): CommandEntry(
             "log_export",
-            "a log as CSV, Parquet, trajectory or tlog",
+            "a log as CSV, Parquet, trajectory, tlog or a bag of ROS 2",
             "log export flight.mcap -o csv",
         ),
         ("log", "decode"): CommandEntry(

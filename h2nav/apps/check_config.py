@@ -11,7 +11,9 @@ from h2nav.apps.configuration_schema import configuration_schema
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
+from h2nav.files import plain_yaml
 from h2nav.files.signing_keys import read_signing_key
+from h2nav.links.link_urls import SerialUrl, parse_link_url
 
 SCHEMA = "schema.json"
 
@@ -43,7 +45,8 @@ def run(args: argparse.Namespace) -> int:
     warnings: list[str] = []
     try:
         chosen = checked(args.config)
-        warnings = [f"{args.config}: {line}" for line in configuration.warnings(chosen)]
+        found = [*configuration.warnings(chosen), *_surprises(args.config, chosen)]
+        warnings = [f"{args.config}: {line}" for line in found]
     except BadInput as error:
         errors = error.lines
     if args.json:
@@ -53,6 +56,19 @@ def run(args: argparse.Namespace) -> int:
     for line in (*errors, *warnings):
         print(f"h2nav: {line}", file=sys.stderr)
     return 2 if errors else 0
+
+
+def _surprises(path: Path, chosen: Configuration) -> list[str]:
+    """What is valid but, on this computer, unlikely to be meant."""
+    link = parse_link_url(chosen.link.url)
+    found = []
+    if not plain_yaml.read_mapping(path):
+        found.append(f"empty: every default is in force, such as link.url {chosen.link.url}")
+    if isinstance(link, SerialUrl) and not Path(link.path).exists():
+        found.append(
+            f"link.url: {link.path}: no such device now; `h2nav setup` lists those present"
+        )
+    return found
 
 
 def checked(path: Path) -> Configuration:

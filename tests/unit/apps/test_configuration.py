@@ -195,6 +195,22 @@ def test_check_config_refuses_what_the_daemon_would_refuse(tmp_path, capsys, tex
     assert says in line
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "empty: every default is in force, such as link.url udpin:"),
+        ("# link: {url: udpin:0.0.0.0:14550}\n", "empty: "),
+        ("link: {url: serial:/dev/absent:921600}", "link.url: /dev/absent: no such device now"),
+    ],
+)
+def test_check_config_warns_of_what_is_unlikely_to_be_meant(tmp_path, capsys, text, says):
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    assert main(["check-config", str(path)]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"h2nav: {path}: {says}")
+
+
 def test_a_gain_file_that_was_changed_is_refused_by_check_config(tmp_path, capsys):
     gains = tmp_path / "mine.yaml"
     shipped = (REPOSITORY / "gains" / "multirotor_100hz.yaml").read_text()
