@@ -11,7 +11,7 @@ Formats: docs/fixed-point.md.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from h2nav.attitude.integer.motion import BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US, RATE_LIMIT
+from h2nav.attitude.integer.motion import BIAS_BITS, BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US, RATE_LIMIT
 from h2nav.attitude.integer.triad import Q_LIMIT
 from h2nav.attitude.record import integer, integers
 from h2nav.attitude.velocity_aided.parameters import in_integers
@@ -45,6 +45,7 @@ ACCELERATION_MOST = (1 << 26) - 1  # 4 g
 FORCE_MOST = 16 << 20
 AGE_MOST_US = 1 << 30
 FRAME_MOST_US = 240000
+RATE_FREE = ((RATE_LIMIT + (BIAS_LIMIT >> BIAS_BITS)) >> 10) + 1  # ... in 1e6 2^-29 rad/s, less bias
 RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
 LATENCY_MOST = 1 << 29  # 0.5 s
 GAINED_MASK = (1 << 28) - 1
@@ -201,6 +202,12 @@ class State:
     mag_span_us: I32 = integer(
         0, FIELD_MOST_US, "us", "time that the field in mag_ned stands for; 0: no new one"
     )
+    mag_attitude: list[I32] = integers(
+        4, -Q_LIMIT, Q_LIMIT, "", "attitude when the field that waits came, scalar first", q=29
+    )
+    mag_gyro: list[I32] = integers(
+        3, -RATE_FREE, RATE_FREE, "rad/us", "rate less bias then; 537 = 1 rad/s", q=29
+    )
     mag_ned: list[I32] = integers(3, -NORM_MOST, NORM_MOST, "64 uT", "field in n", q=14)
     mag_rate: list[I32] = integers(
         3, -32767, 32767, "64 uT 1e6 2^-28 /s", "its change by rotation", q=14
@@ -216,6 +223,10 @@ class State:
     )
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
+    )
+    heading_witnessed: I32 = integer(0, 1, "", "1: measured velocities show the heading too")
+    heading_turned: I32 = integer(
+        0, GAINED_MASK, "2 rad", "sum of all turns by corrections of it, modulo 2^28", q=19
     )
     field_silence_us: I32 = integer(0, AGE_MOST_US, "us", "time since a field was accepted")
     mag_ref_horizontal: I32 = integer(0, REF_MOST, "64 uT", "reference field, horizontal", q=26)

@@ -6,6 +6,7 @@ that no angle but the heading is ever computed.
 Source: docs/fixed-point.md Eq. (27) to (29); docs/filter.md Eq. (21) to (26).
 """
 
+from h2nav.attitude.integer.motion import rotation
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
@@ -32,13 +33,12 @@ EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
-def take_field(s: State, sample: Sample, r: list[I32], w: list[I32]) -> None:
-    """Turns a new field to n, and its change by the rotation; a repeated one is none.
+def take_field(s: State, sample: Sample, w: list[I32]) -> None:
+    """Keeps a new field for its part of the frame, with attitude and rate; a repeated one is none.
 
     Args:
         s: state.
         sample: one with a field.
-        r: matrix, Q15.
         w: rate less bias, 1e6 2^-29 rad/s.
 
     Source: docs/filter.md Eq. (21).
@@ -58,10 +58,26 @@ def take_field(s: State, sample: Sample, r: list[I32], w: list[I32]) -> None:
     s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MOST_US)
     s.mag_age_us = 0
     s.heading_due = s.correction[2]
+    for i in range(4):
+        s.mag_attitude[i] = s.q_nb[i]
+    for i in range(3):
+        s.mag_gyro[i] = w[i]
+
+
+def turn_field(s: State) -> None:
+    """Turns the field that waits to n, and its change by the rotation.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
+    rotation(s.mag_attitude, r)
+    x = s.mag_last[0]
+    y = s.mag_last[1]
+    z = s.mag_last[2]
     # what the rotation since the sample was taken has done to it
-    change_x = (w[1] * z - w[2] * y) >> 15
-    change_y = (w[2] * x - w[0] * z) >> 15
-    change_z = (w[0] * y - w[1] * x) >> 15
+    change_x = (s.mag_gyro[1] * z - s.mag_gyro[2] * y) >> 15
+    change_y = (s.mag_gyro[2] * x - s.mag_gyro[0] * z) >> 15
+    change_z = (s.mag_gyro[0] * y - s.mag_gyro[1] * x) >> 15
     for i in range(3):
         a = r[3 * i]
         b = r[3 * i + 1]
@@ -77,6 +93,7 @@ def resolve_field(s: State, g: Gains) -> None:
 
     Source: docs/filter.md Eq. (21).
     """
+    turn_field(s)
     s.mag_frame_us = s.mag_span_us
     s.mag_span_us = 0
     size = s.mag_ref_norm >> 14
@@ -379,7 +396,9 @@ def judge_heading(s: State, g: Gains) -> None:
     """
     age = s.mag_frame_us
     s.log_heading_noise = LOG_SECOND_Q8 - logarithm(age | 1)
-    if s.mag_ref_given == 0 or g.mag_heading_gate == 0 or s.log_startup_inflation > EASED:
+    if g.mag_heading_gate == 0 or s.log_startup_inflation > EASED:
+        return
+    if s.mag_ref_given == 0 and s.heading_witnessed == 0:
         # a reference that was learnt may be the one that is wrong
         return
     part = limited(s.heading_innovation >> 13, 46340)
@@ -390,6 +409,8 @@ def judge_heading(s: State, g: Gains) -> None:
         return
     s.mag_accepted = 0
     s.mag_frame_us = 0
+    if s.heading_witnessed > 0:
+        return
     s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MOST_US)
     if s.heading_rejected_us > g.mag_new_time_us:
         # it has lasted: the heading is what is wrong

@@ -24,6 +24,7 @@ from ..memory import (
     FORCE_LOST,
     FORCE_USED,
     FRAME_MOST_US,
+    GAINED_MASK,
     RESTARTED,
     SATURATED,
     Gains,
@@ -92,7 +93,7 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
         correct_velocity(s, sample, r)
         bits = FORCE_USED
     if sample.has_mag > 0:
-        take_field(s, sample, r, w)
+        take_field(s, sample, w)
     watch_rest(s, g, sample)
     return bits | second_stage(s, g, sample, r)
 
@@ -137,6 +138,7 @@ def drain(s: State, r: list[I32]) -> None:
         s.correction[i] = known(
             s.correction[i] - (e[i] << 11), -CORRECTION_MOST, CORRECTION_MOST
         )  # Lemma 6
+    s.heading_turned = (s.heading_turned + e[2]) & GAINED_MASK
     # a turn keeps the length (Lemma 2)
     for i in range(3):
         part = s.turn_carry[i] + (unrotated(r[i], r[3 + i], r[6 + i], e) >> 4)
