@@ -9,7 +9,7 @@ import numpy as np
 from needs import DEG
 from synthetic_imu import FIELD, FIELD_N, Disturbance, Flight, RateLaw, fly
 
-from h2nav.attitude.kernel_files import VELOCITY_AIDED
+from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -21,6 +21,7 @@ from h2nav.attitude.samples import (
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.files import gain_files
 from h2nav.maths import quaternion
 
@@ -121,8 +122,19 @@ def new_filter(knows_field: bool = False, **limits: float) -> VelocityAidedFilte
     return filter_
 
 
+def new_integer_filter(knows_field: bool = False, **limits: float) -> IntegerVelocityAidedFilter:
+    """The same in integers."""
+    gains = GAINS._replace(kernel=replace(GAINS.kernel, **limits))
+    step = compiled_step(VELOCITY_AIDED_INTEGER)
+    filter_ = IntegerVelocityAidedFilter(gains, "made", step)
+    filter_.use_vehicle(FLYING)
+    if knows_field:
+        filter_.use_field(FIELD)
+    return filter_
+
+
 def follow(
-    filter_: VelocityAidedFilter,
+    filter_: VelocityAidedFilter | IntegerVelocityAidedFilter,
     drive: Drive,
     latency: int = 15,
     until: int | None = None,

@@ -1,6 +1,7 @@
 """The default filter in flight after gaps, restarts, and a start that knew no heading."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 from needs import DEG
@@ -10,6 +11,7 @@ from velocity_flights import (
     accelerating,
     heading_apart,
     new_filter,
+    new_integer_filter,
     part,
     surge,
     sway,
@@ -26,14 +28,18 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.maths import quaternion
 
 GAP = 3500  # the sample before which nothing comes for a while
 NO_BIAS = (0.0, 0.0, 0.0)
+Filter = VelocityAidedFilter | IntegerVelocityAidedFilter
+Maker = Callable[..., Filter]
+both_arithmetics = pytest.mark.parametrize("make", [new_filter, new_integer_filter])
 
 
 def feed(
-    filter_: VelocityAidedFilter, drive: Drive, field: bool = True, latency: int = 0
+    filter_: Filter, drive: Drive, field: bool = True, latency: int = 0
 ) -> list[AttitudeEstimate | None]:
     """A fix every fifth of a second, so many samples old, whatever is missing between."""
     found = []
@@ -49,10 +55,13 @@ def feed(
 # --- gaps and restarts --------------------------------------------------------------------------
 
 
+@both_arithmetics
 @pytest.mark.parametrize(("law", "field"), [(sway, True), (sway, False), (turning, True)])
-def test_5_s_after_a_gap_in_a_manoeuvre_the_tilt_is_right(law: RateLaw, field: bool) -> None:
+def test_5_s_after_a_gap_in_a_manoeuvre_the_tilt_is_right(
+    make: Maker, law: RateLaw, field: bool
+) -> None:
     drive = without_samples(accelerating(55.0, 41, law=law), GAP, GAP + 400)
-    found = feed(new_filter(vertical_bias_variance=DEG**2), drive, field)
+    found = feed(make(vertical_bias_variance=DEG**2), drive, field)
     errors = tilt_errors(drive, found, GAP)
     assert errors[0] > 20.0 * DEG
     assert max(errors[500:]) < 0.5 * DEG
@@ -84,7 +93,8 @@ def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
     assert quaternion.angle(first.q_nb, tilted) < 1.0 * DEG
 
 
-def test_no_gained_velocity_outlives_a_gap() -> None:
+@both_arithmetics
+def test_no_gained_velocity_outlives_a_gap(make: Maker) -> None:
     """A vehicle that stands after a gap, with fixes that are older than the first sample."""
 
     def until_gap(law: RateLaw) -> RateLaw:
@@ -95,7 +105,7 @@ def test_no_gained_velocity_outlives_a_gap() -> None:
     # What is told after the gap is of the gap, in which the vehicle has come to stand.
     v_n = [v if i < GAP - 230 else NO_BIAS for i, v in enumerate(drive.v_n)]
     drive = drive._replace(v_n=v_n)
-    found = feed(new_filter(), drive, latency=30)
+    found = feed(make(), drive, latency=30)
     assert max(tilt_errors(drive, found, GAP)) < 0.2 * DEG
     last = found[-1]
     assert last is not None
@@ -117,8 +127,11 @@ def test_a_restart_in_the_air_keeps_the_attitude_and_one_on_the_ground_does_not(
 # --- a heading that was never known -------------------------------------------------------------
 
 
+@both_arithmetics
 @pytest.mark.parametrize("seed", [51, 52])
-def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(seed: int) -> None:
+def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(
+    make: Maker, seed: int
+) -> None:
     calm_s = 25.0
 
     def force(t: float) -> Vec3:
@@ -131,7 +144,7 @@ def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(see
 
     start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
     drive = accelerating(45.0, seed, force, sway, start, NO_BIAS)
-    found = feed(new_filter(), drive, field=False)
+    found = feed(make(), drive, field=False)
     for i, estimate in enumerate(found):
         if estimate is None:
             continue
@@ -147,23 +160,25 @@ def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(see
 # --- memory -------------------------------------------------------------------------------------
 
 
+@both_arithmetics
 @pytest.mark.parametrize("at", [GAP + 60, GAP + 130, GAP + 299])
-def test_a_state_inside_a_window_in_the_air_goes_on_identically(at: int) -> None:
+def test_a_state_inside_a_window_in_the_air_goes_on_identically(make: Maker, at: int) -> None:
     drive = without_samples(accelerating(45.0, 53, law=turning), GAP, GAP + 400)
-    check_split(drive, at)
+    check_split(make, drive, at)
 
 
+@both_arithmetics
 @pytest.mark.parametrize("at", [900, 1801, 2603])
-def test_a_state_with_a_running_witness_goes_on_identically(at: int) -> None:
+def test_a_state_with_a_running_witness_goes_on_identically(make: Maker, at: int) -> None:
     """The heading is off by 120 deg all the time, and found after the split."""
     start = quaternion.from_euler(0.0, 0.0, 120.0 * DEG)
     drive = accelerating(30.0, 54, start=start, bias_b=NO_BIAS)
-    check_split(drive, at)
+    check_split(make, drive, at)
 
 
-def check_split(drive: Drive, at: int) -> None:
+def check_split(make: Maker, drive: Drive, at: int) -> None:
     """A run that is taken up by another filter in between, without a field."""
-    whole, first, second = new_filter(), new_filter(), new_filter()
+    whole, first, second = make(), make(), make()
     expected = feed(whole, drive, field=False)
     halves = part(drive, 0, at), part(drive, at, len(drive.v_n))
     found = feed(first, halves[0], field=False)

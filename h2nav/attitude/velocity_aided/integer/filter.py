@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MOST_DT_US, rotation
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, row, values
+from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -22,7 +22,7 @@ from h2nav.attitude.samples import (
     Vec3,
     VehicleState,
 )
-from h2nav.attitude.velocity_aided import memory as shown
+from h2nav.attitude.velocity_aided import memory as float_memory
 from h2nav.attitude.velocity_aided.air_alignment import AirReference, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.integer import memory
@@ -31,11 +31,14 @@ from h2nav.attitude.velocity_aided.integer.gains import (
     integer_gains,
     unpacked,
 )
-from h2nav.attitude.velocity_aided.integer.kernel.heading import turn_heading
+from h2nav.attitude.velocity_aided.integer.kernel.heading import forget_heading, turn_heading
 from h2nav.attitude.velocity_aided.integer.kernel.start import reset, restart, resume
 from h2nav.attitude.velocity_aided.integer.kernel.step import update
+from h2nav.attitude.velocity_aided.integer.kernel.tilt import restart_tilt
+from h2nav.attitude.velocity_aided.integer.kernel.velocity import begin_frames
 from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
+    THETA_MOST,
     VARIANCE_LEAST,
     Gains,
     Sample,
@@ -47,6 +50,7 @@ from h2nav.attitude.velocity_aided.integer.units import (
     FIELD_UNIT_UT,
     HEADING_UNIT_RAD,
     LAG_UNIT_S,
+    TURN_UNIT,
 )
 from h2nav.attitude.velocity_aided.kernel.estimate import (
     CONVERGED_S,
@@ -55,7 +59,9 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
     LOST_HEADING_RAD,
     REFERENCED_RAD,
     TILT_SHARE,
+    UNCONFIRMED,
 )
+from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
 from h2nav.attitude.velocity_aided.shell import (
     MOST_FIELD_UT,
     TRUST,
@@ -72,6 +78,8 @@ _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
+_HEADING_UNIT = HEADING_UNIT_RAD**2 * 2.0**-28  # of the heading's variance, rad^2
+_FORCE_UNIT = ACCEL_UNIT_G**2 * 2.0**-28  # of the variances of the accelerometer's bias, g^2
 # Bits of a step that mean the same in floats; what holds besides is worked out for an estimate.
 _SAME_BITS = 63 & ~memory.VELOCITY_USED
 _UNIT_Q29 = 2.0**29 * (1.0 - 2.0**-11)  # length of an attitude; docs/fixed-point.md, Lemma 1
@@ -126,6 +134,35 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         yield u
 
 
+class ForceNoise:
+    """Density of the force's noise, which the kernel in integers does not work out.
+
+    Args:
+        time_s: over which it is a mean.
+
+    Source: docs/filter.md Eq. (8).
+    """
+
+    def __init__(self, time_s: float) -> None:
+        self._time_s = time_s
+        self._last, self._step = [0.0] * 3, [0.0] * 3
+        self.density = 0.0
+
+    def take(self, f_b: Vec3, dt_s: float) -> None:
+        """Takes a force, m/s^2."""
+        noise = dt_s * jolt_of(self._last, self._step, list(f_b))
+        self.density += dt_s / (self._time_s + dt_s) * (noise - self.density)
+
+    def values(self) -> tuple[float, ...]:
+        """Everything remembered, as flat numbers."""
+        return (self.density, *self._last, *self._step)
+
+    def load(self, values: Sequence[float]) -> None:
+        """Continues where `values` was taken."""
+        self.density = values[0]
+        self._last, self._step = list(values[1:4]), list(values[4:])
+
+
 class IntegerVelocityAidedFilter(VelocityAidedShell):
     """The velocity-aided filter with precomputed gain sets, in integers.
 
@@ -155,7 +192,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         self._step: Callable[[], int] = bound
         reset(s, g)
         self._w_b: Vec3 = (0.0, 0.0, 0.0)
-        self._gained_n = self._gained_e = 0
+        self._gained_n = self._gained_e = self._turned = 0
+        self._force_noise = ForceNoise(gains.kernel.level_time_s)
+        self._confirmed_rad = 0.0
         # log2 of the field's unit over FIELD_UNIT_UT; None before the first field
         self._field_scale: int | None = None
         self._accepted_us: int | None = None
@@ -199,10 +238,20 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     @property
     def sensor_errors(self) -> SensorErrors:
         """What has been learnt of the sensors so far."""
-        s = self._state
-        unit = self._gyro_unit
-        variance = (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit)
-        return SensorErrors(variance, field_latency_s=self.field_latency_s)
+        s, g, unit = self._state, self._gains.kernel, self._gyro_unit
+        x, y = self._force_bias()
+        xx, _, yy = (part * _FORCE_UNIT * GRAVITY_M_S2**2 for part in s.p_accel)
+        turning = g.scale_noise * TURN_UNIT * s.turning
+        return SensorErrors(
+            (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit),
+            (x, y, 0.0),
+            (xx, yy),
+            self.field_latency_s,
+            s.fix_lag * 2.0**-30,
+            s.fix_lag_variance * 2.0**-30,
+            g.gyro_noise + turning + s.gyro_jitter * 2.0**-36,
+            self._force_noise.density,
+        )
 
     @property
     def _gyro_unit(self) -> float:
@@ -215,12 +264,14 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     @property
     def _has_field_heading(self) -> bool:
-        return self._state.heading_reset == 0
+        return self._state.heading_reset == 0 and not self._state.heading_witnessed
 
     def _heading(self) -> HeadingState:
         s = self._state
-        variance = HEADING_UNIT_RAD**2 * s.heading_variance * 2.0**-28
-        return HeadingState(s.age_us * 1e-6, 0.0, variance)
+        # followed with every fix, long before half of the counter's range has been turned
+        self._turned += _signed(s.heading_turned - self._turned)
+        turned = self._turned * 2.0**-18
+        return HeadingState(s.age_us * 1e-6, turned, s.heading_variance * _HEADING_UNIT)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
@@ -241,12 +292,15 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
         self._fill(sample, is_aided, fix)
+        if is_aided and not self._sample.clipped:
+            self._force_noise.take(sample.f_b, dt_us * 1e-6)
         return self._noted(sample, self._run(dt_us))
 
     def _align(self, sample: ImuSample, dt_us: int | None) -> int | None:
         # As in C one sample gives it.
         if dt_us is None:
             restart(self._state)
+        self._confirmed_rad = 0.0
         self._fill(sample, False, None)
         bits = self._run(dt_us or 0)
         return None if self._state.age_us < 0 else self._noted(sample, bits)
@@ -254,6 +308,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _resume(self, sample: ImuSample) -> int:
         self._fill(sample, False, None)
         self._sample.dt_us = 0
+        self._confirmed_rad = 0.0
         bits = resume(self._state, self._g, self._sample)
         self._follow_gained()
         return self._noted(sample, bits)
@@ -355,7 +410,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _reference(self) -> AirReference:
         s, g, unit = self._state, self._gains.kernel, self.field_unit * 2.0**-26
         return AirReference(
-            s.mag_ref_norm * unit,
+            0.0 if s.heading_witnessed else s.mag_ref_norm * unit,
             math.atan2(s.mag_ref_down, s.mag_ref_horizontal),
             s.declination * 2.0**-28,
             g.mag_norm_gate,
@@ -365,7 +420,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
         s = self._state
         w, f, (x, y, z) = sample.w_b, sample.f_b, self._bias()
-        a, b = (part * 2.0**-28 * ACCEL_UNIT_G * GRAVITY_M_S2 for part in s.accel_bias)
+        a, b = self._force_bias()
         field = sample.m_b_ut if self._sample.has_mag and s.mag_age_us == 0 else None
         return (w[0] - x, w[1] - y, w[2] - z), (f[0] - a, f[1] - b, f[2]), field
 
@@ -401,24 +456,49 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
                 return
 
     def _set_witnessed(self, is_witnessed: bool) -> None:
-        pass
+        self._state.heading_witnessed = int(is_witnessed)
 
     def _confirm(self, shown_rad: float) -> None:
-        pass
+        self._confirmed_rad = min(self._confirmed_rad or math.pi, shown_rad)
 
     def _doubt_field(self) -> None:
-        pass
+        """Its offset is not learnt: until velocities show another heading nothing is done."""
 
     def _limit_heading(self, sigma_rad: float) -> None:
-        pass
+        s = self._state
+        variance = round(sigma_rad**2 / _HEADING_UNIT)
+        s.heading_variance = min(s.heading_variance, max(variance, VARIANCE_LEAST))
+        s.heading_reset = 0
+        s.fix_lag, s.fix_lag_variance = 0, self._g.fix_lag_variance
 
     def _find_in_air(self, found: Leveled) -> None:
-        pass
+        s, u = self._state, self._sample
+        s.q_nb[:] = [round(part * _UNIT_Q29) for part in found.q_nb]
+        s.turn_carry[:] = s.correction[:] = [0, 0, 0]
+        # a field that waits was seen with another attitude
+        s.mag_span_us = s.mag_frame_us = 0
+        r_nb = [0] * 9
+        rotation(s.q_nb, r_nb)
+        restart_tilt(s, u, r_nb)
+        begin_frames(s)
+        s.velocity_n = s.velocity_e = 0
+        s.age_us = round(found.length_s * 1e6)
+        by_accel = math.sqrt(2.0 * s.p_accel[0] * _FORCE_UNIT)
+        sigma = math.hypot(found.tilt_sigma_rad, by_accel)
+        s.extra_tilt_sigma = row(State, "extra_tilt_sigma").fixed(sigma)
+        variance = found.heading_sigma_rad**2 / _HEADING_UNIT
+        if variance < self._g.heading_variance:
+            forget_heading(s, self._g)
+            s.heading_variance = max(round(variance), VARIANCE_LEAST)
+            s.heading_reset = s.field_silence_us = 0
 
     def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
         s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
         x, y, z = (min(round(variance / unit), most) for variance in rate)
         s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
+        if force is not None:
+            x, y = (min(round(variance / _FORCE_UNIT), THETA_MOST) for variance in force)
+            s.p_accel[0], s.p_accel[2] = max(s.p_accel[0], x), max(s.p_accel[2], y)
 
     def _set_gyro_variance(self, variance: Vec3) -> None:
         s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
@@ -427,7 +507,10 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s.p_xy = s.p_xz = s.p_yz = 0
 
     def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
-        pass
+        s, most = self._state, self._g.accel_variance
+        x, y = (min(round(variance / _FORCE_UNIT), most) for variance in force)
+        s.p_accel[:] = [x, 0, y]
+        s.fix_lag_variance = row(State, "fix_lag_variance").fixed(lag)
 
     def _forget_start(self) -> None:
         self._accepted_us = None
@@ -435,22 +518,29 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _values(self) -> Sequence[float | int | None]:
         vehicle = (self._sample.rest_prior, self._sample.forward_speed)
         optional = (self._accepted_us, self._field_scale)
-        head = (*optional, *vehicle, self._gained_n, self._gained_e, *self._w_b)
-        return (*head, *values(self._state, State))
+        sums = (self._gained_n, self._gained_e, self._turned)
+        real = (self._confirmed_rad, *self._w_b, *self._force_noise.values())
+        return (*optional, *vehicle, *sums, *values(self._state, State), *real)
 
     def _restore(self, numbers: Sequence[float | int | None]) -> None:
-        accepted, scale, *integers = (None if n is None else int(n) for n in numbers)
-        assign(self._state, State, [n or 0 for n in integers[7:]])
+        first, size = 7, size_of(State)
+        accepted, scale, *head = (None if n is None else int(n) for n in numbers[:first])
+        assign(self._state, State, [int(n or 0) for n in numbers[first : first + size]])
+        confirmed, p, q, r, *noise = (float(n or 0.0) for n in numbers[first + size :])
         self._accepted_us, self._field_scale = accepted, scale
-        prior, speed, north, east = (n or 0 for n in integers[:4])
-        self._sample.rest_prior, self._sample.forward_speed = prior, speed
-        self._gained_n, self._gained_e = north, east
-        p, q, r = (float(n or 0.0) for n in numbers[6:9])
-        self._w_b = (p, q, r)
+        self._sample.rest_prior, self._sample.forward_speed = (n or 0 for n in head[:2])
+        self._gained_n, self._gained_e, self._turned = (n or 0 for n in head[2:])
+        self._confirmed_rad, self._w_b = confirmed, (p, q, r)
+        self._force_noise.load(noise)
 
     def _bias(self) -> Vec3:
         x, y, z = self._state.gyro_bias
         return x * BIAS_WORD_RAD_S, y * BIAS_WORD_RAD_S, z * BIAS_WORD_RAD_S
+
+    def _force_bias(self) -> tuple[float, float]:
+        """Of the accelerometer, about x and y, m/s^2."""
+        x, y = (part * 2.0**-28 * ACCEL_UNIT_G * GRAVITY_M_S2 for part in self._state.accel_bias)
+        return x, y
 
     def _standing(self, t_us: int, bits: int) -> AttitudeEstimate:
         return self._estimate(t_us, bits)
@@ -461,14 +551,13 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         w_x, w_y, w_z = self._w_b
         bits &= _SAME_BITS
         if s.age_us > CONVERGED_S * 1e6:
-            bits |= shown.CONVERGED
-        heading_sigma = HEADING_UNIT_RAD * math.sqrt(s.heading_variance * 2.0**-28)
-        is_known = heading_sigma < REFERENCED_RAD
+            bits |= float_memory.CONVERGED
+        is_known = s.heading_variance * _HEADING_UNIT < REFERENCED_RAD**2
         if is_known:
-            bits |= shown.YAW_REFERENCED
-        is_found = is_known or s.heading_reset == 0
+            bits |= float_memory.YAW_REFERENCED
+        is_found = is_known or s.heading_reset == 0 or s.heading_witnessed
         if s.aided:
-            bits |= shown.VELOCITY_USED
+            bits |= float_memory.VELOCITY_USED
         return AttitudeEstimate(
             t_us=t_us,
             q_nb=self._attitude(),
@@ -533,10 +622,15 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         Source: docs/filter.md Eq. (48), without the slow means of the field.
         """
         s = self._state
-        variance = HEADING_SHARE**2 * HEADING_UNIT_RAD**2 * s.heading_variance * 2.0**-28
+        variance = HEADING_SHARE**2 * _HEADING_UNIT * s.heading_variance
         if s.mag_ref_norm:
-            variance += (FIELD_OFFSET * s.mag_ref_norm / max(s.mag_ref_horizontal, 1)) ** 2
-        return math.sqrt(variance)
+            lever = s.mag_ref_norm / max(s.mag_ref_horizontal, 1)
+            hidden = FIELD_OFFSET**2 * lever**2
+            if s.mag_ref_given:
+                shown = self._confirmed_rad or math.inf
+                hidden += min(UNCONFIRMED * lever, shown) ** 2
+            variance += hidden
+        return min(math.sqrt(variance), LOST_HEADING_RAD)
 
 
 def _signed(change: int) -> int:

@@ -129,6 +129,7 @@ def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.mag_age_us = 0
     s.mag_new_us = 0
     s.heading_rejected_us = 0
+    s.heading_witnessed = 0
     s.field_silence_us = 0
     if s.heading_reset > 0:
         s.field_silence_us = AGE_MOST_US
