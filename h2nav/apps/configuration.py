@@ -58,6 +58,10 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
+# By the velocity-aided filter in integers.
+LEFT_OUT = "hard iron and rates of a clipped gyro learnt in flight (docs/fixed-point.md)"
+
+
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """The estimator.
@@ -419,9 +423,16 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
 def warnings(configuration: Configuration) -> list[str]:
     """Values that work but may be unwise, each with its key."""
     return [
+        *_filter_warnings(configuration.filter),
         *_link_warnings(configuration),
         *_live_warnings(configuration.live),
     ]
+
+
+def _filter_warnings(settings: FilterSettings) -> list[str]:
+    if settings.name == "constant_gain" or settings.arithmetic == "float":
+        return []
+    return [f"filter.arithmetic: fixed, without {LEFT_OUT}"]
 
 
 def _link_warnings(configuration: Configuration) -> list[str]:

@@ -24,9 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--form",
         choices=("velocity_aided", "constant_gain", "flight", "lean"),
-        help="velocity_aided (formerly flight): all that the daemon does by default, usual for gain"
-        " files of that kind; constant_gain (formerly lean): for the smallest microcontrollers, the"
-        " only one for files of kind two_stage",
+        help="velocity_aided (formerly flight): the kernel that the daemon runs with"
+        " filter.arithmetic fixed, usual for gain files of that kind; what the floats have besides"
+        " is in docs/fixed-point.md; constant_gain (formerly lean): for the smallest"
+        " microcontrollers, the only one for files of kind two_stage",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
