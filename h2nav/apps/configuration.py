@@ -58,10 +58,6 @@ class LinkSettings:
     url: str = "udpin:0.0.0.0:14550"
 
 
-# By the velocity-aided filter in integers.
-LEFT_OUT = "hard iron and rates of a clipped gyro learnt in flight (docs/fixed-point.md)"
-
-
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """The estimator.
@@ -429,10 +425,16 @@ def warnings(configuration: Configuration) -> list[str]:
     ]
 
 
-def _filter_warnings(settings: FilterSettings) -> list[str]:
+def left_out(settings: FilterSettings) -> str:
+    """What the default filter in integers does without; empty for others."""
     if settings.name == "constant_gain" or settings.arithmetic == "float":
-        return []
-    return [f"filter.arithmetic: fixed, without {LEFT_OUT}"]
+        return ""
+    return "without hard iron learnt in flight, without repair of clipped rates"
+
+
+def _filter_warnings(settings: FilterSettings) -> list[str]:
+    without = left_out(settings)
+    return [f"filter.arithmetic: fixed, {without}: docs/fixed-point.md"] if without else []
 
 
 def _link_warnings(configuration: Configuration) -> list[str]:

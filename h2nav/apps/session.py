@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from h2nav import __version__
-from h2nav.apps.configuration import LEFT_OUT, Configuration
+from h2nav.apps.configuration import Configuration, left_out
 from h2nav.apps.console import Console
 from h2nav.apps.daemon import Daemon, StopSignals
 from h2nav.apps.filters import FilterFactory
@@ -178,8 +178,8 @@ def _greeting(configuration: Configuration) -> str:
     """Describes the run in one line."""
     chosen = configuration.filter
     arithmetic = "" if chosen.arithmetic == "float" else f" in {chosen.arithmetic} arithmetic"
-    if arithmetic and algorithm(chosen) == "velocity_aided":
-        arithmetic += f" (without {LEFT_OUT})"
+    without = left_out(chosen)
+    arithmetic += f" ({without})" if without else ""
     log = f"log in {configuration.log.folder}" if configuration.log.folder else "no log"
     slow = "" if backend() == "native" else " (no compiler at installation: slower)"
     runs = f"filter {chosen.name}{arithmetic}, {backend()} kernels{slow}"
