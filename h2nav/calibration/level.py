@@ -77,18 +77,20 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
         return own._replace(left=("too little in the air, or nothing says when it was",))
     angles, sigma = _tilt(rows, forces.sigma)
     roll, pitch = angles.tolist()
+    roll_sigma, pitch_sigma = sigma.tolist()
     unit = DEG if last.autopilot == PX4 else 1.0
     old = np.array([last.parameters[name] for name in names]) * unit
     new = np.array((roll, pitch))
     figures = {
         "roll_deg": roll / DEG, "pitch_deg": pitch / DEG,
-        "roll_sigma_deg": sigma[0] / DEG, "pitch_sigma_deg": sigma[1] / DEG,
+        "roll_sigma_deg": roll_sigma / DEG, "pitch_sigma_deg": pitch_sigma / DEG,
         "windows": float(len(rows.t_s)),
     }  # fmt: skip
     own = own._replace(figures=figures)
     change = np.abs(new - old)
     words = (
-        f"({roll / DEG:+.1f} ± {sigma[0] / DEG:.1f}, {pitch / DEG:+.1f} ± {sigma[1] / DEG:.1f}) deg"
+        f"({roll / DEG:+.1f} ± {roll_sigma / DEG:.1f}, "
+        f"{pitch / DEG:+.1f} ± {pitch_sigma / DEG:.1f}) deg"
     )
     wanted = (change > RELEVANT_RAD) & (change > SURE * sigma)
     if not wanted.any():  # one axis or both: they are one rotation
