@@ -18,8 +18,8 @@ HEAD = """\
 
 Every field of every kernel: its attribute in Python, its member in C. The tables are written by
 `tools/memory_tables.py` from the records in `h2nav/attitude/*/memory.py` (the filters) and
-`h2nav/integrity/kernel/memory.py` (the checks of one IMU); change a record and run it. Format Q24 means
-that the integer counts 2^-24 of the unit beside it. The ranges of the integers
+`h2nav/integrity/kernel/memory.py` (the checks of one IMU); change a record and run it. Format Q24
+means that the integer counts 2^-24 of the unit beside it. The ranges of the integers
 are proved for every sequence of samples ([fixed-point.md](fixed-point.md)).
 """
 
