@@ -1,6 +1,6 @@
 """Attitudes as rows of arrays: vectorised `maths.quaternion` and `maths.frames`."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +9,7 @@ from h2nav.maths import frames, quaternion
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.floating[Any]]
+Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 def product(p: Floats, q: Floats) -> Array:
@@ -52,3 +53,9 @@ def wrapped(angles: Array) -> Array:
     """The angles, rad, in [-pi, pi)."""
     result: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
     return result
+
+
+def select_rows(record: Record, wanted: npt.NDArray[Any] | slice) -> Record:
+    """A named tuple with the same rows of each of its arrays; its other fields stay."""
+    values = (each[wanted] if isinstance(each, np.ndarray) else each for each in record)
+    return tuple.__new__(type(record), values)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
@@ -304,15 +305,7 @@ def _texts(recorded: Recorded) -> _Stream:
 def _readings(recorded: Readings, start_us: int) -> _Stream:
     """The readings, without those from before the log's first time."""
     first = int(np.searchsorted(recorded.t_us, start_us))
-    readings = Readings(
-        recorded.imu,
-        recorded.t_us[first:],
-        recorded.w_b[first:],
-        recorded.f_b[first:],
-        recorded.m_b_ut[first:],
-        recorded.clipped[first:],
-        recorded.ages,
-    )
+    readings = select_rows(recorded, slice(first, None))
     has_field = ~np.isnan(readings.m_b_ut[:, 0])
 
     def make(part: slice) -> Iterator[Message]:

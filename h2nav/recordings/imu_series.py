@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import Array, ImuTrack
 from h2nav.wire.imu import (
     CLIPPED_FORCE_M_S2,
@@ -46,9 +47,7 @@ class Samples(NamedTuple):
 
     def only(self, wanted: Mask) -> "Samples":
         """The selected samples."""
-        if wanted.all():
-            return self
-        return Samples(self.t_us[wanted], self.w_b[wanted], self.f_b[wanted])
+        return self if wanted.all() else select_rows(self, wanted)
 
     @property
     def period_us(self) -> float:
@@ -123,8 +122,7 @@ def usable(samples: Samples) -> Mask:
 
 def usable_fields(fields: Fields) -> Fields:
     """The plausible fields."""
-    good = can_be_fields(fields.m_b_ut)
-    return Fields(fields.t_us[good], fields.m_b_ut[good])
+    return select_rows(fields, can_be_fields(fields.m_b_ut))
 
 
 def can_be_fields(m_b_ut: Array) -> Mask:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
+from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import Context, GpsTrack, ImuTrack, Span
 from h2nav.recordings.spans import without
 from h2nav.reviews.compass import look_at_compass
@@ -278,27 +279,9 @@ def _numbers(track: ImuTrack) -> ImuTrack:
 
 
 def _part(track: ImuTrack, rows: Mask) -> ImuTrack:
-    if rows.all():
-        return track
-    return track._replace(
-        t_s=track.t_s[rows],
-        stamp_us=track.stamp_us[rows],
-        w_b=track.w_b[rows],
-        f_b=track.f_b[rows],
-        m_b_ut=track.m_b_ut[rows],
-    )
+    return track if rows.all() else select_rows(track, rows)
 
 
 def _fixes(gps: GpsTrack) -> GpsTrack:
     """Fixes with increasing times."""
-    rows = np.diff(gps.t_s, prepend=-np.inf) > 0.0
-    return gps._replace(
-        t_s=gps.t_s[rows],
-        has_fix=gps.has_fix[rows],
-        latitude_deg=gps.latitude_deg[rows],
-        longitude_deg=gps.longitude_deg[rows],
-        altitude_m=gps.altitude_m[rows],
-        v_n=gps.v_n[rows],
-        sigma_m_s=gps.sigma_m_s[rows],
-        satellites=gps.satellites[rows],
-    )
+    return select_rows(gps, np.diff(gps.t_s, prepend=-np.inf) > 0.0)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import select_rows
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Context, ImuTrack, Series
 from h2nav.reviews.flight import EarthFields
@@ -96,19 +97,7 @@ class SentFields(NamedTuple):
 
     def part(self, places: Mask | NDArray[np.intp]) -> "SentFields":
         """A selection of the rows."""
-        return SentFields(
-            self.t_s[places],
-            self.m_b_ut[places],
-            self.earth_b_ut[places],
-            self.down_b[places],
-            self.heading_rad[places],
-            self.error_rad[places],
-            self.norm_ut[places],
-            self.dip_rad[places],
-            self.throttle[places],
-            self.sigma_rad[places],
-            self.flying[places],
-        )
+        return select_rows(self, places)
 
 
 class Fit(NamedTuple):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.rows import product
+from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, ImuTrack, ReportedFault, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
@@ -104,14 +104,7 @@ class Bins(NamedTuple):
 
     def part(self, wanted: Mask) -> "Bins":
         """A selection of the bins."""
-        return self._replace(
-            t_s=self.t_s[wanted],
-            f_b=self.f_b[wanted],
-            w_b=self.w_b[wanted],
-            peak_g=self.peak_g[wanted],
-            peak_rad_s=self.peak_rad_s[wanted],
-            driven=self.driven[wanted],
-        )
+        return select_rows(self, wanted)
 
 
 def look_at_impacts(blows: list[Impact]) -> list[Finding]:

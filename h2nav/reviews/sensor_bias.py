@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.rows import product
+from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import (
@@ -112,14 +112,7 @@ def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
         for f in told
         if f.sensor == imu and f.kind in DEAD
     ]
-    good = ~within(track.t_s, spans)
-    return track._replace(
-        t_s=track.t_s[good],
-        stamp_us=track.stamp_us[good],
-        w_b=track.w_b[good],
-        f_b=track.f_b[good],
-        m_b_ut=track.m_b_ut[good],
-    )
+    return select_rows(track, ~within(track.t_s, spans))
 
 
 def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
