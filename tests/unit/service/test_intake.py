@@ -1,0 +1,120 @@
+"""What of the arriving messages becomes a sample, at what time and with whose field."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.service.imu_choice import ImuChoice, LaneMessages
+from h2nav.service.intake import CONTESTED_NS, Intake, Need
+from h2nav.service.sample_clock import TimeVerdict
+from h2nav.wire.imu import IDS_BY_NAME, ImuReading
+
+PX4 = mavlink.MAV_AUTOPILOT_PX4
+SCALED, SECOND, HIGHRES = (IDS_BY_NAME[n] for n in ("SCALED_IMU", "SCALED_IMU2", "HIGHRES_IMU"))
+RATE, FORCE = (0.1, 0.2, 0.3), (0.0, 0.0, -9.8)
+RAW, CALIBRATED = (1.0, 2.0, 3.0), (21.0, 1.0, 40.0)
+START_MS = 20_000
+
+
+def reading(time, field=None, imu=None):
+    return ImuReading(time, RATE, FORCE, field, clipped=False, imu=imu)
+
+
+def intake(messages=(SCALED, HIGHRES), others_too=False, lends=True):
+    return Intake(LaneMessages(0, messages, others_too), PX4, lends=lends)
+
+
+def scaled(one, tick, field=RAW, goes_on=None):
+    """The next SCALED_IMU of 100 Hz."""
+    t_ns = tick * 10_000_000
+    need = one.need(t_ns, SCALED)
+    return one.take(t_ns, SCALED, reading(START_MS + 10 * tick, field), need, goes_on)
+
+
+def test_a_message_of_another_lane_is_not_needed():
+    one = intake()
+    assert one.need(0, SECOND) is Need.NONE
+    assert one.need(0, SCALED) is Need.SAMPLE
+    assert not Need.NONE
+    assert Need.FIELD
+
+
+def test_the_calibrated_field_is_needed_beside_the_samples_in_use():
+    one = intake()
+    for tick in range(ImuChoice.SETTLED):
+        scaled(one, tick)
+    t_ns = ImuChoice.SETTLED * 10_000_000
+    assert one.need(t_ns, HIGHRES) is Need.FIELD
+    assert one.need(t_ns, SCALED) is Need.SAMPLE
+    assert one.idle_until_ns(HIGHRES) == t_ns - 10_000_000 + ImuChoice.SILENT_NS
+    assert intake(lends=False).need(t_ns, HIGHRES) is Need.SAMPLE, "nothing is settled yet"
+
+
+def test_a_sample_carries_the_field_that_was_lent():
+    one = intake()
+    scaled(one, 0)
+    lent = one.take(0, HIGHRES, reading(20_005_000, CALIBRATED), Need.FIELD, None)
+    assert lent == (None, None)
+    _, sample = scaled(one, 1)
+    assert sample == (1000 * (START_MS + 10), RATE, FORCE, CALIBRATED, False)
+    assert one.has_lent
+    assert not one.field_is_raw
+    assert scaled(one, 2)[1].m_b_ut is None, "each field once"
+
+
+def test_a_reading_of_another_imu_lends_its_field_alone():
+    one = intake((HIGHRES,))
+    other = one.take(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1), Need.SAMPLE, None)
+    assert other == (None, None)
+    assert one.newest_us is None
+    both = intake((HIGHRES,), others_too=True)
+    _, sample = both.take(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1), Need.SAMPLE, None)
+    assert sample.m_b_ut == CALIBRATED
+
+
+def test_a_clock_goes_on_from_the_sample_that_was_sent_last():
+    one = intake()
+    sent_us = 1000 * START_MS + 5_000
+    verdict, sample = scaled(one, 0, goes_on=(sent_us, 0))
+    assert (verdict, sample) == (TimeVerdict.LATE, None)
+    assert one.newest_us is None
+    verdict, sample = scaled(one, 1)
+    assert verdict is TimeVerdict.NEXT
+    assert one.newest_us == sample.t_us == 1000 * (START_MS + 10)
+
+
+def test_two_senders_are_an_objection_for_five_seconds():
+    one = intake()
+    assert one.objections(0) == ()
+    for tick in range(20):
+        scaled(one, tick)
+        t_ns = tick * 10_000_000 + 5_000_000
+        one.take(t_ns, SCALED, reading(900_000 + 10 * tick, RAW), Need.SAMPLE, None)
+    (objection,) = one.objections(t_ns)
+    assert objection.cause == "two senders"
+    last_ns = 19 * 10_000_000
+    assert one.objections(last_ns + CONTESTED_NS - 1)
+    assert not one.objections(last_ns + CONTESTED_NS)
+
+
+def test_a_reboot_begins_an_epoch_without_the_fields_of_the_one_before():
+    one = intake()
+    for tick in range(5):
+        scaled(one, tick)
+    one.take(0, HIGHRES, reading(20_045_000, CALIBRATED), Need.FIELD, None)
+    verdicts = []
+    for tick in range(3):
+        t_ns = 5 * 10**9 + tick * 10_000_000
+        found = one.take(t_ns, SCALED, reading(1_000 + 10 * tick, RAW), Need.SAMPLE, None)
+        verdicts.append(found.verdict)
+    assert verdicts[-1] is TimeVerdict.REBOOT
+    assert found.sample.t_us == one.newest_us == 1_020_000
+    assert found.sample.m_b_ut is None, "the lent field was of the epoch before"
+
+
+@pytest.mark.parametrize(("messages", "is_removed"), [((HIGHRES,), True), ((SCALED,), False)])
+def test_the_bias_is_removed_from_highres_imu_of_px4_alone(messages, is_removed):
+    one = intake(messages)
+    assert not one.bias_is_removed
+    one.take(0, messages[0], reading(20_000, RAW), Need.SAMPLE, None)
+    assert one.bias_is_removed == is_removed
+    assert one.message.message_id == messages[0]

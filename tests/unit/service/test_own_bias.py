@@ -1,0 +1,82 @@
+"""A lane whose filter has the memory of another one keeps the bias of its own gyro."""
+
+import pytest
+
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.own_bias import BIAS_NS, OwnBias
+
+SAMPLE = ImuSample(1_000, (0.5, -0.2, 0.1), (0.0, 0.0, -9.8))
+BIAS = (0.01, -0.02, 0.03)
+
+
+class FilterThatKnows:
+    """A filter whose bias is known; it keeps the rates that it is given."""
+
+    def __init__(self, bias_b=BIAS, is_aligned=True):
+        self.bias_b, self.is_aligned = bias_b, is_aligned
+        self.rates = []
+
+    def update(self, sample):
+        self.rates.append(sample.w_b)
+        if not self.is_aligned:
+            return None
+        return AttitudeEstimate(
+            sample.t_us,
+            (1.0, 0.0, 0.0, 0.0),
+            sample.w_b,
+            self.bias_b,
+            (0.0, 0.0, 0.0),
+            0.1,
+            Trust(0),
+        )
+
+
+def test_nothing_is_changed_as_long_as_the_filter_has_its_own_memory():
+    chosen = FilterThatKnows()
+    bias = OwnBias()
+    bias.learn(0, (0.3, 0.2, 0.1))
+    assert bias.update(chosen, SAMPLE).bias_b == BIAS
+    assert chosen.rates == [SAMPLE.w_b]
+
+
+def test_the_difference_of_the_biases_is_taken_out_of_the_rates_and_put_back():
+    own, other = OwnBias(), OwnBias()
+    own.learn(0, (0.11, -0.22, 0.33))
+    own.take_over(other, BIAS)
+    chosen = FilterThatKnows()
+    found = own.update(chosen, SAMPLE)
+    assert chosen.rates[0] == pytest.approx((0.5 - 0.1, -0.2 + 0.2, 0.1 - 0.3))
+    assert found.bias_b == pytest.approx((0.11, -0.22, 0.33))
+
+
+def test_a_lane_that_took_over_hands_on_what_it_has_itself():
+    first, second, third = OwnBias(), OwnBias(), OwnBias()
+    second.learn(0, (0.11, -0.22, 0.33))
+    second.take_over(first, BIAS)
+    third.learn(0, (0.5, 0.6, 0.7))
+    # The bias of the second lane as its estimates say it, of which its filter knows `BIAS`.
+    third.take_over(second, (0.11, -0.22, 0.33))
+    assert third.update(FilterThatKnows(), SAMPLE).bias_b == pytest.approx((0.5, 0.6, 0.7))
+
+
+def test_without_a_bias_of_its_own_the_others_holds():
+    own = OwnBias()
+    own.take_over(OwnBias(), BIAS)
+    assert own.update(FilterThatKnows(), SAMPLE).bias_b == BIAS
+
+
+def test_the_bias_of_five_seconds_ago_counts():
+    own = OwnBias()
+    for second in range(11):
+        own.learn(second * SECOND_NS, (0.01 * second, 0.0, 0.0))
+    assert BIAS_NS == 5 * SECOND_NS
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    assert own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE).bias_b[0] == pytest.approx(0.05)
+
+
+def test_a_filter_that_aligns_gives_nothing():
+    own = OwnBias()
+    own.learn(0, (0.1, 0.0, 0.0))
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    assert own.update(FilterThatKnows(is_aligned=False), SAMPLE) is None

@@ -1,0 +1,95 @@
+"""When a lane is relied on: what is refused, what rests, what is spoilt and good again."""
+
+import pytest
+
+from h2nav.service.limits import SECOND_NS
+from h2nav.service.trust import GOOD_AGAIN_NS, REFUSALS, REST_NS, SPOILT_NS, LaneTrust
+
+NOW_NS = 100 * SECOND_NS
+
+
+@pytest.fixture
+def counted():
+    return []
+
+
+@pytest.fixture
+def trust(counted):
+    return LaneTrust(counted.append)
+
+
+def test_refused_readings_are_counted_and_explained_for_a_second(trust, counted):
+    assert trust.why_no_samples(NOW_NS) is None
+    trust.refuse(NOW_NS, "zero_force")
+    assert counted == ["zero_force"]
+    assert trust.why_no_samples(NOW_NS + SECOND_NS) == (
+        "zero_force",
+        "the accelerometer reads exactly zero",
+    )
+    assert trust.why_no_samples(NOW_NS + SECOND_NS + 1) is None
+    trust.refuse(NOW_NS, "unheard_of")
+    assert trust.why_no_samples(NOW_NS) == ("unheard_of", "unheard_of")
+
+
+def test_only_refusals_in_a_row_make_a_stream_refused(trust):
+    for _ in range(REFUSALS - 1):
+        trust.refuse(NOW_NS, "late")
+    assert not trust.is_refused
+    trust.accept()
+    trust.refuse(NOW_NS, "late")
+    assert not trust.is_refused
+    for _ in range(REFUSALS - 1):
+        trust.refuse(NOW_NS, "late")
+    assert trust.is_refused
+
+
+def test_a_fault_of_the_filter_is_counted_and_no_refusal(trust, counted):
+    for _ in range(REFUSALS):
+        trust.fault("filter_error")
+    assert counted == ["filter_error"] * REFUSALS
+    assert not trust.is_refused
+    assert trust.why_no_samples(NOW_NS) is None
+
+
+def test_a_stream_rests_for_a_minute_and_its_filter_begins_anew(trust):
+    assert not trust.rests(NOW_NS)
+    for _ in range(REFUSALS):
+        trust.refuse(NOW_NS, "late")
+    trust.rest(NOW_NS)
+    assert trust.rests_until_ns == NOW_NS + REST_NS
+    assert trust.rests(NOW_NS + REST_NS - 1)
+    assert not trust.is_spoilt
+    assert not trust.rests(NOW_NS + REST_NS)
+    assert trust.rests_until_ns is None
+    assert trust.is_spoilt
+    assert not trust.is_refused, "it has another chance"
+
+
+def test_bad_sensors_spoil_a_filter_after_a_second(trust):
+    trust.judge(NOW_NS, sensor_is_bad=True)
+    assert trust.sensor_is_bad
+    trust.judge(NOW_NS + SPOILT_NS, sensor_is_bad=True)
+    assert not trust.is_spoilt
+    trust.judge(NOW_NS + SPOILT_NS + 1, sensor_is_bad=True)
+    assert trust.is_spoilt
+
+
+def test_sensors_that_are_bad_now_and_then_spoil_nothing(trust):
+    for second in range(10):
+        trust.judge(NOW_NS + second * SPOILT_NS, sensor_is_bad=second % 2 == 0)
+    assert not trust.is_spoilt
+
+
+def test_a_spoilt_filter_waits_until_its_sensors_have_been_good_for_a_second(trust):
+    trust.spoil()
+    assert not trust.is_good_again(NOW_NS), "nobody has looked yet"
+    trust.judge(NOW_NS, sensor_is_bad=False)
+    assert not trust.is_good_again(NOW_NS + GOOD_AGAIN_NS - 1)
+    assert trust.is_good_again(NOW_NS + GOOD_AGAIN_NS)
+    trust.judge(NOW_NS + GOOD_AGAIN_NS, sensor_is_bad=True)
+    assert not trust.is_good_again(NOW_NS + 2 * GOOD_AGAIN_NS)
+    trust.judge(NOW_NS + 2 * GOOD_AGAIN_NS, sensor_is_bad=False)
+    trust.judge(NOW_NS + 3 * GOOD_AGAIN_NS, sensor_is_bad=False)
+    assert trust.is_good_again(NOW_NS + 3 * GOOD_AGAIN_NS)
+    trust.renew()
+    assert not trust.is_good_again(NOW_NS + 4 * GOOD_AGAIN_NS), "it is not spoilt"
