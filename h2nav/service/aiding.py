@@ -1,4 +1,4 @@
-"""What MAVLink knows besides the IMU, turned into the records that a filter takes.
+"""Converts MAVLink messages other than IMU messages into records for the filter.
 
 GPS_RAW_INT gives the receiver's own velocity (independent of the autopilot's estimator);
 LOCAL_POSITION_NED is the estimator's, used only on request. Position and date give the earth field.
@@ -25,7 +25,7 @@ STALE_AIRSPEED_NS = 2 * SECOND_NS
 SAME_CLOCK_US = 2_000_000
 FIELD_STEP_DEG = 0.5
 NOWHERE_DEG = 0.01
-# So long a far place must be the only one heard of before the field follows.
+# A distant place must be the only one received for this long before the field follows.
 FAR_PLACE_NS = 3 * SECOND_NS
 # Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
 MOST_FIXES_PER_S = 50.0
@@ -33,12 +33,11 @@ FIXES_AT_ONCE = 50
 
 
 def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
-    """The receiver's horizontal velocity; None where it has none that is good enough.
+    """The receiver's horizontal velocity; None without a velocity of sufficient accuracy.
 
     Args:
         fix: of the receiver.
-        newest_t_us: time of the newest IMU sample, used where the fix's own time is on another
-            clock.
+        newest_t_us: time of the newest IMU sample, used if the fix has a time of another clock.
     """
     if fix.v_n is None or fix.sigma_m_s > WORST_SIGMA_M_S:
         return None
@@ -46,7 +45,7 @@ def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
 
 
 def autopilot_velocity(velocity: EstimatedVelocity, newest_t_us: int) -> VelocityFix:
-    """The velocity of the autopilot's estimator, marked as not independent."""
+    """The velocity of the autopilot's estimator, marked as dependent."""
     t_us = _on_imu_clock(velocity.time_us, newest_t_us)
     return VelocityFix(t_us, velocity.v_n, DEFAULT_SIGMA_M_S, False)
 
@@ -56,10 +55,10 @@ def _on_imu_clock(t_us: int, newest_t_us: int) -> int:
 
 
 class FieldOfTheEarth:
-    """Asks the field model when the position is first known, and again after a long way.
+    """Evaluates the field model when the position is first known, and again after a long way.
 
     Args:
-        settings: where the declination comes from.
+        settings: source of the declination.
         field_at: (latitude deg, longitude deg, altitude m, UNIX seconds) -> field.
         unix_s: date to use until the autopilot sends one.
     """
@@ -72,15 +71,15 @@ class FieldOfTheEarth:
 
     @property
     def is_known(self) -> bool:
-        """Whether the model has been asked."""
+        """Whether the model has been evaluated."""
         return self._place is not None
 
     def use_date(self, unix_s: float) -> None:
-        """The autopilot has told the date."""
+        """Takes the autopilot's date."""
         self._unix_s = unix_s
 
     def at(self, t_ns: int, place: Place) -> EarthField | None:
-        """The field where it is new or changed; None otherwise."""
+        """Returns the field if it is new or changed, otherwise None."""
         if _is_nowhere(place):
             return None
         if self._place is None:
@@ -96,7 +95,7 @@ class FieldOfTheEarth:
 
 
 def _is_nowhere(place: Place) -> bool:
-    """An autopilot without a fix is at 0 deg N, 0 deg E, or a few metres from there."""
+    """Whether it is a place without a fix: 0 deg N, 0 deg E, or a few metres from there."""
     return math.hypot(place.latitude_deg, place.longitude_deg) < NOWHERE_DEG
 
 
@@ -106,14 +105,14 @@ def _is_near(place: Place, other: Place) -> bool:
 
 
 class Aiding:
-    """Passes on all that helps the filter, and logs what is new.
+    """Passes aiding data to the filter, and logs changes.
 
     Args:
-        settings: what may be used.
-        field: where the earth field comes from.
-        autopilot: whose armed and landed state counts.
-        estimation: what takes the records.
-        witness: what takes the receiver's velocities, fused or not.
+        settings: enable the sources.
+        field: source of the earth field.
+        autopilot: its armed and landed state.
+        estimation: takes the records.
+        witness: takes the receiver's velocities, fused or not.
     """
 
     def __init__(
@@ -141,7 +140,7 @@ class Aiding:
         return self._field.is_known
 
     def tell_vehicle(self, t_ns: int) -> list[Effect]:
-        """Passes the vehicle's state on to the filter where it changed."""
+        """Passes a changed vehicle state to the filter."""
         fresh = t_ns - self._airspeed_ns <= STALE_AIRSPEED_NS
         state = VehicleState(self._autopilot.on_ground, self._airspeed_m_s if fresh else None)
         if state == self._told:
@@ -152,12 +151,12 @@ class Aiding:
         return [Record("/aiding", record)]
 
     def on_landed_state(self, t_ns: int, state: LandedState) -> list[Effect]:
-        """The autopilot reports whether the vehicle is on the ground."""
+        """Takes the autopilot's report whether the vehicle is on the ground."""
         self._autopilot.hears_landed_state(t_ns, state.on_ground)
         return self.tell_vehicle(t_ns)
 
     def on_airspeed(self, t_ns: int, measured: Airspeed) -> list[Effect]:
-        """Airspeed is used for fixed wings only, which fly along their nose."""
+        """Uses airspeed for fixed wings only, which fly along their nose."""
         identity = self._autopilot.identity
         flies_forward = identity is not None and identity.is_fixed_wing
         usable = measured.airspeed_m_s is not None and self._settings.airspeed and flies_forward
@@ -167,13 +166,13 @@ class Aiding:
         return self.tell_vehicle(t_ns)
 
     def on_system_time(self, time: SystemTime) -> list[Effect]:
-        """The date for the field model."""
+        """Takes the date for the field model."""
         if time.unix_s is not None:
             self._field.use_date(time.unix_s)
         return []
 
     def on_place(self, t_ns: int, place: Place) -> list[Effect]:
-        """The vehicle's position."""
+        """Takes the vehicle's position."""
         field = self._field.at(t_ns, place)
         if field is None:
             return []
@@ -187,11 +186,11 @@ class Aiding:
         return [Record("/aiding", record)]
 
     def on_origin(self, t_ns: int, origin: Origin) -> list[Effect]:
-        """Where the vehicle started: good enough until its position is known."""
+        """Takes the place of the start, which suffices until the position is known."""
         return [] if self._field.is_known else self.on_place(t_ns, origin.place)
 
     def on_gps(self, t_ns: int, fix: GpsFix) -> list[Effect]:
-        """A fix of the receiver."""
+        """Takes a fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
         newest_us = self._estimation.newest_t_us
         velocity = None if newest_us is None else gps_velocity(fix, newest_us)
@@ -202,7 +201,7 @@ class Aiding:
         return effects + self._tell_velocity(t_ns, velocity)
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
-        """A velocity of the autopilot's estimator."""
+        """Takes a velocity of the autopilot's estimator."""
         newest_us = self._estimation.newest_t_us
         if not self._settings.autopilot_velocity or newest_us is None:
             return []

@@ -1,15 +1,15 @@
-"""Which autopilot the service listens to: found by heartbeats, proved by its IMU, kept, watched.
+"""Selects the autopilot: detected by heartbeats, confirmed by its IMU, kept, monitored.
 
 The rules:
 
-1. The first autopilot that is heard (or the configured one) is *on trial* at once: it is asked for
-   streams, and its samples are used.
+1. The first autopilot received (or the configured one) is *on trial* at once: streams are requested
+   from it, and its samples are used.
 2. Three heartbeats and an IMU message *confirm* it.
-3. Another one with three heartbeats takes the place of one on trial that is silent or brings no
-   IMU message for 3 s, and of a confirmed one that is silent for 10 s. Otherwise it is a rival.
-4. What an autopilot says it is (make and type) changes only when for 3 s it says nothing else.
+3. Another one with three heartbeats replaces one on trial that is silent or sends no IMU message
+   for 3 s, and a confirmed one that is silent for 10 s. Otherwise it is a rival.
+4. The reported identity (make and type) changes only after 3 s without the previous one.
 
-Heartbeats of others cost the same few operations and no memory, however many there are.
+Heartbeats of others cost the same few operations and no memory, whatever their number.
 """
 
 from array import array
@@ -28,7 +28,7 @@ KIND_HOLD_NS = 3 * SECOND_NS
 CONFIRMING_HEARTBEATS = 3
 # A burst of heartbeats counts once: they come at 1 Hz.
 HEARTBEAT_APART_NS = 400_000_000
-# Shorter than the distance of two heartbeats.
+# Shorter than the interval of two heartbeats.
 STATE_HOLD_NS = 900_000_000
 ADDRESSES = 1 << 16
 
@@ -43,7 +43,7 @@ Sender = tuple[int, int]
 
 
 class Identity(NamedTuple):
-    """A MAVLink address with what its heartbeat says it is."""
+    """A MAVLink address with the identity in its heartbeat."""
 
     system_id: int
     component_id: int
@@ -84,22 +84,22 @@ class Identity(NamedTuple):
 
 
 class Heard(Enum):
-    """What resulted from a heartbeat."""
+    """The result of a heartbeat."""
 
     NOTHING = 0
-    BOUND = 1  # another autopilot, or another vehicle, is the one to listen to from now on
+    BOUND = 1  # another autopilot, or another vehicle, is bound from now on
     RIVAL = 2  # another autopilot is on the link
 
 
 class Candidates:
-    """Counts the heartbeats of every address there can be, in tables that never grow."""
+    """Counts the heartbeats of every possible address, in tables of fixed size."""
 
     def __init__(self) -> None:
         self._counts = bytearray(ADDRESSES)
         self._last_ns = array("q", bytes(8 * ADDRESSES))
 
     def hears(self, t_ns: int, sender: Sender) -> int:
-        """Counts a heartbeat; how many have come without a long pause (at most 255)."""
+        """Counts a heartbeat; returns how many came without a long pause (at most 255)."""
         place = sender[0] << 8 | sender[1]
         count, pause_ns = self._counts[place], t_ns - self._last_ns[place]
         if count and pause_ns < HEARTBEAT_APART_NS:
@@ -115,7 +115,7 @@ class Autopilot:
 
     Args:
         settings: which ids to accept; 0 accepts any.
-        own_component_id: ours, under which no autopilot can be.
+        own_component_id: ours, which no autopilot can have.
     """
 
     def __init__(self, settings: AutopilotSettings, own_component_id: int = 0) -> None:
@@ -133,16 +133,16 @@ class Autopilot:
 
     @property
     def is_armed(self) -> bool:
-        """What its heartbeat says."""
+        """Whether its heartbeat says armed."""
         return self._armed.value
 
     @property
     def on_ground(self) -> bool:
-        """Disarmed, or landed as far as the autopilot says so."""
+        """Whether it is disarmed, or reported as landed."""
         return not self._armed.value or self._landed.value is True
 
     def hears_heartbeat(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
-        """Takes a HEARTBEAT of anybody."""
+        """Takes a HEARTBEAT of any sender."""
         if not heartbeat.is_of_autopilot or 0 in sender:
             return Heard.NOTHING
         count = self._candidates.hears(t_ns, sender)
@@ -157,7 +157,7 @@ class Autopilot:
         return self._bind(t_ns, sender, heartbeat) if self._gives_way(t_ns) else Heard.RIVAL
 
     def brings_imu(self) -> None:
-        """An IMU message of the bound autopilot has come."""
+        """Notes an IMU message of the bound autopilot."""
         self._has_imu = True
 
     def hears_landed_state(self, t_ns: int, on_ground: bool | None) -> None:
@@ -165,19 +165,19 @@ class Autopilot:
         self._landed.hears(t_ns, on_ground)
 
     def accepts(self, sender: Sender) -> bool:
-        """Whether the settings allow this address; 0 is everybody's, and nobody sends under it."""
+        """Whether the settings allow this address; 0 is the broadcast id, never a sender."""
         if 0 in sender or sender[1] == self._own_component_id:
             return False
         wanted = self._settings
         return wanted.system_id in (0, sender[0]) and wanted.component_id in (0, sender[1])
 
     def owns(self, sender: Sender) -> bool:
-        """Whether a message of this sender is the bound autopilot's own."""
+        """Whether this sender is the bound autopilot."""
         mine = self.identity
         return mine is not None and mine.system_id == sender[0] and mine.component_id == sender[1]
 
     def may_be_replaced(self, t_ns: int) -> bool:
-        """Nobody is bound, or it has been silent for so long that another may take its place."""
+        """Whether no autopilot is bound, or the bound one has been silent for long."""
         return self.identity is None or t_ns - self._heard_ns > GIVEN_UP_NS
 
     def _hears_own(self, t_ns: int, heartbeat: Heartbeat, count: int) -> Heard:

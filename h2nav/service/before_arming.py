@@ -1,4 +1,4 @@
-"""The second opinion before arming: what lasts of what is wrong on the ground, said once."""
+"""The second opinion before arming: lasting faults on the ground, each reported once."""
 
 from collections.abc import Sequence
 
@@ -16,16 +16,16 @@ from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.position import GpsFix
 
 LASTS_NS = 3 * SECOND_NS
-# An authorization is for an arming that is about to be.
+# An authorization is valid for an arming that is imminent.
 AUTHORIZED_S = 10
 LOOK_NS = SECOND_NS
 
 
 class BeforeArming:
-    """Watches while the vehicle is disarmed; commands nothing.
+    """Checks the vehicle while it is disarmed; commands nothing.
 
     Args:
-        tell: reports to people.
+        tell: reports notices.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -40,34 +40,34 @@ class BeforeArming:
 
     @property
     def faults(self) -> Sequence[GroundFault]:
-        """What has been wrong for some seconds; none while armed."""
+        """Faults that have lasted some seconds; none while armed."""
         return self.verdict.faults
 
     def armed(self, is_armed: bool) -> None:
-        """What the autopilot's heartbeat says."""
+        """Takes the armed state from the heartbeat."""
         if is_armed != self._is_armed:
             self.restart()
         self._is_armed = is_armed
 
     def restart(self) -> None:
-        """Another autopilot, another epoch: what was seen says nothing of it."""
+        """Forgets everything, for another autopilot or another epoch."""
         self._preflight.restart()
         self._since_ns.clear()
         self.verdict = GroundVerdict()
         self._sound_ns, self._is_sound = None, False
 
     def on_sample(self, imu: int, t_ns: int, sample: ImuSample) -> None:
-        """A sample of an IMU, by its number from 0."""
+        """Takes a sample of an IMU, by its number from 0."""
         if not self._is_armed:
             t_us = t_ns // 1000
             self._preflight.on_sample(imu, t_us, sample.w_b, sample.f_b, sample.m_b_ut)
 
     def on_earth(self, field: EarthField) -> None:
-        """The earth's field here."""
+        """Takes the earth's field."""
         self._preflight.on_earth(field)
 
     def on_message(self, message: object) -> None:
-        """What else the autopilot says."""
+        """Takes another message of the autopilot."""
         if isinstance(message, GpsFix) and message.v_n is not None:
             self._preflight.on_velocity(message.v_n)
         elif isinstance(message, ReportedAttitude) and not message.is_second:
@@ -75,11 +75,11 @@ class BeforeArming:
 
     @property
     def opinion(self) -> int:
-        """1: nothing is wrong; 0: nothing is known, or it is armed; -n: n things are wrong."""
+        """1: nothing is wrong; 0: unknown or armed; -n: n things are wrong."""
         return -len(self.faults) if self.faults else int(self._is_sound)
 
     def authorization(self, asker: Address) -> OutMessage:
-        """The answer to who asks whether it may arm."""
+        """The reply to a request for authorization."""
         result = {
             0: mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
             1: mavlink.MAV_RESULT_ACCEPTED,
@@ -88,7 +88,7 @@ class BeforeArming:
         return outbound.arm_authorization(result, AUTHORIZED_S if is_good else 0, asker)
 
     def look(self, t_ns: int) -> list[Effect]:
-        """Once a second: reports what has begun to last."""
+        """Called once a second; reports faults that have begun to last."""
         if self._is_armed or t_ns - self._looked_ns < LOOK_NS:
             return []
         self._looked_ns = t_ns
@@ -97,7 +97,7 @@ class BeforeArming:
         self._since_ns = {key: self._since_ns.get(key, t_ns) for key in now}
         lasting = [f for key, f in now.items() if t_ns - self._since_ns[key] >= LASTS_NS]
         self.verdict = GroundVerdict(tuple(lasting), judged)
-        # A fault that has just begun is no fault yet, and no soundness either.
+        # A fault that has just begun counts neither as a fault nor as sound.
         if now or Item.ACCELEROMETER not in judged:
             self._sound_ns = None
         elif self._sound_ns is None:

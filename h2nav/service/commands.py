@@ -1,4 +1,4 @@
-"""Answers commands: carries out what we can; always acknowledges what is meant for us alone."""
+"""Carries out commands, and acknowledges every one addressed to this component."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class Commands:
 
     Args:
         outputs: our own messages, which may be requested or re-timed.
-        may_change: obey SET_MESSAGE_INTERVAL; without it the command is DENIED.
+        may_change: obey SET_MESSAGE_INTERVAL; otherwise the command is DENIED.
     """
 
     def __init__(self, outputs: Outputs, may_change: bool) -> None:
@@ -39,13 +39,13 @@ class Commands:
         }
 
     def answer(self, command: Command, asker: Address) -> list[OutMessage]:
-        """Everything to send for a command: first its COMMAND_ACK, then what it asked for.
+        """Returns everything to send for a command: its COMMAND_ACK, then the requested message.
 
-        A command to everybody gets no other answer than the message that it requests: whether to
-        arm or to take off is for others to say.
+        A broadcast command gets no reply except the message that it requests: arming or take-off
+        is for other components to acknowledge.
 
         Args:
-            command: for us, or for everybody.
+            command: addressed to this component or broadcast.
             asker: system and component id of the sender.
         """
         is_for_all = command.target[1] == 0
@@ -89,7 +89,7 @@ class Commands:
         return ACCEPTED, [outbound.message_interval(wanted, self._outputs.rate_hz(wanted))]
 
     def _offered(self, command: Command) -> int | None:
-        """The message that the command is about, where it is one of ours."""
+        """The message that the command is about, if it is one of ours."""
         wanted = command.param1
         return int(wanted) if math.isfinite(wanted) and self._outputs.offers(int(wanted)) else None
 

@@ -1,4 +1,4 @@
-"""What the autopilot says of its attitude, to the witness; what that finds, to log and outputs."""
+"""Passes the autopilot's attitude to the witness, and its comparisons to log and outputs."""
 
 import math
 from typing import NamedTuple
@@ -14,13 +14,13 @@ from h2nav.service.records import ComparisonRecord
 from h2nav.service.wished_stream import Wish
 from h2nav.wire.attitude import ReportedAttitude
 
-# More than this is not looked at, in recordings with faster streams as well.
+# The largest rate of comparison; faster streams in recordings are thinned.
 MOST_PER_S = 10.0
 AT_ONCE = 2
 MESSAGES = frozenset({mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_AHRS2})
 # AHRS2 comes at half the rate of ATTITUDE.
 AHRS2_SHARE = 0.5
-# What was told longer ago is not the autopilot's attitude now.
+# An older attitude is stale.
 STALE_NS = 2 * SECOND_NS
 
 
@@ -29,7 +29,7 @@ class LatestReport(NamedTuple):
 
     Attributes:
         t_ns: host time of its arrival.
-        source: whose it is.
+        source: of the attitude.
         q_nb: body to NED.
     """
 
@@ -39,7 +39,7 @@ class LatestReport(NamedTuple):
 
 
 def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:
-    """The streams to ask this make of autopilot (MAV_AUTOPILOT) for; a rate of 0 asks for none."""
+    """The streams to request from this make of autopilot (MAV_AUTOPILOT); a rate of 0 = none."""
     if rate_hz == 0.0:
         return ()
     attitude = Wish(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_optional=True)
@@ -53,7 +53,7 @@ class Comparing:
     """The witness of the bound autopilot.
 
     Attributes:
-        witness: takes the velocities too, and has the alarms.
+        witness: also takes the velocities; has the alarms.
     """
 
     def __init__(self) -> None:
@@ -62,20 +62,20 @@ class Comparing:
         self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
 
     def heeds(self, t_ns: int, message_id: int) -> bool:
-        """Whether this one of `MESSAGES` is worth reading."""
+        """Whether this message of `MESSAGES` is due for comparison."""
         return self._limits[message_id].allows(t_ns)
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time none of this id is worth reading."""
+        """The host time before which no message of this id is due."""
         return self._limits[message_id].next_ns
 
     def on_sample(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Effect]:
-        """Our newest estimate, None during an alignment."""
+        """Takes our newest estimate, None during an alignment."""
         found = self.witness.add(sample, estimate)
         return _records(found) if found else []
 
     def told(self, t_ns: int) -> LatestReport | None:
-        """The autopilot's newest attitude, of its main estimator if it can be; None if stale."""
+        """The autopilot's newest attitude, preferably of its main estimator; None if stale."""
         for source in (AttitudeSource.AUTOPILOT, AttitudeSource.AHRS2):
             told = self._told.get(source)
             if told is not None and t_ns - told.t_ns <= STALE_NS:
@@ -83,7 +83,7 @@ class Comparing:
         return None
 
     def on_report(self, t_ns: int, reported: ReportedAttitude) -> list[Effect]:
-        """An attitude of the autopilot."""
+        """Takes an attitude of the autopilot."""
         source = AttitudeSource.AHRS2 if reported.is_second else AttitudeSource.AUTOPILOT
         self._told[source] = LatestReport(t_ns, source, reported.q_nb)
         return _records(self.witness.report(source, reported.time_ms, reported.q_nb))

@@ -1,4 +1,4 @@
-"""What we answer: commands, parameters, the time; a limited number per second."""
+"""Replies to commands, parameter requests and TIMESYNC, limited per second."""
 
 from collections import Counter
 
@@ -20,7 +20,7 @@ LIMITED = "question_too_many"
 
 
 class Conversation:
-    """Answers questions that are meant for us.
+    """Replies to requests addressed to this component.
 
     Args:
         settings: our component id, and whether others may change our rates.
@@ -38,15 +38,15 @@ class Conversation:
     def on_question(
         self, envelope: Envelope, question: Question, ours: Address
     ) -> list[OutMessage]:
-        """Everything to send in answer.
+        """Returns everything to send in reply.
 
         Args:
-            envelope: of the question; its sender is answered.
-            question: from anybody.
+            envelope: of the request; its sender gets the reply.
+            question: of any sender.
             ours: our system and component id.
         """
         is_for_us = question.target == ours
-        # Ground stations ask every component of a vehicle at once for its parameters and messages.
+        # Ground stations request parameters and messages from all components of a vehicle at once.
         is_for_all = question.target in ((ours[0], 0), (0, 0))
         may_be_for_all = isinstance(question, Command | ParameterList)
         if envelope.sender == ours or not (is_for_us or (is_for_all and may_be_for_all)):
@@ -57,9 +57,9 @@ class Conversation:
         return self._answers(question, envelope.sender)
 
     def on_time_question(self, envelope: Envelope, question: TimeSyncMessage) -> OutMessage | None:
-        """The time of the question's arrival on the autopilot's clock; None until that is known.
+        """The arrival of the request on the autopilot's clock; None until that is known.
 
-        PX4 takes what we answer for the clock that our time stamps are on, and they are on its own.
+        PX4 takes our reply for the clock of our time stamps, which are on its own clock.
         """
         offset_ns = self._time_sync.offset_ns(envelope.t_ns)
         if offset_ns is None or not self._limit.allows(envelope.t_ns):

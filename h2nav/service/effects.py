@@ -1,4 +1,4 @@
-"""What the service wants done; the daemon and the replay carry it out."""
+"""Effects that the service requests; the daemon and the replay carry them out."""
 
 from typing import NamedTuple
 
@@ -23,9 +23,9 @@ class Record(NamedTuple):
     """Write a record of flat scalars to the log.
 
     Attributes:
-        topic: where it goes, such as ``/estimate``.
+        topic: such as ``/estimate``.
         record: a NamedTuple from `h2nav.service.records`.
-        t_us: autopilot time that the record belongs to; None when it has none.
+        t_us: autopilot time of the record; None if it has none.
     """
 
     topic: str
@@ -34,12 +34,12 @@ class Record(NamedTuple):
 
 
 class Used(NamedTuple):
-    """A sample went through the filter; log both, after everything that has to leave was sent.
+    """A sample went through the filter; log both, after everything due has been sent.
 
     Attributes:
-        sample: what went in.
-        estimate: what came out; None during the alignment.
-        late_ns: how late it is, beyond what is usual on this link.
+        sample: the input.
+        estimate: the output; None during the alignment.
+        late_ns: lateness beyond the usual on this link.
     """
 
     sample: ImuSample
@@ -48,7 +48,7 @@ class Used(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A finding has begun, has changed, goes on, or has ended: log it, and show it to programs."""
+    """A finding has begun, changed, been repeated or ended: log it, and pass it to programs."""
 
     phase: Phase
     finding: Finding
@@ -58,9 +58,9 @@ class Notice(NamedTuple):
     """Report to people: journal, log, and (already sent separately) STATUSTEXT.
 
     Attributes:
-        severity: of it.
+        severity: of the notice.
         text: one line.
-        cause: stays the same while figures and names in the text change; the text by default.
+        cause: identifies the notice while figures and names change; default: the text.
     """
 
     severity: Severity

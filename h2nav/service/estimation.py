@@ -1,4 +1,4 @@
-"""From IMU readings to estimates: one lane for every IMU, and which of them is sent."""
+"""From IMU readings to estimates: one lane per IMU, and the selection of the one that is sent."""
 
 import itertools
 import math
@@ -46,15 +46,15 @@ APART_RAD = math.radians(2.0)
 
 
 class SentSample(NamedTuple):
-    """What resulted from an IMU reading.
+    """The result of an IMU reading.
 
     Attributes:
-        sample: the sample that was used; None when the reading was refused, lent its field only, or
-            went to a filter that is not sent.
-        estimate: of the time of the sample.
-        unled: as the filter made it: of the time at which the sample's values were true.
-        event: REBOOT or NEW_EPOCH when the sample began a new epoch.
-        switched: tells that another IMU is sent from this sample on, and why.
+        sample: the sample that was used; None if the reading was rejected, only lent its field, or
+            went to a lane that is not sent.
+        estimate: at the time of the sample.
+        unled: the filter's output: at the time at which the sample's values were true.
+        event: REBOOT or NEW_EPOCH if the sample began a new epoch.
+        switched: reports that another IMU is sent from this sample on, and why.
     """
 
     sample: ImuSample | None = None
@@ -68,12 +68,12 @@ class Estimation:
     """The lanes of one autopilot.
 
     Args:
-        filter_for: makes the filters for a vehicle once it is known.
-        settings: the messages to use, and what is known of their delays.
-        before_arming: looks at the samples of every IMU as well.
+        filter_for: creates the filters for a vehicle once it is known.
+        settings: the messages to use, and their known delays.
+        before_arming: also takes the samples of every IMU.
 
     Attributes:
-        used: samples of the lanes that were sent.
+        used: number of samples of the lanes that were sent.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Estimation:
         self.used = 0
 
     def begin(self, identity: Identity) -> None:
-        """The vehicle is known (or is another one now): its filters and its messages."""
+        """Starts for a new vehicle: its filters and its messages."""
         self._lanes = tuple(
             Lane(
                 messages,
@@ -138,7 +138,7 @@ class Estimation:
 
     @property
     def timing(self) -> SensorTiming:
-        """How late the sensors are."""
+        """Delays of the sensors."""
         return self._lane.timing
 
     @property
@@ -148,17 +148,17 @@ class Estimation:
 
     @property
     def is_independent(self) -> bool:
-        """Nothing of the autopilot's own estimator has gone into the estimate."""
+        """Whether nothing of the autopilot's own estimator is in the estimate."""
         return self._sent is None or not self._sent.dependent_source
 
     @property
     def dependent_source(self) -> str:
-        """What has brought something of the autopilot's own estimator."""
+        """The source of the dependence on the autopilot's own estimator."""
         return self._lane.dependent_source
 
     @property
     def has_estimate(self) -> bool:
-        """There is an attitude."""
+        """Whether there is an attitude."""
         return self._sent is not None and self._sent.has_estimate
 
     @property
@@ -171,7 +171,7 @@ class Estimation:
         return self._sent.objections(t_ns) if self._sent else ()
 
     def alarms(self) -> list[Alarm]:
-        """What is wrong with the attitude that is sent, and with the sensors of every IMU."""
+        """Alarms of the attitude that is sent, and of the sensors of every IMU."""
         found = [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
         found += self._compasses.alarms()
         known = {alarm.kind for alarm in found}
@@ -184,17 +184,17 @@ class Estimation:
         return self._sent.monitor.ratios if self._sent else InnovationRatios()
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
-        """What is wrong with the latest readings; None where none came."""
+        """What is wrong with the latest readings; None if there were none."""
         return self._sent.why_no_samples(t_ns) if self._sent else None
 
     def useless_streams(self) -> Iterator[int]:
-        """Messages that were asked for as lanes, and are none."""
+        """Requested messages that turned out not to be lanes."""
         for lane in self._lanes:
             if lane.is_resting and lane.imu_message is not None:
                 yield lane.imu_message.message_id
 
     def lane_records(self) -> list[LaneRecord]:
-        """How the lanes are; none where there is only one."""
+        """The state of the lanes; empty if there is only one."""
         sent = self._sent
         lanes = [lane for lane in self._lanes if lane.newest is not None]
         if sent is None or len(lanes) < 2:
@@ -205,27 +205,27 @@ class Estimation:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Readings that could not be used, by reason.
+        """Rejected readings, by reason.
 
-        Those of other lanes than the first do not count, because they are optional.
+        Lanes other than the first are optional and do not count.
         """
         return self._rejected
 
     def reject(self, reason: str) -> None:
-        """Counts a reading that cannot be used."""
+        """Counts a rejected reading."""
         self._rejected[reason] += 1
 
     def considers(self, t_ns: int, message_id: int) -> bool:
-        """Asks the lanes whether this message could be of use now, before it is even read.
+        """Whether any lane needs this message, decided before it is decoded.
 
-        The answer holds for the `take` or `refuse` that follows.
+        The answer holds for the next `take` or `refuse`.
         """
         needs = [(lane, lane.need(t_ns, message_id)) for lane in self._lanes]
         self._takers = [taker for taker in needs if taker[1]]
         return bool(self._takers)
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
-        """Takes a reading of the bound autopilot that was considered just now."""
+        """Takes a reading of the bound autopilot for which `considers` was True."""
         steps: dict[int, Step] = {}
         if self._first_ns is None:
             self._first_ns = t_ns
@@ -247,21 +247,21 @@ class Estimation:
         return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), told)
 
     def refuse(self, t_ns: int, reason: str) -> None:
-        """Counts a reading that was considered just now and cannot be used."""
+        """Counts a rejected reading for which `considers` was True."""
         for lane, _ in self._takers[:1]:
             lane.refuse(t_ns, reason)
             if lane.is_refused and lane is not self._sent:
                 lane.rest(t_ns)
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time a message that is not needed now will not be, either.
+        """The host time until which a message that is not needed stays so.
 
         It holds until the next `begin`.
         """
         return min(lane.idle_until_ns(message_id) for lane in self._lanes)
 
     def use_field(self, field: EarthField) -> None:
-        """Passes the earth field on, now and to any later filter."""
+        """Passes the earth field to every present and later filter."""
         self._field = field
         self._compasses.reference = field
         self._before_arming.on_earth(field)
@@ -269,23 +269,23 @@ class Estimation:
             lane.use_field(field)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Passes the vehicle's state on, now and to any later filter."""
+        """Passes the vehicle's state to every present and later filter."""
         self._vehicle = vehicle
         for lane in self._lanes:
             lane.use_vehicle(vehicle)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks the estimates as dependent from then on."""
+        """Passes a velocity on; a dependent one marks all later estimates as dependent."""
         for lane in self._lanes:
             lane.use_velocity(fix)
 
     def use_vibration(self, t_ns: int, vibration: Vibration) -> None:
-        """Takes what the autopilot says of vibration and clipped samples."""
+        """Takes the autopilot's report of vibration and clipped samples."""
         level_m_s2 = max(vibration.levels) if self._is_ardupilot else 0.0
         self._shaking.take(t_ns, level_m_s2, vibration.clips)
 
     def hears(self, parameter: ParameterValue) -> bool:
-        """Takes a parameter of the autopilot; whether it has changed how late the sensors are."""
+        """Takes a parameter of the autopilot; returns whether it changed the sensors' delays."""
         changed = [lane.timing.hears(parameter) for lane in self._lanes]
         return any(changed)
 
@@ -297,7 +297,7 @@ class Estimation:
         return self._sent
 
     def _sendable(self, t_ns: int, step: Step, switched: str) -> SentSample:
-        """What is sent of a step of the lane that is sent: its times only grow."""
+        """The part of a step that is sent, if its lane is; its times only increase."""
         (sample, unled, of_step), lane = step, self._lane
         if sample is None:
             return SentSample(switched=switched)
@@ -317,7 +317,7 @@ class Estimation:
         return SentSample(sample, estimate, unled, event, switched)
 
     def _look(self, t_ns: int) -> str:
-        """Judges all lanes; tells of a change."""
+        """Judges all lanes; returns the text of a switch."""
         self._looked_ns = t_ns
         for lane in self._lanes:
             lane.judge(t_ns)
@@ -337,12 +337,12 @@ class Estimation:
     def _condition(self, t_ns: int, lane: Lane) -> Condition:
         found, shaking = lane.condition(t_ns, self._lane), self._shaking
         clips = shaking.clips(lane.imu, t_ns) > 0
-        # The level is of an IMU that is not known: the noise of the lanes tells which.
+        # VIBRATION does not name the IMU: the noise of the lanes shows which it is.
         is_shaken = clips or shaking.is_high(t_ns) or found.noise_m_s2 > VIBRATION_M_S2
         return found._replace(is_shaken=is_shaken)
 
     def _first_lane(self, t_ns: int) -> Lane:
-        """The first one that brings samples; the very first is waited for a little."""
+        """The first lane with samples; waits briefly for the preferred one."""
         assert self._first_ns is not None
         for lane in self._lanes:
             heard_ns = self._first_ns if lane.last_used_ns is None else lane.last_used_ns
@@ -358,7 +358,7 @@ class Estimation:
                 (one if other is self._sent else other).rest(t_ns)
 
     def _compare_compasses(self, t_ns: int) -> None:
-        """Fields of all IMUs through one attitude: one that velocities have shown, or the sent."""
+        """Compares all IMUs' fields through one attitude: from velocities, or the sent one."""
         lanes = [lane for lane in self._lanes if not lane.is_silent(t_ns) and lane.has_estimate]
         shown = [lane for lane in lanes if lane.monitor.heading_is_shown]
         level = self._lane if self._lane in shown or not shown else shown[0]
@@ -403,11 +403,10 @@ class Estimation:
         return _REASONS[cause]
 
     def _is_by_compass(self, worse: Lane, lane: Lane) -> bool:
-        """Of two lanes whose gyros agree: the compass of the worse one is what is wrong.
+        """Whether, of two lanes whose gyros agree, the worse one's compass is wrong.
 
-        There is nothing else where their forces agree too, or where the same turn agrees with the
-        field of the one and contradicts that of the other. Two attitudes that are hardly apart show
-        nothing of a compass.
+        It is if their forces agree too, or if the same turn agrees with one field and contradicts
+        the other. Two attitudes that hardly differ say nothing about a compass.
         """
         (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
@@ -439,11 +438,11 @@ _REASONS = {
 
 
 def _uncounted(_reason: str) -> None:
-    """Takes what is not counted."""
+    """Does not count."""
 
 
 def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
-    """Tilt and heading between both at the time of the sent one, rad; NaN where unknown."""
+    """Tilt and heading between both at the time of the sent one, rad; NaN if unknown."""
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan

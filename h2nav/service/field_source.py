@@ -1,10 +1,10 @@
-"""Whose magnetic field a sample takes: its own message's, or a calibrated one that comes beside it.
+"""Selects the magnetic field of a sample: its own message's, or a calibrated one beside it.
 
-PX4's SCALED_IMU has rates and forces as the sensors give them, but its field is the raw sensor's:
-without offsets, scale and the rotation of an external compass. The field of its HIGHRES_IMU is
-calibrated. So a sample of the one takes the newest field of the other, each field once. The sample
-is later than the field's message by half a period of HIGHRES_IMU at most, which counts with the
-delay of that field (`sensor_delays`).
+PX4's SCALED_IMU has the sensors' rates and forces, but its field is the raw sensor's: without
+offsets, scale and the rotation of an external compass. The field of its HIGHRES_IMU is calibrated.
+So a sample of the former takes the newest field of the latter, each field once. The sample is later
+than the field's message by at most half a period of HIGHRES_IMU, which counts as part of the delay
+of that field (`sensor_delays`).
 """
 
 from h2nav.attitude.samples import Vec3
@@ -12,23 +12,23 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.wire.imu import IDS_BY_NAME, ImuMessage, ImuReading
 
 CALIBRATED_ID = IDS_BY_NAME["HIGHRES_IMU"]
-# So long a calibrated field is waited for before a raw one counts: it may have to be asked for.
+# A calibrated field may have to be requested: wait this long before a raw one counts.
 WAIT_NS = 2 * SECOND_NS
-# After one, so long no field at all is better than a raw one, which is wrong by degrees at once:
-# meanwhile the gyro alone loses tenths of a degree.
+# After one, no field for this long is better than a raw one, which is wrong by degrees at once:
+# meanwhile the gyro alone drifts by tenths of a degree.
 TRUSTED_NS = 5 * SECOND_NS
 
 
 class FieldSource:
-    """Chooses the field of every sample of one autopilot.
+    """Selects the field of every sample of one autopilot.
 
     Args:
         autopilot: MAV_AUTOPILOT of its heartbeat.
-        lends: whether the field of another message may be taken at all.
+        lends: whether the field of another message may be used.
 
     Attributes:
-        has_lent: a sample has taken the field of another message.
-        is_raw: the latest field that a sample has taken is that of the sensor, not calibrated.
+        has_lent: a sample has used the field of another message.
+        is_raw: the latest field used is the sensor's, not calibrated.
     """
 
     def __init__(self, autopilot: int, lends: bool) -> None:
@@ -41,20 +41,20 @@ class FieldSource:
         self.is_raw = False
 
     def restart(self) -> None:
-        """The autopilot's time starts again, and its streams have to be asked for again."""
+        """Restarts with the autopilot's time, when streams have to be requested again."""
         self._waiting = self._heard_ns = self._since_ns = None
 
     def is_wanted(self, chosen: ImuMessage | None) -> bool:
-        """Whether the field of `CALIBRATED_ID` is of use beside the chosen message."""
+        """Whether the field of `CALIBRATED_ID` is needed besides the chosen message."""
         return chosen is not None and self._may_borrow(chosen)
 
     def hears(self, t_ns: int, field: Vec3 | None) -> None:
-        """Takes the field of a message that is wanted; None where it brings no new one."""
+        """Takes the field of a needed message; None if it has no new one."""
         if field is not None:
             self._waiting, self._heard_ns = field, t_ns
 
     def choose(self, t_ns: int, message: ImuMessage, reading: ImuReading) -> ImuReading:
-        """The reading with the field that the sample takes."""
+        """Returns the reading with the field for the sample."""
         if not self._may_borrow(message):
             self.is_raw = self._autopilot in message.raw_field_of
             if message.message_id == CALIBRATED_ID and reading.m_b_ut is not None:

@@ -1,27 +1,27 @@
-"""Ground stations that come late: each is told once what is wrong at present."""
+"""Detects new ground stations, each of which is sent the present faults once."""
 
 from collections import OrderedDict
 
 from h2nav.service.autopilot import Sender
 from h2nav.service.limits import SECOND_NS, RateLimit
 
-# One that was away for so long has missed something.
+# A station that was away for this long has missed something.
 AWAY_NS = 30 * SECOND_NS
 MOST_STATIONS = 8
-# However many there are, and whatever ids somebody invents.
+# Bounded, whatever ids senders invent.
 NEWCOMERS_PER_S = 0.1
 NEWCOMERS_AT_ONCE = 2
 
 
 class GroundStations:
-    """Knows by their heartbeats which ground stations are there."""
+    """Tracks ground stations by their heartbeats."""
 
     def __init__(self) -> None:
         self._heard_ns: OrderedDict[Sender, int] = OrderedDict()
         self._limit = RateLimit(NEWCOMERS_PER_S, NEWCOMERS_AT_ONCE)
 
     def is_newcomer(self, t_ns: int, sender: Sender) -> bool:
-        """Whether a heartbeat is that of a station that was not there before.
+        """Whether a heartbeat is from a station that was not there before.
 
         Args:
             t_ns: host time.

@@ -1,4 +1,4 @@
-"""The one state that the whole service is in, with its reason; it sets the heartbeat's status."""
+"""The state of the service with its reason; it determines the heartbeat's status."""
 
 from collections.abc import Callable
 from enum import Enum
@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
 class ServiceState(Enum):
-    """From the worst to the best; the value is its name in logs."""
+    """Ordered from worst to best; the value is its name in logs."""
 
     NO_LINK = "no_link"
     NO_AUTOPILOT = "no_autopilot"
@@ -26,17 +26,17 @@ SYSTEM_STATUS = {
     ServiceState.DEGRADED: mavlink.MAV_STATE_CRITICAL,
     ServiceState.ACTIVE: mavlink.MAV_STATE_ACTIVE,
 }
-# An estimate older than this is no estimate.
+# An older estimate does not count.
 SILENT_IMU_NS = 500_000_000
 LOW_RATE_SHARE = 0.5
 LINK_DOWN = "link is down"
 
 
 class Objection(NamedTuple):
-    """Something that is wrong.
+    """A fault that affects the state.
 
     Attributes:
-        cause: stays the same while figures in the text change.
+        cause: identifies it while figures in the text change.
         text: for people.
     """
 
@@ -45,22 +45,22 @@ class Objection(NamedTuple):
 
 
 class Signs(NamedTuple):
-    """What the state is judged from.
+    """The inputs of `judge`.
 
     Attributes:
-        link_error: why no bytes can come; None while they can.
-        stall_ns: how long we were held up ourselves just now; what was not heard meanwhile says
-            nothing about others. 0 when we were not.
-        bytes_are_junk: bytes come, and no MAVLink frame is among them.
-        autopilot_known: a heartbeat made the binding, and heartbeats still come.
-        last_sample_ns: host time of the last sample that was used; None before the first.
-        last_gap_ns: time between the last two samples that were used; None before the second.
-        no_imu: says why there may be no samples.
-        has_estimate: the filter is past its alignment.
-        late_ns: how late estimates have been for a while; 0 when they are not.
+        link_error: why no bytes can arrive; None while they can.
+        stall_ns: length of our own stall just now, during which silence says nothing about others;
+            0 without one.
+        bytes_are_junk: bytes arrive without MAVLink frames.
+        autopilot_known: an autopilot is bound, and its heartbeats arrive.
+        last_sample_ns: host time of the last sample used; None before the first.
+        last_gap_ns: time between the last two samples used; None before the second.
+        no_imu: why there may be no samples.
+        has_estimate: the filter has aligned.
+        late_ns: lasting lateness of the estimates; 0 without.
         objections: lasting ones, such as wrong units.
         rate_hz: measured rate of the IMU message in use; None until measured.
-        granted_rate_hz: the rate that was settled on with the autopilot; None where none was.
+        granted_rate_hz: the rate negotiated with the autopilot; None without.
     """
 
     link_error: str | None
@@ -82,7 +82,7 @@ class StateVerdict(NamedTuple):
 
     Attributes:
         state: of the service.
-        cause: of the state; a change of it is reported. Empty when active.
+        cause: of the state; a change is reported. Empty when active.
         reason: for people; its figures may change while the cause stays.
     """
 
@@ -100,7 +100,7 @@ AT_START = StateVerdict(ServiceState.NO_LINK, LINK_DOWN, LINK_DOWN)
 
 
 def judge(signs: Signs, t_ns: int) -> StateVerdict:
-    """The state at `t_ns`."""
+    """Returns the state at `t_ns`."""
     if signs.link_error is not None:
         reason = signs.link_error or LINK_DOWN
         return StateVerdict(ServiceState.NO_LINK, reason, reason)
@@ -117,7 +117,7 @@ def judge(signs: Signs, t_ns: int) -> StateVerdict:
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
         return StateVerdict(ServiceState.NO_IMU, *signs.no_imu())
     if signs.last_gap_ns is not None and signs.last_gap_ns > SILENT_IMU_NS:
-        # One sample ends no silence: a stream of 1 Hz would change the state twice a second.
+        # One sample does not end a silence: a stream of 1 Hz would toggle the state.
         return StateVerdict(ServiceState.NO_IMU, *signs.no_imu())
     if not signs.has_estimate:
         return StateVerdict(ServiceState.ALIGNING, "alignment", "finding the first attitude")

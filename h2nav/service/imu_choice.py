@@ -1,4 +1,4 @@
-"""Which of the IMU messages that arrive feeds which filter."""
+"""Selects which of the arriving IMU messages feeds which filter."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from h2nav.wire.imu import (
 )
 
 # Best first. PX4 never sends RAW_IMU; its HIGHRES_IMU has the estimator's bias already removed,
-# which makes the second opinion depend on the first, so SCALED_IMU comes before it.
+# which makes the estimate dependent on the autopilot's, so SCALED_IMU comes before it.
 _PREFERENCE_PX4 = ("SCALED_IMU", "HIGHRES_IMU", "SCALED_IMU2", "SCALED_IMU3")
 _PREFERENCE_OTHERS = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3")
 
@@ -43,7 +43,7 @@ class LaneMessages(NamedTuple):
     Attributes:
         imu: number of the IMU, from 0.
         message_ids: best first.
-        others_too: it takes what HIGHRES_IMU holds of another IMU, because it is the only filter.
+        others_too: it also takes other IMUs from HIGHRES_IMU, because it is the only filter.
     """
 
     imu: int
@@ -52,11 +52,11 @@ class LaneMessages(NamedTuple):
 
 
 def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessages, ...]:
-    """The filters that there may be, one per IMU, that of the best message first.
+    """The possible filters, one per IMU, that of the best message first.
 
     Args:
         autopilot: MAV_AUTOPILOT of the heartbeat.
-        settings: how many, and the message to use; a chosen one is used alone.
+        settings: number of lanes, and the message to use; a configured one is used alone.
     """
     ranked = (*preference(autopilot, settings.imu_message), RECORDED_IMU)
     first = IMU_MESSAGES[ranked[0]].imu
@@ -75,7 +75,7 @@ def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessa
 
 
 class ImuChoice:
-    """Which of the arriving messages feeds the filter: the best one that is really there.
+    """Selects the message that feeds the filter: the best one that arrives.
 
     A better message takes over only before `SETTLED` samples of a worse one were used; afterwards
     the choice stays until its message has been silent for `SILENT_NS`.
@@ -99,7 +99,7 @@ class ImuChoice:
         return None if self._chosen is None else IMU_MESSAGES[self._chosen]
 
     def considers(self, message_id: int, t_ns: int) -> bool:
-        """Whether this message could be the one to use now, before it is even read."""
+        """Whether this message could be the one to use now, decided before it is decoded."""
         if message_id == self._chosen:
             return True
         if message_id not in self._rank:
@@ -111,17 +111,17 @@ class ImuChoice:
 
     @property
     def is_settled(self) -> bool:
-        """No other message takes over before the one in use is silent."""
+        """Whether only silence of the message in use can change the choice."""
         return self._chosen is not None and self._used >= self.SETTLED
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time a message that is not considered now will not be, either."""
+        """The host time until which a message that is not considered stays so."""
         if self._chosen is None or message_id not in self._rank:
             return FOREVER_NS
         return self._last_ns + self.SILENT_NS
 
     def takes(self, message_id: int, t_ns: int) -> None:
-        """A message that is considered has been read: it is the one in use now."""
+        """Notes that a considered message was decoded, which makes it the one in use."""
         if message_id != self._chosen:
             self._chosen = message_id
             self._used = 0

@@ -1,4 +1,4 @@
-"""What reaches a lane: which messages feed it, on which clock, and whose field they carry."""
+"""The input of a lane: the messages that feed it, their clock, and the source of their field."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -11,13 +11,13 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
-# Two clocks under one identity are an objection for so long.
+# Two clocks under one identity are an objection for this long.
 CONTESTED_NS = 5 * SECOND_NS
 NEW_EPOCHS = (TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH)
 
 
 class Need(IntEnum):
-    """What a lane needs a message for; what it does not need is not even read."""
+    """What a lane needs a message for; an unneeded message is not even decoded."""
 
     NONE = 0
     FIELD = 1
@@ -25,11 +25,11 @@ class Need(IntEnum):
 
 
 class Arrived(NamedTuple):
-    """What became of a reading.
+    """The result of a reading.
 
     Attributes:
-        verdict: on its time; None where only its field was of use.
-        sample: in the time of the lane; None where the reading cannot be used.
+        verdict: on its time; None if only its field was used.
+        sample: in the time of the lane; None if the reading is not usable.
     """
 
     verdict: TimeVerdict | None = None
@@ -45,7 +45,7 @@ class Intake:
     Args:
         messages: that may feed the lane.
         autopilot: MAV_AUTOPILOT of its heartbeat.
-        lends: the field of another message may be taken.
+        lends: the field of another message may be used.
 
     Attributes:
         newest_us: time of the newest sample of this epoch; None before the first.
@@ -71,17 +71,17 @@ class Intake:
 
     @property
     def field_is_raw(self) -> bool:
-        """The latest field is that of the sensor, not calibrated."""
+        """Whether the latest field is the sensor's, not calibrated."""
         return self._fields.is_raw
 
     @property
     def has_lent(self) -> bool:
-        """A sample has taken the field of another message."""
+        """Whether a sample has used the field of another message."""
         return self._fields.has_lent
 
     @property
     def bias_is_removed(self) -> bool:
-        """The autopilot's estimator has taken its bias out of the message in use."""
+        """Whether the message in use lacks the bias that the autopilot's estimator removed."""
         row = self.message
         return row is not None and self._autopilot in row.bias_removed_by
 
@@ -101,7 +101,7 @@ class Intake:
         return Need.FIELD if lends else Need.NONE
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time a message that is not needed now will not be, either."""
+        """The host time until which a message that is not needed stays so."""
         if message_id == CALIBRATED_ID and not self._choice.is_settled:
             return 0  # a message that borrows its field may come into use
         return self._choice.idle_until_ns(message_id)
@@ -114,13 +114,13 @@ class Intake:
         need: Need,
         goes_on: tuple[int, int] | None,
     ) -> Arrived:
-        """Takes a reading that is needed.
+        """Takes a needed reading.
 
         Args:
             t_ns: host time.
             message_id: of its message.
-            reading: what it says.
-            need: as `need` has answered.
+            reading: its content.
+            need: the answer of `need`.
             goes_on: time of the newest sample that was sent and of its arrival, us and host ns.
         """
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
@@ -140,7 +140,7 @@ class Intake:
         return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
 
     def restart(self) -> None:
-        """The autopilot's time starts again, or the filter does."""
+        """Restarts with the autopilot's time or the filter."""
         self.newest_us = None
         self._fields.restart()
 
@@ -154,7 +154,7 @@ class Intake:
         return self._clock
 
     def _note_contest(self, t_ns: int, verdict: TimeVerdict) -> None:
-        """Two senders speak where the first goes on; otherwise it was one, held up."""
+        """Distinguishes two senders, where the first goes on, from one that was held up."""
         assert self._clock is not None
         if verdict is TimeVerdict.SECOND_SENDER:
             self._contested_line = self._clock.line

@@ -1,4 +1,4 @@
-"""What is wrong, as people and the state get to know it: findings, notices, objections.
+"""Reports faults: findings, notices, objections.
 
 Findings depend on messages and their times alone, so a replay finds the same.
 """
@@ -13,24 +13,24 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Tell
 
 PERIOD_NS = SECOND_NS // 5
-# Nothing has come for so long; and until then nobody has looked at what comes now.
+# After a pause of this length, earlier alarms no longer hold.
 QUIET_NS = 2 * SECOND_NS
 AGAIN_NS = SECOND_NS
 
 
 class Judged(Protocol):
-    """Something that has alarms."""
+    """A source of alarms."""
 
     def alarms(self) -> Iterable[Alarm]:
-        """What is wrong now."""
+        """The present alarms."""
 
 
 class Judgement:
-    """Asks what is wrong a few times a second, and reports what is new.
+    """Collects alarms a few times a second, and reports changes.
 
     Args:
-        tell: reports to people.
-        judged: who has alarms; each kind and source comes from one of them only.
+        tell: reports notices.
+        judged: the sources; each kind and source comes from one of them only.
     """
 
     def __init__(self, tell: Tell, *judged: Judged) -> None:
@@ -43,33 +43,33 @@ class Judgement:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """All so far."""
+        """All findings so far."""
         return self._findings.all
 
     @property
     def open(self) -> tuple[Finding, ...]:
-        """Those that go on."""
+        """The open findings."""
         return self._findings.open
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """What is wrong at present."""
+        """The present alarms."""
         return self._findings.alarms
 
     @property
     def objections(self) -> tuple[Objection, ...]:
-        """What makes the attitude that is sent untrustworthy now."""
+        """Faults that make the attitude that is sent untrustworthy."""
         wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
         return tuple(Objection(alarm.cause, alarm.told) for alarm in wrong)
 
     def look(self, t_ns: int) -> list[Effect]:
-        """A message has come; reports what is wrong since it."""
+        """Called at a message; reports changes since the last call."""
         if self._start_ns is None:
             self._start_ns = t_ns
         if t_ns - self._looked_ns < PERIOD_NS:
             return []
         if 0 < self._looked_ns < t_ns - QUIET_NS:
-            # What was wrong before a pause is not known to be wrong after it.
+            # An alarm before a pause is not known to hold after it.
             self._again_ns = t_ns + AGAIN_NS
         self._looked_ns = t_ns
         alarms = [alarm for one in self._judged for alarm in one.alarms()]
@@ -78,6 +78,6 @@ class Judgement:
         begun, news = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
         effects: list[Effect] = [Found(phase, finding) for phase, finding in news]
         for alarm in begun:
-            if not alarm.degrades:  # the state tells of those that do
+            if not alarm.degrades:  # the state reports those that do
                 effects += self._tell(t_ns, alarm.severity, alarm.told, alarm.cause)
         return effects

@@ -1,4 +1,4 @@
-"""One IMU's way from readings to estimates: its intake, its filter, what watches both.
+"""One IMU's path from readings to estimates: intake, filter, monitoring.
 
 Nothing non-finite passes.
 """
@@ -38,19 +38,19 @@ FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
 ENOUGH_RATE = 0.5
 CALM_RATIO = 0.5
-# Fast for a vehicle of its kind, so that wind and a dive are no fault.
+# Fast for its kind of vehicle, so that wind and a dive are no fault.
 FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Step(NamedTuple):
-    """What resulted from an IMU reading.
+    """The result of an IMU reading.
 
     Attributes:
-        sample: the sample that was used; None when the reading was refused or lent its field only.
-        unled: as the filter made it: of the time at which the sample's values were true.
-        event: REBOOT or NEW_EPOCH when the sample began a new epoch.
+        sample: the sample that was used; None if the reading was rejected or only lent its field.
+        unled: the filter's output: at the time at which the sample's values were true.
+        event: REBOOT or NEW_EPOCH if the sample began a new epoch.
     """
 
     sample: ImuSample | None = None
@@ -62,23 +62,23 @@ NO_STEP = Step()
 
 
 class Lane:
-    """One filter, what feeds it, and what watches it.
+    """One filter, its input, and its monitoring.
 
     Args:
         messages: that may feed it.
         chosen_filter: the filter.
         identity: of the vehicle.
-        settings: what is wanted of the streams, and what is known of their delays.
-        count: counts readings that cannot be used, by reason.
+        settings: of the streams and their known delays.
+        count: counts rejected readings, by reason.
 
     Attributes:
         imu: number of the IMU, from 0.
-        sensor: the IMU as people count, from 1.
-        timing: how late the sensors are.
+        sensor: the IMU, counted from 1.
+        timing: delays of the sensors.
         last_used_ns: host time of the newest sample; None before the first.
-        newest: the newest sample, as it came.
+        newest: the newest sample, unchanged.
         rate_hz: of the samples.
-        compass_is_wrong: its field shows another north than the vehicle's, and is not used.
+        compass_is_wrong: its field shows a wrong north, and is not used.
         heading_is_wrong: the filter still has the heading of such a field.
     """
 
@@ -124,26 +124,26 @@ class Lane:
 
     @property
     def has_estimate(self) -> bool:
-        """There is an attitude."""
+        """Whether there is an attitude."""
         return self._unled is not None
 
     @property
     def estimate(self) -> AttitudeEstimate | None:
-        """The newest estimate, of the time of its sample."""
+        """The newest estimate, at the time of its sample."""
         return None if self._unled is None else self.lead(self._unled)
 
     def lead(self, unled: AttitudeEstimate) -> AttitudeEstimate:
-        """An estimate of the filter, of the time of its sample."""
+        """Propagates an estimate of the filter to the time of its sample."""
         return led(unled, self.timing.delays.gyro_s)
 
     @property
     def monitor(self) -> Monitor:
-        """What watches the filter and its sensors."""
+        """The monitor of filter and sensors."""
         return self._monitor
 
     @property
     def dependent_source(self) -> str:
-        """What has brought something of the autopilot's own estimator; empty = nothing has."""
+        """The source of dependence on the autopilot's own estimator; empty = none."""
         intake = self._intake
         if intake.bias_is_removed and intake.message is not None:
             return intake.message.name
@@ -153,41 +153,41 @@ class Lane:
 
     @property
     def sensor_is_bad(self) -> bool:
-        """A sensor is known to be bad."""
+        """Whether a sensor is known to be faulty."""
         return self._trust.sensor_is_bad
 
     @property
     def is_spoilt(self) -> bool:
-        """The filter has to begin anew, with the attitude of another where there is one."""
+        """Whether the filter has to restart, if possible with the attitude of another lane."""
         return self._trust.is_spoilt
 
     @property
     def ratio(self) -> float:
-        """Of the tests of gyro and accelerometer: 1 = they fail, infinite = known to be bad."""
+        """Test ratio of gyro and accelerometer: fails above 1, infinite = known to be faulty."""
         return math.inf if self._trust.sensor_is_bad else self._monitor.ratios.of_inertial
 
     @property
     def field_is_raw(self) -> bool:
-        """Its field is that of the sensor, not calibrated."""
+        """Whether its field is the sensor's, not calibrated."""
         return self._intake.field_is_raw
 
     @property
     def is_resting(self) -> bool:
-        """The stream is no lane: it repeats another one, or nothing of it can be used."""
+        """Whether the stream is not used as a lane: a duplicate, or nothing of it is usable."""
         return self._trust.rests_until_ns is not None
 
     def is_silent(self, t_ns: int) -> bool:
-        """Whether no sample has come for a while, although the link carries others."""
+        """Whether samples are missing although the link carries others."""
         if self.last_used_ns is None:
             return True
         return t_ns - max(self.last_used_ns, self._resumed_ns) > SILENT_NS
 
     def condition(self, t_ns: int, sent: "Lane") -> Condition:
-        """What decides whether this lane is sent.
+        """The inputs of the selection for this lane.
 
         Args:
             t_ns: host time.
-            sent: the lane that is sent; where it is silent, any rate will do.
+            sent: the lane that is sent; if it is silent, any rate suffices.
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
@@ -202,14 +202,14 @@ class Lane:
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:
-        """What is wrong; of a lane that is not sent, only with its sensors."""
+        """Its alarms; only those of its sensors if it is not sent."""
         found = self._monitor.alarms(self._intake.newest_us or 0)
         if is_sent:
             return list(found)
         return [alarm._replace(degrades=False) for alarm in found if alarm.sensor == self.sensor]
 
     def faults(self) -> list[Alarm]:
-        """Sensors of this IMU that are known to be bad now."""
+        """Alarms of sensors known to be faulty now."""
         alarms = self.alarms(is_sent=True)
         return [alarm for alarm in alarms if alarm.degrades and alarm.sensor == self.sensor]
 
@@ -218,17 +218,17 @@ class Lane:
         return self._intake.objections(t_ns)
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
-        """What is wrong with the latest readings; None where none came."""
+        """What is wrong with the latest readings; None if there were none."""
         return self._trust.why_no_samples(t_ns)
 
     # --- readings -----------------------------------------------------------------------------
 
     def need(self, t_ns: int, message_id: int) -> Need:
-        """What this message is needed for now; asked once, before it is even read."""
+        """What this message is needed for now; asked once, before it is decoded."""
         return Need.NONE if self._trust.rests(t_ns) else self._intake.need(t_ns, message_id)
 
     def idle_until_ns(self, message_id: int) -> int:
-        """Before this host time a message that is not needed now will not be, either."""
+        """The host time until which a message that is not needed stays so."""
         rests_until_ns = self._trust.rests_until_ns
         if rests_until_ns is not None:
             return rests_until_ns
@@ -242,7 +242,7 @@ class Lane:
         need: Need,
         goes_on: tuple[int, int] | None,
     ) -> Step:
-        """Takes a reading that is needed; see `Intake.take` for the arguments."""
+        """Takes a needed reading; see `Intake.take` for the arguments."""
         verdict, sample = self._intake.take(t_ns, message_id, reading, need, goes_on)
         if sample is None:
             if verdict is not None:
@@ -255,25 +255,25 @@ class Lane:
         return self._step(t_ns, sample, reading.ages, verdict)
 
     def refuse(self, t_ns: int, reason: str) -> None:
-        """Counts a reading that cannot be used."""
+        """Counts a rejected reading."""
         self._trust.refuse(t_ns, reason)
 
     @property
     def is_refused(self) -> bool:
-        """Nothing of its stream can be used."""
+        """Whether nothing of its stream is usable."""
         return self._trust.is_refused
 
     def rest(self, t_ns: int) -> None:
-        """This stream is no lane at present."""
+        """Stops using this stream as a lane for a while."""
         self._trust.rest(t_ns)
         self.last_used_ns = self.newest = self._unled = None
 
     def resume(self, t_ns: int) -> None:
-        """Readings come again after none of any lane had come."""
+        """Notes that readings arrive again after none for any lane."""
         self._resumed_ns = t_ns
 
     def pop_event(self) -> TimeVerdict | None:
-        """The new epoch that has not been reported; None where there is none."""
+        """Returns the new epoch that has not been reported, once; otherwise None."""
         event, self._event = self._event, None
         return event
 
@@ -290,7 +290,7 @@ class Lane:
         self._monitor.use_vehicle(vehicle)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks the estimate as dependent from then on."""
+        """Passes a velocity on; a dependent one marks all later estimates as dependent."""
         if self._intake.newest_us is not None:
             self._velocity_is_dependent |= not fix.independent
             doubt = self._monitor.fix(fix, self._filter.sensor_errors)
@@ -300,19 +300,19 @@ class Lane:
                 self._filter.use_velocity(fix)
 
     def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:
-        """What the compasses show of its own one, and by how much it may turn the heading."""
+        """Takes the compasses' verdict on its own compass, and the possible heading error."""
         self.heading_is_wrong |= compass_is_wrong and not self.compass_is_wrong
         self.compass_is_wrong = compass_is_wrong
         self._doubt_rad = doubt_rad if self.heading_is_wrong or not compass_is_wrong else 0.0
 
     def drop_heading(self) -> None:
-        """The heading of a wrong field is lost with the filter's memory; only where not sent."""
+        """Resets a filter with the heading of a wrong field; only while it is not sent."""
         if self.heading_is_wrong:
             self._trust.spoil()
             self.heading_is_wrong = False
 
     def judge(self, t_ns: int) -> None:
-        """Looks at the sensors, some times a second."""
+        """Checks the sensors a few times a second."""
         if t_ns - self._counted_ns >= SECOND_NS:
             self.rate_hz = self._counted * 1e9 / (t_ns - self._counted_ns)
             self._counted_ns, self._counted = t_ns, 0
@@ -324,13 +324,13 @@ class Lane:
             self._bias.learn(t_ns, self._unled.bias_b)
 
     def may_begin_anew(self, t_ns: int) -> bool:
-        """The filter is spoilt, and its sensors have been good again for a while."""
+        """Whether the filter is spoilt, and its sensors have been good again for a while."""
         return self._trust.is_good_again(t_ns) and not self.is_silent(t_ns)
 
     def begin_as(self, other: "Lane | None") -> None:
-        """Begins anew: as a lane that can be trusted, else with an alignment.
+        """Restarts as a lane that can be trusted, otherwise with an alignment.
 
-        The filter takes the memory of the other one; its own gyro's bias is kept.
+        The filter takes over the state of the other one, but keeps its own gyro's bias.
         """
         self._trust.renew()
         self._monitor.restart()
@@ -342,7 +342,7 @@ class Lane:
         self._bias.take_over(other._bias, other._unled.bias_b)
 
     def _begin_epoch(self) -> None:
-        """The filter aligns again and keeps the learnt bias."""
+        """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
         self.newest = self._unled = None
         self._monitor = self._monitor.anew()
@@ -350,7 +350,7 @@ class Lane:
         self._trust.renew()
 
     def _restart(self, fault: str) -> None:
-        """The filter has failed: the next sample is as the first one of an epoch."""
+        """Restarts after a failure of the filter: the next sample begins an epoch."""
         self._trust.fault(fault)
         self._intake.restart()
         self._begin_epoch()
@@ -380,10 +380,10 @@ class Lane:
         try:
             unled = self._bias.update(self._filter, sample)
         except ArithmeticError:
-            # A filter must not raise; if one does, the vehicle still needs the next attitude.
+            # A filter must not raise; if it does, the vehicle still needs the next attitude.
             self._restart("filter_error")
             return Step(sample, event=event)
-        # Neither attitude nor rates are so large that their sum is not finite where they are.
+        # Attitude and rates are bounded, so a finite sum means that all of them are finite.
         if unled is not None and not math.isfinite(sum(unled.q_nb) + sum(unled.w_b)):
             self._restart("non_finite_estimate")
             unled = None
@@ -398,7 +398,7 @@ class Lane:
 
 
 def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) -> ImuSample:
-    """The sample without what its sensors' checks say is none."""
+    """The sample without the values that its sensors' checks reject."""
     if use is Use.RATES:
         sample = sample._replace(f_b=NO_FORCE)
     if use is Use.DOUBTED or is_at_end:

@@ -1,7 +1,7 @@
-"""Which lane is sent: the first one, until it is silent, bad, shaken or clearly worse than another.
+"""Selects the lane that is sent: the first, until it is silent, faulty, shaken or clearly worse.
 
-There is no way back without a cause: every change is a step in what is sent, and a lane that took
-over has shown itself to be as good.
+It never switches back without a cause: every switch is a step in the output, and the new lane has
+proved to be as good.
 """
 
 import math
@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
-CLEARLY = 0.5  # the other's ratio, of the ratio of the sent one
+CLEARLY = 0.5  # the other lane's ratio, relative to the ratio of the sent one
 LASTING_NS = 500_000_000
-# Beyond the silence that lets another message of the same IMU take over: it goes first, and slow
-# streams come together.
+# Longer than the silence after which another message of the same IMU takes over: that comes first,
+# and slow streams arrive in bursts.
 SILENT_LASTING_NS = 100_000_000
-# A field may be disturbed in passing, and its filter lives on its gyro meanwhile.
+# A field may be disturbed in passing, while its filter relies on the gyro.
 FIELD_LASTING_NS = 2_000_000_000
-# The noise of a lane is that of a whole second.
+# The noise of a lane refers to a whole second.
 NOISE_LASTING_NS = 1_000_000_000
 GOOD_FIELD = 0.5
 
@@ -32,16 +32,16 @@ class SwitchCause(Enum):
 
 
 class Condition(NamedTuple):
-    """What is known of a lane.
+    """The inputs of the selection for one lane.
 
     Attributes:
-        may_follow: it has an attitude that is trusted, and brings enough samples.
-        is_silent: no sample has come for a while.
-        ratio: of the tests of gyro and accelerometer; 1 = they fail, infinite = known to be bad.
-        field_ratio: the same of the compass; NaN where nothing is known.
+        may_follow: it has a trusted attitude and enough samples.
+        is_silent: no sample has arrived for a while.
+        ratio: of the tests of gyro and accelerometer; fails above 1, infinite = known to be faulty.
+        field_ratio: the same of the compass; NaN if unknown.
         noise_m_s2: vibration in its samples.
-        is_shaken: its sensors vibrate beyond what they can measure.
-        compass_is_wrong: other compasses and velocities show that its own is.
+        is_shaken: its sensors vibrate beyond their range.
+        compass_is_wrong: other compasses and velocities contradict its own.
     """
 
     may_follow: bool
@@ -54,11 +54,11 @@ class Condition(NamedTuple):
 
 
 class Switch(NamedTuple):
-    """Another lane is to be sent.
+    """A switch to another lane.
 
     Attributes:
-        lane: the other one.
-        cause: what is wrong with the present one.
+        lane: the new one.
+        cause: what is wrong with the previous one.
     """
 
     lane: int
@@ -66,14 +66,14 @@ class Switch(NamedTuple):
 
 
 class LaneSelection:
-    """Looks at all lanes again and again, and says when another one is better."""
+    """Compares all lanes repeatedly, and reports when another one is better."""
 
     def __init__(self) -> None:
         self._cause: SwitchCause | None = None
         self._since_ns = 0
 
     def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
-        """Judges the lanes.
+        """Compares the lanes; returns a switch, if any.
 
         Args:
             t_ns: host time.

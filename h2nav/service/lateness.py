@@ -1,24 +1,24 @@
-"""How late an estimate is: the autopilot's clock against the host's, by the quickest message.
+"""Lateness of an estimate: the autopilot's clock against the host's, by the quickest message.
 
-The delay of a sample is the host's time minus the sample's, on two clocks whose difference is
-unknown; the least delay seen stands for a sample that came as quickly as usual, and whatever a
-sample has more than that is its lateness. Clocks drift apart, and a simulator's clock may run at
-another speed altogether: an exchange of TIMESYNC with a short round trip tells the difference of
-the clocks anew, and the least delay is kept relative to it. What comes with a short round trip did
-not wait: where it looks late, the least delay was a wrong one and is learnt anew. Without any
-exchange the least delay creeps, and a delay that stays for `FORGIVEN_NS` becomes the usual one.
+The delay of a sample is the host's time minus the sample's, on two clocks with an unknown offset;
+the least delay seen is that of a sample of usual speed, and any excess of a sample is its lateness.
+Clocks drift apart, and a simulator's clock may run at another speed altogether: an exchange of
+TIMESYNC with a short round trip measures the offset again, and the least delay is kept relative to
+it. A message with a short round trip was not delayed: if it looks late, the least delay was wrong
+and is estimated again. Without exchanges the least delay creeps, and a delay that lasts for
+`FORGIVEN_NS` becomes the usual one.
 """
 
 LATE_NS = 150_000_000
 """An estimate that is later than usual by more than this is not sent."""
 
 LASTING_NS = 300_000_000
-"""Lateness that lasts so long is reported."""
+"""Lateness that lasts this long is reported."""
 
 FORGIVEN_NS = 20_000_000_000
-# A round trip of more than this says too little about the difference of the clocks.
+# A longer round trip says too little about the offset of the clocks.
 SHORT_TRIP_NS = 100_000_000
-# Two crystals differ by 100 millionths at the most. A clock that nobody compares may be that of a
+# Two crystals differ by at most 100 millionths. A clock without exchanges may be that of a
 # simulator on a busy computer (PX4's was seen at 0.97 of real time).
 CREEP_COMPARED = 2e-4
 CREEP_UNKNOWN = 0.1
@@ -35,9 +35,9 @@ class Lateness:
         self.restart()
 
     def restart(self) -> None:
-        """The autopilot's clock starts again."""
+        """Restarts with the autopilot's clock."""
         self.late_ns = 0
-        self._clock_ns = 0  # host minus autopilot, as last compared
+        self._clock_ns = 0  # host minus autopilot, of the last exchange
         self._creep = CREEP_UNKNOWN
         self._least_ns: int | None = None
         self._least_at_ns = 0
@@ -48,17 +48,17 @@ class Lateness:
 
         Args:
             offset_ns: autopilot time minus host time.
-            round_trip_ns: how long the answer took.
+            round_trip_ns: until the reply.
         """
         if round_trip_ns > SHORT_TRIP_NS:
             return
         if self._least_ns is not None and self._creep == CREEP_UNKNOWN:
-            # From now on the least delay stays as it is, relative to the clocks as compared last.
+            # From now on the least delay stays constant relative to the last exchange.
             self._least_ns += self._clock_ns + offset_ns
         self._clock_ns = -offset_ns
         self._creep = CREEP_COMPARED
         if self.is_late:
-            # What came with so short a round trip did not wait: the usual delay was a wrong one.
+            # With such a short round trip nothing was delayed: the usual delay was wrong.
             self._least_ns = None
 
     def seen(self, arrived_ns: int, now_ns: int, sample_us: int) -> None:
@@ -66,7 +66,7 @@ class Lateness:
 
         Args:
             arrived_ns: host time of its arrival.
-            now_ns: host time at which its estimate would leave.
+            now_ns: host time at which its estimate would be sent.
             sample_us: its own time.
         """
         sent_ns = sample_us * 1000 + self._clock_ns
@@ -85,16 +85,16 @@ class Lateness:
             self._late_since_ns = now_ns
 
     def _is_forgiven(self, lasting_ns: int) -> bool:
-        """Where nobody compares the clocks, a delay that lasts long is taken as the usual one."""
+        """Whether, without exchanges, a lasting delay is taken as the usual one."""
         return self._creep != CREEP_COMPARED and lasting_ns > FORGIVEN_NS
 
     @property
     def is_late(self) -> bool:
-        """The newest estimate is too old to be sent."""
+        """Whether the newest estimate is too old to be sent."""
         return self.late_ns > LATE_NS
 
     def is_lasting(self, t_ns: int) -> bool:
-        """The lateness has lasted for a while, or is large."""
+        """Whether the lateness has lasted for a while, or is large."""
         since_ns = self._late_since_ns
         if since_ns is None:
             return False

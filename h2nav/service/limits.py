@@ -1,4 +1,4 @@
-"""Bounds on what others can make the service do: how often, and how easily they change its mind."""
+"""Bounds on what others can make the service do: how often, and how easily values change."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -8,11 +8,11 @@ SECOND_NS = 1_000_000_000
 
 
 class RateLimit:
-    """A token bucket: so many events a second on average, a few at once.
+    """A token bucket: a mean rate of events, and a burst.
 
     Args:
-        per_s: events per second that are let through in the long run.
-        burst: events that may come at once.
+        per_s: mean rate of events.
+        burst: events that may happen at once.
     """
 
     def __init__(self, per_s: float, burst: int) -> None:
@@ -22,7 +22,7 @@ class RateLimit:
         self.refused = 0
 
     def allows(self, t_ns: int) -> bool:
-        """Whether one more event may happen now; if so, it is counted as having happened."""
+        """Whether one more event may happen now; if so, it is counted."""
         free_ns = t_ns if self._free_ns is None else max(self._free_ns, t_ns)
         if free_ns - t_ns > self._slack_ns:
             self.refused += 1
@@ -32,16 +32,16 @@ class RateLimit:
 
     @property
     def next_ns(self) -> int:
-        """Before this time no event may happen."""
+        """The time before which no event may happen."""
         return 0 if self._free_ns is None else self._free_ns - self._slack_ns
 
 
 class Steady(Generic[T]):
-    """A value that others can change only by sending the new one, and nothing else, for long.
+    """A value that changes only if the new one, and no other, has been received for long.
 
     Args:
         value: at first.
-        hold_ns: for so long the new value must have been the only one heard.
+        hold_ns: how long the new value must have been the only one.
         same: whether two values are the same; equality by default.
     """
 
@@ -56,7 +56,7 @@ class Steady(Generic[T]):
         self._heard = 0
 
     def hears(self, t_ns: int, value: T) -> bool:
-        """Takes what was said; True when it is the new value."""
+        """Takes a received value; returns True if it becomes the value."""
         if self._same(value, self.value):
             self._pending = None
             return False
@@ -71,11 +71,11 @@ class Steady(Generic[T]):
 
 
 class Slow(Generic[T]):
-    """A value that follows at once what is sent, but changes only so often.
+    """A value that follows what is received at once, but changes only so often.
 
     Args:
         value: at first.
-        hold_ns: for so long a new value stays.
+        hold_ns: how long a new value stays.
     """
 
     def __init__(self, value: T, hold_ns: int) -> None:
@@ -84,7 +84,7 @@ class Slow(Generic[T]):
         self._changed_ns: int | None = None
 
     def hears(self, t_ns: int, value: T) -> None:
-        """Takes what was sent; what comes too soon after a change is ignored."""
+        """Takes a received value; ignores one too soon after a change."""
         if value == self.value:
             return
         if self._changed_ns is None or t_ns - self._changed_ns >= self._hold_ns:

@@ -1,7 +1,7 @@
-"""Motion beside the attitude: which estimator runs is the configuration's choice.
+"""Motion besides the attitude; the configuration selects the estimator.
 
-Everything about motion is a function of messages and their arrival times; nothing depends on
-timers, so a replay reproduces it.
+Motion depends on messages and their arrival times alone, never on timers, so that a replay
+reproduces it.
 """
 
 from collections import Counter
@@ -25,11 +25,11 @@ Measurement = PoseReading | WheelDistances
 
 
 class MotionEstimation(Protocol):
-    """What the service asks of motion estimation.
+    """The interface of motion estimation.
 
     Attributes:
-        message_ids: the messages that it listens to, whoever of the vehicle sends them.
-        wishes: streams that the autopilot has to be asked for.
+        message_ids: the messages that it uses, from any component of the vehicle.
+        wishes: streams to request from the autopilot.
     """
 
     message_ids: frozenset[int]
@@ -37,21 +37,21 @@ class MotionEstimation(Protocol):
 
     @property
     def rejected(self) -> Counter[str]:
-        """Refused measurements by reason."""
+        """Rejected measurements by reason."""
 
     def on_message(self, envelope: Envelope, measured: Measurement) -> list[Effect]:
-        """A message of `message_ids` arrived, from anybody."""
+        """Takes a message of `message_ids` from any sender."""
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """A message of `message_ids`, from anybody, was refused at the wire boundary."""
+        """Takes the rejection of a message of `message_ids` at the wire boundary."""
 
     def on_sample(
         self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
     ) -> list[Effect]:
-        """The attitude filter used a sample."""
+        """Takes a sample that the attitude filter used."""
 
     def restart(self) -> None:
-        """The autopilot's time starts again, or it is another vehicle."""
+        """Restarts with the autopilot's time, or for another vehicle."""
 
 
 class NoMotion:
@@ -66,11 +66,11 @@ class NoMotion:
         return Counter()
 
     def on_message(self, _envelope: Envelope, _measured: Measurement) -> list[Effect]:
-        """Nothing is listened to."""
+        """Does nothing."""
         return []
 
     def on_refusal(self, _envelope: Envelope, _reason: str) -> list[Effect]:
-        """Nothing is listened to."""
+        """Does nothing."""
         return []
 
     def on_sample(
@@ -80,7 +80,7 @@ class NoMotion:
         return []
 
     def restart(self) -> None:
-        """There is nothing to forget."""
+        """Does nothing."""
 
 
 def motion_for(
@@ -90,13 +90,13 @@ def motion_for(
     tell: Tell,
     unix_offset_ns: int,
 ) -> MotionEstimation:
-    """The estimator that the settings name.
+    """Creates the estimator that the settings select.
 
     Args:
-        settings: what the user chose.
-        autopilot: the vehicle whose measurements count.
-        outputs: knows when ODOMETRY is due.
-        tell: tells people.
+        settings: of the user.
+        autopilot: the vehicle.
+        outputs: schedules ODOMETRY.
+        tell: reports notices.
         unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
 
     Raises:
@@ -116,5 +116,5 @@ def motion_for(
 
 
 def odometry_rate_hz(settings: ServiceSettings) -> float | None:
-    """The rate of ODOMETRY; None where motion is not estimated."""
+    """The rate of ODOMETRY; None if motion is not estimated."""
     return None if settings.motion.estimator == "none" else settings.motion.odometry_rate_hz

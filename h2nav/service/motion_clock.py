@@ -1,14 +1,14 @@
-"""Times of poses and wheels on the clock of the IMU samples, from messages and arrivals alone.
+"""Converts times of poses and wheels to the clock of the IMU samples, from messages alone.
 
-TIMESYNC is not used: its requests leave by timers, and a replay would not reproduce them. The
-message that came quickest within some seconds gives a clock's offset to the host as well.
+TIMESYNC is not used: its requests depend on timers, and a replay would not reproduce them. The
+quickest message of some seconds also gives a clock's offset to the host.
 """
 
 from enum import Enum
 
 WINDOW_NS = 5_000_000_000
 SAME_CLOCK_US = 2_000_000
-# A message on this host's UNIX clock arrives so long after its time at most, and hardly before it.
+# A message on this host's UNIX clock arrives within this time, and hardly before its time stamp.
 HOST_LATE_US = 1_000_000
 HOST_EARLY_US = 20_000
 STRAYS = 10
@@ -46,22 +46,22 @@ class LeastDelay:
 
 
 class ClockKind(Enum):
-    """Whose clock the time stamps of a source are on."""
+    """The clock of a source's time stamps."""
 
     AUTOPILOT = "autopilot"
     HOST = "host UNIX"
-    OTHER = "own"  # its offset is learnt; the source's own delay is not seen
+    OTHER = "own"  # its offset is estimated; the source's own delay is unknown
 
 
 class SourceClock:
-    """Determines which clock a source uses, and maps its times.
+    """Determines the clock of a source, and converts its times.
 
     Args:
         imu: the IMU's clock against the host's.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
-        kind: decided by the first message, and again after `STRAYS` in a row that contradict it.
+        kind: decided by the first message, and again after `STRAYS` contradictions in a row.
     """
 
     def __init__(self, imu: LeastDelay, unix_offset_ns: int) -> None:
@@ -76,7 +76,7 @@ class SourceClock:
 
         Args:
             t_ns: host time of arrival.
-            usec: the time stamp; 0 = none, then the arrival counts.
+            usec: the time stamp; 0 = none, in which case the arrival counts.
         """
         imu_offset_us = self._imu.offset_us
         if imu_offset_us is None:
@@ -100,11 +100,11 @@ class SourceClock:
             offset_us = self._source.offset_us
             assert offset_us is not None
             mapped_us = usec - offset_us + imu_offset_us
-        # Before the autopilot's start there is no time.
+        # There is no time before the autopilot's start.
         return mapped_us if mapped_us >= 0 else None
 
     def _kind_of(self, t_ns: int, usec: int, lead_us: int) -> ClockKind:
-        """The clock on which this time is a recent one."""
+        """The clock on which this time is recent."""
         if abs(lead_us) < SAME_CLOCK_US:
             return ClockKind.AUTOPILOT
         age_us = t_ns // 1000 + self._unix_offset_us - usec
@@ -113,7 +113,7 @@ class SourceClock:
         return ClockKind.OTHER
 
     def _jumped(self, t_ns: int, usec: int) -> bool:
-        """Whether a source on a clock of its own contradicts what was learnt of that clock."""
+        """Whether a source on its own clock contradicts the estimated offset."""
         known_us = self._source.offset_us
         if self.kind is not ClockKind.OTHER or known_us is None:
             return False

@@ -1,4 +1,4 @@
-"""How estimates of motion go out as ODOMETRY and into the log, and what is reported of them."""
+"""Sends motion estimates as ODOMETRY, logs them, and reports interruptions."""
 
 import math
 
@@ -9,20 +9,20 @@ from h2nav.service.motion_records import odometry_line
 from h2nav.service.notices import Tell
 from h2nav.service.outputs import Outputs, SentMotion
 
-# An estimate that rests on a measurement older than this is not sent.
+# An estimate from an older measurement is not sent.
 STALE_S = 2.0
-# A lack of estimates is reported when it lasts.
+# A lasting lack of estimates is reported.
 LASTING_NS = 500_000_000
-# So many refused messages in a row are reported, once.
+# This many consecutive rejections are reported, once.
 REFUSED_IN_A_ROW = 10
 
 
 class RefusalStreak:
-    """Reports once when only refused messages come.
+    """Reports once when all messages are rejected.
 
     Args:
-        what: what is refused, such as ``poses``.
-        tell: tells people.
+        what: is rejected, such as ``poses``.
+        tell: reports notices.
     """
 
     def __init__(self, what: str, tell: Tell) -> None:
@@ -31,11 +31,11 @@ class RefusalStreak:
         self._in_a_row = 0
 
     def good(self) -> None:
-        """A message was used."""
+        """Notes a message that was used."""
         self._in_a_row = 0
 
     def refused(self, t_ns: int, reason: str) -> list[Effect]:
-        """One more was refused."""
+        """Notes a rejected message."""
         self._in_a_row += 1
         if self._in_a_row != REFUSED_IN_A_ROW:
             return []
@@ -44,16 +44,16 @@ class RefusalStreak:
 
 
 class OdometryOut:
-    """Sends and logs estimates of motion; notices resets and silence.
+    """Sends and logs motion estimates; detects resets and silence.
 
     Attributes:
         refusals: of the measurements.
 
     Args:
-        autopilot: whose system id we send under.
-        outputs: knows when ODOMETRY is due.
-        source: what the estimates rest on, such as ``poses``.
-        tell: tells people.
+        autopilot: whose system id is used.
+        outputs: schedules ODOMETRY.
+        source: of the estimates, such as ``poses``.
+        tell: reports notices.
     """
 
     def __init__(self, autopilot: Autopilot, outputs: Outputs, source: str, tell: Tell) -> None:
@@ -67,7 +67,7 @@ class OdometryOut:
         self.refusals = RefusalStreak(source, tell)
 
     def put(self, t_ns: int, motion: SentMotion) -> list[Effect]:
-        """A fresh, finite estimate: sends and logs it where it is due."""
+        """Takes a fresh, finite estimate: sends and logs it if it is due."""
         effects: list[Effect] = []
         self._put_ns = t_ns
         identity = self._autopilot.identity
@@ -89,7 +89,7 @@ class OdometryOut:
         return effects
 
     def nothing(self, t_ns: int) -> list[Effect]:
-        """There is no fresh estimate at present; the last one must not be sent any more."""
+        """Notes that there is no fresh estimate; the last one must not be sent again."""
         self._outputs.forget_odometry()
         if not self._is_fresh or t_ns - self._put_ns <= LASTING_NS:
             return []
@@ -99,7 +99,7 @@ class OdometryOut:
 
 
 def is_finite(motion: SentMotion) -> bool:
-    """Whether every number of an estimate is one."""
+    """Whether every number of an estimate is finite."""
     record = motion.record
     values = (
         *record.q,

@@ -1,4 +1,4 @@
-"""What motion estimation writes to the log: flat scalars with units in their names."""
+"""Log records of motion estimation: flat scalars with units in their names."""
 
 import math
 from typing import NamedTuple
@@ -14,7 +14,7 @@ class TwistRecord(NamedTuple):
     """One estimate of the twist observer; body FRD, fixed frame of the pose source.
 
     Attributes:
-        t_us: autopilot time of the IMU sample that it was made from.
+        t_us: autopilot time of its IMU sample.
         frame: the fixed frame of the pose source, local_frd or local_ned.
         q_w: attitude, body to the fixed frame, scalar first.
         x_m: position in the fixed frame.
@@ -25,7 +25,7 @@ class TwistRecord(NamedTuple):
         bias_x_rad_s: gyro bias.
         sigma_attitude_rad: one sigma per axis, as of the other sigmas.
         pose_age_s: since the time of the last pose that was used.
-        reset_counter: how often pose continuity was broken.
+        reset_counter: number of breaks in pose continuity.
     """
 
     t_us: int
@@ -86,12 +86,12 @@ def twist_record(estimate: TwistEstimate) -> TwistRecord:
 
 
 class PoseRecord(NamedTuple):
-    """One measured pose as the observer was given it.
+    """One measured pose as given to the observer.
 
     Attributes:
         t_us: time of validity on the IMU's clock.
-        verdict: what became of it.
-        age_ms: how old it was on arrival, by the IMU's clock.
+        verdict: of the observer.
+        age_ms: on arrival, by the IMU's clock.
         q_w: attitude, body to the fixed frame, scalar first.
         x_m: position in the fixed frame.
         source_resets: the source's own count of jumps.
@@ -126,10 +126,10 @@ class WheelsRecord(NamedTuple):
         x_m: ahead of the start.
         y_m: left of the start.
         heading_deg: counter-clockwise from above.
-        ahead_m_s: mean velocity since the reading before.
+        ahead_m_s: mean velocity since the previous reading.
         turn_rad_s: counter-clockwise.
         cov_xx_m2: covariance of position and heading (t).
-        reset_counter: how often motion was lost.
+        reset_counter: number of losses of motion.
     """
 
     t_us: int
@@ -207,12 +207,12 @@ class OdometryLine(NamedTuple):
     quality: int
 
 
-# Where the diagonal of a 6 x 6 matrix stands in its upper triangle.
+# Places of the diagonal of a 6 x 6 matrix in its upper triangle.
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 
 def odometry_line(record: OdometryRecord, quality: int) -> OdometryLine:
-    """Flattens what is sent."""
+    """Flattens an ODOMETRY that is sent."""
     x, y, z, roll, pitch, yaw = (math.sqrt(record.pose_covariance[i]) for i in _DIAGONAL)
     return OdometryLine(
         record.t_us,

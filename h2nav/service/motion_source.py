@@ -1,16 +1,16 @@
-"""Whose poses and wheel distances are used."""
+"""Selects the source of poses and wheel distances."""
 
 from enum import StrEnum
 
 from h2nav.service.autopilot import Autopilot, Sender
 from h2nav.wire.motion import POSE_STRAY_TIME
 
-# A source that is silent for so long gives way to another one.
+# A source that is silent for this long is replaced.
 SILENT_NS = 5_000_000_000
 
 
 class MotionRefusal(StrEnum):
-    """Why a pose that could be read does not reach the observer, besides its own verdicts."""
+    """Why a readable pose does not reach the observer, besides its own verdicts."""
 
     OTHER_SOURCE = "pose_other_source"
     BEFORE_ATTITUDE = "pose_before_attitude"
@@ -18,12 +18,12 @@ class MotionRefusal(StrEnum):
 
 
 class MotionSource:
-    """The one sender and message that is listened to: the first, until it has long been silent.
+    """The one sender and message in use: the first, until it has long been silent.
 
     Args:
         autopilot: the vehicle; senders with its system id are its components.
-        own_component_id: ours, whose messages come back on some links.
-        component_id: the only component to listen to; 0 = any.
+        own_component_id: ours, whose messages return on some links.
+        component_id: the only component to use; 0 = any.
     """
 
     def __init__(self, autopilot: Autopilot, own_component_id: int, component_id: int = 0) -> None:
@@ -34,7 +34,7 @@ class MotionSource:
         self._heard_ns = 0
 
     def is_of_vehicle(self, sender: Sender) -> bool:
-        """Whether the sender is a component of the bound vehicle, and not ourselves."""
+        """Whether the sender is another component of the bound vehicle."""
         identity = self._autopilot.identity
         return (
             identity is not None
@@ -49,7 +49,7 @@ class MotionSource:
         return self._latched in (None, (sender, message_id)) or t_ns - self._heard_ns > SILENT_NS
 
     def heard(self, t_ns: int, sender: Sender, message_id: int) -> bool:
-        """Takes note of a sound message; True when its sender takes the place of another one."""
+        """Notes a sound message; returns True if its sender replaces another one."""
         before, self._latched = self._latched, (sender, message_id)
         self._heard_ns = t_ns
         return before not in (None, self._latched)

@@ -36,13 +36,13 @@ NO_REFUSAL = frozenset({*TAKEN, ObserverEvent.NEAR_HALF_TURN})
 
 
 class TwistMotion:
-    """Feeds the twist observer and publishes what it knows while its poses are fresh.
+    """Feeds the twist observer and publishes its estimate while poses are fresh.
 
     Args:
         settings: of the observer.
-        pose_message: name of the message that brings poses, or ``auto``.
-        source: whose poses are taken.
-        out: where estimates go.
+        pose_message: name of the message with poses, or ``auto``.
+        source: of the poses.
+        out: for the estimates.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
@@ -74,7 +74,7 @@ class TwistMotion:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Refused poses and samples, by reason."""
+        """Rejected poses and samples, by reason."""
         counts = self._observer.counts.items()
         own = Counter({str(key): n for key, n in self._refused.items()})
         return own + Counter({str(key): n for key, n in counts if key not in NO_REFUSAL})
@@ -96,7 +96,7 @@ class TwistMotion:
         return self._on_pose(t_ns, measured)
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """See `MotionEstimation`: a pose that was refused."""
+        """See `MotionEstimation`: a rejected pose."""
         t_ns, _, sender, message_id = envelope
         if not self._source.is_of_vehicle(sender):
             return []
@@ -137,7 +137,7 @@ class TwistMotion:
         return [*self._out.put(t_ns, motion), Record("/twist", twist_record(twist), twist.t_us)]
 
     def restart(self) -> None:
-        """See `MotionEstimation`; the learnt bias stays."""
+        """See `MotionEstimation`; the estimated bias stays."""
         self._observer.restart()
         self._new_clocks()
         self.latest = None

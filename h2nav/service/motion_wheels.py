@@ -25,13 +25,13 @@ UNKNOWN_QUALITY = 0
 
 
 class WheelMotion:
-    """Feeds the wheel odometry and publishes it while wheel distances come.
+    """Feeds the wheel odometry and publishes it while wheel distances arrive.
 
     Args:
         settings: the wheels.
-        rate_hz: how often to ask for wheel distances.
-        source: whose wheel distances are taken.
-        out: where estimates go.
+        rate_hz: requested rate of wheel distances.
+        source: of the wheel distances.
+        out: for the estimates.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:
@@ -63,7 +63,7 @@ class WheelMotion:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Refused readings, by reason."""
+        """Rejected readings, by reason."""
         counts = self._wheels.counts.items()
         return self._refused + Counter({str(key): n for key, n in counts if key not in NO_REFUSAL})
 
@@ -115,7 +115,7 @@ class WheelMotion:
     def on_sample(
         self, t_ns: int, sample: ImuSample, estimate: AttitudeEstimate | None
     ) -> list[Effect]:
-        """See `MotionEstimation`: samples only show the time."""
+        """See `MotionEstimation`: samples only advance the time."""
         self._imu_clock.seen(t_ns, sample.t_us)
         if t_ns - self._heard_ns <= STALE_NS:
             return []

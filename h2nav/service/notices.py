@@ -1,4 +1,4 @@
-"""What is reported to people, and how often: a notice per cause and minute, a few STATUSTEXTs.
+"""Notices for people: one per cause and minute, a few STATUSTEXTs.
 
 At most one text a second leaves as STATUSTEXT, in chunks where it is long, and the oldest are
 dropped when too many wait.
@@ -21,13 +21,13 @@ MOST_REMINDERS = 4
 PAUSE_NS = SECOND_NS
 LAST_TEXT_ID = 0xFFFF
 PREFIX = "h2nav: "
-# However many causes there are, people read no more than this.
+# Bounded, however many causes there are.
 NOTICES_PER_S = 0.3
 NOTICES_AT_ONCE = 15
 
 
 class Tell(Protocol):
-    """Reports to people, as `Notices.tell` does."""
+    """Reports notices, as `Notices.tell` does."""
 
     def __call__(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
         """See there."""
@@ -37,7 +37,7 @@ class Notices:
     """Reports each cause at most once a minute.
 
     Args:
-        as_status_text: send notices to the ground station as well.
+        as_status_text: also send notices to the ground station.
     """
 
     def __init__(self, as_status_text: bool) -> None:
@@ -49,18 +49,18 @@ class Notices:
         self._text_id = 0
 
     def may_tell(self, t_ns: int, cause: str) -> bool:
-        """Whether this cause has been silent for long enough."""
+        """Whether this cause may be reported again."""
         told_ns = self._told_ns.get(cause)
         return told_ns is None or t_ns - told_ns >= REPEAT_NS
 
     def tell(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
-        """The notice, unless its cause has been reported within the last minute.
+        """Returns the notice, unless its cause has been reported within the last minute.
 
         Args:
             t_ns: host time.
-            severity: of it.
+            severity: of the notice.
             text: one line.
-            cause: what it is about where the text holds changing figures; the text by default.
+            cause: identifies the notice if the text holds changing figures; default: the text.
         """
         cause = cause or text
         if not self.may_tell(t_ns, cause) or not self._limit.allows(t_ns):
@@ -74,12 +74,12 @@ class Notices:
         return [Notice(severity, text)]
 
     def remind(self, texts: Iterable[tuple[Severity, str]]) -> None:
-        """Sends to the ground station again what one that has just come has not read."""
+        """Sends texts to the ground station again, for a station that has just come."""
         if self._as_status_text:
             self._waiting.extend(list(texts)[:MOST_REMINDERS])
 
     def status_texts(self, t_ns: int) -> list[OutMessage]:
-        """The chunks of the next STATUSTEXT, if one may be sent now."""
+        """Returns the chunks of the next STATUSTEXT, if one may be sent now."""
         if not self._waiting or (self._sent_ns is not None and t_ns - self._sent_ns < PAUSE_NS):
             return []
         self._sent_ns = t_ns

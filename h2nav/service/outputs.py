@@ -1,4 +1,4 @@
-"""What we send of an estimate, and how often."""
+"""Schedules the outgoing messages of an estimate."""
 
 import math
 from collections.abc import Callable
@@ -28,13 +28,13 @@ Messages = tuple[OutMessage, ...]
 
 
 class Assessment(NamedTuple):
-    """What is thought of the estimates.
+    """The assessment of the estimates.
 
     Attributes:
-        ratios: innovation test ratios of the attitude that we send.
-        alarms: all that is wrong at present.
-        difference: the autopilot's attitude against ours; None where there is no fresh one.
-        on_ground: what is wrong before arming.
+        ratios: innovation test ratios of the attitude that is sent.
+        alarms: all present alarms.
+        difference: the autopilot's attitude against ours; None without a fresh one.
+        on_ground: faults before arming.
     """
 
     ratios: InnovationRatios = InnovationRatios()
@@ -44,7 +44,7 @@ class Assessment(NamedTuple):
 
 
 class SentMotion(NamedTuple):
-    """An estimate of motion with what ODOMETRY says of it.
+    """A motion estimate in the form of ODOMETRY.
 
     Attributes:
         record: pose, twist, covariances.
@@ -79,14 +79,14 @@ E = TypeVar("E", bound=_Timed)
 
 
 class _Output(Generic[E]):
-    """One kind of message, its rate and when it is due next, on the samples' clock.
+    """One kind of message with its rate and due time, on the samples' clock.
 
     Attributes:
-        make: what is made of an estimate.
-        default_hz: the rate that the configuration asks for.
+        make: creates the messages of an estimate.
+        default_hz: the configured rate.
         rate_hz: the rate in force.
-        after_us: between this time and `before_us` nothing is due.
-        before_us: see there.
+        after_us: nothing is due between this time and `before_us`.
+        before_us: see `after_us`.
     """
 
     def __init__(self, make: Callable[[E], Messages], rate_hz: float) -> None:
@@ -95,17 +95,17 @@ class _Output(Generic[E]):
         self.set_rate(rate_hz)
 
     def take(self, estimate: E) -> Messages:
-        """What is made of it, where it is due."""
+        """Returns the messages of an estimate, if due."""
         return self.make(estimate) if self.is_due(estimate.t_us) else ()
 
     def set_rate(self, rate_hz: float) -> None:
-        """Changes the rate from the next estimate on."""
+        """Sets the rate from the next estimate on."""
         self.rate_hz: float = rate_hz
         self._due_us: float | None = None
         self.after_us = self.before_us = 0.0
 
     def is_due(self, t_us: int) -> bool:
-        """Whether one is due at this time; it counts as sent then."""
+        """Whether one is due at this time; if so, it counts as sent."""
         if self.after_us < t_us < self.before_us:
             return False
         if self.rate_hz <= 0.0:
@@ -125,17 +125,17 @@ class _Output(Generic[E]):
 
 
 class Outputs:
-    """Chooses which messages go out for an estimate. A new output is a new entry of the table.
+    """Selects the messages to send for an estimate. A new output is a new entry of the table.
 
     Attributes:
-        sent: attitude messages, since start.
+        sent: number of attitude messages since start.
         are_held: nothing is due, because the estimates are late.
 
     Args:
         settings: the rates; 0 switches a message off.
         odometry_rate_hz: of ODOMETRY; None = motion is not estimated.
-        assess: says what is thought of the newest estimate; asked where that is to be sent.
-        has_listener: somebody gets the messages; else those of attitudes are counted, not made.
+        assess: assesses the newest estimate; called if that is to be sent.
+        has_listener: the messages are sent; otherwise those of attitudes are only counted.
     """
 
     def __init__(
@@ -181,13 +181,13 @@ class Outputs:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
         self._latest: AttitudeEstimate | None = None
         self._latest_motion: SentMotion | None = None
-        # Between these nothing is due: most estimates are told by two comparisons.
+        # Nothing is due between these: two comparisons decide for most estimates.
         self._after_us = self._before_us = 0.0
         self.sent = 0
         self.are_held = False
 
     def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
-        """The messages to send for this attitude."""
+        """Returns the messages to send for this attitude."""
         self._latest = estimate
         due: list[OutMessage] = []
         if self._after_us < estimate.t_us < self._before_us:
@@ -205,12 +205,12 @@ class Outputs:
         return due
 
     def due_odometry(self, motion: SentMotion) -> Messages:
-        """ODOMETRY of this estimate, where it is due."""
+        """Returns ODOMETRY of this estimate, if due."""
         self._latest_motion = motion
         return self._odometry.take(motion)
 
     def latest(self, message_id: int) -> Messages:
-        """What is made from the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
+        """Returns the message of the latest estimate, for MAV_CMD_REQUEST_MESSAGE."""
         if self.are_held or not self.offers(message_id):
             return ()
         if message_id == mavlink.MAVLINK_MSG_ID_ODOMETRY:
@@ -220,15 +220,15 @@ class Outputs:
         return () if self._latest is None else output.make(self._latest)
 
     def hold(self, are_late: bool) -> None:
-        """Keeps messages back while the estimates are late."""
+        """Holds messages back while the estimates are late."""
         self.are_held = are_late
 
     def forget(self) -> None:
-        """The latest estimates are stale: they must not be sent any more."""
+        """Drops the latest estimates, which are stale and must not be sent again."""
         self._latest = self._latest_motion = None
 
     def forget_odometry(self) -> None:
-        """The same for ODOMETRY alone."""
+        """Drops ODOMETRY alone."""
         self._latest_motion = None
 
     def offers(self, message_id: int) -> bool:
@@ -240,11 +240,11 @@ class Outputs:
         return self._outputs[message_id].rate_hz
 
     def default_hz(self, message_id: int) -> float:
-        """The rate that the configuration asks for."""
+        """The configured rate."""
         return self._outputs[message_id].default_hz
 
     def set_rate(self, message_id: int, rate_hz: float) -> None:
-        """Changes a rate, within 0 and `MAX_RATE_HZ`."""
+        """Sets a rate, within 0 and `MAX_RATE_HZ`."""
         self._outputs[message_id].set_rate(min(max(rate_hz, 0.0), MAX_RATE_HZ))
         self._after_us = self._before_us = 0.0
 

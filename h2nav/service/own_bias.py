@@ -1,29 +1,29 @@
-"""The gyro bias of a lane whose filter has taken the memory of another lane's filter."""
+"""The gyro bias of a lane whose filter has taken over the state of another lane's filter."""
 
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Vec3
 from h2nav.service.limits import SECOND_NS
 
-# The bias counts as known that was there so long before anything was seen to be wrong.
+# A bias counts as known from this long before a fault was detected.
 BIAS_NS = 5 * SECOND_NS
 NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
 
 
 class OwnBias:
-    """Takes what a gyro has more of bias than the filter's memory knows out of its rates."""
+    """Corrects the rates by the difference between this gyro's bias and that of the state."""
 
     def __init__(self) -> None:
         self._offset = NO_OFFSET
         self._known: list[tuple[int, Vec3]] = []
 
     def learn(self, t_ns: int, bias_b: Vec3) -> None:
-        """Takes the bias that the lane has while nothing is wrong, rad/s."""
+        """Takes the bias of the lane while nothing is wrong, rad/s."""
         self._known.append((t_ns, bias_b))
         while len(self._known) > 1 and self._known[1][0] <= t_ns - BIAS_NS:
             del self._known[0]
 
     def take_over(self, other: "OwnBias", bias_b: Vec3) -> None:
-        """The filter has the memory of another lane, whose bias is `bias_b`."""
+        """Notes that the filter has the state of another lane, with the bias `bias_b`."""
         self._offset = NO_OFFSET
         if self._known:
             (x, y, z), (u, v, w) = self._known[0][1], bias_b
@@ -31,7 +31,7 @@ class OwnBias:
             self._offset = (x - u + a, y - v + b, z - w + c)
 
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
-        """The filter's estimate for a sample, with the bias of this lane's gyro."""
+        """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
         if self._offset == NO_OFFSET:
             return chosen.update(sample)
         (x, y, z), (a, b, c) = sample.w_b, self._offset

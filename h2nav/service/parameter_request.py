@@ -1,6 +1,6 @@
-"""Asks the autopilot for one of its parameters: a few times with growing pauses, and never again.
+"""Requests one parameter of the autopilot: a few times with growing pauses, then never again.
 
-It also counts when it comes because somebody else has asked for it.
+A reply to another requester also counts.
 """
 
 from h2nav.service.limits import SECOND_NS
@@ -11,10 +11,10 @@ PAUSES_NS = tuple(seconds * SECOND_NS for seconds in (2, 4, 8, 16, 32))
 
 
 class ParameterRequest:
-    """The questions about one parameter.
+    """The requests for one parameter.
 
     Args:
-        name: of the parameter; empty = nothing is asked.
+        name: of the parameter; empty = nothing is requested.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -22,17 +22,17 @@ class ParameterRequest:
         self.restart()
 
     def restart(self) -> None:
-        """The autopilot has started again, perhaps with another value."""
+        """Starts again after a reboot of the autopilot, which may have changed the value."""
         self._is_known = False
         self._asked = 0
         self._due_ns = 0
 
     def heard(self, name: str) -> None:
-        """The autopilot has sent the value of a parameter."""
+        """Notes that the autopilot has sent the value of a parameter."""
         self._is_known |= name == self._name
 
     def next(self, t_ns: int, target: Address) -> OutMessage | None:
-        """What to send now; None where nothing is due.
+        """Returns the request to send now; None if nothing is due.
 
         Args:
             t_ns: host time.

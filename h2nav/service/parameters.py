@@ -1,7 +1,7 @@
-"""Our own parameters, so that a ground station that asks component 191 gets an answer.
+"""This component's own parameters, for ground stations that request them.
 
-They mirror the output settings. They are read-only unless the configuration allows changes; a
-refused PARAM_SET is answered with the value that stands, as the protocol wants it.
+They mirror the output settings and are read-only unless the configuration allows changes; the reply
+to a refused PARAM_SET is the unchanged value, as the protocol requires.
 """
 
 from collections.abc import Iterator
@@ -24,10 +24,10 @@ _RATES = {
 
 
 class Parameters:
-    """Answers PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
+    """Replies to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
 
     Args:
-        outputs: whose rates the parameters show.
+        outputs: with the rates that the parameters show.
         may_change: obey PARAM_SET.
     """
 
@@ -41,13 +41,13 @@ class Parameters:
         return (self._value(index) for index in range(len(self._names)))
 
     def read(self, asked: ParameterRead) -> OutMessage | None:
-        """The PARAM_VALUE asked for, by index or name; None if unknown."""
+        """Returns the requested PARAM_VALUE, by index or name; None if unknown."""
         if asked.place is not None:
             return self._value(asked.place) if asked.place < len(self._names) else None
         return self._value(self._names.index(asked.name)) if asked.name in self._names else None
 
     def write(self, asked: ParameterWrite) -> OutMessage | None:
-        """Obeys or refuses PARAM_SET; the PARAM_VALUE that stands afterwards, None if unknown."""
+        """Applies or refuses PARAM_SET; returns the resulting PARAM_VALUE, None if unknown."""
         if asked.name not in self._names:
             return None
         if self._may_change and asked.value is not None:

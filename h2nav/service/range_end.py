@@ -1,14 +1,14 @@
-"""Finds samples at the end of the sensor's range, which no message tells.
+"""Detects samples at the end of the sensor's range, which no message reports.
 
 Gyros have ranges of 250, 500, 1000 and 2000 deg/s, accelerometers of 8, 16 and 32 g, and a message
-does not say which. A sensor at its end gives one and the same extreme value as long as the motion
-is beyond it. So an axis stands at an end when its value is exactly the same in three samples one
-after another, is the largest that it has ever had, lies where a range ends, and another axis of the
-sensor has moved meanwhile. From then on that value is known as an end, until it is exceeded.
+does not name them. A saturated sensor repeats one extreme value while the motion is beyond it. So
+an axis is at its end when its value is exactly the same in three samples in a row, is its largest
+so far, lies where a range ends, and another axis of the sensor has moved meanwhile. From then on
+that value is known as an end, until it is exceeded.
 
-A motion within the range does not do that: to stay within one count of 1 mrad/s for 20 ms at 250
-deg/s it would have to be steady to 0.05 rad/s^2, exactly there, and while the vehicle turns about
-another axis as well.
+A motion within the range does not do that: to stay within one count of 1 mrad/s for 20 ms at
+250 deg/s it would have to be steady to 0.05 rad/s^2, exactly there, and while the vehicle turns
+about another axis.
 """
 
 from h2nav.attitude.samples import ImuSample, Vec3
@@ -16,8 +16,8 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 GYRO_RANGES_RAD_S = tuple(range_deg_s * DEG for range_deg_s in (250.0, 500.0, 1000.0, 2000.0))
 FORCE_RANGES_M_S2 = tuple(range_g * GRAVITY_M_S2 for range_g in (8.0, 16.0, 32.0))
-# An end is not where the range says, because the autopilot subtracts the bias and corrects the
-# scale: at most 10 deg/s and 0.1 g, and 3 %.
+# The end is shifted from the nominal range, because the autopilot subtracts the bias and corrects
+# the scale: by at most 10 deg/s and 0.1 g, and 3 %.
 GYRO_OFFSET_RAD_S = 10.0 * DEG
 FORCE_OFFSET_M_S2 = 0.1 * GRAVITY_M_S2
 SCALE_ERROR = 0.03
@@ -25,7 +25,7 @@ REPETITIONS = 3
 
 
 class _Axis:
-    """One axis: its latest value, its largest, and the end of its range once that is known."""
+    """One axis: its latest value, its largest, and the end of its range once known."""
 
     def __init__(self, ranges: tuple[float, ...], offset: float) -> None:
         self._ranges = ranges
@@ -38,11 +38,11 @@ class _Axis:
         self._end: float | None = None
 
     def forget(self) -> None:
-        """A value has come that lies at no end."""
+        """Notes a value that is not at an end."""
         self._value, self._repeated = 0.0, 0
 
     def is_at_end(self, value: float, others: tuple[float, float]) -> bool:
-        """Takes a large value; whether this axis stands at the end of its range."""
+        """Takes a large value; returns whether this axis is at the end of its range."""
         size = abs(value)
         if self._end is not None and size > self._end:
             self._end = None
@@ -67,13 +67,13 @@ class _Axes:
     """The three axes of one sensor."""
 
     def __init__(self, ranges: tuple[float, ...], offset: float) -> None:
-        # Where sensors spend their lives: no range ends below.
+        # Usual values: no range ends below.
         self._usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
         self._axes = [_Axis(ranges, offset) for _ in range(3)]
         self._were_usual = True
 
     def any_at_end(self, values: Vec3) -> bool:
-        """Takes a sample; whether one of the axes stands at the end of its range."""
+        """Takes a sample; returns whether one of the axes is at the end of its range."""
         x, y, z = values
         usual = self._usual
         if -usual < x < usual and -usual < y < usual and -usual < z < usual:
@@ -94,12 +94,12 @@ class _Axes:
 
 
 class RangeEnds:
-    """Watches the three axes of gyro and accelerometer of one stream of samples."""
+    """Monitors the three axes of gyro and accelerometer of one stream of samples."""
 
     def __init__(self) -> None:
         self._gyro = _Axes(GYRO_RANGES_RAD_S, GYRO_OFFSET_RAD_S)
         self._force = _Axes(FORCE_RANGES_M_S2, FORCE_OFFSET_M_S2)
 
     def holds(self, sample: ImuSample) -> bool:
-        """Takes a sample; whether one of its axes stands at the end of its range."""
+        """Takes a sample; returns whether one of its axes is at the end of its range."""
         return self._gyro.any_at_end(sample.w_b) | self._force.any_at_end(sample.f_b)

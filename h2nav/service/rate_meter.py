@@ -1,4 +1,4 @@
-"""How often each message arrives, whoever asked for it."""
+"""Measures the rate of each message, whoever requested it."""
 
 import math
 from bisect import bisect_left
@@ -14,11 +14,11 @@ ENOUGH = 0.8
 
 
 class ArrivalCount(NamedTuple):
-    """What came in a stretch of time.
+    """The arrivals in a period.
 
     Attributes:
-        messages: how many.
-        seconds: length of the stretch.
+        messages: their number.
+        seconds: length of the period.
     """
 
     messages: int
@@ -27,7 +27,7 @@ class ArrivalCount(NamedTuple):
     def reach(self, rate_hz: float) -> bool:
         """Whether they come at `rate_hz`, as far as so few messages can show.
 
-        One may still be on its way, and where a tenth is lost at random, few become fewer.
+        One may still be in transit, and with a random loss of a tenth, few become fewer.
         """
         expected = rate_hz * self.seconds
         return self.messages + 1.0 + 0.5 * math.sqrt(expected) >= ENOUGH * expected
@@ -44,7 +44,7 @@ class _Snapshot(NamedTuple):
 
 
 class RateMeter:
-    """Counts messages, and looks at the counts ten times a second."""
+    """Counts messages, and takes snapshots ten times a second."""
 
     def __init__(self) -> None:
         self._counts: Counter[int] = Counter()
@@ -53,18 +53,18 @@ class RateMeter:
         self._first_ns: dict[int, int] = {}
 
     def arrived(self, message_id: int) -> None:
-        """A message has come."""
+        """Counts a message."""
         self._counts[message_id] += 1
 
     def restart(self) -> None:
-        """Forgets all that came."""
+        """Forgets all arrivals."""
         self._counts.clear()
         self._snapshots.clear()
         self._times_ns.clear()
         self._first_ns.clear()
 
     def sample(self, t_ns: int) -> bool:
-        """Notes the counts at host time `t_ns`; False where that is not yet due."""
+        """Takes a snapshot at host time `t_ns`; returns False if it is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
         for message_id in self._counts.keys() - self._first_ns.keys():
@@ -76,7 +76,7 @@ class RateMeter:
         return True
 
     def since(self, message_id: int, t_ns: int) -> ArrivalCount:
-        """What came from host time `t_ns` to the latest look, within `LONGEST_SPAN_NS`."""
+        """Arrivals from host time `t_ns` to the latest snapshot, within `LONGEST_SPAN_NS`."""
         if not self._snapshots:
             return ArrivalCount(0, 0.0)
         place = bisect_left(self._times_ns, t_ns)

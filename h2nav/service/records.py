@@ -1,4 +1,4 @@
-"""What the service writes to the log: flat scalars with units in their names."""
+"""Log records of the service: flat scalars with units in their names."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,10 +13,10 @@ class ImuRecord(NamedTuple):
 
     Attributes:
         t_us: autopilot time of the sample.
-        gyro_x_rad_s: angular rate, bias still in it.
+        gyro_x_rad_s: angular rate, bias included.
         acc_x_m_s2: specific force; -9.8 on z at rest and level.
-        mag_x_ut: magnetic field; empty when the sample brought none.
-        clipped: a sensor stood at the end of its range.
+        mag_x_ut: magnetic field; empty if the sample has none.
+        clipped: a sensor was at the end of its range.
     """
 
     t_us: int
@@ -42,17 +42,17 @@ class EstimateRecord(NamedTuple):
     """One attitude estimate; body to NED, true north once the declination is known.
 
     Attributes:
-        t_us: autopilot time of the sample that it was made from.
+        t_us: autopilot time of its sample.
         q_w: attitude quaternion, Hamilton, scalar first.
         roll_deg: Euler angles of the z-y-x sequence.
         rate_x_rad_s: angular rate corrected for bias, body frame.
         bias_x_rad_s: gyro bias, body frame.
-        innovation_n_rad: rotation by which the measurements disagreed, NED.
+        innovation_n_rad: rotation between estimate and measurements, NED.
         sigma_tilt_deg: predicted one-sigma tilt error.
         trust: bits of h2nav.attitude.samples.Trust.
-        late_ms: how late it was, beyond what is usual on its link, when it was made; the one field
-            that a replay does not reproduce.
-        sigma_heading_deg: predicted one-sigma heading error; empty where the filter has no figure.
+        late_ms: lateness beyond the usual on its link, when it was made; the one field that a
+            replay does not reproduce.
+        sigma_heading_deg: predicted one-sigma heading error; empty if unknown.
     """
 
     t_us: int
@@ -104,11 +104,11 @@ class ComparisonRecord(NamedTuple):
         t_us: autopilot time of both.
         source: autopilot (ATTITUDE) or AHRS2.
         tilt_deg: angle between the verticals.
-        heading_deg: the autopilot's heading less ours.
+        heading_deg: the autopilot's heading minus ours.
         sigma_tilt_deg: deviation of the difference, both attitudes' together.
         sigma_heading_deg: the same; empty where our heading has no reference.
-        tilt_verdict: whose tilt the GPS velocity supports: h2nav, autopilot or undecided.
-        heading_verdict: the same of the heading.
+        tilt_verdict: the tilt that the GPS velocity supports: h2nav, autopilot or undecided.
+        heading_verdict: likewise the heading.
     """
 
     t_us: int
@@ -126,21 +126,21 @@ class HealthRecord(NamedTuple):
 
     Attributes:
         state: no_link, no_autopilot, no_imu, aligning, active or degraded.
-        reason: why it is not active; empty when it is.
+        reason: why it is not active; empty if active.
         autopilot: system and component id that the service is bound to, such as 1/1.
-        imu_message: the message that the samples come from.
+        imu_message: the message of the samples.
         imu_rate_hz: rate of that message over the last window.
         samples_used: samples that made an estimate, since start.
-        samples_rejected: samples that were refused, since start.
+        samples_rejected: rejected samples, since start.
         estimates_sent: attitude messages sent, since start.
-        armed: what the autopilot's heartbeat says.
-        independent: False where something of the autopilot's own estimator is in the estimate: its
+        armed: armed state in the autopilot's heartbeat.
+        independent: False if the estimate contains something of the autopilot's own estimator: its
             velocity, or its bias, already removed from the message in use.
-        late_ms: how late the newest estimate is, beyond what is usual on this link.
-        autopilot_tilt_deg: angle between the autopilot's vertical and ours; empty where nothing was
-            compared just now.
-        autopilot_heading_deg: the autopilot's heading less ours.
-        cause: of the reason: stays the same while the figures in the reason change.
+        late_ms: lateness of the newest estimate, beyond the usual on this link.
+        autopilot_tilt_deg: angle between the autopilot's vertical and ours; empty without a recent
+            comparison.
+        autopilot_heading_deg: the autopilot's heading minus ours.
+        cause: of the reason: the same while the figures in the reason change.
     """
 
     state: str
@@ -166,31 +166,31 @@ class HealthRecord(NamedTuple):
 
 
 class StatusRecord(NamedTuple):
-    """What somebody who looks on wants to know a few times a second; not in the log.
+    """The status for displays, a few times a second; not in the log.
 
     Attributes:
         state: see `HealthRecord`.
-        reason: why it is not active; empty when it is.
-        vehicle: what the service is bound to, for people; empty before.
-        age_ms: since the newest sample that was used arrived; empty before the first.
-        autopilot_q_w: the autopilot's own attitude, body to NED, Hamilton, scalar first; empty
-            where it has not told it just now.
+        reason: why it is not active; empty if active.
+        vehicle: bound autopilot, for people; empty before.
+        age_ms: since the arrival of the newest sample used; empty before the first.
+        autopilot_q_w: the autopilot's own attitude, body to NED, Hamilton, scalar first; empty if
+            stale.
         autopilot_source: autopilot (ATTITUDE) or AHRS2; empty likewise.
         autopilot_age_ms: since that attitude arrived.
-        tilt_deg: angle between the autopilot's vertical and ours; empty where nothing was compared
-            just now.
-        heading_deg: the autopilot's heading less ours.
+        tilt_deg: angle between the autopilot's vertical and ours; empty without a recent
+            comparison.
+        heading_deg: the autopilot's heading minus ours.
         sigma_tilt_deg: deviation of the difference, both attitudes' together.
         sigma_heading_deg: the same; empty where our heading has no reference.
-        tilt_verdict: whose tilt the GPS velocity supports: h2nav, autopilot or undecided.
-        heading_verdict: the same of the heading.
-        velocity_ratio: innovation test ratio, 1 = the test fails; empty where nothing was measured.
+        tilt_verdict: the tilt that the GPS velocity supports: h2nav, autopilot or undecided.
+        heading_verdict: likewise the heading.
+        velocity_ratio: innovation test ratio, fails above 1; empty without a measurement.
         force_ratio: the same of the force against a velocity that is merely bounded.
         field_ratio: the same of the magnetic field.
         turn_ratio: the same of the gyro against the magnetic field.
-        alarms: what is wrong at present, for people, one per line.
-        open_findings: ids of the findings that go on, divided by spaces.
-        preflight: what is wrong before arming, for people, one per line; empty while armed.
+        alarms: present alarms, for people, one per line.
+        open_findings: ids of the open findings, separated by spaces.
+        preflight: faults before arming, for people, one per line; empty while armed.
     """
 
     state: str
@@ -223,12 +223,12 @@ class LaneRecord(NamedTuple):
 
     Attributes:
         imu: number of the IMU, from 1.
-        message: that its samples come from.
+        message: of its samples.
         rate_hz: of its samples.
-        ratio: of the tests of its gyro and accelerometer; 1 = they fail, empty = known to be bad.
+        ratio: of the tests of its gyro and accelerometer; fails above 1, empty = known faulty.
         field_ratio: the same of its compass.
         tilt_apart_deg: between the verticals of its attitude and of the one that is sent.
-        heading_apart_deg: its heading less the one that is sent.
+        heading_apart_deg: its heading minus the one that is sent.
         sent: this attitude is sent.
     """
 
@@ -243,7 +243,7 @@ class LaneRecord(NamedTuple):
 
 
 class RejectionRecord(NamedTuple):
-    """How many samples or messages were refused so far, for one reason.
+    """Number of samples or messages rejected so far, for one reason.
 
     Attributes:
         reason: such as duplicate, late, non_finite, zero_force, other_sender.
@@ -260,7 +260,7 @@ class TimeSyncRecord(NamedTuple):
     Attributes:
         offset_us: autopilot time minus host time at `host_us`.
         skew_ppm: how much faster the autopilot's clock runs.
-        round_trip_us: of the exchange that this record was made from.
+        round_trip_us: of the exchange behind this record.
         host_us: host monotonic time.
     """
 
@@ -271,16 +271,16 @@ class TimeSyncRecord(NamedTuple):
 
 
 class AidingRecord(NamedTuple):
-    """What else the filter was told of, when it changed.
+    """Changed inputs of the filter besides the samples.
 
     Attributes:
         kind: velocity, field, vehicle, delays.
         north_m_s: velocity over ground (kind velocity).
         field_norm_ut: expected earth field (kind field).
         on_ground: disarmed or landed (kind vehicle).
-        gyro_delay_s: age of rates and forces at the time that their message claims (kind delays);
-            empty where it is not known.
-        field_delay_s: the same of the field.
+        gyro_delay_s: age of rates and forces at the time stamp of their message (kind delays);
+            empty if unknown.
+        field_delay_s: likewise of the field.
     """
 
     kind: str
@@ -302,24 +302,24 @@ FINDING_TOPIC = "/finding"
 
 
 class FindingRecord(NamedTuple):
-    """What was found to be wrong: written when it begins, changes, still goes on, and ends.
+    """A finding, written when it begins, changes, is repeated, and ends.
 
     Attributes:
         id: stable within a run, such as gyro_frozen.imu1.1.
         phase: begin, update or end.
-        is_open: it goes on.
+        is_open: it has not ended.
         kind: of the finding; docs/review-findings.md lists them.
-        source: what is concerned, for people.
-        sensor: what is concerned: imu, gyro, compass, gps, autopilot, ahrs2 and others.
-        sensor_number: from 1; empty where there is one.
-        severity: the worst that it was: critical, error, warning, notice or info.
-        from_s: when it began, since the first message of the run.
-        to_s: when it was last so.
+        source: of the fault, for people.
+        sensor: of the fault: imu, gyro, compass, gps, autopilot, ahrs2 and others.
+        sensor_number: from 1; empty if there is only one.
+        severity: the worst so far: critical, error, warning, notice or info.
+        from_s: its beginning, since the first message of the run.
+        to_s: when it last held.
         size: the largest, in the unit of the next field.
         unit: of the size.
         text: for people.
-        evidence: what shows it.
-        cause: id of the finding that it follows from; empty where it follows from none.
+        evidence: the figures that show it.
+        cause: id of the finding that it follows from; empty if none.
     """
 
     id: str
@@ -361,7 +361,7 @@ def finding_record(phase: Phase, finding: Finding) -> FindingRecord:
 
 
 def finding_mapping(record: FindingRecord) -> dict[str, Any]:
-    """The same as `findings.as_mapping` of it, with its phase."""
+    """The mapping of `findings.as_mapping`, with its phase."""
     values = record._asdict()
     number = values.pop("sensor_number")
     return {**values, "sensor": {"kind": record.sensor, "number": number, "others": []}}

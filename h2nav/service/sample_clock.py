@@ -1,14 +1,14 @@
 """The autopilot's sample times, unwrapped: duplicates, late packets, wraps, reboots, new epochs.
 
-Rules, in the order in which they are tried, for a raw time against the newest one accepted:
+Rules, in the order of their application, for a raw time against the newest one accepted:
 
 1. Later by less than `MAX_GAP_US`, and not ahead of what the arrival allows: the next sample.
 2. Equal: a duplicate. Earlier by less than `LATE_US`: a late packet. Neither is used.
 3. Close after the newest one modulo 2^32 (microseconds or milliseconds): the counter wrapped.
-4. Anything else, and late packets when nothing else comes, belongs to *another time line*. Three
-   samples that follow each other on it make it the one to use: the same epoch where time went on,
-   else a new one (a reboot when its times are small). A single stray time never does; nor does
-   another line while the present one is alive: then two senders use one identity.
+4. Anything else, and late packets without any other, belongs to *another time line*. Three
+   successive samples on it make it the one in use: in the same epoch if time went on, otherwise in
+   a new one (a reboot if its times are small). A single stray time never does; nor does another
+   line while the present one is alive: then two senders share one identity.
 """
 
 from enum import Enum
@@ -16,16 +16,16 @@ from enum import Enum
 MAX_GAP_US = 10_000_000
 LATE_US = 2_000_000
 AHEAD_US = 250_000
-"""A time stamp may run ahead of its arrival by so much; arrivals vary by 160 ms."""
+"""How far a time stamp may run ahead of its arrival; arrivals vary by 160 ms."""
 ALIVE_NS = 200_000_000
-"""A time line is alive for so long after its newest sample."""
+"""How long a time line is alive after its newest sample."""
 CONFIRMATIONS = 3
 BOOT_LIMIT_US = 60_000_000
 UINT32 = 1 << 32
 
 
 class TimeVerdict(Enum):
-    """What a raw sample time means."""
+    """The meaning of a raw sample time."""
 
     NEXT = "next"
     DUPLICATE = "duplicate"
@@ -37,11 +37,11 @@ class TimeVerdict(Enum):
 
 
 class SampleClock:
-    """Turns raw message times into `t_us` that only grows inside one epoch.
+    """Converts raw message times to `t_us`, which only increases inside one epoch.
 
     Args:
         unit_us: microseconds per count of the raw time (1 or 1000), whose counter may be 32 bits.
-        newest_us: newest `t_us` of another message of the same autopilot, to go on from.
+        newest_us: newest `t_us` of another message of the same autopilot, to continue from.
         newest_ns: host time of its arrival.
 
     Attributes:
@@ -100,7 +100,7 @@ class SampleClock:
         return self._try_candidate(t_ns, raw_us, TimeVerdict.STRAY)
 
     def _is_ahead(self, t_ns: int, step_us: int) -> bool:
-        """Whether the stamp has run on by more than the time that passed since the newest one."""
+        """Whether the stamp has advanced by more than the time since the newest one."""
         return self._newest_ns is not None and step_us * 1000 > t_ns - self._newest_ns + (
             AHEAD_US * 1000
         )
@@ -115,7 +115,7 @@ class SampleClock:
     def _try_candidate(
         self, t_ns: int, raw_us: int, unconfirmed: TimeVerdict
     ) -> tuple[TimeVerdict, int]:
-        """A time of another line; its third sample in a row makes it the one to use."""
+        """Takes a time of another line; its third sample in a row makes it the one in use."""
         assert self._newest_us is not None
         assert self._wraps_us is not None
         before_us = self._candidate_us

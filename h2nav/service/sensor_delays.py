@@ -1,6 +1,6 @@
-"""How old the sensors' values are when their messages claim that they are new, per autopilot.
+"""Age of the sensors' values at the time stamps of their messages, per autopilot.
 
-Samples of a log that shows their ages carry them; of all others only the make is known:
+A log that shows the ages passes them with the samples; otherwise the autopilot's make decides:
 
 | autopilot | rates and forces | field |
 |---|---|---|
@@ -8,8 +8,8 @@ Samples of a log that shows their ages carry them; of all others only the make i
 | PX4 | mean over 1 / IMU_INTEG_RATE, 5 ms | HIGHRES_IMU: mean of 67 ms, sent later; SCALED_IMU |
 | others | unknown | unknown |
 
-Half a period between samples is no age of a rate, because a filter takes it as the mean over the
-step before its sample. So a rate that is younger than that makes the attitude early.
+Half a period between samples does not count as age of a rate, because a filter takes it as the mean
+over the step before its sample. So a younger rate makes the attitude early.
 
 Source: docs/filter.md Eq. (40), (41).
 """
@@ -26,12 +26,12 @@ from h2nav.wire.vehicle import ParameterValue
 
 GYRO_FILTER = "INS_GYRO_FILTER"
 DEFAULT_FILTER_HZ = 20.0
-# ArduPilot's default for what drives.
+# ArduPilot's default for rovers.
 DEFAULT_DRIVING_FILTER_HZ = 4.0
-# A filter outside this is a misprint: 2 Hz would make the rates 0.11 s old.
+# A filter outside this is implausible: 2 Hz would make the rates 0.11 s old.
 SLOWEST_FILTER_HZ = 2.0
 FASTEST_FILTER_HZ = 1000.0
-# ArduPilot reads the compass at 10 Hz and gives the mean since it was read before.
+# ArduPilot reads the compass at 10 Hz and sends the mean since the previous reading.
 ARDUPILOT_FIELD_S = 0.05
 # PX4's default IMU_INTEG_RATE is 200 Hz; IMU_GYRO_CUTOFF filters for its controllers alone.
 PX4_RATES_S = 0.0025
@@ -39,9 +39,9 @@ PX4_RATES_S = 0.0025
 PX4_FIELD_S = 0.04
 # The raw sensor is read at 50 to 100 Hz.
 PX4_RAW_FIELD_S = 0.01
-# Of the samples' period: how many samples it is averaged over.
+# In periods of the samples: how many samples the period is averaged over.
 PERIOD_SAMPLES = 50
-# What the filter is not told of anew: 0.02 deg at 200 deg/s.
+# Smaller changes are not passed to the filter: 0.02 deg at 200 deg/s.
 LEAST_CHANGE_S = 1e-4
 
 
@@ -54,11 +54,11 @@ def butterworth_delay_s(cutoff_hz: float) -> float:
 
 
 class SensorTiming:
-    """What is known of the ages of one autopilot's values, and what follows for the filter.
+    """Known ages of one autopilot's values, and the resulting delays for the filter.
 
     Args:
-        settings: may give the ages.
-        identity: of the autopilot, of which only its make is known.
+        settings: may set the ages.
+        identity: of the autopilot, of which only the make is used.
     """
 
     def __init__(self, settings: AutopilotSettings, identity: Identity) -> None:
@@ -67,24 +67,24 @@ class SensorTiming:
         self._filter_age_s: float | None = None
         self._newest_us: int | None = None
         self._period_s: float | None = None
-        self._shown: Ages | None = None  # by the latest sample itself
-        self._ages: Ages | None = None  # as `sampled` has used them last
+        self._shown: Ages | None = None  # of the latest sample itself
+        self._ages: Ages | None = None  # as last used by `sampled`
         self._field_is_raw = False
         self.delays = SensorDelays()
 
     def restart(self) -> None:
-        """The samples' time starts again."""
+        """Restarts with the samples' time."""
         self._newest_us = self._period_s = None
         self.delays = SensorDelays()
 
     @property
     def parameter(self) -> str:
-        """Name of the autopilot's parameter that tells more; empty where none does."""
+        """Name of the autopilot's parameter with the filter frequency; empty if there is none."""
         is_asked = self._identity.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         return GYRO_FILTER if is_asked and self._settings.gyro_delay_s == "auto" else ""
 
     def hears(self, parameter: ParameterValue) -> bool:
-        """Takes a parameter of the autopilot; whether it has changed an age."""
+        """Takes a parameter of the autopilot; returns whether it changed an age."""
         if parameter.name != self.parameter or parameter.value is None:
             return False
         cutoff_hz = parameter.value
@@ -99,10 +99,10 @@ class SensorTiming:
         return age_s != before
 
     def ages(self, *, field_is_raw: bool = False) -> Ages:
-        """The ages as known at present.
+        """The presently known ages.
 
         Args:
-            field_is_raw: the fields in use are those that PX4's sensor gives.
+            field_is_raw: the fields in use are those of PX4's raw sensor.
         """
         rates_s, field_s = self._shown or self._known(field_is_raw)
         chosen = self._settings
@@ -113,12 +113,12 @@ class SensorTiming:
         return Ages(rates_s, field_s)
 
     def sampled(self, t_us: int, *, field_is_raw: bool, ages: Ages | None = None) -> bool:
-        """Follows the period of the samples; whether `delays` has changed.
+        """Follows the period of the samples; returns whether `delays` has changed.
 
         Args:
             t_us: time of a sample.
             field_is_raw: as in `ages`.
-            ages: that the sample itself carries.
+            ages: carried by the sample itself.
 
         Source: docs/filter.md Eq. (41).
         """
@@ -150,7 +150,7 @@ class SensorTiming:
         return Ages(butterworth_delay_s(cutoff_hz), ARDUPILOT_FIELD_S)
 
     def _period_at(self, t_us: int) -> float | None:
-        """The period's mean; a gap counts as two periods, so that it moves the mean by little."""
+        """The mean period; a gap counts as two periods, so that it moves the mean little."""
         before_us, self._newest_us = self._newest_us, t_us
         if before_us is None:
             return self._period_s

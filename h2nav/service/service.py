@@ -1,8 +1,8 @@
-"""The service: what the daemon does, as a function of events, without any I/O.
+"""The service: the daemon's behaviour as a function of events, without I/O.
 
 Events come in: a message at a time, a timer at a time, the link going up or down. Each returns
 effects (send, record, report) in order. Time enters only with the events. Estimates depend on
-messages and their arrival times alone, never on timers, so a recording of what was received
+messages and their arrival times alone, never on timers, so that a recording of the received bytes
 reproduces them exactly.
 """
 
@@ -76,12 +76,12 @@ TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
 TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
-# How often the message is asked for that only lends its field: a compass is read at 10 to 20 Hz,
-# and a link that carries few samples carries few fields.
+# Requested rate of a message that only lends its field: a compass is read at 10 to 20 Hz, and a
+# link with few samples carries few fields.
 FIELD_RATE_HZ = 20.0
 FIELD_SHARE = 0.2
 GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-# The earth field changes over kilometres: some autopilots tell their place fifty times a second.
+# The earth field changes over kilometres, but some autopilots send their place 50 times a second.
 PLACE_PAUSE_NS = SECOND_NS
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
@@ -90,14 +90,14 @@ DENIED_IMU = Objection("denied", "the autopilot denies every IMU message")
 
 
 class Surroundings(NamedTuple):
-    """What the service needs from outside itself.
+    """What the service needs from outside.
 
     Attributes:
-        filter_for: makes the filter of a vehicle.
+        filter_for: creates the filter of a vehicle.
         field_at: the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds).
         unix_s: today's date, for the field model, until the autopilot sends the time.
         unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
-        has_listener: somebody gets what is sent; a replay has nobody.
+        has_listener: outgoing messages are sent; not so in a replay.
     """
 
     filter_for: FilterFor
@@ -109,12 +109,12 @@ class Surroundings(NamedTuple):
 
 @dataclass(slots=True)
 class Job:
-    """Something that is done by the clock.
+    """Periodic work.
 
     Attributes:
         run: does it; returns its effects.
         pause_ns: until the next time.
-        due_ns: when it is done next.
+        due_ns: the next time.
     """
 
     run: Callable[[int], list[Effect]]
@@ -123,11 +123,11 @@ class Job:
 
 
 class Service:
-    """Events in, effects out.
+    """Processes events and returns effects.
 
     Args:
-        settings: what the user chose.
-        surroundings: what comes from outside.
+        settings: of the user.
+        surroundings: inputs from outside.
     """
 
     def __init__(self, settings: ServiceSettings, surroundings: Surroundings) -> None:
@@ -175,7 +175,7 @@ class Service:
         self._pulse = Pulse()
         self._standing = Standing(self._notices)
         self._stations = GroundStations()
-        self._refused: Counter[str] = Counter()  # messages other than samples, and faults of ours
+        self._refused: Counter[str] = Counter()  # messages other than samples, and our own faults
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
             Job(self._ask_time, self._time_sync_pause_ns),
@@ -210,7 +210,7 @@ class Service:
 
     @property
     def health(self) -> records.HealthRecord:
-        """The state as it is logged and shown."""
+        """The state as logged and displayed."""
         row = self._estimation.imu_message
         difference = self._comparing.witness.latest
         return records.HealthRecord(
@@ -231,7 +231,7 @@ class Service:
         )
 
     def status(self, t_ns: int) -> records.StatusRecord:
-        """What somebody who looks on wants to know now.
+        """The present status for displays.
 
         Args:
             t_ns: host time.
@@ -247,17 +247,17 @@ class Service:
 
     @property
     def before_arming(self) -> GroundVerdict:
-        """What is wrong on the ground, and what could be judged; nothing while armed."""
+        """Faults on the ground, and the checks made; nothing while armed."""
         return self._before_arming.verdict
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found to be wrong so far."""
+        """All findings so far."""
         return self._judgement.findings
 
     @property
     def open_findings(self) -> tuple[Finding, ...]:
-        """What is wrong at present."""
+        """The open findings."""
         return self._judgement.open
 
     @property
@@ -267,7 +267,7 @@ class Service:
 
     @property
     def rejected(self) -> dict[str, int]:
-        """Samples and messages that were refused, by reason."""
+        """Rejected samples and messages, by reason."""
         counts = self._estimation.rejected + self.motion.rejected + self._conversation.rejected
         return dict(counts + self._refused)
 
@@ -278,11 +278,11 @@ class Service:
     # --- events -------------------------------------------------------------------------------
 
     def on_link(self, t_ns: int, is_up: bool, error: str = "") -> list[Effect]:
-        """The state of the link.
+        """Takes the state of the link.
 
         Args:
             t_ns: host time.
-            is_up: bytes can come.
+            is_up: bytes can arrive.
             error: the latest error of the link; empty before the first.
         """
         link_error = None if is_up else error
@@ -303,7 +303,7 @@ class Service:
 
         Args:
             envelope: of the message.
-            message: what it says, where it was read.
+            message: its content, if it was decoded.
         """
         if self._autopilot.owns(envelope.sender):
             return True
@@ -312,7 +312,7 @@ class Service:
         return is_autopilot and may_bind and self._autopilot.accepts(envelope.sender)
 
     def heeds(self, t_ns: int, sender: Sender, message_id: int) -> bool:
-        """Whether a message has to be read; it is counted as having arrived in any case.
+        """Whether a message has to be decoded; it is counted as having arrived in any case.
 
         Args:
             t_ns: host time of its arrival.
@@ -331,7 +331,7 @@ class Service:
         return message_id not in comparing.MESSAGES and message_id in READERS
 
     def _heeds_own(self, t_ns: int, message_id: int) -> bool:
-        """The same of a message of the bound autopilot; remembers how long the answer holds."""
+        """The same for the bound autopilot; remembers how long the answer holds."""
         if message_id in IMU_MESSAGES:
             self._autopilot.brings_imu()
             if self._estimation.considers(t_ns, message_id):
@@ -349,7 +349,7 @@ class Service:
         return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
-        """A message arrived that the service, asked just before, heeds."""
+        """Takes a message for which `heeds` has just returned True."""
         if isinstance(message, ImuReading):
             return self._on_imu(envelope, message)
         if isinstance(message, Heartbeat):
@@ -370,7 +370,7 @@ class Service:
         return self._on_vehicle_message(envelope.t_ns, message) if owned else []
 
     def _asks_about_arming(self, sender: Sender, question: Question) -> bool:
-        """Whether the bound autopilot wants our opinion, and the user wants it given."""
+        """Whether the bound autopilot requests an authorization, and the user enabled it."""
         if not self._settings.output.arming_opinion or not isinstance(question, Command):
             return False
         if question.command != mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST:
@@ -380,7 +380,7 @@ class Service:
         return is_for_us and self._autopilot.owns(sender)
 
     def on_refusal(self, envelope: Envelope, reason: str) -> list[Effect]:
-        """A message that the service heeds was refused at the wire boundary."""
+        """Takes the rejection of a needed message at the wire boundary."""
         if envelope.message_id in self.motion.message_ids:
             return self.motion.on_refusal(envelope, reason)
         if self._autopilot.owns(envelope.sender):
@@ -391,11 +391,11 @@ class Service:
         return []
 
     def on_note(self, t_ns: int, said: Notice) -> list[Effect]:
-        """Something that the service does not know of, such as trouble with the log."""
+        """Takes an event from outside the service, such as trouble with the log."""
         return self._notices.tell(t_ns, said.severity, said.text, said.cause)
 
     def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
-        """A handler of ours raised: this is counted and reported, and the daemon continues.
+        """Counts and reports an exception of a handler; the daemon continues.
 
         Args:
             t_ns: host time.
@@ -408,17 +408,17 @@ class Service:
         return self._notices.tell(t_ns, Severity.ERROR, text, reason)
 
     def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
-        """The program was held up: what was not heard meanwhile says nothing about others."""
+        """Notes a stall of the program: silence meanwhile says nothing about others."""
         self._pulse.stalled(t_ns, length_ns)
         return self._judge(t_ns)
 
     def on_bytes(self, t_ns: int, are_junk: bool) -> list[Effect]:
-        """Bytes come and hold no MAVLink, or hold it again."""
+        """Notes that bytes arrive without MAVLink, or with MAVLink again."""
         self._bytes_are_junk = are_junk
         return self._judge(t_ns)
 
     def on_timer(self, t_ns: int) -> list[Effect]:
-        """Time passed: heartbeats, requests, reports that are due. Call it at `next_timer_ns`."""
+        """Does what is due: heartbeats, requests, reports. Called at `next_timer_ns`."""
         effects = self._judge(t_ns)
         for job in self._jobs:
             if t_ns >= job.due_ns:
@@ -429,7 +429,7 @@ class Service:
         return effects
 
     def next_timer_ns(self, t_ns: int) -> int:
-        """When to call `on_timer` next, at the latest."""
+        """The latest time for the next call of `on_timer`."""
         return min(t_ns + TIMER_NS, *(job.due_ns for job in self._jobs))
 
     # --- what the autopilot says --------------------------------------------------------------
@@ -453,7 +453,7 @@ class Service:
         return effects + self._aiding.tell_vehicle(t_ns)
 
     def _what_is_wrong(self) -> list[tuple[Severity, str]]:
-        """For a ground station that comes late: the state, and the worst of the rest."""
+        """For a new ground station: the state, and the worst of the rest."""
         rest = [alarm for alarm in self._judgement.alarms if not alarm.degrades]
         texts = [(alarm.severity, alarm.told) for alarm in sorted(rest, key=lambda a: a.severity)]
         return [*self._standing.complaint, *texts]
@@ -490,11 +490,11 @@ class Service:
         self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
         self._outputs.hold(self._lateness.is_late)
         self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
-        # The attitude leaves before anything is written down.
+        # The attitude leaves before anything is logged.
         if estimate is not None:
             for message in self._outputs.due(estimate):
                 effects.append(self._send(message))
-        # Rates and forces are late, and what is computed with them needs the attitude they had.
+        # Rates and forces are late, and computations with them need the attitude of their time.
         effects += self.motion.on_sample(t_ns, sample, outcome.unled)
         effects.append(Used(sample, estimate, self._lateness.late_ns))
         effects += self._comparing.on_sample(sample, estimate)
@@ -513,7 +513,7 @@ class Service:
         )
 
     def _check_units(self, t_ns: int, sample: ImuSample) -> list[Effect]:
-        """At rest on the ground; a complaint is looked into wherever the vehicle is."""
+        """Checks at rest on the ground; a complaint is followed up in any place."""
         effects: list[Effect] = []
         complained = bool(self._units.complaints)
         if (self._autopilot.on_ground or complained) and self._units.add(sample):
@@ -531,7 +531,7 @@ class Service:
         return self._notices.tell(t_ns, Severity.WARNING, text)
 
     def _start_over(self) -> None:
-        """Forgets what held on the clock of another autopilot or on this one's former clock."""
+        """Forgets what refers to the clock of another autopilot, or to this one's former clock."""
         self._before_arming.restart()
         self._lateness.restart()
         self.time_sync.restart()
@@ -540,7 +540,7 @@ class Service:
         self._outputs.forget()
 
     def _on_vehicle_message(self, t_ns: int, message: Message) -> list[Effect]:
-        """What the bound autopilot says of itself and its vehicle."""
+        """Takes a report of the bound autopilot on itself and its vehicle."""
         aiding = self._aiding
         match message:
             case GpsFix():
@@ -673,7 +673,7 @@ class Service:
         return self.system_id, self._settings.output.component_id
 
     def _wishes(self, autopilot: int) -> tuple[Wish, ...]:
-        """The streams to ask this autopilot for, the most important first."""
+        """The streams to request from this autopilot, the most important first."""
         wanted = self._settings
         first, *others = preference(autopilot, wanted.autopilot.imu_message)
         wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
@@ -741,7 +741,7 @@ class Service:
         )
 
     def _judge(self, t_ns: int) -> list[Effect]:
-        """Looks at the state; a change of it, or of its cause, is logged and reported."""
+        """Judges the state; a change of it, or of its cause, is logged and reported."""
         has_changed = self._standing.judge(t_ns, self._signs(t_ns))
         told = self._standing.tell(t_ns, is_starting=self._pulse.is_starting(t_ns))
         if not has_changed:

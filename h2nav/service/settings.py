@@ -1,4 +1,4 @@
-"""What a user may choose about the service; the keys of the configuration file's sections."""
+"""The user's settings of the service; keys of the configuration file's sections."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -25,24 +25,24 @@ POSE_MESSAGE_CHOICES = ("auto", "ODOMETRY", "VISION_POSITION_ESTIMATE", "ATT_POS
 
 @dataclass(frozen=True, slots=True)
 class AutopilotSettings:
-    """Which autopilot to listen to and what to ask of it.
+    """The autopilot and the streams requested from it.
 
     Attributes:
-        system_id: its MAVLink system id; 0 = the first autopilot that is heard.
-        component_id: its component id; 0 = the first autopilot that is heard.
+        system_id: its MAVLink system id; 0 = the first autopilot received.
+        component_id: its component id; 0 = the first autopilot received.
         imu_message: the IMU message to use; `auto` = the best one that this autopilot sends.
-        imu_rate_hz: how often to ask for it.
-        compare_rate_hz: how often to ask for ATTITUDE, which is compared with ours, and for AHRS2
-            half as often; 0 = compare only what comes by itself.
-        lanes: how many IMUs are followed, each by a filter of its own; `auto` = as many as the link
-            carries, but one where `imu_message` chooses. With 1 the autopilot decides what
-            HIGHRES_IMU holds.
-        request_streams: ask for streams at all (False on a link where another program does).
-        simulation_truth: ask for SIMSTATE too, so that the log of a simulated vehicle holds the
+        imu_rate_hz: requested rate of it.
+        compare_rate_hz: requested rate of ATTITUDE, which is compared with ours; AHRS2 is requested
+            at half of it. 0 = compare only what comes without a request.
+        lanes: number of IMUs, each with a filter of its own; `auto` = as many as the link carries,
+            but one where `imu_message` is set. With 1 the autopilot decides what HIGHRES_IMU
+            holds.
+        request_streams: request streams at all (False on a link where another program does).
+        simulation_truth: also request SIMSTATE, so that the log of a simulated vehicle holds the
             truth.
-        gyro_delay_s: how old rates and forces are at the time that their message claims; `auto` =
-            what is known of the make of autopilot and of its low-pass. Attitudes are led by it.
-        field_delay_s: the same of the magnetic field.
+        gyro_delay_s: age of rates and forces at the time stamp of their message; `auto` = by the
+            make of autopilot and its low-pass. Attitudes are propagated by it.
+        field_delay_s: likewise of the magnetic field.
     """
 
     system_id: SystemId = 0
@@ -59,7 +59,7 @@ class AutopilotSettings:
 
 @dataclass(frozen=True, slots=True)
 class OutputSettings:
-    """What the daemon sends of its own; a rate of 0 switches a message off.
+    """The messages that the daemon sends; a rate of 0 switches a message off.
 
     Attributes:
         component_id: our own component id; 191 is MAV_COMP_ID_ONBOARD_COMPUTER.
@@ -67,11 +67,11 @@ class OutputSettings:
         attitude_quaternion_rate_hz: ATTITUDE_QUATERNION.
         attitude_covariance_rate_hz: ATTITUDE_QUATERNION_COV.
         estimator_status_rate_hz: ESTIMATOR_STATUS.
-        difference_rate_hz: NAMED_VALUE_FLOAT `h2_tiltdif` and `h2_yaw_dif`, by how many degrees
-            the autopilot's attitude differs from ours.
+        difference_rate_hz: NAMED_VALUE_FLOAT `h2_tiltdif` and `h2_yaw_dif`, the difference of the
+            autopilot's attitude to ours in degrees.
         status_text: send STATUSTEXT on state changes.
         allow_remote_changes: obey PARAM_SET and SET_MESSAGE_INTERVAL for our own outputs.
-        arming_opinion: say what is thought of arming: answer PX4's arm authorization request, and
+        arming_opinion: give an opinion on arming: reply to PX4's arm authorization request, and
             send NAMED_VALUE_INT `h2_arm` once a second for the applet on ArduPilot.
     """
 
@@ -88,7 +88,7 @@ class OutputSettings:
 
 @dataclass(frozen=True, slots=True)
 class NorthSettings:
-    """How yaw becomes true north.
+    """The reference of yaw: true or magnetic north.
 
     Attributes:
         declination: `wmm` = World Magnetic Model at the position that the autopilot reports,
@@ -102,7 +102,7 @@ class NorthSettings:
 
 @dataclass(frozen=True, slots=True)
 class AidingSettings:
-    """What the filter may take from the autopilot besides its IMU.
+    """What the filter may use from the autopilot besides its IMU.
 
     Attributes:
         gps_velocity: fuse the GPS velocity of GPS_RAW_INT.
@@ -118,13 +118,13 @@ class AidingSettings:
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """What is estimated besides the attitude; it goes out as ODOMETRY.
+    """Motion estimation besides the attitude; sent as ODOMETRY.
 
     Attributes:
         estimator: `none`; `twist` = the twist observer (section `twist`) on the poses of a camera
             or motion capture; `wheels` = wheel odometry (section `odometry`) on WHEEL_DISTANCE.
-        pose_message: the message that brings poses; `auto` = the first one that is heard.
-        pose_component_id: the component of the vehicle that sends them; 0 = the first one heard.
+        pose_message: the message with poses; `auto` = the first one received.
+        pose_component_id: the component of the vehicle that sends them; 0 = the first received.
         odometry_rate_hz: ODOMETRY; 0 = off.
     """
 
@@ -135,7 +135,7 @@ class MotionSettings:
 
     @property
     def wheel_distance_rate_hz(self) -> float:
-        """How often WHEEL_DISTANCE is asked for: dead reckoning needs it without ODOMETRY too."""
+        """Requested rate of WHEEL_DISTANCE: dead reckoning also needs it without ODOMETRY."""
         return max(LEAST_WHEEL_RATE_HZ, self.odometry_rate_hz)
 
 

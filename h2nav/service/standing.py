@@ -10,12 +10,12 @@ GOOD = (ServiceState.ACTIVE, ServiceState.ALIGNING)
 
 
 class Standing:
-    """Judges the state and reports a change of it, or of its cause, once.
+    """Judges the state, and reports each change of it or of its cause once.
 
-    A change that comes back within a minute is reported only when it lasts.
+    A change that reverses within a minute is reported only if it lasts.
 
     Args:
-        notices: tell people.
+        notices: reports them.
 
     Attributes:
         verdict: the present state.
@@ -31,16 +31,16 @@ class Standing:
 
     @property
     def is_active(self) -> bool:
-        """All is well."""
+        """Whether the state is active."""
         return self.verdict.state is ServiceState.ACTIVE
 
     @property
     def complaint(self) -> list[tuple[Severity, str]]:
-        """The state as it is reported; nothing where there is nothing to complain of."""
+        """The state as reported; nothing if there is nothing to complain about."""
         return [] if self.verdict.state in GOOD else [(Severity.WARNING, self.verdict.text)]
 
     def judge(self, t_ns: int, signs: Signs) -> bool:
-        """Looks at the state; True where it, or its cause, has changed."""
+        """Judges the state; returns True if it, or its cause, has changed."""
         before, self.verdict = self.verdict, health.judge(signs, t_ns)
         lasted_ns = 0 if self._judged_ns is None else max(t_ns - self._judged_ns, 0)
         name = before.state.value

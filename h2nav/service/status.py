@@ -1,4 +1,4 @@
-"""The status for those who look on: one flat record of what is spread over the service."""
+"""The status for displays: one flat record of the service's state."""
 
 import math
 
@@ -23,9 +23,9 @@ def status_record(
     Args:
         t_ns: host time.
         verdict: the state.
-        vehicle: what the service is bound to, for people.
-        sample_ns: host time of the newest sample that was used; None before the first.
-        told: the autopilot's own attitude; None where it has not told it just now.
+        vehicle: bound autopilot, for people.
+        sample_ns: host time of the newest sample used; None before the first.
+        told: the autopilot's own attitude; None if stale.
         assessment: of the estimates.
     """
     difference, ratios = assessment.difference, assessment.ratios
@@ -57,5 +57,5 @@ def status_record(
 
 
 def _age_ms(t_ns: int, then_ns: int) -> float:
-    """What came after a round began is not older than nothing."""
+    """Age of an event; 0 for one after the beginning of the turn."""
     return max(t_ns - then_ns, 0) / NS_PER_MS

@@ -1,15 +1,15 @@
-"""Requests missing streams from the autopilot, and trusts only rates that are measured.
+"""Requests missing streams from the autopilot, and trusts only measured rates.
 
-The autopilot may send all by itself (PX4) or nothing (ArduPilot), may refuse, may lose all streams
-at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and acknowledges
-rates that the link cannot carry. So: listen first; one SET_MESSAGE_INTERVAL at a time, because its
-COMMAND_ACK does not say which message it is about; measure; ask again with growing pauses, at most
-`MOST_PER_MINUTE` times; nothing at all while the autopilot is silent. REQUEST_DATA_STREAM is the
-way where the command is not answered or not known.
+The autopilot may send everything unasked (PX4) or nothing (ArduPilot), may refuse, may lose all
+streams at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and
+acknowledges rates that the link cannot carry. So: listen first; send one SET_MESSAGE_INTERVAL at a
+time, because its COMMAND_ACK does not name the message; measure; repeat with growing pauses, at
+most `MOST_PER_MINUTE` times; send nothing while the autopilot is silent. REQUEST_DATA_STREAM is used
+where the command is not acknowledged or unknown.
 
-What the service does: `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at
-each other message, `acknowledged` at its answers, `measure` and `next_request` ten times a second,
-`restart` when its time starts again; and it reports the `notices`.
+The service calls `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at each
+other message, `acknowledged` at its replies, `measure` and `next_request` ten times a second,
+`restart` when its time restarts; and it reports the `notices`.
 """
 
 import math
@@ -33,9 +33,9 @@ MINUTE_NS = 60 * SECOND_NS
 REPEAT_NS = 10 * MINUTE_NS
 MOST_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
-# So long after an optional stream was given up, what others lack may still be its doing.
+# After an optional stream was given up, it may affect others for this long.
 SPARED_NS = 20_000_000_000
-# A needed stream that was short for a moment comes again by itself: its measure looks back 2 s.
+# A needed stream with a short dip recovers by itself: its measure covers 2 s.
 SHORT_FOR_NS = 5_000_000_000
 
 # MAV_DATA_STREAM group that carries a message, for autopilots without SET_MESSAGE_INTERVAL.
@@ -50,18 +50,18 @@ DATA_STREAMS = {
     mavlink.MAVLINK_MSG_ID_VFR_HUD: mavlink.MAV_DATA_STREAM_EXTRA2,
 }
 ANSWERED_WELL = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
-# ArduPilot sends one of these words along with its refusal; PX4 refuses nothing but messages.
+# ArduPilot explains its refusal by one of these texts; PX4 only refuses messages.
 UNKNOWN_MESSAGE = re.compile(r"No ap_message for mavlink id \((\d+)\)")
 LIMITS = {mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "SCHED_LOOP_RATE"}
 
 
 class StreamRequests:
-    """The conversation about streams with one autopilot.
+    """The negotiation of streams with one autopilot.
 
     Args:
-        wishes: what is wanted, the most important first.
+        wishes: the wanted streams, the most important first.
         autopilot: MAV_AUTOPILOT of its heartbeat.
-        asks: whether anything is asked for; False where another program does, and in a replay.
+        asks: requests are sent; not so where another program does, and in a replay.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class StreamRequests:
         self._complete_ns = 0
 
     def restart(self) -> None:
-        """All streams may be gone (reboot, new link): listen and ask from the beginning."""
+        """Starts from the beginning: all streams may be gone (reboot, new link)."""
         self._waiting = None
         self._refused_waiting = False
         self._unanswered = 0
@@ -104,17 +104,17 @@ class StreamRequests:
     # --- what comes ---------------------------------------------------------------------------
 
     def arrived(self, message_id: int) -> None:
-        """A message of the autopilot came, whoever asked for it."""
+        """Notes a message of the autopilot, whoever requested it."""
         self._meter.arrived(message_id)
 
     def heard(self, t_ns: int) -> None:
-        """A heartbeat of the autopilot came; the first one after a silence restarts all."""
+        """Notes a heartbeat of the autopilot; the first one after a silence restarts everything."""
         if self._is_silent(t_ns):
             self.restart()
         self._heard_ns = t_ns
 
     def said(self, text: str) -> None:
-        """The autopilot sent a STATUSTEXT, perhaps to say why it refuses."""
+        """Takes a STATUSTEXT of the autopilot, which may explain a refusal."""
         match = UNKNOWN_MESSAGE.search(text)
         if match is not None:
             wished = {f"{i}": i for stream in self._streams for i in stream.candidates}
@@ -122,7 +122,7 @@ class StreamRequests:
                 self._unknown_ids.add(wished[match[1]])
 
     def acknowledged(self, t_ns: int, result: int) -> None:
-        """The COMMAND_ACK for our SET_MESSAGE_INTERVAL came."""
+        """Takes the COMMAND_ACK of our SET_MESSAGE_INTERVAL."""
         stream = self._waiting
         if stream is None or self._refused_waiting:
             return
@@ -141,11 +141,11 @@ class StreamRequests:
             self._waiting = None
             self._granted(t_ns, stream)
         else:
-            # The reason follows in a text: judge with the next request.
+            # The reason follows in a text: decided with the next request.
             self._refused_waiting = True
 
     def measure(self, t_ns: int) -> None:
-        """Looks at what has come; call it ten times a second."""
+        """Measures the arrivals; called ten times a second."""
         if self._is_silent(t_ns) or not self._meter.sample(t_ns):
             return
         if self._listening_since_ns is None:
@@ -155,7 +155,7 @@ class StreamRequests:
             return
         listened_ns = t_ns - self._listening_since_ns
         if listened_ns >= SHORTEST_LOOK_NS and not any(map(self._comes, self._streams)):
-            # An autopilot that sends nothing unasked: there is nothing to wait for.
+            # An autopilot without streams: there is nothing to wait for.
             for stream in self._streams:
                 stream.want_now(t_ns)
         for stream in self._streams:
@@ -168,7 +168,7 @@ class StreamRequests:
         self._spare_the_needed(t_ns)
 
     def _spare_the_needed(self, t_ns: int) -> None:
-        """Where a needed stream does not come, an optional one may be the cause."""
+        """Gives up an optional stream, which may be why a needed one does not come."""
         asked = [s for s in self._streams if s.wish.is_optional and not s.is_untouched]
         if asked:
             self._blames_until_ns = t_ns + SPARED_NS
@@ -180,7 +180,7 @@ class StreamRequests:
                 stream.give_up(t_ns)
 
     def give_up(self, t_ns: int, message_id: int) -> None:
-        """An optional stream has turned out to be of no use."""
+        """Gives up an optional stream that has turned out to be useless."""
         for stream in self._streams:
             if stream.wish.is_optional and stream.message_id == message_id:
                 stream.give_up(t_ns)
@@ -188,7 +188,7 @@ class StreamRequests:
     # --- what is asked ------------------------------------------------------------------------
 
     def next_request(self, t_ns: int, target: Address) -> OutMessage | None:
-        """What to send now, at most one message.
+        """Returns the next request, at most one.
 
         Args:
             t_ns: host monotonic time.
@@ -216,10 +216,10 @@ class StreamRequests:
         return self._meter.hz(message_id)
 
     def granted_hz(self, message_id: int) -> float | None:
-        """The rate at which a message (or its alternative) may be expected to come.
+        """The rate at which a message (or its alternative) may be expected.
 
-        It is what the autopilot and we settled on. Where nothing is asked for, it is the best rate
-        that was ever held, and None before it is known.
+        The negotiated rate. Without requests it is the best rate held so far, and None before it is
+        known.
         """
         for stream in self._streams:
             if message_id in stream.candidates and self._asks:
@@ -229,7 +229,7 @@ class StreamRequests:
         return None
 
     def is_refused(self, message_id: int) -> bool:
-        """Whether the autopilot refuses a wished message, its alternatives and lower rates, too."""
+        """Whether the autopilot also refuses all alternatives and lower rates of a message."""
         return any(
             stream.phase is StreamPhase.REFUSED
             for stream in self._streams
@@ -237,7 +237,7 @@ class StreamRequests:
         )
 
     def notices(self) -> list[Notice]:
-        """What has to be reported since the last call."""
+        """Returns the notices since the last call."""
         notices, self._notices = self._notices, []
         return notices
 
@@ -251,7 +251,7 @@ class StreamRequests:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
     def _may_ask(self, stream: WishedStream) -> bool:
-        """What is optional waits for the others; a request for a group would not help it."""
+        """Optional streams wait for the others; a request for a group would not help them."""
         if not stream.wish.is_optional:
             return True
         needed = self._needed
@@ -263,7 +263,7 @@ class StreamRequests:
         return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
 
     def _is_waiting(self, t_ns: int) -> bool:
-        """Whether the latest request is still open; closes it when it is over."""
+        """Whether the latest request is still open; closes it when its time is over."""
         stream = self._waiting
         if stream is None:
             return False
@@ -297,7 +297,7 @@ class StreamRequests:
             if not stream.is_enough(self._needed[0].rate_hz):
                 stream.give_up(t_ns)
         elif trouble is Trouble.LOWERED:
-            # What limits one message limits all of them.
+            # A limit of one message applies to all of them.
             self._most_hz = min(self._most_hz, stream.rate_hz)
             self._tell(t_ns, stream, trouble)
 
@@ -312,7 +312,7 @@ class StreamRequests:
                     self._held_hz[message_id] = max(hz, self._held_hz.get(message_id, 0.0))
 
     def _tell(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
-        """Notes a trouble, once; a rate that is taken away, once in ten minutes."""
+        """Notes a trouble, once; a reduced rate, once in ten minutes."""
         rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
         key = (stream.message_id, trouble, rate_hz)
         told_ns = self._told_ns.get(key)

@@ -1,7 +1,7 @@
 """The autopilot's clock against the host's, from TIMESYNC exchanges with the least delay.
 
-An exchange costs a round trip; half of it is the uncertainty of its offset, so only exchanges
-whose round trip is near the least one seen recently are used.
+An exchange costs a round trip; half of it is the uncertainty of its offset, so only exchanges with
+a round trip near the least recent one are used.
 """
 
 from collections import deque
@@ -11,7 +11,7 @@ WINDOW = 16
 BELIEVED_RTT_FACTOR = 1.5
 BELIEVED_RTT_FLOOR_NS = 200_000
 JUMP_NS = 50_000_000
-# An offset further from the expected one shows a clock of another speed (a simulator's).
+# A larger deviation from the expected offset shows a clock of another speed (a simulator's).
 DRIFT_NS = 10_000_000
 LOCK_EXCHANGES = 4
 MAX_PENDING = 8
@@ -19,12 +19,12 @@ MAX_SKEW = 1e-3
 
 
 class Exchange(NamedTuple):
-    """One answered TIMESYNC request.
+    """One completed TIMESYNC exchange.
 
     Attributes:
         host_ns: host time at the middle of the round trip.
         offset_ns: autopilot time minus host time.
-        round_trip_ns: how long the answer took.
+        round_trip_ns: time until the reply.
     """
 
     host_ns: int
@@ -47,7 +47,7 @@ class TimeSync:
         return t_ns
 
     def answer(self, t_ns: int, tc1: int, ts1: int) -> Exchange | None:
-        """Takes a TIMESYNC answer; the exchange when it was ours and is used."""
+        """Takes a TIMESYNC reply; returns the exchange if it was ours and is used."""
         if ts1 not in self._pending:
             return None
         self._pending.remove(ts1)
@@ -75,12 +75,12 @@ class TimeSync:
 
     @property
     def is_locked(self) -> bool:
-        """Enough exchanges have been used to answer others and to map times."""
+        """Whether enough exchanges have been used to reply to others and to convert times."""
         return len(self._believed) >= LOCK_EXCHANGES
 
     @property
     def is_calm(self) -> bool:
-        """Locked, and the next exchange will add nothing new for a while."""
+        """Whether it is locked, and the next exchange will add nothing for a while."""
         return self.is_locked and not self._is_drifting
 
     @property

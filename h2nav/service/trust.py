@@ -1,4 +1,4 @@
-"""Whether a lane can be relied on: its readings refused, its filter spoilt, its stream at rest."""
+"""Reliability of a lane: rejected readings, a spoilt filter, a resting stream."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ from h2nav.service.health import Objection
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import TimeVerdict
 
-# Why no sample comes, by what became of the readings of the last moments.
+# Reasons for missing samples, by the results of the latest readings.
 REFUSAL_TEXTS = {
     "non_finite": "IMU messages hold NaN or infinity",
     "frozen": "the gyro repeats its values: it is frozen",
@@ -19,24 +19,24 @@ REFUSAL_TEXTS = {
     TimeVerdict.STRAY.value: "the time stamps of the IMU messages jump",
 }
 RECENT_NS = SECOND_NS
-# A filter that was fed with bad samples for so long has no attitude of its own any more.
+# A filter fed with bad samples for this long has lost its attitude.
 SPOILT_NS = SECOND_NS
-# So long its sensors have to be good again before it gets another one.
+# Its sensors have to be good again for this long before it gets another one.
 GOOD_AGAIN_NS = SECOND_NS
-# Readings refused one after the other, after which the stream is no lane for a while.
+# After this many consecutive rejections the stream is not a lane for a while.
 REFUSALS = 100
 REST_NS = 60 * SECOND_NS
 
 
 class LaneTrust:
-    """What is thought of one lane.
+    """The state of trust in one lane.
 
     Args:
-        count: counts a reading that cannot be used, by reason.
+        count: counts a rejected reading, by reason.
 
     Attributes:
-        sensor_is_bad: a sensor is known to be bad.
-        is_spoilt: the filter has to begin anew, with the attitude of another where there is one.
+        sensor_is_bad: a sensor is known to be faulty.
+        is_spoilt: the filter has to restart, if possible with the attitude of another lane.
     """
 
     def __init__(self, count: Callable[[str], object]) -> None:
@@ -51,26 +51,26 @@ class LaneTrust:
     # --- readings that are refused ------------------------------------------------------------
 
     def refuse(self, t_ns: int, reason: str) -> None:
-        """Counts a reading that cannot be used."""
+        """Counts a rejected reading."""
         self._count(reason)
         self._refusal, self._refused_ns = reason, t_ns
         self._refusals += 1
 
     def fault(self, reason: str) -> None:
-        """Counts a fault of the filter, of which the stream is not guilty."""
+        """Counts a fault of the filter, for which the stream is not to blame."""
         self._count(reason)
 
     def accept(self) -> None:
-        """A reading was used."""
+        """Notes a reading that was used."""
         self._refusals = 0
 
     @property
     def is_refused(self) -> bool:
-        """Nothing of its stream can be used."""
+        """Whether nothing of its stream is usable."""
         return self._refusals >= REFUSALS
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
-        """What is wrong with the latest readings; None where none came."""
+        """What is wrong with the latest readings; None if there were none."""
         if not self._refusal or t_ns - self._refused_ns > RECENT_NS:
             return None
         return Objection(self._refusal, REFUSAL_TEXTS.get(self._refusal, self._refusal))
@@ -79,15 +79,15 @@ class LaneTrust:
 
     @property
     def rests_until_ns(self) -> int | None:
-        """Until when the stream is no lane; None where it is one."""
+        """Until when the stream is not a lane; None if it is."""
         return self._rests_until_ns
 
     def rest(self, t_ns: int) -> None:
-        """The stream is no lane for a while: it repeats another one, or nothing of it is used."""
+        """Stops using the stream as a lane for a while: a duplicate, or nothing is usable."""
         self._rests_until_ns = t_ns + REST_NS
 
     def rests(self, t_ns: int) -> bool:
-        """Whether the stream is no lane at present; after its rest its filter begins anew."""
+        """Whether the stream rests at present; after its rest its filter restarts."""
         if self._rests_until_ns is None:
             return False
         if t_ns < self._rests_until_ns:
@@ -98,7 +98,7 @@ class LaneTrust:
     # --- a filter that is spoilt --------------------------------------------------------------
 
     def judge(self, t_ns: int, *, sensor_is_bad: bool) -> None:
-        """Follows for how long the sensors have been good or bad."""
+        """Tracks how long the sensors have been good or faulty."""
         self.sensor_is_bad = sensor_is_bad
         if sensor_is_bad:
             self._good_ns = None
@@ -111,14 +111,14 @@ class LaneTrust:
             self._good_ns = t_ns
 
     def spoil(self) -> None:
-        """The filter holds something wrong that it does not lose by itself."""
+        """Marks the filter as spoilt: it holds an error that it does not lose by itself."""
         self.is_spoilt = True
 
     def renew(self) -> None:
-        """The filter begins anew."""
+        """Notes that the filter has restarted."""
         self.is_spoilt = False
 
     def is_good_again(self, t_ns: int) -> bool:
-        """The filter is spoilt, and its sensors have been good again for a while."""
+        """Whether the filter is spoilt, and its sensors have been good again for a while."""
         since_ns = self._good_ns
         return self.is_spoilt and since_ns is not None and t_ns - since_ns >= GOOD_AGAIN_NS

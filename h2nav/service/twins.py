@@ -1,17 +1,17 @@
-"""Compares two IMUs: whether they are one under two names, and whether they measure the same."""
+"""Compares two IMUs: whether they are the same sensor, and whether their readings agree."""
 
 from h2nav.attitude.samples import ImuSample
 
 SAME_TIME_US = 2_000
-# Two messages of one sensor differ by the last digit of the shorter one at most.
+# Two messages of one sensor differ at most by the last digit of the coarser one.
 GYRO_COUNT_RAD_S = 1.1e-3
 FORCE_COUNT_M_S2 = 1.1e-2
-# At rest, two sensors show the same digits for minutes; beyond this the values have changed.
+# At rest, two sensors repeat the same digits for minutes; beyond this the values have changed.
 CHANGE_COUNTS = 5.0
 REPEATED = 100
-# Means of about so many samples are compared: noise and vibration are not what makes a lane worse.
+# Means of about this many samples are compared, so that noise and vibration do not matter.
 MEAN_OF = 100
-# Autopilots calibrate gyros at boot and accelerometers before: what is left is far less.
+# Autopilots calibrate gyros at boot and accelerometers before: the rest is far smaller.
 RATE_APART_RAD_S = 0.025
 FORCE_APART_M_S2 = 0.4
 
@@ -26,16 +26,16 @@ class Twins:
 
     @property
     def rates_agree(self) -> bool:
-        """The gyros measure the same."""
+        """Whether the gyros agree."""
         return max(map(abs, self._apart[:3])) < RATE_APART_RAD_S
 
     @property
     def forces_agree(self) -> bool:
-        """The accelerometers do."""
+        """Whether the accelerometers agree."""
         return max(map(abs, self._apart[3:])) < FORCE_APART_M_S2
 
     def compare(self, one: ImuSample, other: ImuSample) -> bool:
-        """Takes the newest sample of each; whether this shows that both are one sensor."""
+        """Takes the newest sample of each; returns whether both prove to be one sensor."""
         if abs(one.t_us - other.t_us) > SAME_TIME_US:
             return False
         pairs = zip((*one.w_b, *one.f_b), (*other.w_b, *other.f_b), strict=True)

@@ -1,4 +1,4 @@
-"""Checks the units once the vehicle is at rest: gravity and the earth field are known there."""
+"""Checks the units at rest, where gravity and the earth field are known."""
 
 import math
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ FIELD_HIGH_UT = 70.0
 
 
 class Complaint(NamedTuple):
-    """A quantity that is off.
+    """An implausible quantity.
 
     Attributes:
-        quantity: which one; stays the same while the figures change.
+        quantity: its name; identifies the complaint while the figures change.
         text: for people, with the likely cause.
     """
 
@@ -29,8 +29,8 @@ class Complaint(NamedTuple):
 class UnitsCheck:
     """Averages |f| and |B| over quiet samples and compares them with the earth's.
 
-    A window without a complaint ends the check; after one with complaints the next is looked at,
-    so that what was wrong for a while is not held against the sensors for ever.
+    A window without a complaint ends the check; after one with complaints the next is evaluated,
+    so that a temporary fault is not held against the sensors for ever.
 
     Attributes:
         complaints: of the latest window.
@@ -43,7 +43,7 @@ class UnitsCheck:
         self._begin()
 
     def add(self, sample: ImuSample) -> bool:
-        """Takes a sample; True at a sample that completes a window."""
+        """Takes a sample; returns True if it completes a window."""
         if self.is_over or math.hypot(*sample.w_b) > REST_RATE_RAD_S or not any(sample.f_b):
             return False
         self._samples += 1
@@ -77,7 +77,7 @@ class UnitsCheck:
 
 
 def _likely(ratio: float) -> str:
-    """Names the mistake that explains a value which is `ratio` times the right one."""
+    """Names the mistake that explains a value `ratio` times the right one."""
     slips = (
         (1e-3, ": sent in units of 1/1000"),
         (1e3, ": sent as thousandths of the unit"),

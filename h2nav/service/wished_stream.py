@@ -1,13 +1,12 @@
-"""One stream that is wanted: whether it comes by itself, what was asked, what it settled on.
+"""One wanted stream: whether it comes by itself, what was requested, what was settled on.
 
     LISTENING --comes--> HELD <--comes-- GRANTED <--acknowledged-- ASKED
         |                 |                 |                        |
         +----missing----> WANTING <---------+--- too slow, refused --+--> REFUSED (a long rest)
 
-A stream is asked for only while it is missing, and never for less than what came before anybody
-asked. A refused rate is lowered to 80 % and then by halves, once each; then it is the next
-message's turn. A granted rate that is never reached is lowered to 80 % of what came, and once more
-by half.
+A stream is requested only while it is missing, and never for less than came before any request. A
+refused rate is lowered to 80 % and then by halves, once each; then the next message is tried. A
+granted rate that is never reached is lowered to 80 % of the measured one, and once more by half.
 """
 
 from enum import Enum
@@ -16,7 +15,7 @@ from typing import NamedTuple
 from h2nav.service.rate_meter import ArrivalCount, RateMeter
 
 SECOND_NS = 1_000_000_000
-# Arrivals were seen up to 157 ms late: a shorter look could miss a stream that comes.
+# Arrivals were seen up to 157 ms late: a shorter measurement could miss a stream that comes.
 SHORTEST_LOOK_NS = 300_000_000
 SHORTEST_SPAN_NS = 2 * SECOND_NS
 LONGEST_SPAN_NS = 8 * SECOND_NS
@@ -36,14 +35,14 @@ LEAST_OPTIONAL_SHARE = 0.5
 
 
 class Wish(NamedTuple):
-    """A stream that is wanted.
+    """A wanted stream.
 
     Attributes:
         message_id: of the message.
-        rate_hz: how often.
-        alternatives: message ids to ask for instead, in order, where this one is refused.
-        is_optional: it is asked for once the others come, silently, and given up where it does not
-            come at half of that rate, or where another one suffers.
+        rate_hz: wanted rate.
+        alternatives: message ids to request instead, in order, if this one is refused.
+        is_optional: requested once the others come, silently, and given up if it does not come at
+            half of that rate, or if another one suffers.
     """
 
     message_id: int
@@ -53,7 +52,7 @@ class Wish(NamedTuple):
 
 
 class StreamPhase(Enum):
-    """Where the negotiation stands."""
+    """State of the negotiation."""
 
     LISTENING = "listening"
     WANTING = "wanting"
@@ -65,13 +64,13 @@ class StreamPhase(Enum):
 
 
 class Trouble(Enum):
-    """What has to be reported of a stream."""
+    """A problem of a stream to report."""
 
     LOWERED = "the autopilot refuses more"
     CUT = "asked for less, because it was never reached"
     SHORT = "never reached"
-    TAKEN = "reached once, and then lowered by somebody"
-    ABSENT = "granted, and none comes"
+    TAKEN = "reached once, and then lowered by another program"
+    ABSENT = "granted, but none arrives"
     REFUSED = "refused at any rate"
 
 
@@ -79,7 +78,7 @@ class WishedStream:
     """The state of one wish.
 
     Args:
-        wish: what is wanted.
+        wish: the wanted stream.
     """
 
     def __init__(self, wish: Wish) -> None:
@@ -92,7 +91,7 @@ class WishedStream:
         self.rate_hz = wish.rate_hz
         self._pause_ns = FIRST_PAUSE_NS
         self._index = 0
-        # What came before anybody asked, and what came when a granted rate was missed.
+        # Rates before any request, and when a granted rate was missed.
         self._found_hz = 0.0
         self._measured_hz = 0.0
         self._cuts = 0
@@ -102,7 +101,7 @@ class WishedStream:
         self._has_held = False
 
     def restart(self) -> None:
-        """Starts again; a rate that was settled on is still good if it comes by itself."""
+        """Starts again; a negotiated rate is still good if it comes by itself."""
         self.phase = StreamPhase.LISTENING
         self.since_ns = None
         self.due_ns = 0
@@ -111,16 +110,16 @@ class WishedStream:
 
     @property
     def message_id(self) -> int:
-        """Of the message that is asked for at present."""
+        """Id of the message that is requested at present."""
         return self.candidates[self._index]
 
     @property
     def measured_hz(self) -> float:
-        """What came when the rate was last found too low."""
+        """The rate when it was last found too low."""
         return self._measured_hz
 
     def review(self, t_ns: int, meter: RateMeter) -> Trouble | None:
-        """Compares what is wanted with what comes; to be called after each look of the meter."""
+        """Compares the wish with the arrivals; called after each snapshot of the meter."""
         if self.since_ns is None:
             self.since_ns = t_ns
         if self.phase is StreamPhase.LISTENING:
@@ -138,12 +137,12 @@ class WishedStream:
 
     @property
     def is_untouched(self) -> bool:
-        """Nothing has been asked for."""
+        """Whether nothing has been requested."""
         return self._is_untouched
 
     @property
     def is_decided(self) -> bool:
-        """It comes, or it has been found that it does not."""
+        """Whether it comes, or was found not to."""
         return (
             self.phase in (StreamPhase.HELD, StreamPhase.REFUSED)
             or self._misses >= TRIALS_BEFORE_CUT
@@ -151,39 +150,39 @@ class WishedStream:
 
     @property
     def is_short(self) -> bool:
-        """It was asked for and came, and it does not any more."""
+        """Whether it was requested and came, and no longer does."""
         return self.phase is not StreamPhase.HELD and self._has_held
 
     def is_enough(self, first_hz: float) -> bool:
-        """The rate is worth an optional stream beside a first one of `first_hz`."""
+        """Whether the rate justifies an optional stream beside a first one of `first_hz`."""
         return self.rate_hz >= LEAST_OPTIONAL_SHARE * min(first_hz, self.wish.rate_hz)
 
     @property
     def is_to_be_left(self) -> bool:
-        """It was given up, and the autopilot still has to hear of it."""
+        """Whether it was given up, and the autopilot has not been asked to stop it yet."""
         return self.phase is StreamPhase.GIVEN_UP and not self._is_untouched
 
     def give_up(self, t_ns: int) -> None:
-        """It is not wanted for a long rest; what was asked for is to have its former rate again."""
+        """Gives it up for a long rest; a requested stream returns to its former rate."""
         if self.phase not in (StreamPhase.GIVEN_UP, StreamPhase.REFUSED):
             self.phase, self.since_ns = StreamPhase.GIVEN_UP, t_ns
 
     def left(self, t_ns: int) -> None:
-        """Its former rate is being asked for."""
+        """Notes that its former rate is being requested."""
         self._take_candidate(0)
         self.since_ns = t_ns
 
     def want_now(self, t_ns: int) -> None:
-        """There is nothing to listen to."""
+        """Requests it at once: there is nothing to listen to."""
         if self.phase is StreamPhase.LISTENING:
             self._want(t_ns, t_ns)
 
     def is_due(self, t_ns: int) -> bool:
-        """Whether it is to be asked for now."""
+        """Whether a request is due now."""
         return self.phase is StreamPhase.WANTING and t_ns >= self.due_ns
 
     def asked(self, t_ns: int, most_hz: float) -> float:
-        """It is being asked for; gives the rate, which is at most `most_hz` as far as possible."""
+        """Notes a request; returns its rate, at most `most_hz` as far as possible."""
         self.rate_hz = max(min(self.rate_hz, most_hz), self._found_hz)
         self.phase, self.since_ns = StreamPhase.ASKED, t_ns
         self._is_untouched = False
@@ -191,23 +190,23 @@ class WishedStream:
         return self.rate_hz
 
     def granted(self, t_ns: int) -> Trouble | None:
-        """The request was acknowledged, or was of a kind that is never acknowledged."""
+        """Notes that the request was acknowledged, or is of a kind that never is."""
         self.phase, self.since_ns = StreamPhase.GRANTED, t_ns
         return Trouble.LOWERED if self._is_lowered else None
 
     def unanswered(self, t_ns: int, at_once: bool) -> None:
-        """The request or its answer was lost."""
+        """Notes that the request or its reply was lost."""
         self._want(t_ns, t_ns if at_once else self._next_turn_ns())
 
     def refused(self, t_ns: int, is_unknown: bool) -> Trouble | None:
-        """The request was refused.
+        """Notes a refusal.
 
         Args:
             t_ns: host time.
             is_unknown: because of the message, not of its rate.
         """
         if self.rate_hz > self.wish.rate_hz:
-            # What once came by itself is refused today: then what was wished will do.
+            # A stream that once came by itself is refused today: the wished rate will do.
             self.rate_hz, self._found_hz = self.wish.rate_hz, 0.0
             self._want(t_ns, t_ns)
             return None
@@ -229,7 +228,7 @@ class WishedStream:
     # --- judging ------------------------------------------------------------------------------
 
     def _listen(self, t_ns: int, meter: RateMeter) -> None:
-        """Does it come by itself, as it is wanted or as it was settled on before?"""
+        """Checks whether it comes by itself, as wanted or as negotiated before."""
         assert self.since_ns is not None
         look_ns = max(SHORTEST_LOOK_NS, round(MESSAGES_TO_FIND / self.wish.rate_hz * SECOND_NS))
         if t_ns - self.since_ns < min(look_ns, LONGEST_SPAN_NS):
@@ -244,7 +243,7 @@ class WishedStream:
         self._want(t_ns, t_ns)
 
     def _watch(self, t_ns: int, meter: RateMeter) -> None:
-        """Is it still there, or there again?"""
+        """Checks whether it is still, or again, present."""
         recent = self._recent(t_ns, meter)
         if recent is None:
             return
@@ -272,7 +271,7 @@ class WishedStream:
         return self._miss(t_ns, arrivals)
 
     def _miss(self, t_ns: int, arrivals: ArrivalCount) -> Trouble | None:
-        """A granted rate was not reached."""
+        """Handles a granted rate that was not reached."""
         self._misses += 1
         self._measured_hz = arrivals.hz
         if arrivals.messages == 0 and self._take_next_candidate(t_ns):
@@ -288,14 +287,14 @@ class WishedStream:
         return Trouble.SHORT if arrivals.messages else Trouble.ABSENT
 
     def _lower_hz(self) -> float | None:
-        """The next rate to try after a refused one; None where that would be of no use."""
+        """The next rate to try after a refusal; None if a lower one would be useless."""
         lower_hz = LOWER_SHARE * self.wish.rate_hz
         while lower_hz >= self.rate_hz:
             lower_hz *= 0.5
         return lower_hz if lower_hz >= LEAST_LOWERED_HZ else None
 
     def _cut(self, t_ns: int, achieved_hz: float) -> bool:
-        """Asks for less than what came; False where that would be too little to be of use."""
+        """Requests less than the measured rate; returns False if that would be too little."""
         lower_hz = LOWER_SHARE * achieved_hz if self._cuts == 0 else 0.5 * self.rate_hz
         least_hz = max(LEAST_CUT_HZ, LEAST_CUT_SHARE * self.wish.rate_hz)
         if self._cuts == CUTS or lower_hz < least_hz or lower_hz <= self._found_hz:
@@ -318,7 +317,7 @@ class WishedStream:
         self._is_untouched = True
 
     def _take_next_candidate(self, t_ns: int) -> bool:
-        """Turns to the next message at once; False after the last one."""
+        """Turns to the next message at once; returns False after the last one."""
         if self._index + 1 == len(self.candidates):
             return False
         self._take_candidate(self._index + 1)
@@ -336,18 +335,18 @@ class WishedStream:
         self._settled = (self._index, rate_hz)
 
     def _next_turn_ns(self) -> int:
-        """When to ask again after a request that did not help for long; the pauses grow."""
+        """When to repeat a request that did not help for long; the pauses grow."""
         turn_ns = self.due_ns
         self._pause_ns = min(2 * self._pause_ns, LAST_PAUSE_NS)
         return turn_ns
 
     def _span_ns(self) -> int:
-        """How long it takes to judge the present rate."""
+        """Time needed to judge the present rate."""
         wanted_ns = round(MESSAGES_TO_JUDGE / self.rate_hz * SECOND_NS)
         return min(max(wanted_ns, SHORTEST_SPAN_NS), LONGEST_SPAN_NS)
 
     def _recent(self, t_ns: int, meter: RateMeter) -> ArrivalCount | None:
-        """What came recently; None before it is known."""
+        """Recent arrivals; None before they are known."""
         span_ns = self._span_ns()
         recent = meter.since(self.message_id, t_ns - span_ns)
         return recent if recent.seconds * 1e9 >= 0.9 * span_ns else None
