@@ -4,8 +4,8 @@ The autopilot may send everything unasked (PX4) or nothing (ArduPilot), may refu
 streams at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and
 acknowledges rates that the link cannot carry. So: listen first; send one SET_MESSAGE_INTERVAL at a
 time, because its COMMAND_ACK does not name the message; measure; repeat with growing pauses, at
-most `MOST_PER_MINUTE` times; send nothing while the autopilot is silent. REQUEST_DATA_STREAM is used
-where the command is not acknowledged or unknown.
+most `MOST_PER_MINUTE` times; send nothing while the autopilot is silent. REQUEST_DATA_STREAM is
+used where the command is not acknowledged or unknown.
 
 The service calls `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at each
 other message, `acknowledged` at its replies, `measure` and `next_request` ten times a second,
