@@ -1,1 +1,1 @@
-"""What is wrong, from when, and how we know: checks of sensors, of our attitude and of another."""
+"""Fault detection: checks of the sensors, of our attitude and of the autopilot's."""

@@ -1,4 +1,4 @@
-"""What is said of the causes that explain a contradiction between attitude and velocity."""
+"""Alarms for the causes of a contradiction between attitude and velocity."""
 
 import math
 
@@ -6,18 +6,18 @@ from h2nav.integrity.causes import Cause, Explained
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 
-# A share below this is not worth a word.
+# Smaller shares are not reported.
 WORTH = 0.05
 
 
 def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: float) -> Alarm:
-    """The alarm for a contradiction that lasts.
+    """The alarm for a lasting contradiction.
 
     Args:
-        found: what explains it.
-        decided: the cause that was decided while it lasted; None: none.
+        found: its explanation.
+        decided: the cause decided while it lasted; None: none.
         imu: whose attitude is contradicted.
-        since_s: for how long.
+        since_s: its duration.
     """
     if decided is Cause.GYRO:
         rate = math.hypot(*found.rate_b) / DEG

@@ -1,12 +1,12 @@
-"""Why a measured velocity contradicts an attitude: causes that compete by their signatures.
+"""Explains why a measured velocity contradicts an attitude: causes compared by their signatures.
 
-The velocity that the force of a window should have made and the one that was measured differ. Each
-cause makes a difference of its own shape: a wrong gyro's grows with the square of time, an
+The change of velocity predicted from the force of a window differs from the measured one. Each
+cause has a signature of its own: a wrong gyro's difference grows with the square of time, an
 accelerometer's turns with the body, a wrong heading's turns with the acceleration, a false velocity
-jumps or bends at a moment of its own with no trace in the force, and vibration only makes noise.
-All of them are linear in a few unknowns. How large these are as a rule is known of healthy sensors;
-under the hypothesis of a cause its own unknowns may be as large as a failure makes them. The
-likelihood of what was measured, with the unknowns integrated out, compares the causes.
+jumps or bends at a moment without a trace in the force, and vibration only adds noise. All of them
+are linear in a few unknowns. The usual size of these is known of healthy sensors; under the
+hypothesis of a cause its own unknowns may be as large as a failure makes them. The causes are
+compared by the likelihood of the measurements with the unknowns integrated out.
 
 Equations: docs/integrity.md, section 5.
 """
@@ -33,40 +33,40 @@ from h2nav.maths.units import DEG
 LENGTHS_S = (3.0, 6.0, 10.0)
 LEAST_SHARE = 0.8
 LEAST_ROWS = 4
-# What is closer in time has the same error of the receiver.
+# Velocities closer in time share the receiver's error.
 ROW_S = 0.4
-# Of a receiver's velocity from row to row, m/s; what its jitter shows comes on top.
+# Noise of a receiver's velocity from row to row, m/s; its measured jitter is added.
 NOISE_M_S = 0.1
 # Of a force that turns with the vehicle, where the filter knows no better, m/s^2.
 FORCE_SIGMA_M_S2 = 0.1
-# Of a gyro's bias that is being learnt, however little is known of it.
+# Least deviation of a gyro's bias that is being estimated.
 MOST_RATE_RAD_S = 0.15 * DEG
 LEAST_TILT_RAD = 0.2 * DEG
 LEAST_HEADING_RAD = 1.0 * DEG
-# As large as failures make them: gyros step by 1 deg/s with temperature and knocks, accelerometers
-# by their data sheet's 60 mg; a heading may be any.
+# Sizes of failures: gyros step by 1 deg/s with temperature and knocks, accelerometers by their data
+# sheet's 60 mg; a heading may be any.
 FAILED_RATE_RAD_S = 1.5 * DEG
 FAILED_FORCE_M_S2 = 0.6
 FAILED_HEADING_RAD = 60.0 * DEG
 FAILED_TILT_RAD = 5.0 * DEG
 JUMP_M_S = 10.0
 RAMP_M_S2 = 2.0
-MOMENTS = 8  # at which a velocity may have begun to be false
-# Vibration: times the noise of the force that its samples show, and at least this, m^2/s^3, as the
-# samples do not show all of it.
+MOMENTS = 8  # at which a velocity may have become false
+# Vibration: multiple of the noise in the samples of the force, and at least this, m^2/s^3, since
+# the samples do not show all of it.
 SHAKEN = 4.0
 SHAKEN_DENSITY = 1e-3
 SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blows
-# Beyond it an error of the heading is no small angle.
+# A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG
-# Odds of a decision, and of there being a cause at all: one wrong in a thousand.
+# Odds for a decision, and for the existence of a cause: one error in a thousand.
 DECIDED = 1000.0
-# A cause that is not the only one takes effect by its probability, from these odds against none on.
+# An undecided cause takes effect by its probability, from these odds against none on.
 SUSPECTED = 100.0
 
 
 class Cause(Enum):
-    """What explains a contradiction; the value is for people."""
+    """The cause of a contradiction; the value is for people."""
 
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
@@ -76,13 +76,13 @@ class Cause(Enum):
 
 
 class Explained(NamedTuple):
-    """What explains the windows that end now.
+    """The explanation of the windows that end now.
 
     Attributes:
-        odds: of the best cause against none, as a logarithm; 0: nothing has to be explained.
-        shares: probabilities of the causes; their sum and that of "nothing is wrong" is 1.
-        rate_b: error of the gyro's bias if it is the gyro, rad/s.
-        force_b: error of the accelerometer if it is that, m/s^2; z is not found.
+        odds: of the best cause against none, as a logarithm; 0: nothing to explain.
+        shares: probabilities of the causes; with that of "nothing is wrong" their sum is 1.
+        rate_b: error of the gyro's bias, if it is the cause, rad/s.
+        force_b: error of the accelerometer, if it is the cause, m/s^2; z is not estimated.
     """
 
     odds: float = 0.0
@@ -96,12 +96,12 @@ class Explained(NamedTuple):
 
     @property
     def is_contradiction(self) -> bool:
-        """Something is wrong, whatever it is."""
+        """Whether anything is wrong."""
         return self.odds > math.log(DECIDED)
 
     @property
     def decided(self) -> Cause | None:
-        """The cause that alone explains it; None: undecided, or nothing is wrong."""
+        """The only possible cause; None: undecided, or nothing is wrong."""
         if not self.is_contradiction:
             return None
         return next((cause for cause, share in self.shares if share > 1.0 - 1.0 / DECIDED), None)
@@ -111,7 +111,7 @@ NOTHING = Explained()
 
 
 def doubt_of(found: Explained) -> SensorDoubt | None:
-    """What a filter has to learn anew: errors of its sensors, by the probability of their cause.
+    """The doubt for a filter: errors of its sensors, by the probability of their cause.
 
     Source: docs/integrity.md Eq. (6).
     """
@@ -131,12 +131,12 @@ _TILT, _HEADING, _RATE, _SCALE, _FORCE, _LAG = 0, 2, 3, 6, 9, 11
 
 
 class _Row(NamedTuple):
-    """Over one step between marks, north and east in turn.
+    """One step between marks, north and east in turn.
 
     Attributes:
         length_s: of the step.
-        left: measured change of velocity less the predicted one, m/s.
-        columns: what each unknown would have made of it.
+        left: measured minus predicted change of velocity, m/s.
+        columns: effect of each unknown on it.
     """
 
     length_s: float
@@ -148,8 +148,8 @@ def explain(marks: Sequence[Mark], errors: SensorErrors) -> Explained:
     """Compares the causes over windows that end with the last mark.
 
     Args:
-        marks: fixes and where dead reckoning was then, in the order of time.
-        errors: what the filter knows of its sensors.
+        marks: fixes and dead reckoning at their times, in order.
+        errors: the filter's knowledge of its sensors.
     """
     found = NOTHING
     for length_s in LENGTHS_S:
@@ -163,7 +163,7 @@ def explain(marks: Sequence[Mark], errors: SensorErrors) -> Explained:
 
 
 def _slow(window: Sequence[Mark], errors: SensorErrors) -> SensorErrors:
-    """The noises with what slow samples have missed between them."""
+    """The noises, increased by what slow samples miss."""
     first, last = window[0].moment, window[-1].moment
     length_s = 1e-6 * (last.t_us - first.t_us)
     turned = (last.turn_variance - first.turn_variance) / length_s
@@ -174,12 +174,12 @@ def _slow(window: Sequence[Mark], errors: SensorErrors) -> SensorErrors:
 
 
 def _weight(found: Explained) -> tuple[bool, float]:
-    """A window that decides says more than one that does not."""
+    """Sort key: a window that decides has more weight."""
     return found.decided is not None, found.odds
 
 
 def _window(marks: Sequence[Mark], length_s: float) -> list[Mark]:
-    """The marks of the last so many seconds; none where they do not reach back."""
+    """The marks of the last `length_s`; none if they do not reach back that far."""
     end_us = marks[-1].moment.t_us
     window = [mark for mark in marks if end_us - mark.moment.t_us <= 1.02e6 * length_s]
     reached_s = 1e-6 * (end_us - window[0].moment.t_us)
@@ -203,15 +203,15 @@ def _jitter_m_s(window: Sequence[Mark]) -> float:
 
 
 class _Reckoning:
-    """What unknowns of the sensors make of turn and velocity along a window, in axes n."""
+    """The effect of the sensors' unknowns on turn and velocity along a window, in axes n."""
 
     def __init__(self) -> None:
-        # Turn error of each of the three axes' bias, of their scale, and of what is known.
+        # Turn error by each axis's bias, by its scale, and by the known bias error.
         self._turns = [[0.0, 0.0, 0.0] for _ in range(7)]
         self.begin()
 
     def begin(self) -> None:
-        """A row begins."""
+        """Begins a row."""
         self.length_s = 0.0
         self.change_n = [0.0, 0.0, 0.0]
         self.by_turn = [[0.0, 0.0] for _ in range(7)]
@@ -220,13 +220,13 @@ class _Reckoning:
     def step(
         self, dt_s: float, axes: Sequence[Vec3], turned: Vec3, known: Vec3, change_n: Vec3
     ) -> None:
-        """Goes on to the next mark.
+        """Advances to the next mark.
 
         Args:
-            dt_s: time since the mark before.
+            dt_s: time since the previous mark.
             axes: of the body, in n, over the step.
             turned: angle of the step about them, rad.
-            known: what the gyro's bias was taken for less what it is, rad/s, body; with minus.
+            known: negative error of the gyro's bias in the prediction, rad/s, body.
             change_n: integral of the specific force over the step, m/s.
         """
         turns = self._turns
@@ -248,7 +248,7 @@ class _Reckoning:
 
 
 def _rows(window: Sequence[Mark], force_bias_b: Vec3) -> list[_Row]:
-    """The steps of a window with what each unknown makes of them."""
+    """The steps of a window with the effect of each unknown."""
     q_ns, bias_b = window[0].moment.q_ns, window[-1].moment.bias_b
     at = _Reckoning()
     begun, rows = window[0], []
@@ -308,9 +308,9 @@ class _Sums:
 
     Attributes:
         products: of columns with columns; the lower half.
-        right: of columns with what is left.
-        square: of what is left.
-        level: logarithm of the likelihood without unknowns, but for its constant.
+        right: of columns with the residuals.
+        square: of the residuals.
+        level: logarithm of the likelihood without unknowns, up to a constant.
     """
 
     def __init__(self, rows: Sequence[_Row], noise_m_s: float, force_density: float) -> None:
@@ -350,13 +350,13 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 def _whitening(
     lengths_s: Sequence[float], noise_m_s: float, force_density: float
 ) -> list[tuple[float, float]]:
-    """Factors of the covariance of changes between noisy velocities, of a noisy force besides.
+    """Factors of the covariance of changes between noisy velocities, plus a noisy force.
 
     Neighbouring changes share a velocity: the covariance has one diagonal beside the main one, and
     so has its root. Source: docs/integrity.md Eq. (4).
 
     Returns:
-        For each row its own scale, and how much of the white row before is in it.
+        For each row its own scale, and the share of the previous white row.
     """
     noise, factors, before = noise_m_s * noise_m_s, [], math.inf
     for length_s in lengths_s:
@@ -376,12 +376,12 @@ def _whitened(values: Sequence[float], factors: Sequence[tuple[float, float]]) -
 
 
 class _Fit(NamedTuple):
-    """Of the unknowns of a hypothesis.
+    """The fit of a hypothesis.
 
     Attributes:
         root: lower triangle, row by row, of I + S A^T A S.
         forward: its solution for S A^T z.
-        likelihood: logarithm of it, but for what all hypotheses share.
+        likelihood: its logarithm, up to a constant shared by all hypotheses.
     """
 
     root: tuple[tuple[float, ...], ...] = ()
@@ -402,9 +402,9 @@ def _fit(
 
     Args:
         products: of the columns; the lower half.
-        right: of columns with what is left.
-        sigmas: of the unknowns beforehand.
-        begun: for the first of them.
+        right: of columns with the residuals.
+        sigmas: prior deviations of the unknowns.
+        begun: factor of the first of them.
 
     Source: docs/integrity.md Eq. (5).
     """
@@ -441,10 +441,10 @@ def _compare(
     products, right = sums.products, sums.right
     sound = _sigmas(sum(row.length_s for row in rows), first, errors)
     none = _fit(products, right, sound)
-    # No hypothesis of these noises explains more than everything.
+    # No hypothesis with these noises explains more than everything.
     if 0.5 * sums.square - none.likelihood < math.log(SUSPECTED):
         return NOTHING
-    # What is wrong for a while has bent the attitude, too.
+    # An error that has lasted for a while has also bent the attitude.
     bent = _failed(sound, _TILT, 2, FAILED_TILT_RAD)
     of_rate = _failed(bent, _RATE, 3, FAILED_RATE_RAD_S)
     of_force = _failed(bent, _FORCE, 2, FAILED_FORCE_M_S2)
@@ -458,10 +458,10 @@ def _compare(
         Cause.VIBRATION: _shaken(rows, noise_m_s, errors.force_density, sound) - sums.level,
     }
     if errors.force_density > SHAKING_DENSITY:
-        # What a blow hides of the force is a velocity that jumps: the noise may have made it.
+        # A blow hidden from the force looks like a jump of the velocity: noise may have made it.
         odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
     if first.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
-        # A heading of which so little is known makes of the force whatever a false velocity would.
+        # An almost unknown heading can imitate any false velocity.
         odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
     best = max(odds.values())
     whole = math.exp(min(none.likelihood - best, 0.0)) + sum(
@@ -471,16 +471,16 @@ def _compare(
     x, y, z = _unknowns(gyro, of_rate)[_RATE : _RATE + 3]
     u, v = _unknowns(force, of_force)[_FORCE : _FORCE + 2]
     if errors.force_density > SHAKING_DENSITY:
-        # Samples of a shaken force do not show its mean: nothing is to be learnt anew from them.
+        # Samples of a shaken force do not show its mean: nothing can be estimated from them.
         x = y = z = u = v = 0.0
     return Explained(max(best - none.likelihood, 0.0), shares, (x, y, z), (u, v, 0.0))
 
 
 def _sigmas(length_s: float, first: Mark, errors: SensorErrors) -> list[float]:
-    """Of the unknowns, where nothing is wrong."""
+    """Deviations of the unknowns if nothing is wrong."""
     tilt = max(first.moment.sigma_tilt_rad / math.sqrt(2.0), LEAST_TILT_RAD)
     heading = min(max(first.moment.sigma_heading_rad, LEAST_HEADING_RAD), math.pi)
-    # Noise of the rate turns an attitude by what such a bias does, as the velocity sees it.
+    # The rate noise turns an attitude like a bias of this size, as seen by the velocity.
     by_noise = 4.0 * errors.rate_density / (3.0 * length_s)
     known = by_noise + RATE_SIGMA_RAD_S * RATE_SIGMA_RAD_S
     most = MOST_RATE_RAD_S * MOST_RATE_RAD_S
@@ -490,7 +490,7 @@ def _sigmas(length_s: float, first: Mark, errors: SensorErrors) -> list[float]:
 
 
 def _failed(sigmas: Sequence[float], place: int, count: int, sigma: float) -> list[float]:
-    """The same where some unknowns may be as large as a failure makes them."""
+    """The deviations with some unknowns as large as a failure makes them."""
     of_failure = [max(sigma, known) for known in sigmas[place : place + count]]
     return [*sigmas[:place], *of_failure, *sigmas[place + count :]]
 
@@ -498,14 +498,14 @@ def _failed(sigmas: Sequence[float], place: int, count: int, sigma: float) -> li
 def _shaken(
     rows: Sequence[_Row], noise_m_s: float, force_density: float, sigmas: Sequence[float]
 ) -> float:
-    """Likelihood of a force that is as noisy as vibration and clipping make it."""
+    """Likelihood of a force with the noise of vibration and clipping."""
     density = SHAKEN * SHAKEN * max(force_density, SHAKEN_DENSITY)
     sums = _Sums(rows, noise_m_s, density)
     return sums.level + _fit(sums.products, sums.right, sigmas).likelihood
 
 
 def _falsehood(sums: _Sums, lengths_s: Sequence[float], sigmas: Sequence[float]) -> float:
-    """Likelihood of a velocity that jumps, or begins to drift, at some moment of the window."""
+    """Likelihood of a velocity that jumps, or begins to drift, at a moment of the window."""
     count = len(lengths_s)
     base = _fit(sums.products, sums.right, sigmas)
     likelihoods = []

@@ -1,10 +1,9 @@
-"""Several compasses against each other: whether they differ, by how much, and which one is wrong.
+"""Compares several compasses: whether they differ, by how much, and which one is wrong.
 
-All fields are turned level by one attitude, so that a wrong heading of it falls out of their
-differences. Of three, the one that differs from all others is wrong where those agree; one whose
-norm or dip is not the earth's is wrong where another's are; a heading that velocities have shown
-decides between any number. Until then a heading may be off by as much as
-they differ.
+All fields are levelled by one attitude, so that its heading error cancels in their differences. Of
+three, the one that differs from all others is wrong if those agree; one whose norm or dip is not
+the earth's is wrong if another's are; a heading confirmed by velocities decides between any number.
+Until then a heading may be off by as much as they differ.
 """
 
 import cmath
@@ -20,31 +19,31 @@ from h2nav.integrity.lasting import Lasting
 from h2nav.maths.quaternion import Quat, rotate
 from h2nav.maths.units import DEG
 
-# A few percent of iron, uncalibrated, turn the heading by so much of the level field.
+# A few percent of uncalibrated iron turn the heading by this share of the level field.
 UNCALIBRATED = 0.05
 SIGMAS = 3.0
-# Beside the earth's field, whatever its dip: a wrong attitude has no part in it.
+# Relative to the earth's field, whatever its dip: independent of the attitude.
 IN_SPACE_RAD = SIGMAS * math.sqrt(2.0) * UNCALIBRATED
 LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
-# A field that is nearly upright shows no heading.
+# A nearly vertical field shows no heading.
 LEAST_LEVEL = 0.1
 SMOOTHING_US = 500_000
 STALE_US = 2_000_000
-# Fields are of different times: a few degrees at this rate, tens of degrees in a flip.
+# Fields refer to different times: a few degrees at this rate, tens of degrees in a flip.
 FASTEST_RAD_S = 60.0 * DEG
-# However far two are apart, it has to last for two seconds.
+# Any difference has to last for two seconds.
 MOST_RATIO = 1.5
-# Two that agree, where a third one differs.
+# Two compasses agree within this where a third one differs.
 AGREE = 0.7
 
 
 class Level(NamedTuple):
-    """What the fields were turned level by.
+    """The attitude that levels the fields.
 
     Attributes:
         q_nb: attitude, body to NED.
         rate_rad_s: of its turn.
-        is_shown: velocities have shown its heading.
+        is_shown: velocities have confirmed its heading.
     """
 
     q_nb: Quat
@@ -53,14 +52,14 @@ class Level(NamedTuple):
 
 
 class _Compass:
-    """One of them.
+    """One compass.
 
     Attributes:
-        heading: its mean direction as the attitude turns it, of length 1 or less.
+        heading: its mean direction levelled by the attitude, of length 1 or less.
         field_b: its newest field, body axes.
-        is_misfit: norm or dip were not the earth's since it began to differ.
-        test: against a heading that velocities have shown.
-        is_wrong: as far as velocities have shown; None: they have not.
+        is_misfit: norm or dip have not been the earth's since it began to differ.
+        test: against a heading confirmed by velocities.
+        is_wrong: by that test; None: not tested.
     """
 
     def __init__(self) -> None:
@@ -72,7 +71,7 @@ class _Compass:
         self.is_wrong: bool | None = None
 
     def take(self, t_us: int, direction: complex) -> None:
-        """Takes the direction of a field, of length 1."""
+        """Adds the direction of a field, of length 1."""
         before_us, self.t_us = self.t_us, t_us
         if before_us is None or t_us - before_us > STALE_US:
             self.heading = direction
@@ -81,7 +80,7 @@ class _Compass:
         self.heading += share * (direction - self.heading)
 
     def is_fresh(self, t_us: int) -> bool:
-        """Whether it has been heard of lately."""
+        """Whether it has sent a field recently."""
         return self.t_us is not None and t_us - self.t_us <= STALE_US
 
 
@@ -89,8 +88,8 @@ class Compasses:
     """All compasses of a vehicle, by the number of their IMU, from 0.
 
     Attributes:
-        reference: the earth's field; None where it is not known.
-        wrong: those that are known to be wrong.
+        reference: the earth's field; None if unknown.
+        wrong: compasses known to be wrong.
     """
 
     def __init__(self) -> None:
@@ -98,7 +97,7 @@ class Compasses:
         self.restart()
 
     def restart(self) -> None:
-        """Another vehicle, or another clock."""
+        """Restarts for another vehicle, or another clock."""
         self._compasses: dict[int, _Compass] = {}
         self._pairs: dict[tuple[int, int], Lasting] = {}
         self._t_us = 0
@@ -112,7 +111,7 @@ class Compasses:
         level: Level,
         fits: Mapping[int, bool | None] | None = None,
     ) -> None:
-        """Takes the newest field of each, in body axes; whether norm and dip are the earth's."""
+        """Takes the newest field of each, body axes, and whether norm and dip are the earth's."""
         if level.rate_rad_s > FASTEST_RAD_S:
             return
         self._t_us = t_us
@@ -132,7 +131,7 @@ class Compasses:
         self._decide(fresh)
 
     def alarms(self) -> list[Alarm]:
-        """What is wrong now."""
+        """The present alarms."""
         found = []
         apart = [pair for pair, test in self._pairs.items() if test.is_raised]
         for number in sorted(self.wrong):
@@ -159,14 +158,14 @@ class Compasses:
         return found
 
     def doubt_rad(self, number: int) -> float:
-        """Deviation of a heading by this one: half of how far it is from the others."""
+        """Deviation of a heading by this compass: half of its difference to the others."""
         doubted = [pair for pair, test in self._pairs.items() if test.is_raised and number in pair]
         if number not in self.wrong:
             doubted = [pair for pair in doubted if pair in self._open]
         return max((0.5 * self._apart_rad(*pair) for pair in doubted), default=0.0)
 
     def _proof(self, number: int, others: int) -> str:
-        """What shows that it is wrong."""
+        """The evidence that it is wrong."""
         if self._compasses[number].is_wrong or others < 1:
             return "velocities show which one is right"
         if others > 1:
@@ -193,7 +192,7 @@ class Compasses:
 
     @property
     def _limit_rad(self) -> float:
-        """Two calibrated compasses do not differ by more."""
+        """The largest difference of two calibrated compasses."""
         if self.reference is None:
             return USUAL_RAD
         level = max(math.cos(self.reference.dip_rad), UNCALIBRATED)
@@ -201,7 +200,7 @@ class Compasses:
         return min(max(limit, LEAST_RAD), MOST_RAD)
 
     def _ratio(self, one: int, other: int) -> float:
-        """Of the difference to what calibrated ones have, in heading and in space."""
+        """Their difference relative to that of calibrated ones, in heading and in space."""
         a, b = self._compasses[one].field_b, self._compasses[other].field_b
         cosine = sum(map(operator.mul, a, b)) / (math.hypot(*a) * math.hypot(*b))
         in_space = math.acos(min(max(cosine, -1.0), 1.0)) / IN_SPACE_RAD
@@ -212,7 +211,7 @@ class Compasses:
         return abs(cmath.phase(turn))
 
     def _judge_by_velocity(self, t_us: int, fresh: list[int], level: Level) -> None:
-        """A heading that velocities have shown is wrong by less than what is looked for."""
+        """Tests against a heading confirmed by velocities, whose error is below the limit."""
         if not level.is_shown or self.reference is None:
             return
         for number in fresh:
@@ -226,7 +225,7 @@ class Compasses:
                 compass.is_wrong = compass.test.is_raised
 
     def _decide(self, fresh: list[int]) -> None:
-        """Which ones are wrong, and what is left open."""
+        """Decides which ones are wrong, and which pairs stay undecided."""
         apart = [pair for pair in self._pairs if self._pairs[pair].is_raised]
         concerned = {number for pair in apart for number in pair}
         wrong = {n for n in concerned if self._compasses[n].is_wrong}
@@ -235,7 +234,7 @@ class Compasses:
             wrong = {n for n in concerned if self._is_alone(n, fresh)}
             wrong = wrong or {n for pair in apart for n in self._misfit(pair)}
         elif not wrong:
-            # What differs from one that velocities have shown to be right.
+            # Those that differ from one confirmed by velocities.
             wrong = {n for pair in apart if right.intersection(pair) for n in pair} - right
         self.wrong = frozenset(wrong)
         self._open = [pair for pair in apart if not wrong.intersection(pair)]
@@ -245,12 +244,12 @@ class Compasses:
                 self._compasses[number].is_misfit = False
 
     def _misfit(self, pair: tuple[int, int]) -> tuple[int, ...]:
-        """The one of two whose norm or dip is not the earth's, where the other's are."""
+        """The one of two whose norm or dip is not the earth's, if the other's are."""
         misfits = tuple(n for n in pair if self._compasses[n].is_misfit)
         return misfits if len(misfits) == 1 else ()
 
     def _is_alone(self, number: int, fresh: list[int]) -> bool:
-        """It differs from all others, of which there are two or more, and they agree."""
+        """Whether it differs from all others, of which at least two agree."""
         others = [n for n in fresh if n != number]
         if len(others) < 2:
             return False

@@ -1,9 +1,9 @@
-"""Whether the magnetic field agrees with an attitude, and whether the gyro agrees with the field.
+"""Tests the magnetic field against an attitude, and the gyro against the field.
 
-Every second the mean of the field in the strapdown's frame is one row. By the attitude it has to
-have the heading, dip and norm of the earth's field. From row to row it has to stand still: where it
-does not, but keeps its norm and its angle to the force, which no gyro has a part in, the gyro has
-turned the frame.
+Each second the mean field in the strapdown's frame is one row. By the attitude it must have the
+heading, dip and norm of the earth's field. From row to row it must stand still: if it turns but
+keeps its norm and its angle to the force, which are independent of the gyro, the gyro has turned
+the frame.
 """
 
 import math
@@ -23,16 +23,16 @@ ROWS = 11
 # A calibrated compass: 3 deg of direction, 7 % of norm.
 DIRECTION_SIGMA_RAD = 3.0 * DEG
 NORM_SIGMA = 0.07
-# Noise of a mean of 1 s, delay of the field beyond what is known of it, scale of the gyro.
+# Noise of a mean of 1 s, unknown delay of the field, scale of the gyro.
 NOISE_RAD = 1.0 * DEG
 DELAY_SIGMA_S = 0.02
 SCALE_SIGMA = 0.01
-# So small a turn is none, whatever field and force do.
+# Smaller turns do not count, whatever field and force do.
 NO_TURN_RATIO = 0.5
-# A gyro turns field and force together: shares of the turn, and of the norm, that they may differ.
+# A gyro turns field and force together: allowed differences as shares of the turn and of the norm.
 RIGID_SHARE = 0.25
 RIGID_NORM = 0.1
-# A turn about the vertical: so many times the tilt that is left of it.
+# A turn about the vertical: this multiple of its remaining tilt.
 MOSTLY = 2.0
 # Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
 LARGEST_LEAN_RAD = 15.0 * DEG
@@ -46,12 +46,12 @@ class FieldRow(NamedTuple):
         field_s: direction of the field, strapdown's frame.
         norm_ut: of the field.
         force_s: specific force, m/s in this second, strapdown's frame.
-        heading_rad: of the field by the attitude, less its declination.
+        heading_rad: of the field by the attitude, minus its declination.
         dip_rad: of the field by the attitude.
         sigma_tilt_rad: of the attitude.
         sigma_heading_rad: of the attitude.
-        path_rad: turned through until its end.
-        turn_variance: of that turn, rad^2, by what slow samples have missed.
+        path_rad: angle turned through until its end.
+        turn_variance: of that turn, rad^2, from motion missed between slow samples.
     """
 
     t_us: int
@@ -72,14 +72,14 @@ class FieldRow(NamedTuple):
 
 
 class FieldWindows:
-    """Follows the field beside a strapdown.
+    """Tracks the field beside a strapdown.
 
     Args:
         watch: of the IMU.
         strapdown: of the same.
 
     Attributes:
-        reference: the earth's field; None where it is not known.
+        reference: the earth's field; None if unknown.
     """
 
     def __init__(self, watch: Watch, strapdown: Strapdown) -> None:
@@ -89,41 +89,41 @@ class FieldWindows:
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
 
     def restart(self) -> None:
-        """No row of before may be compared with what comes."""
+        """Restarts: no earlier row may be compared with later ones."""
         self._rows.clear()
 
     def end_row(self) -> None:
-        """Takes the row that the latest sample has completed."""
+        """Takes the row completed by the latest sample."""
         now = self._strapdown.newest
         assert now is not None
         self._rows.append(self._row(now))
 
     def is_stale(self, t_us: int) -> bool:
-        """Whether no field is known at present."""
+        """Whether there is no recent field."""
         return not self._rows or t_us - self._rows[-1].t_us > 2 * ROW_US
 
     def field_ratio(self, rows: int) -> float:
-        """Test ratio of the mean of so many rows against the earth's field; NaN without them."""
+        """Test ratio of the mean of this many rows against the earth's field; NaN without them."""
         if self.reference is None or len(self._rows) < rows:
             return math.nan
-        # The worst that lasts through all rows: one bad second is none of ten.
+        # The ratio held by all rows: one bad second does not count for ten.
         return min(self._ratio(row) for row in list(self._rows)[-rows:])
 
     @property
     def heading_error_rad(self) -> float:
-        """By how much the latest row would turn the heading; 0 without one."""
+        """The heading error by the latest row; 0 without one."""
         return self._rows[-1].heading_rad if self._rows else 0.0
 
     @property
     def dip_error_rad(self) -> float:
-        """By how much the dip of the latest row differs; 0 where it cannot be said."""
+        """The dip error of the latest row; 0 if unknown."""
         if self.reference is None or not self._rows:
             return 0.0
         return self._rows[-1].dip_rad - self.reference.dip_rad
 
     @property
     def worst_heading_rad(self) -> float:
-        """The heading error that a field with such a heading and dip may have caused."""
+        """The possible heading error from a field with such a heading and dip."""
         if self.reference is None:
             return 0.0
         level = max(math.cos(self.reference.dip_rad), 0.05)
@@ -131,7 +131,7 @@ class FieldWindows:
 
     @property
     def is_plausible(self) -> bool:
-        """Dip and norm of the latest row are the earth's: its heading says something."""
+        """Whether dip and norm of the latest row are the earth's, so that its heading counts."""
         if self.reference is None or not self._rows:
             return False
         _, along, norm = self._parts(self._rows[-1])
@@ -139,20 +139,20 @@ class FieldWindows:
 
     @property
     def norm_share(self) -> float:
-        """The norm of the latest row over the earth's; 1 where it cannot be said."""
+        """The norm of the latest row relative to the earth's; 1 if unknown."""
         if self.reference is None or not self._rows:
             return 1.0
         return self._rows[-1].norm_ut / self.reference.norm_ut
 
     @property
     def has_norm(self) -> bool:
-        """The norm of the latest row, in which no attitude has a part, is the earth's."""
+        """Whether the norm of the latest row, independent of any attitude, is the earth's."""
         return abs(self.norm_share - 1.0) < GATE * NORM_SIGMA
 
     def turn(self, rows: int) -> tuple[float, float]:
-        """How far the field has turned in space in so many seconds: rad, and its test ratio.
+        """Turn of the field in space over so many seconds, rad, and its test ratio.
 
-        The ratio is NaN where the field itself may have turned, and where there are no rows.
+        The ratio is NaN if the field itself may have turned, and without rows.
         """
         if len(self._rows) <= rows:
             return 0.0, math.nan
@@ -173,7 +173,7 @@ class FieldWindows:
         return turn_rad, math.nan
 
     def turned_level(self, rows: int) -> bool:
-        """Whether field and force have turned about the vertical, which a wrong field does, too."""
+        """Whether field and force have turned about the vertical, as with a wrong field."""
         if len(self._rows) <= rows:
             return False
         then, now = (
@@ -183,7 +183,7 @@ class FieldWindows:
         return abs(heading_rad) > MOSTLY * tilt_rad
 
     def _is_rigid(self, first: FieldRow, last: FieldRow, turn_rad: float) -> bool:
-        """Whether the field has turned as what a wrong gyro turns does: with the force."""
+        """Whether the field has turned together with the force, as by a wrong gyro."""
         changed = abs(last.force_angle_rad - first.force_angle_rad)
         norm = abs(last.norm_ut / first.norm_ut - 1.0)
         if changed > RIGID_SHARE * turn_rad or norm > RIGID_NORM:
@@ -211,7 +211,7 @@ class FieldWindows:
         )
 
     def _is_of_earth(self, row: FieldRow) -> bool:
-        """Whether norm and angle to the force, which no attitude has a part in, are the earth's."""
+        """Whether norm and angle to the force, independent of any attitude, are the earth's."""
         if self.reference is None:
             return True
         norm = abs(row.norm_ut / self.reference.norm_ut - 1.0)
@@ -226,7 +226,7 @@ class FieldWindows:
         assert self.reference is not None
         dip = self.reference.dip_rad
         level = max(math.cos(dip), 0.05)
-        # What is wrong with the field, and a tilt across it, turns the heading by 1 / cos(dip).
+        # A field error, and a tilt across the field, turn the heading by 1 / cos(dip).
         sideways = math.hypot(DIRECTION_SIGMA_RAD, math.sin(dip) * row.sigma_tilt_rad) / level
         heading = math.hypot(row.sigma_heading_rad, sideways)
         along = math.hypot(DIRECTION_SIGMA_RAD, row.sigma_tilt_rad)

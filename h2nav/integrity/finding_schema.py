@@ -1,4 +1,4 @@
-"""The JSON Schema of a finding: the same object in reviews, replays, events and the live page."""
+"""The JSON Schema of a finding, shared by reviews, replays, events and the live page."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ Schema = dict[str, Any]
 
 
 def finding_schema() -> Schema:
-    """Of `findings.as_mapping`; who shows a finding may add keys."""
+    """The schema of `findings.as_mapping`; users of a finding may add keys."""
     properties = {
         "id": _text("stable within a run, such as gyro_frozen.imu1.1"),
         "kind": {
@@ -40,7 +40,7 @@ def finding_schema() -> Schema:
 
 
 def report_schema() -> Schema:
-    """Of a finding that is reported while it goes on."""
+    """The schema of a finding reported while it is open."""
     finding = finding_schema()
     phase = {
         "enum": [phase.value for phase in Phase],

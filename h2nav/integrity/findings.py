@@ -1,8 +1,8 @@
-"""Findings: what is wrong, from when to when, how large it is, and what shows it.
+"""Findings: faults with their times, sizes and evidence.
 
-A check says what is wrong at present (`Alarm`); the ledger makes findings of it, with a beginning
-and an end. The daemon reports them live, a replay lists them: there is no second implementation.
-Everything else that shows a finding renders this one record and decides nothing.
+A check reports what is wrong at present (`Alarm`); the ledger turns alarms into findings with a
+beginning and an end. The daemon reports them live, a replay lists them: there is no second
+implementation. Everything else renders this record and decides nothing.
 """
 
 from collections.abc import Iterable
@@ -14,11 +14,11 @@ from h2nav.integrity.severity import Severity
 
 __all__ = ["Alarm", "Finding", "Findings", "Kind", "Phase", "Sensor", "SensorKind", "Severity"]
 
-# A cause that comes back within this time goes on.
+# A fault that returns within this time continues.
 PAUSE_S = 10.0
-# Of a whole run; the later ones are counted and not kept.
+# Per run; further ones are counted but not kept.
 MOST_FINDINGS = 500
-# A finding that grows is reported again, and so is one that only goes on, for who comes late.
+# A finding is reported again when it grows, and periodically for late clients.
 UPDATE_S = 5.0
 REPEAT_S = 60.0
 GROWTH = 1.25
@@ -27,12 +27,11 @@ _NAMES = {SensorKind.IMU: "IMU", SensorKind.GPS: "GPS", SensorKind.AHRS2: "AHRS2
 
 
 class Sensor(NamedTuple):
-    """What a finding is about.
+    """The subject of a finding.
 
     Attributes:
-        kind: of it.
-        number: from 1, where there are several; None where there is one, or where it is not known
-            which one it is.
+        kind: of the sensor.
+        number: from 1 if there are several; None if there is one, or if it is unknown which.
         others: more of the same kind. With a number, they show the same; without one, it is one of
             these.
     """
@@ -52,24 +51,24 @@ class Sensor(NamedTuple):
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """All that are named."""
+        """All numbers named."""
         return self.others if self.number is None else (self.number, *self.others)
 
 
 class Alarm(NamedTuple):
-    """Something that is wrong now; its check has already waited until it lasted.
+    """A present fault; its check has already waited until it lasted.
 
     Attributes:
-        kind: of it.
-        sensor: what is concerned.
-        severity: of it.
-        size: how wrong, in `unit`.
+        kind: of the fault.
+        sensor: its subject.
+        severity: of the fault.
+        size: of the fault, in `unit`.
         unit: of the size; empty for a mere number.
-        text: for people, one line of at most 42 characters where it can be so short.
-        evidence: what shows it.
-        degrades: the attitude that we send cannot be trusted meanwhile.
-        since_s: for how long it has been so, s.
-        is_decided: the evidence says who or what is wrong.
+        text: for people, one line of at most 42 characters if possible.
+        evidence: the figures that show it.
+        degrades: the attitude that is sent cannot be trusted meanwhile.
+        since_s: its duration, s.
+        is_decided: the evidence shows the subject.
         part: of the sensor, such as ``gyro z``; empty for the whole.
     """
 
@@ -87,32 +86,32 @@ class Alarm(NamedTuple):
 
     @property
     def told(self) -> str:
-        """The text, with the number of the IMU where one is concerned."""
+        """The text, with the number of the IMU if there is one."""
         is_numbered = self.sensor.kind is SensorKind.IMU and self.sensor.number is not None
         return f"{self.sensor.name}: {self.text}" if is_numbered else self.text
 
     @property
     def cause(self) -> str:
-        """Stays the same while the figures in the text change."""
+        """Identifies the alarm while the figures in the text change."""
         return f"{self.kind} {self.sensor.name} {self.part}".rstrip()
 
 
 class Finding(NamedTuple):
-    """An alarm with its beginning and its end, or what only the whole of a flight shows.
+    """An alarm with its beginning and end, or a finding of the whole flight.
 
     Attributes:
         kind: see `Alarm`.
         sensor: see `Alarm`.
-        severity: the worst that it was.
-        from_s: when it began, s after the start of the run.
-        to_s: when it was last so.
+        severity: the worst so far.
+        from_s: its beginning, s after the start of the run.
+        to_s: when it last held.
         size: the largest, in `unit`.
         unit: see `Alarm`.
-        text: see `Alarm`, at its most decided and largest.
+        text: see `Alarm`, of the most decided and largest state.
         evidence: see `Alarm`, of the same time.
         id: stable within a run; empty before it has been given.
-        is_open: it goes on.
-        cause: `id` of the finding that it follows from; None where it follows from none.
+        is_open: it has not ended.
+        cause: `id` of the finding that it follows from; None if none.
     """
 
     kind: Kind
@@ -130,7 +129,7 @@ class Finding(NamedTuple):
 
     @property
     def source(self) -> str:
-        """What is concerned, for people."""
+        """The subject, for people."""
         return self.sensor.name
 
 
@@ -138,16 +137,16 @@ class Phase(StrEnum):
     """Why a finding is reported."""
 
     BEGIN = "begin"
-    UPDATE = "update"  # it grew, its evidence is better, or it still goes on
+    UPDATE = "update"  # it grew, its evidence is better, or it is repeated
     END = "end"
 
 
 class Change(NamedTuple):
-    """What has changed since the update before.
+    """Changes since the previous update.
 
     Attributes:
-        begun: what was not wrong before.
-        news: findings to report, in the order in which they began.
+        begun: alarms that are new.
+        news: findings to report, in the order of their beginning.
     """
 
     begun: list[Alarm]
@@ -155,10 +154,10 @@ class Change(NamedTuple):
 
 
 class _Entry:
-    """A finding of the ledger.
+    """A finding in the ledger.
 
     Attributes:
-        finding: as it is now.
+        finding: its present state.
     """
 
     __slots__ = ("_is_renewed", "_shown", "_told_s", "_told_size", "finding")
@@ -168,16 +167,16 @@ class _Entry:
         self.finding = Finding(
             kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
         )
-        self._shown = is_decided, size  # what text and evidence are of
+        self._shown = is_decided, size  # of the present text and evidence
         self._told_s, self._told_size, self._is_renewed = t_s, size, False
 
     def extend(self, t_s: float, alarm: Alarm) -> None:
-        """It goes on, or has come back."""
+        """Continues the finding, or reopens it."""
         found = self.finding
         severity, size = min(found.severity, alarm.severity), max(found.size, alarm.size)
         self._is_renewed |= severity < found.severity
         self.finding = found._replace(to_s=t_s, severity=severity, size=size, is_open=True)
-        # Who was found to be wrong stays said, however the size goes on.
+        # A decision stays, however the size develops.
         shown = alarm.is_decided, alarm.size
         if shown > self._shown:
             self._is_renewed |= shown[0] > self._shown[0]
@@ -185,26 +184,26 @@ class _Entry:
             self.finding = self.finding._replace(text=alarm.text, evidence=alarm.evidence)
 
     def close(self) -> None:
-        """It is over."""
+        """Closes the finding."""
         self.finding = self.finding._replace(is_open=False)
 
     def is_due(self, t_s: float) -> bool:
-        """Whether an open one is to be reported again."""
+        """Whether an open finding is to be reported again."""
         has_grown = self._is_renewed or self.finding.size > GROWTH * self._told_size
         return t_s - self._told_s >= (UPDATE_S if has_grown else REPEAT_S)
 
     def tell(self, t_s: float) -> Finding:
-        """As it is reported now."""
+        """The finding as reported now."""
         self._told_s, self._told_size, self._is_renewed = t_s, self.finding.size, False
         return self.finding
 
 
 class Findings:
-    """The ledger: makes findings of alarms.
+    """The ledger that turns alarms into findings.
 
     Attributes:
-        alarms: what is wrong at present.
-        omitted: findings that were not kept, because there were too many.
+        alarms: present alarms.
+        omitted: findings not kept, because there were too many.
     """
 
     def __init__(self) -> None:
@@ -217,16 +216,16 @@ class Findings:
 
     @property
     def all(self) -> tuple[Finding, ...]:
-        """Every finding so far, in the order in which they began."""
+        """Every finding so far, in the order of their beginning."""
         return tuple(entry.finding for entry in self._entries)
 
     @property
     def open(self) -> tuple[Finding, ...]:
-        """Those that go on."""
+        """The open findings."""
         return tuple(self._entries[place].finding for place in sorted(self._open))
 
     def update(self, t_s: float, alarms: Iterable[Alarm]) -> Change:
-        """Takes everything that is wrong now.
+        """Takes all present alarms.
 
         Args:
             t_s: time since the start of the run.
@@ -249,7 +248,7 @@ class Findings:
         return Change(begun, news)
 
     def _phase(self, t_s: float, place: int, before: frozenset[int]) -> Phase | None:
-        """What there is to report of a finding that is open, or was so."""
+        """The report due for a finding that is, or was, open."""
         entry = self._entries[place]
         if place not in self._open:
             entry.close()
@@ -259,7 +258,7 @@ class Findings:
         return Phase.UPDATE if entry.is_due(t_s) else None
 
     def _place(self, t_s: float, alarm: Alarm) -> int | None:
-        """Which finding an alarm goes on, or begins; None where there are too many."""
+        """Index of the finding that an alarm continues or begins; None if there are too many."""
         key = alarm.kind, alarm.sensor
         place = self._latest.get(key)
         if place is not None and t_s - self._entries[place].finding.to_s <= PAUSE_S:
@@ -280,7 +279,7 @@ def next_id(kind: Kind, sensor: Sensor, counts: dict[str, int]) -> str:
     Args:
         kind: of the finding.
         sensor: of the finding.
-        counts: how many there are of each so far; grows by one.
+        counts: number of each so far; incremented.
     """
     stem = f"{kind}.{sensor.kind}{'_'.join(map(str, sensor.numbers))}"
     counts[stem] = counts.get(stem, 0) + 1
@@ -288,7 +287,7 @@ def next_id(kind: Kind, sensor: Sensor, counts: dict[str, int]) -> str:
 
 
 def as_mapping(finding: Finding) -> dict[str, Any]:
-    """For JSON: times to the millisecond, the severity by its word; see `finding_schema`."""
+    """The finding for JSON: times to the millisecond, the severity's word; see `finding_schema`."""
     return {
         "id": finding.id,
         "kind": finding.kind.value,

@@ -1,6 +1,6 @@
-"""Every kind of finding there is: what it means, what to check, its unit, whom it concerns.
+"""Every kind of finding: its meaning, what to check, its unit, its subject.
 
-The list is closed: a program may rely on it, and a finding of another kind does not pass mypy.
+The list is closed: programs may rely on it, and a finding of another kind fails mypy.
 """
 
 from enum import StrEnum
@@ -10,7 +10,7 @@ from h2nav.integrity.severity import Severity
 
 
 class SensorKind(StrEnum):
-    """What a finding can be about."""
+    """Subjects of a finding."""
 
     IMU = "imu"
     GYRO = "gyro"
@@ -100,15 +100,15 @@ class Kind(StrEnum):
 
 
 class Meaning(NamedTuple):
-    """Of a kind.
+    """The meaning of a kind.
 
     Attributes:
-        sensors: the kinds of sensor that it can concern.
-        worst: the severity that it has at worst.
-        unit: of the size; several, divided by `` | ``, where each finding names its own; empty for
-            a mere number.
-        means: what it says to a pilot, without terms that are not explained.
-        check: what to look at next.
+        sensors: possible subjects.
+        worst: its worst severity.
+        unit: of the size; several, separated by `` | ``, if each finding names its own; empty for a
+            mere number.
+        means: its meaning for a pilot, without unexplained terms.
+        check: what to check next.
     """
 
     sensors: tuple[SensorKind, ...]
@@ -244,7 +244,7 @@ MEANINGS: dict[Kind, Meaning] = {
         _COMPASS,
         _ERROR,
         "s",
-        "The compass measured nothing: a heading cannot rest on it.",
+        "The compass measured nothing: no heading is possible with it.",
         _SENSOR,
     ),
     Kind.COMPASS_FIELD: Meaning(_COMPASS, _ERROR, "deg", _COMPASS_WRONG, _MAGNET),
@@ -386,14 +386,14 @@ MEANINGS: dict[Kind, Meaning] = {
         _VEHICLE,
         Severity.CRITICAL,
         "deg",
-        "The attitude left the one that was asked for, and the motors could not bring it back.",
+        "The attitude left its demand, and the motors could not bring it back.",
         "What came first: a motor at its limit, a sensor, the estimator, or the demand itself.",
     ),
     Kind.MOTOR_FAILED: Meaning(
         _MOTORS,
         Severity.CRITICAL,
         "us",
-        "A motor gave no thrust although it was asked for it.",
+        "A motor gave no thrust although thrust was demanded.",
         _MOTOR,
     ),
     Kind.MOTOR_IMBALANCE: Meaning(

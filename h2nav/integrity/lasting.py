@@ -1,19 +1,19 @@
-"""A test that has to fail for a while before it counts, and to hold for a while."""
+"""A test that must fail for a while before it counts, and recover for a while to end."""
 
 import math
 
-# What the excess of the ratio, integrated over time, has to reach: a ratio of 2 counts after 1 s.
+# Threshold of the ratio's excess, integrated over time: a ratio of 2 counts after 1 s.
 RAISE_S = 1.0
-# A ratio counts no more than this: one absurd value is no proof.
+# Limit of a ratio: a single absurd value proves nothing.
 MOST_RATIO = 5.0
 CLEAR_RATIO = 0.8
 CLEAR_S = 4.0
-# A raised test of which nothing is heard any more.
+# A raised test without new ratios ends after this.
 FORGET_S = 60.0
 
 
 class Lasting:
-    """Follows a test ratio.
+    """Tracks a test ratio.
 
     Attributes:
         is_raised: the test has failed for long enough.
@@ -28,7 +28,7 @@ class Lasting:
         self._t_us: int | None = None
 
     def take(self, t_us: int, ratio: float) -> None:
-        """Takes the ratio of now; NaN says nothing."""
+        """Takes the present ratio; ignores NaN."""
         dt_s = 0.0 if self._t_us is None else max((t_us - self._t_us) * 1e-6, 0.0)
         self._t_us = t_us
         if math.isnan(ratio):
@@ -47,5 +47,5 @@ class Lasting:
             self.is_raised = False
 
     def since_s(self, t_us: int) -> float:
-        """For how long it has failed."""
+        """How long it has failed."""
         return (t_us - self._failed_us) * 1e-6

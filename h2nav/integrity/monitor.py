@@ -1,10 +1,10 @@
-"""One attitude watched: its sensors, and what velocity, field and gravity say of it.
+"""Monitors one attitude: its sensors, and its consistency with velocity, field and gravity.
 
-The monitor sees what the filter sees and what the filter makes of it, and has an arithmetic of its
-own. It tells when the filter's own deviations deny an error that others show, and by how much they
-have to be opened. Two things go back to the filter: what is no measurement at all, samples of a
-frozen sensor and velocities that nothing but a false receiver explains, is not to be given to it;
-and a sensor that a velocity has shown to be wrong is to be learnt anew (`SensorDoubt`).
+The monitor sees the filter's inputs and outputs, and has an arithmetic of its own. It reports when
+the filter's deviations are too small for errors that measurements show, and by how much to increase
+them. Two things go back to the filter: samples of a frozen sensor, and velocities that only a false
+receiver explains, are kept from it; and a sensor proved wrong by a velocity is estimated anew
+(`SensorDoubt`).
 """
 
 import math
@@ -45,40 +45,40 @@ from h2nav.integrity.velocity_windows import (
 from h2nav.integrity.watch import Watch
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-# Errors that measurements show open the deviations from this ratio on, and for so long after.
+# Errors shown by measurements increase the deviations from this ratio on, and for this long after.
 OPEN_RATIO = 0.5
 OPEN_S = 10.0
 KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
 SURE_S = 2.0
-# From this ratio of a velocity on a cause is looked for, and how often.
+# From this ratio of a velocity on, a cause is searched at this interval.
 SUSPICIOUS_RATIO = 0.2
 EXPLAIN_US = 400_000
-# A contradiction that has lasted so long is told, with its cause.
+# A contradiction of this duration is reported, with its cause.
 CONTRADICTED_US = 1_000_000
-# Velocities that are not measured: on the ground, and of any vehicle up and down.
+# Assumed velocities: on the ground, and vertically for any vehicle.
 GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
 JUDGED_S = 1e-6 * JUDGED_US
 FORCE_SHARE = JUDGED_S / LONG_S
-# A tilt, and more than it, of which nobody would speak any more.
+# Beyond this, an error is no longer called a tilt.
 MOST_DEG = 90.0
-# Of a contradiction to gravity, what the accelerometer's size has to explain to be the cause; and
-# sideways to down, of which an attitude that is wrong by less than 50 deg makes more.
+# To be the cause of a contradiction to gravity, the accelerometer's size must explain this much;
+# and the ratio of sideways to down, which an attitude wrong by less than 50 deg exceeds.
 BY_SIZE = 0.5
 UPRIGHT = 2.0
-# A heading is confirmed by velocities that would have shown an error of this.
+# A heading is confirmed by velocities that would have shown an error of this size,
 CONFIRMED_RAD = 15.0 * DEG
-# ... or by 10 s of a field that is the earth's beyond doubt.
+# or by 10 s of a field that is the earth's beyond doubt,
 CONFIRMED_RATIO = 0.5
-# ... and stays so as long as the gyro alone would hold it.
+# and stays confirmed as long as the gyro alone would hold it.
 SHOWN_US = 10_000_000
-# Samples further apart alias what shakes a vehicle (propellers from some 30 Hz on).
+# Samples further apart alias a vehicle's vibration (propellers from some 30 Hz on).
 SLOW_US = 15_000.0
 SLOW_SHARE = 0.01
-# A field that went into the heading so recently holds it.
+# A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
-# Velocities count as lost after this, and after so many of their usual periods.
+# Velocities count as lost after this, and after this many of their usual periods.
 VELOCITY_LOST_US = 3_000_000
 PERIODS_LOST = 4.0
 PERIOD_SHARE = 0.2
@@ -88,26 +88,26 @@ CONVERGED = int(Trust.CONVERGED)
 
 
 class Speeds(NamedTuple):
-    """How fast a vehicle is as a rule where nobody measures it, m/s, one sigma."""
+    """Usual speeds of a vehicle without measurement, m/s, one sigma."""
 
     horizontal_m_s: float
     vertical_m_s: float = CLIMB_SPEED_M_S
 
 
 class Monitor:
-    """Watches one filter and its IMU.
+    """Monitors one filter and its IMU.
 
-    For each sample: `check` it, give the filter what `Use` allows, `add` what came of it (`restart`
-    where nothing did). Velocities, field, vehicle and delays come as they come to the filter; a
-    velocity is not given to the filter while `velocity_is_false`.
+    For each sample: call `check`, pass the filter what `Use` allows, then `add` with the result
+    (`restart` without one). Velocities, field, vehicle and delays are passed as to the filter; a
+    velocity is kept from the filter while `velocity_is_false`.
 
     Args:
-        imu: whose samples they are.
+        imu: of the samples.
         speeds: of the vehicle.
 
     Attributes:
-        field_is_frozen: the compass says nothing of the heading.
-        ratios: test ratios, as of the latest sample.
+        field_is_frozen: the compass does not show the heading.
+        ratios: test ratios at the latest sample.
     """
 
     def __init__(self, imu: Sensor, speeds: Speeds) -> None:
@@ -128,7 +128,7 @@ class Monitor:
         self._explained, self._explained_us = NOTHING, 0
         self._contradicted_us: int | None = None
         self._verdict: Cause | None = None
-        self._unsettled_us = 0  # when the tilt was last not found yet
+        self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
         self._is_confirmed = False
@@ -138,7 +138,7 @@ class Monitor:
         self.ratios = InnovationRatios()
 
     def anew(self) -> "Monitor":
-        """A monitor of the same IMU that has seen no sample: the samples' clock begins anew."""
+        """A new monitor of the same IMU, for a restarted clock."""
         fresh = Monitor(self._imu, self._speeds)
         fresh.use_vehicle(self._vehicle)
         fresh._field.reference = self._field.reference
@@ -146,14 +146,14 @@ class Monitor:
         return fresh
 
     def check(self, sample: ImuSample) -> Use:
-        """Takes a sample before the filter does; what the filter may do with it."""
+        """Takes a sample before the filter does; returns what the filter may use."""
         bits = self._checked = self._watch.check(sample)
         self.field_is_frozen = bits & FIELD_FROZEN > 0
         return use_of(bits) if bits else Use.ALL
 
     @property
     def sensor_is_bad(self) -> bool:
-        """Gyro or accelerometer is known to be bad now."""
+        """Whether gyro or accelerometer is known to be faulty now."""
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         return any(alarm.degrades for alarm in found)
 
@@ -163,13 +163,13 @@ class Monitor:
         return self._watch.memory.vibration_m_s2
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
-        """Takes the sample that was checked last and what the filter has made of it, not led."""
+        """Takes the filter's estimate, not propagated, for the sample checked last."""
         t_us, _, force, _, clipped = sample
         apart_us = min(t_us - self._sample_us, 2.0 * SLOW_US)
         self._period_us += SLOW_SHARE * (apart_us - self._period_us)
         self._sample_us = t_us
         if clipped or force == NO_FORCE:
-            # What its windows would show is known already.
+            # The result of its windows is known already.
             self.restart()
             return
         bits = self._strapdown.add(t_us, estimate)
@@ -184,7 +184,7 @@ class Monitor:
             self._end_windows(t_us, bits, force)
 
     def _end_windows(self, t_us: int, bits: int, force: Vec3) -> None:
-        """Judges what is complete with a sample."""
+        """Evaluates the windows completed by a sample."""
         if bits & (BEGUN | THIN_ROW):
             self._field.restart()
         if bits & BEGUN:
@@ -204,10 +204,10 @@ class Monitor:
 
         Args:
             fix: the velocity.
-            errors: what the filter knows of its sensors.
+            errors: the filter's knowledge of its sensors.
 
         Returns:
-            What the filter has to learn anew; None where nothing was shown.
+            The errors that the filter has to estimate anew; None if nothing was shown.
         """
         if self._fix is not None:
             apart_us = min(fix.t_us - self._fix.t_us, 2 * VELOCITY_LOST_US)
@@ -229,7 +229,7 @@ class Monitor:
         return self._explain(fix.t_us, errors)
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
-        """Looks for the cause while velocities contradict; what the filter has to learn anew."""
+        """Searches the cause while velocities contradict; returns a doubt for the filter."""
         is_settled = t_us - self._unsettled_us > LONG_S * 1e6
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
@@ -243,7 +243,7 @@ class Monitor:
             return doubt_of(found)
         if self._contradicted_us is None:
             self._contradicted_us = t_us
-        # What was decided when it began stays so: later windows no longer hold the beginning.
+        # A decision at the beginning stays: later windows no longer contain the beginning.
         self._verdict = found.decided or self._verdict
         return None if self.velocity_is_false else doubt_of(found)
 
@@ -252,7 +252,7 @@ class Monitor:
 
     @property
     def field_fits(self) -> bool | None:
-        """Norm and dip of the field are the earth's; None where that is not known now."""
+        """Whether norm and dip of the field are the earth's; None if unknown now."""
         now_us, field = self._strapdown.t_us, self._field
         if field.reference is None or now_us is None or field.is_stale(now_us):
             return None
@@ -260,26 +260,26 @@ class Monitor:
 
     @property
     def heading_is_shown(self) -> bool:
-        """Velocities have shown of late that the heading is not wrong by far."""
+        """Whether velocities have recently confirmed that the heading is roughly right."""
         shown_us, now_us = self._shown_us, self._strapdown.t_us
         if shown_us is None or now_us is None or self._tests["velocity"].is_raised:
             return False
         return now_us - shown_us < SHOWN_US
 
     def use_field(self, field: EarthField) -> None:
-        """The earth's field is known."""
+        """Takes the earth's field."""
         self._field.reference = field
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """What the autopilot says of the vehicle."""
+        """Takes the autopilot's report of the vehicle."""
         self._vehicle = vehicle
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """How late the sensors are."""
+        """Takes the sensors' delays."""
         self._watch.gains.field_delay_s = max(delays.field_s - delays.gyro_s, 0.0)
 
     def restart(self) -> None:
-        """Forgets what was gained; what is wrong stays so until it is seen to be right."""
+        """Forgets integrals; faults stay until they are seen to be resolved."""
         self._strapdown.restart()
         self._velocity.restart()
         self._field.restart()
@@ -288,7 +288,7 @@ class Monitor:
         self.ratios = InnovationRatios()
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
-        """The estimate with deviations that do not deny what the measurements show."""
+        """The estimate with deviations increased to the errors that measurements show."""
         if self._tilt_rad == 0.0 and self._heading_rad == 0.0:
             return estimate
         return estimate._replace(
@@ -298,19 +298,19 @@ class Monitor:
 
     @property
     def velocity_is_false(self) -> bool:
-        """Nothing but a false velocity explained the contradiction, and the gyro is not in doubt.
+        """Whether only a false velocity explains the contradiction, and the gyro is not in doubt.
 
-        Such a velocity must not be fused: it would bend the attitude. A heading that velocities
-        alone hold says nothing against them, nor do forces that are sampled too slowly to hold
-        what shakes the vehicle.
+        Such a velocity must not be fused: it would bend the attitude. A heading held by velocities
+        alone does not count against them, nor do forces sampled too slowly for the vehicle's
+        vibration.
         """
         is_decided = self._verdict is Cause.VELOCITY and not self.ratios.of_turn > OPEN_RATIO
         return is_decided and self._field_holds and self._period_us < SLOW_US
 
     def _open(self) -> None:
-        """Takes the errors that measurements show now."""
+        """Updates the errors that measurements show."""
         ratios, field = self.ratios, self._field
-        # What no sound sensor explains opens them whatever its ratio.
+        # An error that no sound sensor explains opens them at any ratio.
         open_ratio = SUSPICIOUS_RATIO if self._explained.is_contradiction else OPEN_RATIO
         # The shortest window shows a large angle for a small velocity: it has to fail.
         tilts = [
@@ -334,7 +334,7 @@ class Monitor:
 
     @property
     def _field_matters(self) -> bool:
-        """In flight, a field that contradicts is used, or was never confirmed by anything else."""
+        """Whether, in flight, a contradicting field is in use or was never confirmed otherwise."""
         on_ground = self._vehicle.on_ground is True
         if on_ground or not self._tests["field"].is_raised or not self.ratios.of_field > 1.0:
             return False
@@ -342,12 +342,12 @@ class Monitor:
 
     @property
     def _field_holds(self) -> bool:
-        """A field went into the heading just now."""
+        """Whether a field corrected the heading just now."""
         now_us, used_us = self._strapdown.t_us, self._field_used_us
         return now_us is not None and used_us is not None and now_us - used_us < FIELD_HOLDS_US
 
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
-        """What is wrong at this time."""
+        """The alarms at this time."""
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us > lost_us:
@@ -364,7 +364,7 @@ class Monitor:
         return (*found, *self._cause_alarms(t_us, {alarm.kind for alarm in found}))
 
     def _cause_alarms(self, t_us: int, told: Collection[Kind]) -> list[Alarm]:
-        """The cause of what has contradicted for a while; undecided once only."""
+        """The cause of a lasting contradiction; undecided once only."""
         if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
             return []
         since_s = (t_us - self._contradicted_us) * 1e-6
@@ -393,7 +393,7 @@ class Monitor:
             f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
         )
         text, is_by_size = "attitude contradicts gravity", False
-        # No attitude lifts; and one that lets a force of the right size fall does not explain this.
+        # No attitude lifts; nor does one explain a fall while the force has the right size.
         by_size_m_s = LONG_S * (GRAVITY_M_S2 - self._force_m_s2)
         is_upright = math.hypot(north, east) < UPRIGHT * down
         if down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down):
@@ -403,7 +403,7 @@ class Monitor:
         return found._replace(is_decided=is_by_size)
 
     def _turn_alarm(self, since_s: float) -> Alarm:
-        # So soon after a restart there may be no 10 s.
+        # Soon after a restart there may be no 10 s.
         length_s = 10 if not math.isnan(self.ratios.turn_10s) else 1
         turn = self._field.turn(length_s)[0] / DEG
         evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {length_s} s"
@@ -451,7 +451,7 @@ class Monitor:
         self._is_confirmed |= self.ratios.field_10s < CONFIRMED_RATIO
 
     def _renew_ratios(self, t_us: int) -> None:
-        """What is too old counts no more; without velocities the force is judged."""
+        """Drops what is stale; without velocities the force is tested."""
         ratios, nothing = self.ratios._replace(force_10s=math.nan), math.nan
         if self._velocity.is_stale(t_us):
             self._windows = []
@@ -469,7 +469,7 @@ class Monitor:
         self.ratios = ratios
 
     def _force_ratio(self, t_us: int) -> float:
-        """The force of 10 s against a velocity that nobody measures, but that has its limits."""
+        """Tests the force of 10 s against a velocity that is not measured, but bounded."""
         last = self._strapdown.newest
         first = self._strapdown.at(t_us - round(LONG_S * 1e6))
         if last is None or first is None:

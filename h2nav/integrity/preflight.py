@@ -1,7 +1,7 @@
-"""What can be judged on the ground before arming: sensors at rest, against gravity and each other.
+"""Checks on the ground before arming: sensors at rest, against gravity and each other.
 
-Windows of one second of each IMU while the vehicle stands still; what they agree on for some
-seconds counts. A vehicle that is carried shows nothing, and nothing is said of it.
+Windows of one second of each IMU at rest; results that hold for some seconds count. A vehicle being
+carried shows nothing, and no result is given.
 """
 
 import math
@@ -14,7 +14,7 @@ from h2nav.maths.quaternion import conjugate, rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 WINDOW_US = 1_000_000
-# An attitude of a window needs samples; a verdict needs windows, and forgets slowly.
+# A window needs samples; a verdict needs windows, and forgets slowly.
 FEWEST_SAMPLES, FEWEST_WINDOWS, KEPT_WINDOWS = 10, 5, 15
 # At rest no axis turns by more than this about its mean, and no force varies by more.
 STILL_RAD_S, STILL_M_S2 = 1.5 * DEG, 0.5
@@ -26,7 +26,7 @@ FORCE_M_S2 = 0.080 * GRAVITY_M_S2
 # ARMING_ACCTHRESH of ArduPilot, COM_ARM_IMU_ACC 0.7 and COM_ARM_IMU_GYR 14 deg/s of PX4.
 FORCE_APART_M_S2 = 0.75
 GYRO_APART_RAD_S = 5.0 * DEG
-# Shaking while the propellers stand; ArduPilot warns of 30 m/s^2 in flight.
+# Vibration with propellers at rest; ArduPilot warns of 30 m/s^2 in flight.
 SHAKEN_M_S2 = 5.0
 # Two compasses about the vertical: ArduPilot arms up to 60 deg; calibrated ones differ by 10.
 COMPASS_APART_RAD = 45.0 * DEG
@@ -40,7 +40,7 @@ MOST_IMUS = 3
 
 
 class Item(StrEnum):
-    """What is looked at; the value is the name in JSON and metrics."""
+    """The checks; the value is the name in JSON and metrics."""
 
     GYRO = "gyro"
     GYROS_APART = "gyros_apart"
@@ -54,12 +54,12 @@ class Item(StrEnum):
 
 
 class GroundFault(NamedTuple):
-    """Something that is wrong on the ground.
+    """A fault on the ground.
 
     Attributes:
-        item: of it.
+        item: the check that failed.
         sensor: such as ``IMU 1`` or ``compass 1 and 2``.
-        size: how wrong.
+        size: of the error.
         unit: of the size.
         limit: that it exceeds.
     """
@@ -90,11 +90,11 @@ _WORDS = {
 
 
 class GroundVerdict(NamedTuple):
-    """What is known before arming.
+    """The result before arming.
 
     Attributes:
-        faults: what is wrong; empty where nothing is.
-        judged: what could be judged.
+        faults: failed checks; empty if all passed.
+        judged: checks that were possible.
     """
 
     faults: tuple[GroundFault, ...] = ()
@@ -108,7 +108,7 @@ class _Window(NamedTuple):
         w_b: mean rate, rad/s.
         f_b: mean force, m/s^2.
         shaken_m_s2: rms of the force about its mean.
-        is_still: nothing moved.
+        is_still: the vehicle was at rest.
     """
 
     w_b: Vec3
@@ -128,7 +128,7 @@ class _Imu:
         self.field: Vec3 | None = None
 
     def take(self, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None) -> bool:
-        """A sample; whether it ended a window."""
+        """Takes a sample; returns whether it ended a window."""
         if m_b_ut is not None:
             old = self.field
             self.field = m_b_ut if old is None else _blend(old, m_b_ut)
@@ -168,7 +168,7 @@ class _Imu:
 
     @property
     def still(self) -> list[_Window]:
-        """The latest windows if all of them stood still; else none."""
+        """The latest windows if all of them were at rest; otherwise none."""
         latest = self.windows[-FEWEST_WINDOWS:]
         if len(latest) < FEWEST_WINDOWS or not all(window.is_still for window in latest):
             return []
@@ -176,7 +176,7 @@ class _Imu:
 
 
 class Preflight:
-    """Looks at what comes while the vehicle is on the ground and disarmed."""
+    """Checks a vehicle while it is on the ground and disarmed."""
 
     def __init__(self) -> None:
         self._imus: dict[int, _Imu] = {}
@@ -186,34 +186,34 @@ class Preflight:
         self._reported: Quat | None = None
 
     def restart(self) -> None:
-        """Forgets: it was armed, or the autopilot is another one."""
+        """Forgets everything, after arming or for another autopilot."""
         self._imus.clear()
         self._reported = None
         self._fast, self._fixes = 0.0, 0
 
     def on_sample(self, imu: int, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None) -> None:
-        """A sample of an IMU, by its number from 0, on the autopilot's clock."""
+        """Takes a sample of an IMU, by its number from 0, on the autopilot's clock."""
         if 0 <= imu < MOST_IMUS:
             self._imus.setdefault(imu, _Imu()).take(t_us, w_b, f_b, m_b_ut)
 
     def on_earth(self, earth: EarthField) -> None:
-        """The earth's field here."""
+        """Takes the earth's field."""
         self._earth = earth
 
     def on_velocity(self, v_n: Vec3) -> None:
-        """A velocity of the receiver, NED, m/s."""
+        """Takes a velocity of the receiver, NED, m/s."""
         speed = math.hypot(v_n[0], v_n[1])
         if math.isfinite(speed):
             self._fixes += 1
             self._fast += 0.2 * (speed - self._fast)
 
     def on_attitude(self, q_nb: Quat) -> None:
-        """The autopilot's own attitude."""
+        """Takes the autopilot's own attitude."""
         self._reported = q_nb
 
     @property
     def verdict(self) -> GroundVerdict:
-        """All that is wrong now."""
+        """The present result."""
         faults: list[GroundFault] = []
         judged: set[Item] = set()
         still = {imu: one.still for imu, one in self._imus.items()}
@@ -237,7 +237,7 @@ class Preflight:
         return GroundVerdict(tuple(faults), frozenset(judged))
 
     def _of_rest(self, f_b: Vec3, faults: list[GroundFault], judged: set[Item]) -> None:
-        """What gravity shows: fields, the autopilot's vertical, the receiver."""
+        """Checks that need gravity: fields, the autopilot's vertical, the receiver."""
         norm = math.hypot(*f_b)
         if not abs(norm - GRAVITY_M_S2) < 2.0 * FORCE_M_S2:
             return
@@ -272,7 +272,7 @@ class Preflight:
 
 
 def _of_imu(name: str, windows: list[_Window]) -> list[GroundFault]:
-    """Gyro and accelerometer of an IMU that stands still."""
+    """Checks gyro and accelerometer of an IMU at rest."""
     found = []
     rate = math.hypot(*_mean([window.w_b for window in windows]))
     if rate > GYRO_RAD_S:
@@ -284,7 +284,7 @@ def _of_imu(name: str, windows: list[_Window]) -> list[GroundFault]:
 
 
 def _apart(one: int, these: list[_Window], other: int, those: list[_Window]) -> list[GroundFault]:
-    """Two IMUs that stand still on one board."""
+    """Compares two IMUs at rest on one board."""
     name, found = f"IMU {one + 1} and {other + 1}", []
     force = _far(_mean([w.f_b for w in these]), _mean([w.f_b for w in those]))
     if force > FORCE_APART_M_S2:
@@ -297,7 +297,7 @@ def _apart(one: int, these: list[_Window], other: int, those: list[_Window]) -> 
 
 
 def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[GroundFault]:
-    """Strength and dip of a field against the model."""
+    """Checks strength and dip of a field against the model."""
     norm = math.hypot(*field)
     if norm <= 0.0:
         return []
@@ -312,7 +312,7 @@ def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[Gro
 
 
 def _about(down: Vec3, a: Vec3, b: Vec3) -> float | None:
-    """Angle between the level parts of two fields, rad; None where one has none."""
+    """Angle between the level parts of two fields, rad; None if one has none."""
     level_a, level_b = _level(a, down), _level(b, down)
     size = math.hypot(*level_a) * math.hypot(*level_b)
     if min(math.hypot(*level_a), math.hypot(*level_b)) < LEVEL_UT:
@@ -326,7 +326,7 @@ def _level(v: Vec3, down: Vec3) -> Vec3:
 
 
 def _blend(old: Vec3, new: Vec3) -> Vec3:
-    """A mean over some values, so that noise does not count."""
+    """A running mean, against noise."""
     return (
         old[0] + 0.1 * (new[0] - old[0]),
         old[1] + 0.1 * (new[1] - old[1]),

@@ -1,6 +1,6 @@
-"""Innovation test ratios: how far measurements are from what an attitude says, in what is expected.
+"""Innovation test ratios: deviations of measurements from an attitude, relative to their limits.
 
-A ratio of 1 is where its test fails, as in PX4's `*_test_ratio` and ArduPilot's EKF_STATUS_REPORT.
+A test fails above 1, as in PX4's `*_test_ratio` and ArduPilot's EKF_STATUS_REPORT.
 """
 
 import math
@@ -8,16 +8,16 @@ from typing import NamedTuple
 
 
 class InnovationRatios(NamedTuple):
-    """Of one attitude, each over 1 s and 10 s, some over 3 s; NaN where nothing was measured.
+    """Ratios of one attitude, each over 1 s and 10 s, some over 3 s; NaN without a measurement.
 
     Attributes:
         velocity_1s: change of a measured velocity against the integrated force.
         velocity_3s: the same.
         velocity_10s: the same.
-        force_10s: the integrated force against a velocity that is merely bounded.
+        force_10s: the integrated force against a velocity that is only bounded.
         field_1s: heading, dip and norm of the field against the earth's.
         field_10s: the same.
-        turn_1s: turn of the field in space as the gyro has it, which should be none.
+        turn_1s: turn of the field in space according to the gyro, which should be zero.
         turn_10s: the same.
     """
 
@@ -47,7 +47,7 @@ class InnovationRatios(NamedTuple):
 
     @property
     def of_inertial(self) -> float:
-        """The worst of those that a wrong gyro or accelerometer raises; 0 without any."""
+        """The worst of those that a faulty gyro or accelerometer raises; 0 without any."""
         worst = _worst(self.of_velocity, self.force_10s, self.of_turn)
         return 0.0 if math.isnan(worst) else worst
 

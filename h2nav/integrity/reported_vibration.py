@@ -1,8 +1,8 @@
-"""Vibration as the autopilot sees it, who has every sample of its accelerometers: VIBRATION.
+"""VIBRATION: the autopilot's measure, from every sample of its accelerometers.
 
-What leaves it is filtered, so that a sensor whose samples stand at the end of its range shows a few
-m/s^2 in the IMU messages. The levels are of one accelerometer, and the message does not say which;
-the counters of clipped samples are of each.
+The IMU messages are filtered, so that a sensor whose samples clip shows only a few m/s^2 in them.
+The levels are of one accelerometer, and the message does not name it; each accelerometer has its
+own counter of clipped samples.
 """
 
 from collections import deque
@@ -12,9 +12,9 @@ from typing import NamedTuple
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2, vibration_alarm
 
-# So long a report says something of now.
+# How long a report is valid.
 FRESH_NS = 3_000_000_000
-# A hard landing clips samples in one report or two. At the usual 2 Hz:
+# A hard landing clips samples in one or two reports. At the usual 2 Hz:
 REPORTS = 10
 CLIPPING_REPORTS = 3
 HIGH_REPORTS = 2
@@ -27,7 +27,7 @@ class _Report(NamedTuple):
 
 
 class ReportedVibration:
-    """Follows the reports of one autopilot."""
+    """Tracks the reports of one autopilot."""
 
     def __init__(self) -> None:
         self._reports: deque[_Report] = deque(maxlen=REPORTS)
@@ -38,32 +38,32 @@ class ReportedVibration:
 
         Args:
             t_ns: host time.
-            level_m_s2: the largest of the levels; 0 where it is no acceleration.
+            level_m_s2: the largest of the levels; 0 if they are not accelerations.
             counters: clipped samples of each accelerometer since boot.
         """
         if self._reports and t_ns - self._reports[-1].t_ns > FRESH_NS:
             self._reports.clear()
             self._counters = ()
         before = self._counters or counters
-        # After a reboot they begin anew.
+        # A reboot resets them.
         clips = tuple(max(now - then, 0) for now, then in zip(counters, before, strict=True))
         self._counters = tuple(counters)
         self._reports.append(_Report(t_ns, level_m_s2, clips))
 
     def clips(self, imu: int, t_ns: int) -> int:
-        """Samples of an IMU (from 0) that were clipped lately; 0 unless it lasts."""
+        """Recently clipped samples of an IMU (from 0); 0 unless it lasts."""
         if not self._is_fresh(t_ns):
             return 0
         found = [report.clips[imu] for report in self._reports if imu < len(report.clips)]
         return sum(found) if sum(count > 0 for count in found) >= CLIPPING_REPORTS else 0
 
     def is_high(self, t_ns: int) -> bool:
-        """The vibration is such that it disturbs."""
+        """Whether the vibration is disturbing."""
         latest = [report.level_m_s2 for report in self._reports][-HIGH_REPORTS:]
         return self._is_fresh(t_ns) and len(latest) == HIGH_REPORTS and min(latest) > VIBRATION_M_S2
 
     def alarms(self, t_ns: int) -> list[Alarm]:
-        """What is too much."""
+        """Alarms of excessive levels."""
         counts = {imu: self.clips(imu, t_ns) for imu in range(len(self._counters))}
         found = [_clipped(imu, count) for imu, count in counts.items() if count]
         if self.is_high(t_ns):

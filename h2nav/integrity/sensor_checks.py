@@ -1,4 +1,4 @@
-"""What a check of the sensors means: what may be done with a sample, and what is told of them."""
+"""The consequences of a sensor check: what a sample may be used for, and alarms."""
 
 from enum import Enum
 
@@ -16,23 +16,23 @@ from h2nav.integrity.kernel.memory import (
 VIBRATION_M_S2 = 30.0
 SEVERE_VIBRATION_M_S2 = 60.0
 CLIPPED_SHARE = 0.02
-# A burst can be made up for; a second with so many clipped samples cannot.
+# A burst can be compensated; a second with this many clipped samples cannot.
 LOST_SHARE = 0.2
 _AXES = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz")
 _GYRO_AXES = 3
 
 
 class Use(Enum):
-    """What may be done with a sample."""
+    """What a sample may be used for."""
 
     ALL = "all"
     RATES = "rates"  # there is no force
-    DOUBTED = "doubted"  # one of its axes is wrong: as if it were clipped
-    NONE = "none"  # it says nothing of the motion
+    DOUBTED = "doubted"  # one of its axes is wrong: treated as clipped
+    NONE = "none"  # it does not show the motion
 
 
 def use_of(bits: int) -> Use:
-    """What the bits of a check leave of the sample."""
+    """What a sample may be used for, by the bits of a check."""
     stuck = bits // STUCK_AXIS
     if bits & GYRO_FROZEN:
         return Use.NONE
@@ -42,7 +42,7 @@ def use_of(bits: int) -> Use:
 
 
 def sensor_alarms(imu: Sensor, bits: int, memory: Memory) -> list[Alarm]:
-    """What is wrong with the sensors of an IMU, as of its latest check."""
+    """Alarms of an IMU's sensors at its latest check."""
     found = []
     frozen = bits & (GYRO_FROZEN | FORCE_FROZEN)
     if frozen:
@@ -81,7 +81,7 @@ def _standstill(imu: Sensor, kind: Kind, text: str, evidence: str, still_s: floa
 
 
 def _levels(imu: Sensor, vibration_m_s2: float, clipped_share: float) -> list[Alarm]:
-    """What is too much of vibration and clipping."""
+    """Alarms of excessive vibration and clipping."""
     found = []
     if vibration_m_s2 > VIBRATION_M_S2:
         found.append(vibration_alarm(imu, vibration_m_s2, "rms of 1 s"))
@@ -95,7 +95,7 @@ def _levels(imu: Sensor, vibration_m_s2: float, clipped_share: float) -> list[Al
 
 
 def vibration_alarm(imu: Sensor, level_m_s2: float, evidence: str) -> Alarm:
-    """An accelerometer vibrates, by this evidence."""
+    """An alarm of an accelerometer's vibration, with this evidence."""
     is_severe = level_m_s2 > SEVERE_VIBRATION_M_S2
     return Alarm(
         Kind.VIBRATION,

@@ -1,10 +1,10 @@
-"""How grave something is: one scale for findings, notices, logs and pages."""
+"""One scale of severity for findings, notices, logs and pages."""
 
 from enum import IntEnum
 
 
 class Severity(IntEnum):
-    """MAV_SEVERITY, as far as it is used here. The name in lower case is the word for programs."""
+    """MAV_SEVERITY, as far as it is used. The name in lower case is the word for programs."""
 
     CRITICAL = 2
     ERROR = 3
@@ -14,22 +14,22 @@ class Severity(IntEnum):
 
     @property
     def word(self) -> str:
-        """As programs write it: ``error``."""
+        """The word for programs: ``error``."""
         return self.name.lower()
 
     @property
     def tag(self) -> str:
-        """As pages call it."""
+        """The word on pages."""
         return _ON_PAGES[self][0]
 
     @property
     def look(self) -> str:
-        """The class of style that pages give it."""
+        """The CSS class on pages."""
         return _ON_PAGES[self][1]
 
     @classmethod
     def of(cls, value: object) -> "Severity | None":
-        """Of a number or a word of any version of a log; None where it is neither."""
+        """From a number or a word of any version of a log; None for anything else."""
         if isinstance(value, str):
             return next((each for each in cls if each.word == value), None)
         return next((each for each in cls if each == value and value is not True), None)

@@ -1,9 +1,9 @@
-"""Dead reckoning of turn and force, which any attitude can be compared with afterwards.
+"""Dead reckoning of turn and force, comparable with any attitude afterwards.
 
 The gyro carries a frame ``s`` that stands still in space, and the specific force is integrated in
-it: gained = int R_sb f dt. Where an attitude q_nb was true at a time, R_ns = R_nb R_bs turns what
-was gained from then on into north, east, down. So one integration, a few dozen operations per
-sample, serves windows of every length and the attitude of every estimator.
+it: gained = int R_sb f dt. If an attitude q_nb was true at a time, R_ns = R_nb R_bs turns the
+integral from then on into north, east, down. So one integration, a few dozen operations per sample,
+serves windows of every length and the attitude of every estimator.
 """
 
 import math
@@ -18,26 +18,26 @@ from h2nav.maths.quaternion import multiply
 from h2nav.maths.units import DEG
 
 LENGTH_US = 12_000_000
-# Of an attitude whose filter predicts no deviation.
+# For an attitude without predicted deviations.
 ASSUMED_TILT_RAD = 2.0 * DEG
 ASSUMED_HEADING_RAD = 5.0 * DEG
 _REMEMBERED = ("q_sb", "gained_s", "path_rad", "turn_variance", "gained_variance")
 
 
 class Moment(NamedTuple):
-    """Where dead reckoning was at a time.
+    """The state of dead reckoning at a time.
 
     Attributes:
         t_us: time of the sample.
         gained_s: integral of the specific force, m/s, in the axes of the start.
-        q_ns: frame of the start in north, east, down, by the estimate of this time.
-        sigma_tilt_rad: of that estimate; assumed where its filter predicts none.
+        q_ns: frame of the start to north, east, down, by the estimate of this time.
+        sigma_tilt_rad: of that estimate; assumed if not predicted.
         sigma_heading_rad: the same.
-        path_rad: angle turned through, whatever its direction.
-        turn_variance: of the turn since the start, rad^2, by what happened between slow samples.
+        path_rad: angle turned through, in any direction.
+        turn_variance: of the turn since the start, rad^2, from motion missed between slow samples.
         gained_variance: of `gained_s`, (m/s)^2, likewise.
-        q_sb: turn since the start, to the last sample that was kept before.
-        bias_b: of the gyro, as it was known then, rad/s.
+        q_sb: turn since the start, up to the last stored sample.
+        bias_b: of the gyro, as known then, rad/s.
     """
 
     t_us: int
@@ -53,7 +53,7 @@ class Moment(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """What a moment is made of, when it is asked for.
+    """The stored data of a moment.
 
     Attributes:
         t_us: time of the sample.
@@ -67,7 +67,7 @@ class _Kept(NamedTuple):
 
 
 class Strapdown:
-    """Follows one IMU, with the gyro's bias as its filter knows it.
+    """Follows one IMU, with the gyro's bias as estimated by its filter.
 
     Args:
         watch: of the IMU.
@@ -96,16 +96,16 @@ class Strapdown:
         return _Kept(self.t_us, self._read(), self._estimate)
 
     def restart(self) -> None:
-        """Begins anew: nothing of before may be compared with what comes."""
+        """Restarts: nothing earlier may be compared with what follows."""
         self.t_us = None
         self._past.clear()
         self._watch.memory.is_running = 0.0
 
     def add(self, t_us: int, estimate: AttitudeEstimate) -> int:
-        """Goes on with the sample that was checked last, of this time, and what came of it.
+        """Continues with the sample checked last, of this time, and its estimate.
 
         Returns:
-            The bits of `Watch.follow`; with BEGUN everything has begun anew.
+            The bits of `Watch.follow`; with BEGUN everything has restarted.
         """
         self._estimate, self.t_us = estimate, t_us
         bits = self._watch.follow(estimate.w_b)
@@ -119,9 +119,9 @@ class Strapdown:
         return bits
 
     def at(self, t_us: int) -> Moment | None:
-        """The moment of a time, what was gained interpolated; None where it is not remembered."""
+        """The moment at a time, with interpolated integrals; None if it is not stored."""
         past = self._past
-        # A tuple of less is less than all that begin like it.
+        # A shorter tuple sorts before all that begin like it.
         index = bisect_left(past, (t_us + 1,))
         after = past[index] if index < len(past) else self._latest
         if index == 0 or after is None:
@@ -135,7 +135,7 @@ class Strapdown:
 
 
 def _moment(kept: _Kept, t_us: int, gained: tuple[float, ...]) -> Moment:
-    """What was kept, for a time from then on, until which so much was gained."""
+    """A stored moment, advanced to a time with the integral until then."""
     w, x, y, z, _, _, _, path_rad, turn_variance, gained_variance = kept.numbers
     north, east, down = gained
     return Moment(

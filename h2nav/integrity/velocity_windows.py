@@ -1,9 +1,9 @@
-"""Whether an attitude agrees with measured velocities, over 1, 3 and 10 s.
+"""Tests an attitude against measured velocities, over 1, 3 and 10 s.
 
-The specific force of a window, turned by the attitude of its beginning, and gravity make the change
-of velocity. A tilt error e shows as g e T, a heading error as the share of the change that it turns
-aside. What the filter has done with the same velocities meanwhile does not matter: the window goes
-by the gyro alone, so that a filter which follows a false velocity is seen to turn against the gyro.
+The specific force of a window, turned by the attitude at its beginning, and gravity predict the
+change of velocity. A tilt error e shows as g e T, a heading error as the deflected share of the
+change. The filter's own use of the velocities does not matter: the window relies on the gyro alone,
+so that a filter which follows a false velocity is seen to turn against the gyro.
 """
 
 import math
@@ -18,19 +18,19 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 LENGTHS_S = (1.0, 3.0, 10.0)
 LONG_S = LENGTHS_S[-1]
-# A window is judged from this share of its length on.
+# A window is evaluated from this share of its length on.
 LEAST_SHARE = 0.8
 SPACING_US = 180_000
-# Without a newer fix nothing is known any more.
+# Without a newer fix the velocity is unknown.
 STALE_US = 3_000_000
 # Standard deviations at which a test fails.
 GATE = 3.0
-# What a good receiver does not do better, m/s.
+# Best accuracy of a good receiver, m/s.
 LEAST_SIGMA_M_S = 0.15
-# How late a fix may be beyond what is known of it: receivers have 0.1 to 0.3 s.
+# Unknown part of a fix's delay: receivers have 0.1 to 0.3 s.
 LAG_SIGMA_S = 0.15
-# What the start of a window does not know yet: of an accelerometer whose error turns with the
-# vehicle 10 mg, of a gyro 0.05 deg/s after its alignment and 0.5 % of scale.
+# Unknown at the start of a window: 10 mg of an accelerometer error that turns with the vehicle,
+# 0.05 deg/s of a gyro after its alignment and 0.5 % of scale.
 FORCE_SIGMA_M_S2 = 0.01 * GRAVITY_M_S2
 RATE_SIGMA_RAD_S = 0.05 * DEG
 SCALE_SIGMA = 0.005
@@ -39,13 +39,13 @@ Level = tuple[float, float]
 
 
 class Mark(NamedTuple):
-    """A fix and where dead reckoning was then.
+    """A fix and the state of dead reckoning at its time.
 
     Attributes:
         moment: of the fix.
         v_n: north and east, m/s.
         sigma_m_s: of each.
-        accel_n: acceleration since the mark before, m/s^2, north and east.
+        accel_n: acceleration since the previous mark, m/s^2, north and east.
     """
 
     moment: Moment
@@ -59,8 +59,8 @@ class Window(NamedTuple):
 
     Attributes:
         length_s: of the window.
-        residual_m_s: size of the measured change of velocity less that of the attitude.
-        sigma_m_s: expected of either.
+        residual_m_s: size of the measured minus the predicted change of velocity.
+        sigma_m_s: its expected deviation per axis.
         change_m_s: horizontal change of velocity that was measured.
     """
 
@@ -81,7 +81,7 @@ class Window(NamedTuple):
 
 
 class VelocityWindows:
-    """Follows the fixes beside a strapdown.
+    """Tracks the fixes beside a strapdown.
 
     Args:
         strapdown: of the IMU.
@@ -97,11 +97,11 @@ class VelocityWindows:
         return self._marks
 
     def restart(self) -> None:
-        """The strapdown begins anew."""
+        """Restarts with the strapdown."""
         self._marks.clear()
 
     def take(self, fix: VelocityFix) -> bool:
-        """Takes a fix; whether it made a mark."""
+        """Takes a fix; returns whether it made a mark."""
         moment = self._strapdown.at(fix.t_us)
         if moment is None:
             return False
@@ -116,21 +116,21 @@ class VelocityWindows:
         return True
 
     def is_stale(self, t_us: int) -> bool:
-        """Whether no velocity is known at present."""
+        """Whether there is no recent velocity."""
         return not self._marks or t_us - self._marks[-1].moment.t_us > STALE_US
 
     def _start(self, length_s: float) -> Mark | None:
-        """The mark at which a window of this length begins that ends now; None without one."""
+        """The mark at the beginning of a window of this length that ends now; None without one."""
         if not self._marks:
             return None
         newest_us = self._marks[-1].moment.t_us
-        # A tuple of less is less than all that begin like it.
+        # A shorter tuple sorts before all that begin like it.
         mark = self._marks[bisect_left(self._marks, ((newest_us - 1.05e6 * length_s,),))]
         age_s = (newest_us - mark.moment.t_us) * 1e-6
         return mark if age_s >= LEAST_SHARE * length_s else None
 
     def window(self, length_s: float) -> Window | None:
-        """Compares over a window that ends now; None where the marks do not reach back."""
+        """Compares over a window that ends now; None if the marks do not reach back that far."""
         start = self._start(length_s)
         if start is None:
             return None
@@ -153,14 +153,14 @@ class VelocityWindows:
 
 
 def change_of_velocity(first: Moment, last: Moment) -> Vec3:
-    """What the force between two moments makes of a velocity, NED, m/s, by the attitude before."""
+    """Change of velocity from the force between two moments, NED, m/s, by the first attitude."""
     a, b = first.gained_s, last.gained_s
     north, east, down = rotate(first.q_ns, (b[0] - a[0], b[1] - a[1], b[2] - a[2]))
     return north, east, down + GRAVITY_M_S2 * (last.t_us - first.t_us) * 1e-6
 
 
 def inertial_variance(first: Moment, last: Moment) -> float:
-    """Of either horizontal axis of `change_of_velocity`, by tilt, sensors and scale, (m/s)^2."""
+    """Horizontal variance of `change_of_velocity` per axis, by tilt, sensors, scale, (m/s)^2."""
     t_s = (last.t_us - first.t_us) * 1e-6
     tilt = GRAVITY_M_S2 * t_s * first.sigma_tilt_rad
     force = FORCE_SIGMA_M_S2 * t_s
@@ -168,7 +168,7 @@ def inertial_variance(first: Moment, last: Moment) -> float:
     scale = GRAVITY_M_S2 * t_s * SCALE_SIGMA * (last.path_rad - first.path_rad)
     variance = tilt * tilt + force * force + rate * rate + scale * scale
     missed = last.gained_variance - first.gained_variance
-    # The turn goes astray from the beginning of the window to its end.
+    # The turn error grows from the beginning of the window to its end.
     astray = last.turn_variance - first.turn_variance
     return variance + missed + (GRAVITY_M_S2 * t_s) ** 2 * astray / 3.0
 

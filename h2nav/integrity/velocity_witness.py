@@ -1,10 +1,10 @@
-"""Which of two attitudes the velocity of a GPS receiver supports.
+"""Decides which of two attitudes the velocity of a GPS receiver supports.
 
-The specific force, turned by our attitude and integrated, must give the change of the velocity.
-Turned by the other attitude it gives another one. How much of the difference the velocity demands
-is a number that is 0 where we are right and 1 where the other one is: it is fitted, for heading and
-tilt apart, to windows of the last half minute. The latency of the receiver is fitted along, because
-in a turn it looks like an error of the heading.
+The specific force, turned by our attitude and integrated, must give the change of velocity; turned
+by the other attitude it gives another change. The share of the difference that the velocity demands
+is 0 if ours is right and 1 if the other is: it is fitted, for heading and tilt separately, to
+windows of the last half minute. The latency of the receiver is fitted along, because in a turn it
+resembles a heading error.
 """
 
 import math
@@ -18,32 +18,32 @@ from h2nav.maths.quaternion import Quat, Vec3, rotate
 WINDOW_US = 1_900_000
 LONGEST_WINDOW_US = 4_000_000
 WINDOWS = 15
-# An attitude and its errors change: what was shown longer ago says nothing of them now.
+# Attitudes and their errors change: older evidence says nothing about the present.
 EVIDENCE_US = 30_000_000
 LEAST_WINDOWS = 2
 LONGEST_STEP_US = 200_000
-# A difference older than this says nothing of the present.
+# An older difference says nothing about the present.
 STALE_US = 500_000
-# Smooths the acceleration that goes with the latency.
+# Smoothing of the acceleration that multiplies the latency.
 SMOOTHING_S = 0.1
-# Of a change of velocity: a receiver is hardly better. Where the fit leaves more than the worst,
-# force and velocity contradict each other whatever the attitude.
+# Deviation of a change of velocity: a receiver is hardly better. If the residual of the fit exceeds
+# the larger one, force and velocity contradict each other whatever the attitude.
 LEAST_SIGMA_M_S = 0.1
 WORST_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
 FITS = 3
-# What is known beforehand: neither attitude is preferred; receivers are late by 0 to 0.2 s.
+# Priors: neither attitude is preferred; receivers are late by 0 to 0.2 s.
 EXPECTED = (0.5, 0.5, 0.1)
 EXPECTED_SIGMA = (2.0, 2.0, 0.1)
 # An accelerometer's bias that looks like a tilt.
 FORCE_BIAS_M_S2 = 0.1
 DECIDED = 3.0  # deviations
-# A share that is further outside of 0 to 1 shows that neither attitude fits.
+# A share further outside of 0 to 1 shows that neither attitude fits.
 OUTSIDE = 0.5
 
 
 class VelocityVerdict(Enum):
-    """Whose attitude the witnesses support."""
+    """The attitude that the evidence supports."""
 
     H2NAV = "h2nav"
     AUTOPILOT = "autopilot"
@@ -51,21 +51,21 @@ class VelocityVerdict(Enum):
 
 
 class Verdicts(NamedTuple):
-    """One for each part of the attitude."""
+    """One verdict per part of the attitude."""
 
     tilt: VelocityVerdict = VelocityVerdict.UNDECIDED
     heading: VelocityVerdict = VelocityVerdict.UNDECIDED
 
 
 class _Window(NamedTuple):
-    """Of horizontal changes of velocity, m/s, (2,) each.
+    """Horizontal changes of velocity, m/s, (2,) each.
 
     Attributes:
         t_us: its end.
-        missing: measured, less what our attitude makes of the force.
-        by_tilt: what the other attitude's tilt would add to ours.
-        by_heading: what its heading would add.
-        by_latency: what the receiver would add, per second of its latency.
+        missing: measured minus predicted with our attitude.
+        by_tilt: addition by the other attitude's tilt.
+        by_heading: addition by its heading.
+        by_latency: addition per second of the receiver's latency.
     """
 
     t_us: int
@@ -82,7 +82,7 @@ class Integrated:
         velocity_n: since the beginning, m/s.
         force_n: smoothed, m/s^2.
         t_us: of the newest sample; None before the first.
-        breaks: how often the integral was interrupted.
+        breaks: number of interruptions of the integral.
     """
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class _Start(NamedTuple):
 
 
 class VelocityWitness:
-    """Judges one other attitude.
+    """Judges one other attitude against ours.
 
     Args:
         integrated: of our attitude.
@@ -143,14 +143,14 @@ class VelocityWitness:
         self.verdicts = Verdicts()
 
     def differs(self, t_us: int, turn_n: Quat, heading_rad: float) -> None:
-        """Takes the turn (NED) from our attitude to the other one, and the heading in it."""
+        """Takes the turn (NED) from our attitude to the other one, and its heading."""
         self._settle()
         about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
         self._turn = (t_us, turn_n, about_down)
         self._age(t_us)
 
     def _age(self, t_us: int) -> None:
-        """Forgets what is too old to be evidence, and what followed from it."""
+        """Drops evidence that is too old, and verdicts based on it."""
         before = len(self._windows)
         while self._windows and not 0 <= t_us - self._windows[0].t_us <= EVIDENCE_US:
             self._windows.popleft()
@@ -182,7 +182,7 @@ class VelocityWitness:
         self._by_tilt = self._by_heading = (0.0, 0.0)
 
     def _settle(self) -> None:
-        """What the force since the last time becomes by the other attitude."""
+        """Adds the force since the last time, as turned by the other attitude."""
         done, now = self._settled_n, self._integrated.velocity_n
         self._settled_n = now
         if self._turn is None:
@@ -213,12 +213,12 @@ class VelocityWitness:
 
 
 class _Fit(NamedTuple):
-    """What the windows demand: shares of tilt and heading, and the latency, s.
+    """The result of the fit: shares of tilt and heading, and the latency, s.
 
     Attributes:
         found: the three.
         variances: of them.
-        sigma_m_s: of what is left of a change of velocity.
+        sigma_m_s: of the residual of a change of velocity.
     """
 
     found: Vec3
@@ -250,7 +250,7 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
 
 
 def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
-    """Weighs the windows against what is known beforehand; least squares in three unknowns."""
+    """Fits the windows with the priors; least squares in three unknowns."""
     weight = sigma_m_s**-2
     known = [sigma**-2 for sigma in EXPECTED_SIGMA]
     a, b, c = (
@@ -278,7 +278,7 @@ def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
 
 
 def _verdict(share: float, sigma: float) -> VelocityVerdict:
-    """By the share of the difference that the velocity demands."""
+    """The verdict by the share of the difference that the velocity demands."""
     if not -OUTSIDE <= share <= 1.0 + OUTSIDE or abs(share - 0.5) < DECIDED * sigma:
         return VelocityVerdict.UNDECIDED
     return VelocityVerdict.H2NAV if share < 0.5 else VelocityVerdict.AUTOPILOT

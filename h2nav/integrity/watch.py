@@ -1,4 +1,4 @@
-"""The kernels over every sample of one IMU: one call before the filter, one after it."""
+"""Runs the kernels for every sample of one IMU: one call before the filter, one after it."""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +19,7 @@ class Watch:
 
     Attributes:
         memory: of both kernels.
-        gains: what they are told beside the samples.
+        gains: inputs besides the samples.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class Watch:
         return self._check()
 
     def follow(self, w_b: Vec3) -> int:
-        """Goes on with that sample, and the rate that the filter has made of it, rad/s.
+        """Continues with that sample, and the filter's rate for it, rad/s.
 
         Returns:
             The bits of `kernel.windows.follow`.

@@ -1,8 +1,8 @@
-"""The autopilot's attitude against ours, at the same time: how far apart, since when, who is right.
+"""Compares the autopilot's attitude with ours: difference, duration, and which one is right.
 
-Both are brought to one time on the autopilot's clock and compared in tilt and heading. What lasts
-beyond both deviations becomes an alarm, and the velocity of the GPS receiver says whom it supports
-(`velocity_witness`). Nothing of it goes back into the filter.
+Both are brought to one time on the autopilot's clock and compared in tilt and heading. A lasting
+difference beyond both deviations becomes an alarm, and the velocity of the GPS receiver decides
+which one it supports (`velocity_witness`). Nothing of it goes back into the filter.
 """
 
 import math
@@ -17,32 +17,32 @@ from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize, tilt_an
 
 CLOCK_WRAP_US = (1 << 32) * 1000
 PAST_US = 1_000_000
-# Attitudes are interpolated over no more than this.
+# Attitudes are interpolated over at most this time.
 LONGEST_GAP_US = 100_000
 MOST_WAITING = 8
 COMPARED_WITH = int(Trust.ALIGNED | Trust.CONVERGED)
 BEYOND = 3.0  # deviations
-# Two attitudes that are both right may differ by so much.
+# Difference of two attitudes that may both be right.
 LEAST_RAD = math.radians(3.0)
-# A disagreement is told after the first time where it is plain, or where somebody is known to be
-# right; else after the second one.
+# A disagreement is reported after the first time if it is plain, or if one side is known to be
+# right; otherwise after the second one.
 LASTING_US = 4_000_000
 UNDECIDED_US = 10_000_000
 PLAIN = 2.0  # limits
-# It is over when it has not been seen for so long.
+# It ends when it has not been seen for this long.
 PAUSE_US = 1_000_000
 STALE_US = 2_000_000
 
 
 class AttitudeSource(Enum):
-    """Who reports an attitude; the value is its name in logs and alarms."""
+    """The estimator behind a reported attitude; the value is its name in logs and alarms."""
 
     AUTOPILOT = "autopilot"
     AHRS2 = "AHRS2"
 
 
 class _Quality(NamedTuple):
-    """What an attitude is good for in flight: deviations of tilt and heading (rad), of time (s)."""
+    """Quality of an attitude in flight: deviations of tilt and heading (rad), of time (s)."""
 
     tilt_rad: float
     heading_rad: float
@@ -58,16 +58,16 @@ QUALITIES = {
 
 
 class Comparison(NamedTuple):
-    """Another attitude against ours.
+    """Another attitude minus ours.
 
     Attributes:
         t_us: of both.
-        source: whose it is.
+        source: of the other attitude.
         tilt_rad: angle between the verticals.
-        heading_rad: the other heading less ours.
+        heading_rad: the other heading minus ours.
         sigma_tilt_rad: deviation of the difference, both of them together.
-        sigma_heading_rad: the same; NaN where our heading has no reference.
-        verdicts: of the velocity.
+        sigma_heading_rad: the same; NaN if our heading has no reference.
+        verdicts: by the velocity.
     """
 
     t_us: int
@@ -80,16 +80,16 @@ class Comparison(NamedTuple):
 
 
 class _Spell:
-    """How long something has been so, interruptions of `PAUSE_US` included."""
+    """Duration of a condition, interruptions of `PAUSE_US` included."""
 
     def __init__(self) -> None:
         self._since_us: int | None = None
         self.seen_us = 0
 
     def look(self, t_us: int, *, is_so: bool) -> int | None:
-        """For how long, us; None when it is not so."""
+        """The duration, us; None if the condition does not hold."""
         if is_so:
-            # Of a time in which nobody looked nothing is known.
+            # After a time without checks nothing is known.
             if self._since_us is None or t_us - self.seen_us > STALE_US:
                 self._since_us = t_us
             self.seen_us = t_us
@@ -112,16 +112,16 @@ class _Disagreement:
         self._alarm: Alarm | None = None
 
     def alarm(self, t_us: int) -> Alarm | None:
-        """What is wrong at this time; nothing where nobody has reported for a while."""
+        """The alarm at this time; none without recent reports."""
         return self._alarm if t_us - self._lasting.seen_us <= PAUSE_US else None
 
     def look(
         self, t_us: int, difference_rad: float, sigma_rad: float, verdict: VelocityVerdict
     ) -> None:
-        """Takes the newest difference; a NaN sigma says nothing."""
+        """Takes the newest difference; ignores a NaN sigma."""
         size_rad = abs(difference_rad)
         limit_rad = max(self._least_rad, BEYOND * sigma_rad)
-        # Where the velocity has shown who is right, our deviation does not matter any more.
+        # Once the velocity has decided, our deviation no longer matters.
         is_known = not math.isnan(sigma_rad)
         decided = is_known and verdict is not VelocityVerdict.UNDECIDED
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
@@ -171,7 +171,7 @@ class _Disagreement:
 
 
 class _Reporter:
-    """All that is known of one source."""
+    """The state of one source."""
 
     def __init__(self, source: AttitudeSource, integrated: Integrated) -> None:
         self.source = source
@@ -180,7 +180,7 @@ class _Reporter:
         self.heading = _Disagreement(source, "heading")
 
     def compare(self, ours: AttitudeEstimate, q_nb: Quat) -> Comparison:
-        """Another attitude at the time of ours."""
+        """Compares another attitude at the time of ours."""
         turn_n = multiply(q_nb, conjugate(ours.q_nb))
         tilt_rad, heading_rad = tilt_and_heading(turn_n)
         self.velocity.differs(ours.t_us, turn_n, heading_rad)
@@ -203,13 +203,13 @@ class _Reporter:
 
 
 class Witness:
-    """Compares what the autopilot reports with our past estimates."""
+    """Compares the autopilot's reports with our past estimates."""
 
     def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
-        """Another autopilot, or another clock."""
+        """Restarts for another autopilot, or another clock."""
         self._past: deque[AttitudeEstimate] = deque()
         self._waiting: deque[tuple[AttitudeSource, int, Quat]] = deque(maxlen=MOST_WAITING)
         self._integrated = Integrated()
@@ -218,13 +218,13 @@ class Witness:
 
     @property
     def latest(self) -> Comparison | None:
-        """The newest comparison with the autopilot's main estimator; None where none is fresh."""
+        """The newest comparison with the autopilot's main estimator; None without a fresh one."""
         if self._latest is None or not self._past:
             return None
         return self._latest if self._past[-1].t_us - self._latest.t_us <= STALE_US else None
 
     def alarms(self) -> tuple[Alarm, ...]:
-        """Disagreements that have lasted."""
+        """Lasting disagreements."""
         if not self._past:
             return ()
         newest_us = self._past[-1].t_us
@@ -233,11 +233,11 @@ class Witness:
         return tuple(alarm for alarm in alarms if alarm is not None)
 
     def add(self, sample: ImuSample, estimate: AttitudeEstimate | None) -> list[Comparison]:
-        """Takes our newest estimate; compares what was reported of the time just before.
+        """Takes our newest estimate; compares the reports of the time just before.
 
         Args:
-            sample: that it was made from.
-            estimate: led to the time of the sample; None during an alignment.
+            sample: of the estimate.
+            estimate: propagated to the time of the sample; None during an alignment.
         """
         if estimate is None or int(estimate.trust) & COMPARED_WITH != COMPARED_WITH:
             self._past.clear()
@@ -259,10 +259,10 @@ class Witness:
                 reporter.velocity.fix(fix)
 
     def report(self, source: AttitudeSource, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
-        """Takes an attitude of the autopilot; it waits where ours of its time is not there yet.
+        """Takes an attitude of the autopilot; stores it until ours of its time is known.
 
         Args:
-            source: whose it is.
+            source: its estimator.
             time_ms: on the clock of our samples; None = that of our newest sample.
             q_nb: body to NED.
         """
@@ -289,7 +289,7 @@ class Witness:
         return [found]
 
     def _ours_at(self, t_us: int) -> AttitudeEstimate | None:
-        """Our estimate of a time; None where none is near."""
+        """Our estimate at a time; None if none is near."""
         after: AttitudeEstimate | None = None
         for before in reversed(self._past):
             if before.t_us == t_us:
@@ -303,7 +303,7 @@ class Witness:
 def _between(
     before: AttitudeEstimate, after: AttitudeEstimate, t_us: int
 ) -> AttitudeEstimate | None:
-    """The estimate of a time between two; their attitudes differ little."""
+    """The estimate between two that differ little."""
     gap_us = after.t_us - before.t_us
     if gap_us > LONGEST_GAP_US:
         return None
