@@ -1,7 +1,7 @@
 """Attitude from two directions (TRIAD, gravity first), averaged over a short window.
 
-The window is carried by the gyro: every sample's vectors are turned into the body axes of the
-window's start, so that a turning vehicle aligns as well as a still one.
+The gyro carries the window: every sample's vectors are turned into the body axes of the window's
+start, so that a turning vehicle aligns as well as one at rest.
 """
 
 import math
@@ -15,7 +15,7 @@ _LEAST_ANGLE = 0.02
 
 
 def triad(force_b: Vec3, field_b: Vec3 | None) -> Quat:
-    """q_nb with north as the field shows it: the force is exact, the field gives only heading.
+    """q_nb with north from the field: the force is exact, the field only gives the heading.
 
     Args:
         force_b: specific force (any length), body frame; it points up at rest.
@@ -47,7 +47,7 @@ class Alignment(NamedTuple):
         length_s: time covered so far.
         turn: attitude of the body against its attitude at the window's start.
         force, field: sums of the vectors in the axes of the window's start.
-        forces, fields: how many of each.
+        forces, fields: their numbers.
     """
 
     t_us: int
@@ -66,7 +66,7 @@ def begin(sample: ImuSample) -> Alignment:
 
 
 def extend(window: Alignment, sample: ImuSample, bias_b: Vec3) -> Alignment:
-    """The window with one more sample; `bias_b` is the gyro bias as far as it is known."""
+    """The window with one more sample; `bias_b` is the gyro bias as far as known."""
     dt_s = (sample.t_us - window.t_us) * 1e-6
     w = sample.w_b
     phi = (dt_s * (w[0] - bias_b[0]), dt_s * (w[1] - bias_b[1]), dt_s * (w[2] - bias_b[2]))
@@ -99,7 +99,7 @@ def _add(window: Alignment, sample: ImuSample) -> Alignment:
 
 
 def _across(down: Vec3, v: Vec3) -> Vec3 | None:
-    """The unit vector of down x v; None when they are as good as parallel."""
+    """The unit vector of down x v; None if they are nearly parallel."""
     c = _cross(down, v)
     sine = math.hypot(*c)
     if not sine > _LEAST_ANGLE * math.hypot(*v):

@@ -1,4 +1,4 @@
-"""Recordings through a filter: compiled kernels where they are built, the same bits without."""
+"""Runs recordings through a filter: in compiled kernels if built, with the same bits without."""
 
 import numpy as np
 import numpy.typing as npt
@@ -36,18 +36,18 @@ def filter_array(
     *,
     explains: bool = False,
 ) -> BatchResult:
-    """Runs a filter over a recording; the filter itself goes on from there.
+    """Runs a filter over a recording; the filter continues from its present state.
 
     Args:
         gyr: (N, 3) angular rate, rad/s, body FRD.
         acc: (N, 3) specific force, m/s^2, body FRD.
-        mag: (N, 3) field, microtesla, body FRD; rows with NaN bring no field; None for none.
-        dt: time since the sample before, s: one number or (N,); rounded to microseconds in sum.
+        mag: (N, 3) field, microtesla, body FRD; rows with NaN have no field; None for none.
+        dt: time since the previous sample, s: one number or (N,); rounded to microseconds in sum.
         attitude_filter: any filter; those with a compiled kernel run in it.
-        explains: deviations and trust are wanted too, which costs a quarter more.
+        explains: also return deviations and trust, which costs a quarter more.
 
     Raises:
-        ValueError: the arrays do not fit together, or time does not go forward.
+        ValueError: the shapes do not match, or time does not increase.
     """
     samples = samples_of(gyr, acc, mag, dt)
     result = empty_result(len(samples.t_us), explains=explains)
@@ -63,12 +63,12 @@ def filter_array(
 def _batch_of(
     attitude_filter: AttitudeFilter, *, explains: bool
 ) -> tuple[KernelFiles | None, Batch | None]:
-    """The kernel of a filter and how batches go through it; None and None for one without."""
+    """The kernel and the batch of a filter; None and None if it has no kernel."""
     match attitude_filter:
         case VelocityAidedFilter():
             return VELOCITY_AIDED, VelocityAidedBatch(attitude_filter, explains=explains)
         case _ if explains:
-            return None, None  # the integer kernels work out no deviations
+            return None, None  # the integer kernels compute no deviations
         case IntegerVelocityAidedFilter():
             return VELOCITY_AIDED_INTEGER, IntegerVelocityAidedBatch(attitude_filter)
         case ConstantGainFilter():
@@ -88,7 +88,7 @@ def samples_of(
         raise ValueError("gyr, acc and mag need the same shape (N, 3)")
     steps = np.broadcast_to(np.asarray(dt, dtype=np.float64), (n,))
     times = np.cumsum(steps)
-    times *= 1e6  # in place, as below: fresh pages of memory cost as much as the filter
+    times *= 1e6  # in place, as below: new memory costs as much as the filter
     t_us = np.round(times, out=times).astype(np.int64)
     if not np.all(np.diff(t_us) > 0):
         raise ValueError("dt must be at least a microsecond everywhere")

@@ -1,6 +1,6 @@
-"""Recordings through a compiled kernel: the one loop that the batches of all filters share.
+"""Runs recordings through a compiled kernel: the loop shared by the batches of all filters.
 
-A batch goes through the kernel in chunks of ordinary samples. Every other sample goes through the
+A batch passes chunks of ordinary samples to the kernel. Every other sample goes through the
 filter's own interface, so that the bits are those of the interface.
 """
 
@@ -29,9 +29,9 @@ class BatchResult(NamedTuple):
     Attributes:
         q_nb: (N, 4) attitude, body to NED, scalar first.
         bias_b: (N, 3) gyro bias, rad/s.
-        sigma_tilt_rad: (N,) predicted deviation of the tilt; empty where nobody asked.
-        sigma_heading_rad: (N,) of the heading; empty where nobody asked.
-        trust: (N,) `Trust` as numbers; empty where nobody asked.
+        sigma_tilt_rad: (N,) predicted deviation of the tilt; empty unless requested.
+        sigma_heading_rad: (N,) of the heading; empty unless requested.
+        trust: (N,) `Trust` as numbers; empty unless requested.
     """
 
     q_nb: Floats
@@ -42,12 +42,12 @@ class BatchResult(NamedTuple):
 
     @property
     def is_explained(self) -> bool:
-        """Deviations and trust were asked for."""
+        """Whether deviations and trust were requested."""
         return len(self.trust) > 0
 
 
 def empty_result(count: int, *, explains: bool) -> BatchResult:
-    """For so many samples, of which nothing is known yet."""
+    """A result of this length with all values unknown."""
     plain = BatchResult(np.full((count, 4), np.nan), np.full((count, 3), np.nan))
     if not explains:
         return plain
@@ -59,7 +59,7 @@ class BatchSamples(NamedTuple):
     """A recording, one row per sample.
 
     Attributes:
-        t_us: (N,) time since the start, rising.
+        t_us: (N,) time since the start, increasing.
         gyr: (N, 3) angular rate, rad/s, body FRD.
         acc: (N, 3) specific force, m/s^2, body FRD.
         mag: (N, 3) field, microtesla, body FRD.
@@ -73,7 +73,7 @@ class BatchSamples(NamedTuple):
     has_field: Mask
 
     def part(self, first: int, stop: int) -> "BatchSamples":
-        """Some of the rows."""
+        """A slice of the rows."""
         return BatchSamples(
             self.t_us[first:stop],
             self.gyr[first:stop],
@@ -84,19 +84,19 @@ class BatchSamples(NamedTuple):
 
 
 class Batch(Protocol):
-    """How one filter's ordinary samples go through its compiled kernel."""
+    """Passes one filter's ordinary samples to its compiled kernel."""
 
     def special(self, samples: BatchSamples) -> Mask:
         """The samples that must go through the filter's own interface."""
 
     def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
-        """Where the ordinary samples from `first` end at the latest, as the filter stands now."""
+        """The end of the ordinary samples from `first` on, in the filter's present state."""
 
     def table(self, part: BatchSamples) -> Table:
         """The kernel's samples."""
 
     def records(self) -> tuple[object, ...]:
-        """What the filter's kernel takes before a sample, the state first."""
+        """The kernel's arguments before a sample, the state first."""
 
     def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:
         """The estimates of the kernel's results; brings the filter to the end of the part."""

@@ -1,4 +1,4 @@
-"""The interface that every attitude filter of h2nav has; the service knows nothing more of it."""
+"""The interface of every attitude filter; the service knows nothing else of a filter."""
 
 from typing import NamedTuple, Protocol
 
@@ -15,10 +15,10 @@ from h2nav.attitude.samples import (
 
 
 class FilterState(NamedTuple):
-    """Everything a filter remembers between two calls.
+    """The complete state of a filter between two calls.
 
     Attributes:
-        filter_name: the filter that the values belong to, and its arithmetic where it has two.
+        filter_name: the filter of the values, and its arithmetic if it has two.
         values: flat numbers; None stands for "not yet".
     """
 
@@ -37,14 +37,14 @@ class AttitudeFilter(Protocol):
         """Stable name, as in the configuration and in tables."""
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes one sample; None while the start-up alignment is still collecting.
+        """Processes one sample; returns None during the start-up alignment.
 
-        The step uses the samples' own times. A sample that is not later than the one before must
+        The step uses the samples' own times. A sample that is not later than the previous one must
         not be passed (the service counts and drops it).
         """
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Takes what the autopilot says of the vehicle, valid until the next call."""
+        """Takes the autopilot's report of the vehicle, valid until the next call."""
 
     def use_field(self, field: EarthField) -> None:
         """Takes the expected earth field; a changed declination turns the heading at once."""
@@ -53,27 +53,27 @@ class AttitudeFilter(Protocol):
         """Takes one velocity fix; filters without velocity aiding ignore it."""
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Takes how late the sensors are, valid until the next call.
+        """Takes the sensors' delays, valid until the next call.
 
-        Estimates stay as late as the rates make them (`h2nav.attitude.lead` undoes it). Filters
-        that take a field as if it were new ignore the delays.
+        Estimates stay as late as the rates make them (`h2nav.attitude.lead` corrects that). Filters
+        that take every field as new ignore the delays.
         """
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """What has been learnt of the sensors so far."""
+        """The errors of the sensors estimated so far."""
 
     def doubt(self, doubt: SensorDoubt) -> None:
-        """Takes that sensors were shown to be wrong: their errors are learnt anew.
+        """Takes sensors that were found wrong, whose errors are estimated anew.
 
-        Filters that do not predict how well they know their sensors ignore it.
+        Filters without predicted errors of their sensors ignore it.
         """
 
     def restart(self) -> None:
-        """Forgets time and attitude (new epoch, long gap); keeps the learnt bias."""
+        """Forgets time and attitude (new epoch, long gap); keeps the estimated bias."""
 
     def state(self) -> FilterState:
-        """The complete memory of the filter."""
+        """The complete state of the filter."""
 
     def restore(self, state: FilterState) -> None:
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
@@ -82,7 +82,7 @@ class AttitudeFilter(Protocol):
 def tell(
     chosen: AttitudeFilter, what: VehicleState | EarthField | SensorDelays | VelocityFix
 ) -> None:
-    """Gives a filter one record of what is known besides the samples."""
+    """Passes a filter one record other than a sample."""
     if isinstance(what, VelocityFix):
         chosen.use_velocity(what)
     elif isinstance(what, EarthField):

@@ -1,6 +1,6 @@
-"""Which files make each compiled kernel, and the name of one version of them all.
+"""The files of each compiled kernel, and a digest of all of them.
 
-The build writes that name into the extension, so that one made from older kernels is noticed.
+The build writes the digest into the extension, so that an extension from older kernels is detected.
 """
 
 import hashlib
@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 
 class KernelFiles(NamedTuple):
-    """The text of one kernel.
+    """The sources of one kernel.
 
     Attributes:
         name: of the filter, with ``_integer`` where the filter has floats too; or of the watch.
         paths: inside the room, imported ones first.
-        entry: the function that takes memory, gains and a sample.
+        entry: the function that takes state, gains and a sample.
         room: the package inside ``h2nav``.
-        declared: what else declares fields of its records, read by import.
+        declared: other declarations of fields of its records, read by import.
     """
 
     name: str
@@ -28,7 +28,7 @@ class KernelFiles(NamedTuple):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All that the compiled kernel follows from, relative to ``h2nav``."""
+        """All sources of the compiled kernel, relative to ``h2nav``."""
         return tuple(f"{self.room}/{path}" for path in (*self.declared, *self.paths))
 
 
@@ -80,7 +80,7 @@ FILTERS = (VELOCITY_AIDED, VELOCITY_AIDED_INTEGER, CONSTANT_GAIN)
 
 
 def _watch(name: str, entry: str, *names: str) -> KernelFiles:
-    """One half of the watch over an IMU; both have one memory."""
+    """One of the two kernels of the watch over an IMU, which share one state."""
     paths = tuple(f"kernel/{module}.py" for module in ("memory", *names))
     return KernelFiles(name, paths, entry, "integrity")
 
@@ -92,12 +92,12 @@ COMPILED = (*FILTERS, SENSOR_CHECKS, SENSOR_WINDOWS)
 
 
 def sources() -> list[str]:
-    """All files that the compiled kernels follow from, relative to the repository."""
+    """All sources of the compiled kernels, relative to the repository."""
     return sorted({f"h2nav/{path}" for kernel in COMPILED for path in kernel.files})
 
 
 def digest(texts: Sequence[str]) -> str:
-    """The name of the kernels with these texts, those of `COMPILED` in order."""
+    """The digest of these texts, those of `COMPILED` in order."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
 
 

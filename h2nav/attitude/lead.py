@@ -1,15 +1,15 @@
-"""An attitude led to a later time by its own rate."""
+"""Propagates an attitude to a later time with its own rate."""
 
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.maths.quaternion import turned
 
 
 def led(estimate: AttitudeEstimate, lead_s: float) -> AttitudeEstimate:
-    """The estimate with the attitude of `lead_s` later, if the rate stays; its time is as it was.
+    """The estimate with the attitude `lead_s` later, at constant rate; its time is unchanged.
 
     Args:
         estimate: of a filter.
-        lead_s: how late its attitude is against its time; negative: how early.
+        lead_s: delay of its attitude relative to its time; negative: it is early.
 
     Source: docs/filter.md Eq. (42).
     """

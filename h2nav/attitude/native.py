@@ -1,7 +1,7 @@
-"""The compiled kernels: whether they are there, whether they may be used, and one step of theirs.
+"""The compiled kernels: whether they exist and may be used, and a call of one step.
 
 The environment variable H2NAV_NATIVE says ``require`` (an error without the compiled kernels) or
-``forbid`` (Python even where they exist). Both give the same bits.
+``forbid`` (Python in any case). Both give the same bits.
 """
 
 import functools
@@ -25,7 +25,7 @@ def native_kernels() -> ModuleType | None:
     """The compiled kernels; None when they are absent or forbidden.
 
     Raises:
-        BadInput: H2NAV_NATIVE requires them and they are absent, or it says something unknown.
+        BadInput: H2NAV_NATIVE requires them and they are absent, or its value is unknown.
     """
     wish = os.environ.get(SWITCH, "")
     if wish not in ("", "require", "forbid"):
@@ -43,7 +43,7 @@ def native_kernels() -> ModuleType | None:
 
 @functools.cache
 def _current_build() -> ModuleType | None:
-    """The compiled kernels, if they were made from the kernels that Python runs."""
+    """The compiled kernels, if they were built from the present Python kernels."""
     try:
         native = importlib.import_module("h2nav.attitude._native")
     except ImportError:
@@ -56,12 +56,12 @@ def _current_build() -> ModuleType | None:
 
 
 def backend() -> str:
-    """``native`` or ``python``: what the kernels run on."""
+    """The backend of the kernels: ``native`` or ``python``."""
     return "python" if native_kernels() is None else "native"
 
 
 class CompiledStep:
-    """A compiled kernel, called like its step in Python but on records made by `record.in_c`.
+    """A compiled kernel, called like its Python step, on records made by `record.in_c`.
 
     Args:
         native: the extension.
@@ -75,32 +75,32 @@ class CompiledStep:
         self._result = array(code, [0] * RESULT_COLUMNS)
 
     def bound(self, *records: object) -> Callable[[], int]:
-        """What takes the sample that stands in a record, and returns bits; the records stay.
+        """A function that processes the sample in a record and returns bits; the records stay.
 
         Args:
-            records: those that the step takes in Python, in their order.
+            records: arguments of the step in Python, in order.
         """
         return partial(self._run, self._number, *_in_full(records), self._result)
 
     def run(self, records: Sequence[object], samples: object, results: object) -> None:
-        """Many samples.
+        """Processes many samples.
 
         Args:
-            records: those that the step takes in Python before a sample; the first is changed.
-            samples: buffer of samples, one behind the other.
+            records: arguments of the step in Python before a sample; the first is changed.
+            samples: buffer of contiguous samples.
             results: buffer of `RESULT_COLUMNS` numbers per sample, written.
         """
         self._run(self._number, *_in_full((*records, samples)), results)
 
 
 def _in_full(records: Sequence[object]) -> tuple[object, ...]:
-    """State, workspace, gains and samples of a step; the workspace is empty where it has none."""
+    """State, workspace, gains and samples of a step; the workspace is empty if it has none."""
     state, *workspace, gains, samples = records
     return (state, *(workspace or [bytearray()]), gains, samples)
 
 
 def compiled_step(kernel: KernelFiles) -> CompiledStep | None:
-    """One kernel's step for one filter; None when there is none, or it may not be used.
+    """A kernel's step for one filter; None if there is none, or it may not be used.
 
     Raises:
         BadInput: see `native_kernels`.

@@ -1,9 +1,9 @@
-"""Records of the kernels: memory, gains and samples, each field declared once and used by name.
+"""Records of the kernels: state, gains and samples, each field declared once and used by name.
 
 A record is a dataclass with slots whose fields are made by `real`, `reals`, `integer` and
-`integers`. From that one declaration follow the attribute that the kernels read and write, the
-range that the translator proves, the member of the C struct, the check of a restored state, and
-the table of symbols in the documents.
+`integers`. From that declaration follow the attribute for the kernels, the range that the
+translator proves, the member of the C struct, the check of a restored state, and the table of
+symbols in the documents.
 """
 
 import ctypes
@@ -26,11 +26,11 @@ class Row(NamedTuple):
 
     Attributes:
         name: of the attribute and of the C member.
-        size: how many numbers a vector has; None for a single number.
+        size: length of a vector; None for a single number.
         range: lowest and highest value of an integer, both included; None for a float.
         unit: of the value; plain for a number without one.
-        about: what it is.
-        q: fraction bits of an integer: it stands for value 2^-q.
+        about: its meaning.
+        q: fraction bits of an integer, which represents value 2^-q.
     """
 
     name: str
@@ -42,11 +42,11 @@ class Row(NamedTuple):
 
     @property
     def length(self) -> int:
-        """How many numbers the field holds."""
+        """Number of values in the field."""
         return 1 if self.size is None else self.size
 
     def fixed(self, value: float) -> int:
-        """The integer nearest to a value in the field's unit, moved into the range.
+        """The integer nearest to a value in the field's unit, clamped to the range.
 
         Raises:
             ValueError: `value` is not a number.
@@ -95,12 +95,12 @@ def row(record_type: type, name: str) -> Row:
 
 
 def size_of(record_type: type) -> int:
-    """How many numbers a record holds."""
+    """Number of values in a record."""
     return sum(found.length for found in rows(record_type))
 
 
 def values(record: object, record_type: type) -> list[Number]:
-    """All numbers of a record, in the order of their places in memory."""
+    """All values of a record, in the order of memory."""
     flat: list[Number] = []
     for found in rows(record_type):
         value = getattr(record, found.name)
@@ -109,7 +109,7 @@ def values(record: object, record_type: type) -> list[Number]:
 
 
 def assign(record: object, record_type: type, flat: Sequence[Number]) -> None:
-    """Writes all numbers of a record, in the order of their places in memory.
+    """Writes all values of a record, in the order of memory.
 
     Raises:
         ValueError: a number is missing, outside its declared range, or not finite.
@@ -131,7 +131,7 @@ def assign(record: object, record_type: type, flat: Sequence[Number]) -> None:
 
 
 def copy(source: object, target: object, record_type: type) -> None:
-    """Writes all numbers of a record into another of its type; one of them may be `in_c`."""
+    """Copies all values of a record into another of its type; either may be `in_c`."""
     for found in rows(record_type):
         value = getattr(source, found.name)
         if found.size is None:
@@ -148,7 +148,7 @@ def _check(field_row: Row, part: Sequence[Number]) -> None:
 
 
 def with_rows(record_type: type[R], more: Sequence[Row]) -> type[R]:
-    """The record with more fields, each of a single number, before its own."""
+    """The record with additional fields, each a single number, before its own."""
     first = [(row.name, Any, field(default=0, metadata={"row": row})) for row in more]
     own = [(made.name, Any, _again(made)) for made in fields(cast(Any, record_type))]
     names = {"__doc__": record_type.__doc__, "__module__": record_type.__module__}
@@ -157,7 +157,7 @@ def with_rows(record_type: type[R], more: Sequence[Row]) -> type[R]:
 
 
 def _again(made: "Field[Any]") -> Any:
-    """A field as it was declared: one that belongs to a record is of no use to another."""
+    """A new field with the same declaration: a dataclass field belongs to one record only."""
     if made.default is not MISSING:
         return field(default=made.default, metadata=made.metadata)
     assert made.default_factory is not MISSING
@@ -165,7 +165,7 @@ def _again(made: "Field[Any]") -> Any:
 
 
 def in_c(record_type: type[R]) -> R:
-    """A record of zeros with the memory of its C struct, for the compiled kernels.
+    """A record of zeros in the memory of its C struct, for the compiled kernels.
 
     It has the attributes of `record_type`, and its vectors take whole lists through ``[:]``.
     """
@@ -175,9 +175,9 @@ def in_c(record_type: type[R]) -> R:
 def reader(
     record: object, record_type: type, names: Sequence[str]
 ) -> Callable[[], tuple[float, ...]]:
-    """What reads some fields at once, their numbers one behind the other.
+    """A function that reads some fields at once, as one tuple of numbers.
 
-    A C struct gives one field after the other at ten times the price.
+    Reading a C struct field by field costs ten times as much.
 
     Args:
         record: to be read.
@@ -200,7 +200,7 @@ def reader(
 
 
 def writer(record: object, record_type: type, first: str, last: str) -> Callable[..., None]:
-    """What writes neighbouring fields at once; takes their numbers one behind the other.
+    """A function that writes adjacent fields at once, from one sequence of numbers.
 
     Args:
         record: to be written.
@@ -229,7 +229,7 @@ def _write(record: object, found: Sequence[Row], *numbers: Number) -> None:
 
 
 def _number_format(record_type: type) -> tuple[str, int]:
-    """Letter and bytes of a record's numbers, which are of one kind."""
+    """Letter and size in bytes of a record's numbers, which are of one kind."""
     return ("d", 8) if rows(record_type)[0].range is None else ("i", 4)
 
 
@@ -244,7 +244,7 @@ def _flat(parts: Iterable[float | list[float]]) -> tuple[float, ...]:
 
 
 def is_in_c(record: object) -> bool:
-    """True for what `in_c` has made."""
+    """Whether `in_c` made the record."""
     return isinstance(record, ctypes.Structure)
 
 

@@ -1,4 +1,4 @@
-"""Immutable records that enter and leave an attitude filter.
+"""Immutable inputs and outputs of an attitude filter.
 
 Frames: ``b`` body (forward, right, down), ``n`` local NED with true north. SI and radians unless a
 suffix says otherwise. ``q_nb`` is Hamilton, scalar first, and takes body coordinates to NED.
@@ -17,11 +17,11 @@ class ImuSample(NamedTuple):
 
     Attributes:
         t_us: autopilot time of the sample, unwrapped, never decreasing inside one epoch.
-        w_b: angular rate, rad/s, gyro bias still in it.
-        f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level, (0, 0, 0) where there is none.
-        m_b_ut: magnetic field, microtesla; None when this sample brings no new field.
-        clipped: a sensor stands at the end of its range, or is stuck: the values are no measure of
-            the motion, and nothing may be learnt from them.
+        w_b: angular rate, rad/s, gyro bias included.
+        f_b: specific force, m/s^2; (0, 0, -9.8) at rest and level, (0, 0, 0) without one.
+        m_b_ut: magnetic field, microtesla; None without a new field.
+        clipped: a sensor is at the end of its range, or stuck: the values do not measure the
+            motion, and nothing may be estimated from them.
     """
 
     t_us: int
@@ -46,13 +46,13 @@ class EarthField(NamedTuple):
 
 
 class VehicleState(NamedTuple):
-    """What the autopilot says of the vehicle, as far as a filter may use it.
+    """The autopilot's report of the vehicle, as far as filters use it.
 
     Attributes:
         on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = unknown
             (a recording without an autopilot): the filter decides by its class.
         airspeed_m_s: true airspeed along the nose; None when unknown or stale.
-        is_backward: time runs backward (a smoother's second run), so that the nose trails.
+        is_backward: time runs backward (a smoother's second run), and the nose trails.
     """
 
     on_ground: bool | None = None
@@ -66,7 +66,7 @@ class VelocityFix(NamedTuple):
     Attributes:
         t_us: time of validity on the clock of `ImuSample.t_us`.
         v_n: velocity in NED, m/s; a vertical component that is not measured is NaN.
-        sigma_m_s: one-sigma accuracy per axis, as the source states it.
+        sigma_m_s: one-sigma accuracy per axis stated by the source.
         independent: False when the velocity comes from the autopilot's own estimator.
     """
 
@@ -77,13 +77,13 @@ class VelocityFix(NamedTuple):
 
 
 class SensorDelays(NamedTuple):
-    """How late what follows from the sensors is against the times that their messages claim.
+    """Delays of results from the sensors, relative to the time stamps of their messages.
 
     Attributes:
-        gyro_s: of an attitude that is the integral of the rates: the age of rates and forces, less
-            half a period of the samples, because a filter takes a rate as the mean over the step
-            before its sample. Negative: it is early.
-        field_s: age of the field when its first sample comes.
+        gyro_s: of an attitude integrated from the rates: the age of rates and forces, minus half a
+            period of the samples, because a filter takes a rate as the mean over the step before
+            its sample. Negative: it is early.
+        field_s: age of the field when its first sample arrives.
     """
 
     gyro_s: float = 0.0
@@ -91,17 +91,17 @@ class SensorDelays(NamedTuple):
 
 
 class SensorErrors(NamedTuple):
-    """What a filter has learnt of its sensors besides the gyro's bias, which estimates carry.
+    """Sensor errors estimated by a filter, besides the gyro's bias, which estimates contain.
 
     Attributes:
         gyro_variance: of the gyro's bias, (rad/s)^2, body.
         force_bias_b: of the accelerometer, m/s^2 (measured = true + bias).
-        force_variance: of that about x and y, (m/s^2)^2; 0: nothing has been learnt of it.
-        field_latency_s: how late the magnetometer's samples are against the gyro's.
-        fix_latency_s: how late velocity fixes are, beyond their stamps.
+        force_variance: of that about x and y, (m/s^2)^2; 0: not estimated.
+        field_latency_s: delay of the magnetometer's samples relative to the gyro's.
+        fix_latency_s: delay of velocity fixes beyond their stamps.
         fix_latency_variance: of that, s^2.
-        rate_density: of the rate's noise as its samples show it, squared, rad^2/s.
-        force_density: of the force's, squared, m^2/s^3.
+        rate_density: of the rate's noise in its samples, squared, rad^2/s.
+        force_density: likewise of the force, squared, m^2/s^3.
     """
 
     gyro_variance: Vec3
@@ -115,7 +115,7 @@ class SensorErrors(NamedTuple):
 
 
 class SensorDoubt(NamedTuple):
-    """Sensors that were shown to be wrong, by as much as that: a filter learns them anew.
+    """Sensors found wrong, and by how much: a filter estimates them anew.
 
     Attributes:
         rate_b: of the gyro's bias as the filter knows it, one sigma, rad/s, body.
@@ -127,7 +127,7 @@ class SensorDoubt(NamedTuple):
 
 
 class Trust(IntFlag):
-    """What an estimate rests on; logged with every estimate."""
+    """The basis of an estimate; logged with every estimate."""
 
     ALIGNED = 1  # a start-up alignment has been made
     CONVERGED = 2  # the start-up transient is over
@@ -148,10 +148,10 @@ class AttitudeEstimate(NamedTuple):
         q_nb: attitude, body to NED.
         w_b: angular rate corrected for bias, rad/s.
         bias_b: gyro bias, rad/s (measured = true + bias).
-        innovation_n: rotation (rad, NED) by which this sample's measurements disagreed.
-        sigma_tilt_rad: predicted one-sigma tilt error; NaN where the filter has no figure.
-        trust: what the estimate rests on.
-        sigma_heading_rad: predicted one-sigma heading error; NaN where the filter has no figure.
+        innovation_n: rotation (rad, NED) between the estimate and this sample's measurements.
+        sigma_tilt_rad: predicted one-sigma tilt error; NaN if unknown.
+        trust: the basis of the estimate.
+        sigma_heading_rad: predicted one-sigma heading error; NaN if unknown.
     """
 
     t_us: int

@@ -1,9 +1,9 @@
-"""An attitude smoother for after the flight: any filter run forward, backward and forward again.
+"""Smooths an attitude after the flight: any filter run forward, backward and forward again.
 
-The first run learns what does not change with the direction of time: the biases of gyro and
-accelerometer, and how late field and velocities are. All that is taken out of what the other two
-runs are given, whose filters are new. Where those two know the attitude from the past and from the
-future, the smoothed one is their mean, weighted by what each predicts of its own error.
+The first run estimates what does not depend on the direction of time: the biases of gyro and
+accelerometer, and the delays of field and velocities. All of it is removed from the inputs of the
+other two runs, whose filters are new. The smoothed attitude is the mean of these two, from past and
+future, weighted by the errors that each predicts.
 
 Equations: docs/filter.md.
 """
@@ -31,14 +31,14 @@ from h2nav.attitude.samples import (
 )
 from h2nav.maths.quaternion import conjugate, exp, log, multiply, normalize, rotate
 
-# A longer gap leaves nothing of the attitude: what is before and after it is smoothed apart.
+# After a longer gap the attitude is unknown: the parts before and after are smoothed separately.
 LONGEST_GAP_US = 1_000_000
-# A fix is given so long after it was true: then the filter's past covers its time.
+# A fix is passed this long after its time: then the filter's past covers it.
 FIX_DELAY_US = 50_000
-# What the runs share does not average out: 1 mg of accelerometer bias, 0.06 deg of the vertical.
-# Nothing is known better than the vertical that it is measured about.
+# Errors shared by the runs do not average out: 1 mg of accelerometer bias, 0.06 deg of the
+# vertical. Nothing is known better than the vertical to which it refers.
 LEAST_SIGMA_RAD = 1e-3
-# A heading is tied to north for so long after the run said so; some say it only with a field.
+# A heading is tied to north for this long after the run said so; some say so only with a field.
 REFERENCED_US = 1_000_000
 
 # As numbers: an operation on an IntFlag costs more than the rest of a test.
@@ -52,11 +52,11 @@ Record = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class Given(NamedTuple):
-    """What a filter was given between two restarts.
+    """A filter's inputs between two restarts.
 
     Attributes:
         samples: in order.
-        told: in order, with the number of the sample that each record was known before.
+        told: in order, with the number of the sample that each record precedes.
     """
 
     samples: Sequence[ImuSample]
@@ -65,33 +65,33 @@ class Given(NamedTuple):
 
 @runtime_checkable
 class KnowsSensors(Protocol):
-    """A filter that says what it has learnt of its sensors.
+    """A filter with estimates of its sensors' errors.
 
     It uses a field that is held for some samples only when it is new.
     """
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """What has been learnt of the sensors so far."""
+        """The errors of the sensors estimated so far."""
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
-        """Begins with sensors whose errors are undone, as well as they were known so long ago.
+        """Starts with sensors whose errors are corrected, known as well as so long ago.
 
         Args:
             errors: with their variances.
-            walked_s: for so long the errors have changed since.
+            walked_s: time during which the errors have changed since.
         """
 
 
 class _Piece(NamedTuple):
-    """Samples without a long gap, and what holds at each.
+    """Samples without a long gap, and the conditions at each.
 
     Attributes:
         samples: in the run's order.
         vehicles: the vehicle's state at each.
-        fields: the earth field at each; None where none is known.
-        delays: how late the sensors are at each; None where nothing was said.
-        fixes: velocities with the number of the sample that each is given before.
+        fields: the earth field at each; None if unknown.
+        delays: of the sensors at each; None if not given.
+        fixes: velocities with the number of the sample that each precedes.
     """
 
     samples: list[ImuSample]
@@ -102,11 +102,11 @@ class _Piece(NamedTuple):
 
 
 class _Learnt(NamedTuple):
-    """What a run leaves to the next one.
+    """The result of a run for the next one.
 
     Attributes:
         bias_b: gyro bias, rad/s.
-        errors: of the sensors besides; None where the filter has no figures.
+        errors: other errors of the sensors; None if not estimated.
     """
 
     bias_b: Vec3 = (0.0, 0.0, 0.0)
@@ -114,7 +114,7 @@ class _Learnt(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What a run knows of one sample.
+    """A run's result for one sample.
 
     Attributes:
         estimate: in forward time.
@@ -126,10 +126,10 @@ class _Known(NamedTuple):
 
 
 class _BiasRun:
-    """What a run says of the gyro's bias.
+    """The gyro's bias as shown by a run.
 
-    Gravity shows what turns the vertical; what turns about it is shown by a heading that is tied to
-    north, or by rest. Without either that part stays what it was before the run.
+    Gravity shows the bias that turns the vertical; a heading tied to north, or rest, shows the part
+    about it. Without either that part keeps its value from before the run.
 
     Args:
         bias_b: before the run, rad/s.
@@ -144,7 +144,7 @@ class _BiasRun:
         self._down_b = (0.0, 0.0, 0.0)
 
     def add(self, known: _Known | None) -> None:
-        """What the run knows of its next sample."""
+        """Adds the run's result for its next sample."""
         if known is None:
             return
         _, (w, x, y, z), _, self._last_b, _, _, trust, _ = known.estimate
@@ -159,10 +159,10 @@ class _BiasRun:
 
     @property
     def shown_b(self) -> Vec3:
-        """The bias at the end of the run as far as something has shown it, rad/s."""
+        """The bias at the end of the run as far as it was observed, rad/s."""
         if self._is_shown or self._count == 0:
             return self._last_b
-        # Shorter than 1 where the vehicle has tilted: no axis was vertical all the time.
+        # Shorter than 1 if the vehicle has tilted: no axis was vertical throughout.
         x, y, z = (part / self._count for part in self._down_b)
         p, q, r = _less(self._last_b, self._before_b)
         hidden = p * x + q * y + r * z
@@ -170,7 +170,7 @@ class _BiasRun:
 
 
 class _Backward:
-    """What the run backward knows of the samples, packed: a long flight has millions of them."""
+    """The backward run's results, packed: a long flight has millions of samples."""
 
     _ROW = struct.Struct("<q15dH2?")
     _NOTHING = bytes(_ROW.size)
@@ -179,7 +179,7 @@ class _Backward:
         self._rows = bytearray()
 
     def add(self, known: _Known | None) -> None:
-        """What it knows of the sample before the one of the last call."""
+        """Adds the result for the sample before that of the last call."""
         if known is None:
             self._rows += self._NOTHING
             return
@@ -190,7 +190,7 @@ class _Backward:
         )  # fmt: skip
 
     def in_order(self) -> Iterator[_Known | None]:
-        """Of each sample, from the first one on."""
+        """Yields the result for each sample, from the first one on."""
         size = self._ROW.size
         for place in range(len(self._rows) - size, -1, -size):
             t_us, *values, trust, is_referenced, is_known = self._ROW.unpack_from(self._rows, place)
@@ -206,21 +206,21 @@ class _Backward:
 
 
 def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeEstimate | None]]:
-    """What `smoothed` gives, by stretch."""
+    """The results of `smoothed`, by stretch."""
     found = smoothed(stretches, make)
     return [list(itertools.islice(found, len(given.samples))) for given in stretches]
 
 
 def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[AttitudeEstimate | None]:
-    """The smoothed estimate of every sample of every stretch, one by one.
+    """Yields the smoothed estimate of every sample of every stretch.
 
-    None stands where neither direction has an estimate: in stretches too short to align in. The
-    heading is the forward run's wherever the backward run's is not tied to north. Like a service's
-    the attitudes are led by what was told of the rates' lateness.
+    It is None where neither direction has an estimate: in stretches too short to align in. The
+    heading is the forward run's unless the backward run's is tied to north. As in the service, the
+    attitudes are propagated by the given delay of the rates.
 
     Args:
         stretches: in order of time; the first run keeps its bias from one to the next.
-        make: makes the filter of this vehicle; called for each run.
+        make: creates the filter of this vehicle; called for each run.
 
     Source: docs/filter.md Eq. (42), (50) - (56).
     """
@@ -241,7 +241,7 @@ def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[Attitude
 def _smooth_piece(
     piece: _Piece, make: FilterMaker, learnt: _Learnt
 ) -> Iterator[AttitudeEstimate | None]:
-    """The second run, the third, and both together."""
+    """The second and the third run, combined."""
     placed = piece._replace(
         fields=_known_from_the_start(piece.fields), delays=[None] * len(piece.delays)
     )
@@ -260,10 +260,10 @@ def _smooth_piece(
 
 
 def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
-    """A new filter for samples whose errors were taken out.
+    """A new filter for samples with the errors removed.
 
-    What the run before knew of the errors came from the same samples, so that it does not count in
-    full: what they may walk in all their time is added. Source: docs/filter.md Eq. (51).
+    The previous run estimated the errors from the same samples, so its certainty does not count in
+    full: the random walk over their whole time is added. Source: docs/filter.md Eq. (51).
     """
     chosen = make()
     if learnt.errors is not None and isinstance(chosen, KnowsSensors):
@@ -273,9 +273,9 @@ def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilt
 
 
 def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
-    """What two runs have learnt, the second one backward with what the first one left.
+    """The combined errors of two runs, the second one backward on the corrected samples.
 
-    Latencies stay those of the first one: backward what is left of them would be negative.
+    Latencies stay those of the first: the rest would be negative backward.
     """
     x, y, z = (a + b for a, b in zip(errors.force_bias_b, more.force_bias_b, strict=True))
     return more._replace(
@@ -288,13 +288,13 @@ def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
 def _led(
     estimates: Iterable[AttitudeEstimate | None], delays: list[SensorDelays | None]
 ) -> Iterator[AttitudeEstimate | None]:
-    """The attitudes at the times that they claim. Source: docs/filter.md Eq. (42)."""
+    """The attitudes at their nominal times. Source: docs/filter.md Eq. (42)."""
     for estimate, late in zip(estimates, delays, strict=True):
         yield estimate if estimate is None or late is None else led(estimate, late.gyro_s)
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
-    """A stretch, cut at its gaps; what was told before a gap holds after it."""
+    """A stretch, cut at its gaps; conditions from before a gap hold after it."""
     samples, told = given.samples, iter(given.told)
     following = next(told, None)
     vehicle, field, delays = VehicleState(), None, None
@@ -323,13 +323,13 @@ def _pieces(given: Given) -> Iterator[_Piece]:
 
 
 def _run(chosen: AttitudeFilter, piece: _Piece) -> Iterator[AttitudeEstimate | None]:
-    """A filter over a piece; it is told what holds where that changes."""
+    """Runs a filter over a piece, passing on conditions when they change."""
     vehicle: VehicleState | None = None
     field: EarthField | None = None
     delays: SensorDelays | None = None
     fixes = iter(piece.fixes)
     coming = next(fixes, None)
-    # What holds is mostly the very record that held before.
+    # Conditions are mostly the same record as before.
     each = enumerate(zip(piece.samples, piece.vehicles, piece.fields, piece.delays, strict=True))
     for row, (sample, now, known, late) in each:
         if now is not vehicle and now != vehicle:
@@ -348,7 +348,7 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> Iterator[AttitudeEstimate | N
 
 
 def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
-    """An estimate of finite numbers, or none; then the filter begins anew, as in the service."""
+    """A finite estimate, or None, after which the filter restarts, as in the service."""
     try:
         estimate = chosen.update(sample)
     except ArithmeticError:
@@ -361,7 +361,7 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
 
 
 def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | None]:
-    """The earth's field was there before the position that names it was known."""
+    """Extends the first known earth field to the samples before it."""
     first = next((field for field in fields if field is not None), None)
     return [first if field is None else field for field in fields]
 
@@ -395,22 +395,22 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
 
 
 def _without_bias(f_b: Vec3, bias_b: Vec3) -> Vec3:
-    """A force of exactly zero was not measured, and stays what it is."""
+    """Removes the bias; a force of exactly zero is no measurement, and stays."""
     return _less(f_b, bias_b) if any(f_b) else f_b
 
 
 def _timely(m_b_ut: Vec3, w_b: Vec3, late_s: float) -> Vec3:
-    """The field at the time of the sample that brought it."""
+    """The field at the time of the sample that carried it."""
     x, y, z = w_b
     if not late_s * math.hypot(x, y, z) < math.pi:
-        return m_b_ut  # that rate is no sensor's
+        return m_b_ut  # no sensor has such a rate
     return rotate(exp((-late_s * x, -late_s * y, -late_s * z)), m_b_ut)
 
 
 def _placed(
     fixes: Iterable[VelocityFix], samples: Sequence[ImuSample]
 ) -> list[tuple[int, VelocityFix]]:
-    """Fixes in the order of their times, each with the number of the sample to give it before."""
+    """Fixes in the order of their times, each with the number of the sample that it precedes."""
     times_us = [sample.t_us for sample in samples]
     return [
         (bisect.bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
@@ -419,18 +419,18 @@ def _placed(
 
 
 def _reversed(piece: _Piece) -> _Piece:
-    """A piece without biases and latencies as it looks when time runs backward; it is used up.
+    """A piece without biases and latencies with time reversed; it is consumed.
 
-    Its times are mirrored about their middle. A rate is the mean since the sample before: backward
-    it leads to that one. Forces, fields and the earth stay as they are. Velocities change their
-    sign, and the nose trails.
+    Its times are mirrored about their middle. A rate is the mean since the previous sample;
+    reversed it leads to that one. Forces, fields and the earth stay as they are. Velocities change
+    their sign, and the nose trails.
 
     Source: docs/filter.md Eq. (52), (53).
     """
     samples = piece.samples
     ends_us = samples[0].t_us + samples[-1].t_us
     turned, later = [], samples[-1]
-    while samples:  # used up, because there are millions of them
+    while samples:  # consumed, because there are millions of them
         sample = samples.pop()
         t_us, _, f_b, m_b_ut, clipped = sample
         _, (x, y, z), _, _, later_clipped = later
@@ -453,7 +453,7 @@ def _reversed(piece: _Piece) -> _Piece:
 
 
 def _backward(vehicles: Sequence[VehicleState]) -> list[VehicleState]:
-    """The vehicle's states in backward time; one record as long as one holds."""
+    """The vehicle's states in reversed time; one record as long as one holds."""
     turned: list[VehicleState] = []
     for vehicle, group in itertools.groupby(reversed(vehicles)):
         turned += [vehicle._replace(is_backward=True)] * len(list(group))
@@ -466,12 +466,12 @@ def _of_samples(
     bias_b: Vec3,
     direction: float,
 ) -> Iterator[AttitudeEstimate | None]:
-    """A run's estimates as estimates of the samples that were given.
+    """Converts a run's estimates to estimates of the original samples.
 
     Args:
         run: in its own order.
         samples: with their own times and rates, in the run's order.
-        bias_b: what the run's rates were without, rad/s.
+        bias_b: removed from the run's rates, rad/s.
         direction: of the run's time: 1 forward, -1 backward.
     """
     a, b, c = bias_b
@@ -490,7 +490,7 @@ def _of_samples(
 
 
 def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | None]:
-    """Whether the heading of each is tied to north; in the order of the run."""
+    """Adds whether the heading of each is tied to north; in the order of the run."""
     at_us: int | None = None
     for estimate in estimates:
         if estimate is None:
@@ -505,7 +505,7 @@ def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | No
 def _combined(
     forward: Iterable[_Known | None], backward: Iterable[_Known | None]
 ) -> Iterator[AttitudeEstimate | None]:
-    """Both runs together; where one has nothing, the other alone."""
+    """Combines both runs; where one has no estimate, the other alone."""
     before: list[AttitudeEstimate | None] = []
     waiting = True  # for the forward run's first estimate
     for ahead, back in zip(forward, backward, strict=True):
@@ -527,7 +527,7 @@ def _combined(
 def _turn_all(alone: list[AttitudeEstimate | None], both: AttitudeEstimate, back: _Known) -> None:
     """Turns the backward run's estimates before the forward run's first to its heading.
 
-    Backward alone, a heading that is not tied to north is an arbitrary one.
+    In the backward run alone, a heading not tied to north is arbitrary.
     """
     if back.is_referenced:
         return
@@ -565,7 +565,7 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
 
 
 def _knows_tilt(estimate: AttitudeEstimate) -> bool:
-    """False at an alignment, whose predicted deviation does not count the force's own error."""
+    """False at an alignment, whose predicted deviation ignores the force's own error."""
     trust = int(estimate.trust)
     if trust & _RESTARTED:
         return False
@@ -575,7 +575,7 @@ def _knows_tilt(estimate: AttitudeEstimate) -> bool:
 def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
     """The turn in n from one attitude to another: about down, after one about north and east.
 
-    Apart at every angle: a heading that is arbitrary must not mix into the tilt.
+    Separate at every angle: an arbitrary heading must not mix into the tilt.
     Source: docs/filter.md Eq. (54).
     """
     difference = multiply(other, conjugate(q))
@@ -587,10 +587,10 @@ def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
 def _share(
     forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float
 ) -> tuple[float, float]:
-    """How far to go from the forward estimate to the backward one, and the deviation then, rad.
+    """Share of the way from the forward to the backward estimate, and the resulting deviation, rad.
 
     Args:
-        forward: predicted deviation, rad, and whether anything is known at all.
+        forward: predicted deviation, rad, and whether anything is known.
         backward: the same.
         apart_rad: angle between the estimates.
 
@@ -598,7 +598,7 @@ def _share(
     """
     (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
     if not knows_b or not knows_f:
-        # Of two that know nothing the forward one is kept: it is what the flight had.
+        # If neither knows anything, the forward one stays: it is what the flight had.
         share, sigma = (1.0, sigma_b) if knows_b else (0.0, sigma_f)
         return share, sigma if math.isnan(sigma) else max(sigma, LEAST_SIGMA_RAD)
     if math.isnan(sigma_f) or math.isnan(sigma_b):
@@ -606,7 +606,7 @@ def _share(
     p_f = max(sigma_f, LEAST_SIGMA_RAD) ** 2
     p_b = max(sigma_b, LEAST_SIGMA_RAD) ** 2
     share = p_f / (p_f + p_b)
-    # Estimates that lie further apart than they predict are not as good as they predict.
+    # Estimates further apart than predicted are less accurate than predicted.
     spread = share * (1.0 - share) * apart_rad * apart_rad
     return share, math.sqrt(max(share * p_b, spread, LEAST_SIGMA_RAD**2))
 

@@ -1,1 +1,1 @@
-"""The constant-gain filter, in 32-bit integers: what the smallest microcontrollers can afford."""
+"""The constant-gain filter, in 32-bit integers, for the smallest microcontrollers."""

@@ -25,10 +25,10 @@ from h2nav.maths.quaternion import multiply
 
 
 class ConstantGainBatch:
-    """How ordinary samples go through the compiled kernel; see `batch_driver.Batch`.
+    """Passes ordinary samples to the compiled kernel; see `batch_driver.Batch`.
 
     Args:
-        attitude_filter: the filter that the samples are for.
+        attitude_filter: the filter to run.
     """
 
     def __init__(self, attitude_filter: ConstantGainFilter) -> None:
@@ -36,7 +36,7 @@ class ConstantGainBatch:
         self._was_aligned = False
 
     def special(self, samples: BatchSamples) -> Mask:
-        """Samples after a gap, or that are not numbers."""
+        """Samples after a gap, or with values that are not finite."""
         gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
         finite = np.isfinite(sizes(samples.gyr)) & np.isfinite(sizes(samples.acc))
         finite &= np.isfinite(sizes(samples.mag)) | ~samples.has_field
@@ -46,18 +46,18 @@ class ConstantGainBatch:
         return special
 
     def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
-        """All of them: the kernel itself aligns."""
+        """Returns all of them: the kernel itself aligns."""
         del samples, first
         return stop
 
     def records(self) -> tuple[State, Gains]:
-        """What the kernel takes before a sample."""
+        """The kernel's arguments before a sample."""
         return self._filter.kernel_state, self._filter.kernel_gains
 
     def table(self, part: BatchSamples) -> Table:
         """The kernel's samples: `fixedpoint.to_fixed` in place, all rows at once.
 
-        Powers of two are exact factors, so it does not matter when they come in.
+        Powers of two are exact factors, so their order does not matter.
         """
         self._was_aligned = self._filter.kernel_state.age_us >= 0
         gyro, gravity, mag = (np.empty((len(part.t_us), 3)) for _ in range(3))

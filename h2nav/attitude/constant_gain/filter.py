@@ -1,7 +1,7 @@
-"""The constant-gain filter in integers, behind the interface that every filter has.
+"""The constant-gain filter in integers, behind the interface of every filter.
 
-Floats enter and leave only here; between them run the integers of the kernel, which are the same
-bits in Python, in C on any computer and on a microcontroller.
+Floats enter and leave only here; the kernel's integers have the same bits in Python, in C on any
+computer and on a microcontroller.
 """
 
 import math
@@ -39,20 +39,20 @@ from h2nav.maths.quaternion import conjugate, multiply
 
 RATE_SCALE = 1e-6  # rad/s to rad/us
 _GYRO, _GRAVITY, _MAG = (row(Sample, name) for name in ("gyro", "gravity", "mag"))
-# The common field, whose gains every usable gain file holds.
+# The common field, for which every usable gain file has gains.
 STEEPEST_SURE_DIP_RAD = math.radians(60.0)
 DIP_STEP_RAD = math.radians(1.0)
 
 
 def fill_sample(u: Sample, w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) -> None:
-    """Writes one sample as the kernel takes it.
+    """Writes one sample in the kernel's form.
 
     Args:
         u: the kernel's sample.
         w_b: angular rate, rad/s.
         gravity: opposite of the specific force in units of gravity.
         field: magnetic field in units of its expected norm; None for no new field.
-        dt_us: time since the sample before, 0 to `integer.motion.MOST_DT_US`.
+        dt_us: time since the previous sample, 0 to `integer.motion.MOST_DT_US`.
     """
     u.gyro[:] = [_GYRO.fixed(w * RATE_SCALE) for w in w_b]
     u.gravity[:] = [_GRAVITY.fixed(part) for part in gravity]
@@ -65,7 +65,7 @@ class ConstantGainFilter:
     """The constant-gain filter, in integers.
 
     Args:
-        model: of a gain file; the constant gains follow from it, here and at every new field.
+        model: of a gain file; the constant gains follow from it, also for every new field.
         compiled: the compiled kernel; None for the one in Python.
     """
 
@@ -91,7 +91,7 @@ class ConstantGainFilter:
 
     @property
     def kernel_state(self) -> State:
-        """The kernel's memory; see `follow`."""
+        """The kernel's state; see `follow`."""
         return self._state
 
     @property
@@ -101,12 +101,12 @@ class ConstantGainFilter:
 
     @property
     def field(self) -> EarthField:
-        """The field that is expected."""
+        """The expected field."""
         return self._field
 
     @property
     def gravity_scale(self) -> float:
-        """From specific force to its opposite in units of gravity."""
+        """Factor from specific force to its opposite in units of gravity."""
         return -1.0 / self._model.densities.gravity_m_s2
 
     def _use_gains(self, field: EarthField) -> None:
@@ -116,7 +116,7 @@ class ConstantGainFilter:
     def _integer_gains(self, field: EarthField) -> ConstantIntegerGains:
         """The integers for a field; near the poles with the gains of the steepest dip that fits.
 
-        Where the field is nearly vertical, the heading gains per unit of it outgrow the format.
+        If the field is nearly vertical, the heading gains per unit of it exceed the format.
         """
         model = self._model
         dip_rad = field.dip_rad
@@ -131,10 +131,10 @@ class ConstantGainFilter:
                 dip_rad -= math.copysign(DIP_STEP_RAD, dip_rad)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes one sample; None until one has shown an attitude.
+        """Processes one sample; returns None until one has given an attitude.
 
-        Rates and forces that are not numbers leave the filter as it is: the attitude before comes
-        again with the sample's time and `Trust.SATURATED`.
+        Rates and forces that are not finite leave the filter unchanged: the previous attitude is
+        returned with the sample's time and `Trust.SATURATED`.
         """
         if not all(map(math.isfinite, (*sample.w_b, *sample.f_b))):
             if self._state.age_us < 0:
@@ -154,11 +154,11 @@ class ConstantGainFilter:
         return self._estimate(sample, bits)
 
     def follow(self, t_us: int) -> None:
-        """Goes on from a sample of this time, to which a batch has brought the memory."""
+        """Continues after a sample of this time, to which a batch has brought the state."""
         self._t_us = t_us
 
     def _fill(self, sample: ImuSample, dt_us: int) -> None:
-        """Writes the kernel's sample; without vectors where the sensors stand at their limits."""
+        """Writes the kernel's sample, without vectors if the sensors are at their limits."""
         scale = self.gravity_scale
         f_x, f_y, f_z = sample.f_b
         field = None
@@ -167,7 +167,7 @@ class ConstantGainFilter:
             norm = self._field.norm_ut
             field = (m_x / norm, m_y / norm, m_z / norm)
         gravity = (f_x * scale, f_y * scale, f_z * scale)
-        if sample.clipped:  # vectors of length zero pass no gate
+        if sample.clipped:  # vectors of length zero are rejected by the gates
             gravity, field = (0.0, 0.0, 0.0), None
         fill_sample(self._sample, sample.w_b, gravity, field, dt_us)
 
@@ -202,7 +202,7 @@ class ConstantGainFilter:
         return b_x, b_y, b_z
 
     def _correction(self, q_nb: tuple[float, float, float, float]) -> Vec3:
-        """The correction that the next step will apply, as a rotation in n."""
+        """The correction of the next step, as a rotation in n."""
         t_x, t_y, t_z = (part * 2.0**-29 for part in self._state.turn_carry)
         turned = multiply(multiply(q_nb, (0.0, t_x, t_y, t_z)), conjugate(q_nb))
         return turned[1], turned[2], turned[3]
@@ -225,7 +225,7 @@ class ConstantGainFilter:
         """Ignored: the constant gains are the same on the ground."""
 
     def use_field(self, field: EarthField) -> None:
-        """Takes the expected field; gains and gates follow it."""
+        """Takes the expected field, on which gains and gates depend."""
         if field._replace(declination_rad=0.0) != self._field._replace(declination_rad=0.0):
             self._use_gains(field)
         self._field = field
@@ -234,11 +234,11 @@ class ConstantGainFilter:
         """Ignored: this filter has no velocity."""
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Ignored: this filter takes the field as it comes."""
+        """Ignored: this filter takes the field as new."""
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """This filter predicts nothing of its sensors; see `AttitudeFilter`."""
+        """This filter estimates nothing of its sensors; see `AttitudeFilter`."""
         return SensorErrors((0.0, 0.0, 0.0))
 
     def doubt(self, doubt: SensorDoubt) -> None:

@@ -1,8 +1,8 @@
 """Constant gains of attitude and bias together, and their integers.
 
-The constant-gain filter is the steady state of attitude and bias together. In the eigenframe of
-the information matrix it falls apart into three problems of two states, solved here by their
-Riccati difference equation, so that the daemon needs no linear algebra.
+The constant-gain filter is the steady state of attitude and bias together. In the eigenframe of the
+information matrix it splits into three problems of two states, solved here by their Riccati
+difference equation, so that the daemon needs no linear algebra.
 
 Source: docs/fixed-point.md Eq. (5), (6), (13).
 """
@@ -40,16 +40,16 @@ _DOUBLINGS = 64
 
 
 _UNIT: Square = (1.0, 0.0, 0.0, 1.0)
-# Vehicles accelerate: their force shows gravity worse than the sensor's own noise says.
+# Vehicles accelerate: their force shows gravity less well than the sensor's noise suggests.
 FORCE_WEIGHT = 1.0 / 16.0
-# Bandwidth of the tilt for a file that knows no accelerometer noise, rad/s.
+# Bandwidth of the tilt for a file without accelerometer noise, rad/s.
 TILT_BANDWIDTH = 0.2
-# The field until the filter is given that of the place.
+# The field until the local one is given.
 COMMON_FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 
 
 class ConstantGainModel(NamedTuple):
-    """What the constant gains are computed from.
+    """The inputs of the constant gains.
 
     Attributes:
         name: of the gain file.
@@ -68,7 +68,7 @@ class ConstantGains(NamedTuple):
     """Gains of the constant-gain filter on the weighted disagreement zeta.
 
     x and y of zeta weigh gravity and field by their information; z comes from the field alone and
-    is not weighted, so that its column of the gains already holds the field's weight.
+    is not weighted, so that its column of the gains includes the field's weight.
 
     Attributes:
         attitude: rotation per unit of zeta and sample, magnetic NED.
@@ -86,11 +86,11 @@ class ConstantGains(NamedTuple):
 
 
 class ConstantIntegerGains(NamedTuple):
-    """The kernel's gains and what rounding has done to them.
+    """The kernel's gains and their rounding errors.
 
     Attributes:
         gains: of the kernel.
-        rounded: the gains that the integers stand for.
+        rounded: the gains that the integers represent.
         rounding_error: largest change of a gain, relative to the largest of its matrix.
     """
 
@@ -102,8 +102,8 @@ class ConstantIntegerGains(NamedTuple):
 def constant_gain_model(file: GainFile, place: str) -> ConstantGainModel:
     """The model behind a gain file of either kind.
 
-    A file of kind velocity_aided holds no accelerometer noise: motion is what disturbs the tilt.
-    Its constant-gain image has the tilt bandwidth `TILT_BANDWIDTH`.
+    A file of kind velocity_aided has no accelerometer noise: motion disturbs the tilt. Its
+    constant-gain image has the tilt bandwidth `TILT_BANDWIDTH`.
 
     Raises:
         BadInput: the file's gains are not usable.
@@ -143,7 +143,7 @@ def constant_gains(
     Args:
         densities: noise of the sensors and the field.
         rate_hz: sample rate.
-        force_weight: factor on the accelerometer's information; less than one for a vehicle that
+        force_weight: factor on the accelerometer's information; below one for a vehicle that
             accelerates.
 
     Source: docs/fixed-point.md Eq. (13).
@@ -174,8 +174,8 @@ def constant_gains(
 def _axis(densities: SensorDensities, rate_hz: float, mu: float) -> tuple[float, float]:
     """Attitude and bias gain of one axis whose samples have the variance 1/mu.
 
-    The Riccati difference equation by doubling: each pass is as many samples as all before it, so
-    that a new field costs the daemon a fraction of a millisecond.
+    Solves the Riccati difference equation by doubling: each pass covers as many samples as all
+    before it, so that a new field costs the daemon a fraction of a millisecond.
 
     Source: docs/fixed-point.md Eq. (13); E. K.-W. Chu et al., Int. J. Control 77 (2004).
     """
@@ -218,14 +218,14 @@ def _inverse(a: Square) -> Square:
 
 
 def integer_gains(gains: ConstantGains, place: str) -> ConstantIntegerGains:
-    """The integers that stand for `gains`.
+    """The integers that represent `gains`.
 
     Args:
         gains: constant gains.
-        place: what to name in an error.
+        place: named in errors.
 
     Raises:
-        BadInput: a gain is outside what the format holds.
+        BadInput: a gain is outside the format.
     """
     cosine, sine = math.cos(gains.dip_rad), math.sin(gains.dip_rad)
     force = _q14(gains.gravity_weight)
@@ -278,7 +278,7 @@ def _q14(value: float) -> int:
 
 
 def _mantissas(gain: Matrix, unit: float, what: str) -> tuple[Mantissas, int]:
-    """Integers up to the kernel's limit and the shift that makes them the gain."""
+    """Integers up to the kernel's limit, and the shift that scales them to the gain."""
     largest = max(map(abs, gain)) * unit
     if not math.isfinite(largest):
         raise BadInput(f"{what}: expected finite numbers")
@@ -295,13 +295,13 @@ def _matrix(mantissas: Mantissas, unit: float) -> Matrix:
 
 
 def _boost_shift(gains: ConstantGains) -> int:
-    """Power of two, microseconds, of a third of the time for which a young attitude averages."""
+    """Power of two, us, of a third of the averaging time of a young attitude."""
     third_us = 1e6 / (3.0 * min(slowest_shares(gains)) * gains.rate_hz)
     return min(round(math.log2(third_us)), 28)
 
 
 def slowest_shares(gains: ConstantGains) -> tuple[float, float, float]:
-    """Share of an attitude error that one sample takes away, per eigenaxis."""
+    """Share of an attitude error that one sample removes, per eigenaxis."""
     w, sine, cosine = gains.gravity_weight, math.sin(gains.dip_rad), math.cos(gains.dip_rad)
     xx, xz, yy, zx, zz = gains.attitude
     # zeta = M eps, with the rows of M weighted as zeta is

@@ -1,7 +1,7 @@
 """The gain file of a sensor: its noise densities, and attitude gains in closed form.
 
-Its kind is named two_stage, after a former filter that took its levels. The constant-gain filter
-takes the densities.
+Its kind is named two_stage, after an earlier filter that used its levels. The constant-gain filter
+uses the densities.
 """
 
 import itertools
@@ -16,8 +16,8 @@ from h2nav.errors import BadInput
 from h2nav.maths.units import DEG
 from h2nav.validation import Within, finite_numbers, key_complaints, numbers_within
 
-# Accelerometer weights that there is a gain for: the first for a vehicle whose force is gravity
-# alone, the others for one that accelerates; a factor 4 each (Eq. 3.14).
+# Accelerometer weights with a gain: the first for a vehicle whose force is gravity alone, the
+# others for vehicles that accelerate; a factor 4 each (Eq. 3.14).
 FORCE_WEIGHTS = tuple(0.25**level for level in range(7))
 
 _LEVEL_KEYS = {
@@ -59,12 +59,12 @@ class GainLevel(NamedTuple):
 
 
 class SensorGains(NamedTuple):
-    """What a sensor's gain file holds.
+    """The contents of a sensor's gain file.
 
     Attributes:
         name: of the gain file.
         rate_hz: nominal sample rate.
-        densities: noise and field that the gains are optimal for.
+        densities: noise and field for which the gains are optimal.
         levels: one gain per accelerometer weight, weights falling from 1.
     """
 
@@ -80,7 +80,7 @@ def design_sensor_gains(densities: SensorDensities, rate_hz: float, name: str) -
     Args:
         densities: all noise > 0; |dip| < 90 deg.
         rate_hz: sample rate.
-        name: kept in the result.
+        name: of the result.
 
     Source: docs/derivation.md Eq. (3.5) - (3.7).
     """
@@ -151,7 +151,7 @@ def sensor_gains(file: GainFile, place: str) -> SensorGains:
 
 
 def sensor_section(gains: SensorGains) -> dict[str, object]:
-    """The `gains` section of a file; `sensor_gains` reads it back to the last bit but the dip.
+    """The `gains` section of a file; `sensor_gains` restores it to the last bit but for the dip.
 
     The dip goes through degrees, which costs one rounding.
     """

@@ -1,1 +1,1 @@
-"""Gains computed in advance: the envelope of a gain file, its seal, what filters share."""
+"""Gains computed in advance: the envelope of a gain file, its seal, shared parts."""

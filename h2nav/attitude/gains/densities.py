@@ -1,4 +1,4 @@
-"""Noise densities of the sensors, and how much one sample tells of the attitude."""
+"""Noise densities of the sensors, and the information in one sample."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ from h2nav.attitude.samples import EarthField
 
 
 class SensorDensities(NamedTuple):
-    """What constant gains are made from: two-sided noise densities and the field.
+    """The inputs of constant gains: two-sided noise densities and the field.
 
     A sample at rate f of noise with density n has the variance n^2 f.
 
@@ -16,7 +16,7 @@ class SensorDensities(NamedTuple):
         accelerometer: m/s^2/sqrt(Hz).
         magnetometer: microtesla/sqrt(Hz).
         gravity_m_s2: size of the gravity vector.
-        field: the earth field; its declination plays no part.
+        field: the earth field; its declination is not used.
     """
 
     gyro: float
@@ -28,7 +28,7 @@ class SensorDensities(NamedTuple):
 
 
 def information(densities: SensorDensities, rate_hz: float) -> tuple[float, float]:
-    """What one sample tells, 1/rad^2: of the two tilts, and of a turn square to the field.
+    """Information of one sample, 1/rad^2: on the two tilts, and on a turn across the field.
 
     Source: docs/derivation.md Eq. (2.9).
     """

@@ -1,6 +1,6 @@
-"""The envelope that gain files of all kinds share.
+"""The envelope of gain files of all kinds.
 
-A gain file is YAML; `parse_gain_file` takes it as plain mappings, so nothing here opens a file.
+A gain file is YAML; `parse_gain_file` takes plain mappings, so nothing here opens a file.
 """
 
 from collections.abc import Mapping
@@ -22,16 +22,16 @@ _ENVELOPE = ("format", "kind", "name", "rate_hz", *_SECTIONS, "made_by")
 
 @dataclass(frozen=True, slots=True)
 class GainFile:
-    """The envelope that every kind of gain file shares.
+    """The common envelope of gain files.
 
     Attributes:
-        kind: as the file says, one of `KINDS` or `FORMER_KINDS`.
+        kind: as in the file, one of `KINDS` or `FORMER_KINDS`.
         name: unique among the shipped files.
-        rate_hz: sample rate the gains are optimal for.
+        rate_hz: sample rate for which the gains are optimal.
         model: the physical inputs, units in the key names.
-        gains: what the filter takes, complete in itself.
-        methods: per synthesis method its gain and H2 norm.
-        certificate: what `h2nav certify` checks.
+        gains: for the filter, complete in themselves.
+        methods: gain and H2 norm per synthesis method.
+        certificate: for `h2nav certify`.
         fixed_point: the integer image of the gains.
         made_by: program and version.
     """
@@ -48,7 +48,7 @@ class GainFile:
 
     @property
     def filter_name(self) -> str:
-        """The filter that the gains are for."""
+        """The filter of the gains."""
         return FORMER_KINDS.get(self.kind, self.kind)
 
 

@@ -1,8 +1,8 @@
-"""The hash that ties a gain file's certificate to its contents, and the check a daemon can afford.
+"""The hash that ties a gain file's certificate to its contents, and a check without scipy.
 
-The full check (`h2nav certify`) recomputes every figure with scipy. This one, for the daemon's
-start, needs only the standard library: the seal fits the contents, and the certificate says of
-every loop that it is stable and that its matrix inequalities hold.
+The full check (`h2nav certify`) recomputes every figure with scipy. This one, for the start of the
+daemon, needs only the standard library: the seal must match the contents, and the certificate must
+state for every loop that it is stable and that its matrix inequalities hold.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ NEGATIVE = Within(-LARGEST_DOUBLE, -math.ulp(0.0))
 
 
 def seal(file: GainFile) -> str:
-    """SHA-256 of everything that the certificate vouches for, as canonical JSON.
+    """SHA-256 of everything that the certificate covers, as canonical JSON.
 
     Raises:
         ValueError: a number is not finite or a value is not plain data.
@@ -39,10 +39,10 @@ def seal(file: GainFile) -> str:
 
 
 def check_seal(file: GainFile, place: str) -> None:
-    """Accepts a file whose seal and certificate are in order.
+    """Accepts a file whose seal and certificate are valid.
 
     Raises:
-        BadInput: one line that says what is wrong.
+        BadInput: one line with the fault.
     """
     fault = _fault(file)
     if fault is not None:

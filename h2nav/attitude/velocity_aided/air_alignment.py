@@ -1,9 +1,9 @@
-"""Attitude of a vehicle that flies, from measured velocities: alignment without a standstill.
+"""Attitude of a flying vehicle from measured velocities: alignment without a standstill.
 
-Over a window the specific force is integrated in the body axes of the window's start, the gyro
-carrying it there: alpha = int R_0t f dt. In n the same vector is the change of velocity less that
-of gravity, beta = dv - g t e_D, and the attitude of the start turns one into the other. A straight
-line through all fixes of the window is the best mean of it; the field adds the heading.
+Over a window the specific force is integrated in the body axes of the window's start, carried by
+the gyro: alpha = int R_0t f dt. In n the same vector is the change of velocity minus that of
+gravity, beta = dv - g t e_D, and the attitude of the start turns one into the other. A straight
+line through all fixes of the window is their best mean; the field adds the heading.
 
 Source: docs/filter.md Eq. (43), (44); Wu, Pan, "Velocity/position integration formula", 2013.
 """
@@ -20,28 +20,28 @@ from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, rotate, to_matrix
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-# A window of less tells no tilt, and after so long the loop knows more than the window.
+# A shorter window shows no tilt, and after the longer time the loop is more accurate.
 SHORTEST_S = 1.0
 LONGEST_S = 4.0
 FEWEST_FIXES = 4
-# Of the past that late fixes belong to.
+# Length of the past for late fixes.
 PAST_LENGTH = 100
-# Of the horizontal directions of force and field below which they name no heading.
+# Horizontal size of force and field below which they give no heading.
 LEAST_ANGLE = 0.05
 # Of a heading from the field, through the tilt.
 FIELD_HEADING_RAD = 5.0 * DEG
-# 1, time, velocity north and east, gained velocity: their products, each with each.
+# 1, time, velocity north and east, gained velocity: all products of two.
 SIZE = 7
 SUMS = SIZE * (SIZE + 1) // 2
 
 
 class Leveled(NamedTuple):
-    """What a window shows.
+    """The result of a window.
 
     Attributes:
         q_nb: attitude, body to NED, now.
         tilt_sigma_rad: deviation of its tilt, from the noise of velocities and heading.
-        heading_sigma_rad: deviation of its heading; infinite: it is the one that was given.
+        heading_sigma_rad: deviation of its heading; infinite: it is the given one.
         length_s: of the window.
     """
 
@@ -52,14 +52,14 @@ class Leveled(NamedTuple):
 
 
 class AirReference(NamedTuple):
-    """What is known of the field.
+    """Knowledge of the field.
 
     Attributes:
-        norm: of the field, in the samples' unit; 0: nothing is known.
+        norm: of the field, in the samples' unit; 0: unknown.
         dip_rad: inclination, positive down.
         declination_rad: of magnetic north.
-        norm_gate: how far a norm may be off, relative.
-        dip_gate_rad: how far a dip may be off.
+        norm_gate: allowed relative error of a norm.
+        dip_gate_rad: allowed error of a dip.
     """
 
     norm: float
@@ -87,20 +87,20 @@ class AirAlignment:
         self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
     def is_over(self, t_us: int) -> bool:
-        """True when the window has its full length."""
+        """Whether the window has its full length."""
         return t_us - self._start_us > LONGEST_S * 1e6
 
     def add(
         self, t_us: int, w_b: Vec3, f_b: Vec3, m_b: Vec3 | None, field_latency_s: float
     ) -> None:
-        """Takes a sample, its biases removed.
+        """Adds a sample with its biases removed.
 
         Args:
             t_us: its time.
             w_b: angular rate, rad/s.
             f_b: specific force, m/s^2.
             m_b: magnetic field; None without a new one.
-            field_latency_s: how late the field is.
+            field_latency_s: delay of the field.
         """
         dt_s = (t_us - self._t_us) * 1e-6
         self._t_us = t_us
@@ -118,7 +118,7 @@ class AirAlignment:
             self._fields += 1
 
     def take(self, t_us: float, v_n: Sequence[float]) -> None:
-        """Takes a velocity over ground, north and east in m/s, that was true at a time."""
+        """Adds a velocity over ground, north and east in m/s, valid at a time."""
         if t_us < self._start_us or not self._past or self.is_over(int(t_us)):
             return
         t_s = (t_us - self._start_us) * 1e-6
@@ -132,8 +132,8 @@ class AirAlignment:
         """The attitude now; None while the window is too short, or its velocities impossible.
 
         Args:
-            q_nb: the attitude as it is believed; its heading is kept where no field shows one.
-            reference: what the field is compared with.
+            q_nb: the present attitude; its heading is kept if no field shows one.
+            reference: for the field.
             sigma_m_s: deviation of a velocity.
         """
         length_s = (self._t_us - self._start_us) * 1e-6
@@ -147,7 +147,7 @@ class AirAlignment:
         level = math.hypot(north, east)
         if not (level < size and spread > 0.0):
             return None
-        # The vertical velocity is not measured: what is left of the length is gravity's.
+        # The vertical velocity is not measured: the rest of the length is gravity's.
         wanted: Vec3 = (north / size, east / size, -math.sqrt(1.0 - (level / size) ** 2))
         start = multiply(q_nb, conjugate(self._turn))
         start = multiply(_smallest_turn(rotate(start, gained), wanted), start)
@@ -166,7 +166,7 @@ class AirAlignment:
         return Leveled(q_now, tilt_sigma, heading_sigma, length_s)
 
     def _matrix(self) -> list[list[float]]:
-        """Sums of products of 1, time, velocity (2) and gained velocity (3), each with each."""
+        """Sums of products of 1, time, velocity (2) and gained velocity (3), all pairs."""
         matrix = [[0.0] * SIZE for _ in range(SIZE)]
         places = itertools.combinations_with_replacement(range(SIZE), 2)
         for (i, j), value in zip(places, self._sums, strict=True):
@@ -202,13 +202,13 @@ class AirAlignment:
         return math.atan2(sine, sum(x * y for x, y in zip(a, b, strict=True)))
 
     def values(self) -> tuple[float, ...]:
-        """Everything remembered, as flat numbers."""
+        """The complete state, as flat numbers."""
         head = (self._start_us, self._t_us, *self._turn, *self._gained, *self._field, self._fields)
         return (*head, *self._sums, *itertools.chain(*self._past))
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "AirAlignment":
-        """The window that gave these values."""
+        """Restores a window from its `values`."""
         made = cls(int(values[0]))
         made._t_us = int(values[1])
         w, x, y, z, *rest = values[2:]
@@ -223,7 +223,7 @@ class AirAlignment:
 
 
 def _without(matrix: list[list[float]], k: int) -> list[list[float]]:
-    """A matrix of products with what depends linearly on number k taken out."""
+    """A matrix of products with the linear dependence on number k removed."""
     pivot = matrix[k][k]
     if pivot <= 0.0:
         return matrix
@@ -234,10 +234,10 @@ def _without(matrix: list[list[float]], k: int) -> list[list[float]]:
 def _turn_to_velocity(
     start: Quat, products: list[list[float]], noise: float
 ) -> tuple[float, float]:
-    """The angle about the mean force by which felt and measured velocity differ; its deviation.
+    """The angle about the mean force between felt and measured velocity; its deviation.
 
     Args:
-        start: attitude of the start, its tilt right.
+        start: attitude of the start, with the right tilt.
         products: of velocities and gained velocities, about their straight lines.
         noise: of the velocities, their squares summed.
     """

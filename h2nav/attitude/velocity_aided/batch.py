@@ -20,11 +20,11 @@ _TRUST = np.array([int(trust) for trust in TRUST])
 
 
 class VelocityAidedBatch:
-    """How ordinary samples go through the compiled kernel; see `batch_driver.Batch`.
+    """Passes ordinary samples to the compiled kernel; see `batch_driver.Batch`.
 
     Args:
-        attitude_filter: the filter that the samples are for.
-        explains: deviations and trust of every sample are wanted.
+        attitude_filter: the filter to run.
+        explains: also return deviations and trust of every sample.
     """
 
     def __init__(self, attitude_filter: VelocityAidedFilter, *, explains: bool = False) -> None:
@@ -32,20 +32,20 @@ class VelocityAidedBatch:
         self._explains = explains
 
     def special(self, samples: BatchSamples) -> Mask:
-        """Samples that the filter does not pass to its kernel as they are."""
+        """Samples that the filter does not pass to its kernel unchanged."""
         return special_samples(samples)
 
     def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
-        """None while the filter aligns, after a long gap, or with an outside velocity at hand."""
+        """Empty while the filter aligns, after a long gap, or with a pending velocity."""
         return stop if self._filter.is_free_at(int(samples.t_us[first])) else first
 
     def records(self) -> tuple[State, Workspace, Gains]:
-        """What the kernel takes before a sample."""
+        """The kernel's arguments before a sample."""
         chosen = self._filter
         return chosen.kernel_state, chosen.kernel_workspace, chosen.kernel_gains
 
     def table(self, part: BatchSamples) -> Table:
-        """The kernel's samples; what the autopilot says of the vehicle stays as it is."""
+        """The kernel's samples; the vehicle's reported state stays constant."""
         table = empty_table(Sample, len(part.t_us))
         before = np.append(self._filter.t_us or 0, part.t_us[:-1])
         table["dt_s"] = (part.t_us - before) * 1e-6
@@ -53,7 +53,7 @@ class VelocityAidedBatch:
         table["accel"] = part.acc
         table["mag"][part.has_field] = part.mag[part.has_field]
         table["has_mag"] = part.has_field
-        # What is remembered shall not depend on the batch.
+        # The state must not depend on the batch.
         table["asked"][slice(None) if self._explains else -1] = 1.0
         table["rest_prior"] = self._filter.kernel_sample.rest_prior
         table["forward_speed"] = self._filter.kernel_sample.forward_speed
@@ -77,13 +77,13 @@ class VelocityAidedBatch:
 
 
 def special_samples(samples: BatchSamples) -> Mask:
-    """Samples that the filter, in floats or integers, does not pass to its kernel as they are."""
+    """Samples that the filter, in floats or integers, does not pass to its kernel unchanged."""
     gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
     plausible = sizes(samples.gyr) < MOST_RATE_RAD_S * (1.0 - 1e-9)
     forces = sizes(samples.acc)
     plausible &= forces < MOST_FORCE_M_S2 * (1.0 - 1e-9)
     large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD_UT * (1.0 - 1e-9))
     special: Mask = ~plausible | large | (gaps > LONGEST_GAP_US)
-    special[1:] |= ~plausible[:-1]  # time runs on from the last sample that was taken
+    special[1:] |= ~plausible[:-1]  # time continues from the last sample used
     special |= forces == 0.0
     return special

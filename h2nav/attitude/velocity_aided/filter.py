@@ -1,7 +1,6 @@
-"""The velocity-aided filter: a velocity that is measured, or bounded, holds the attitude.
+"""The velocity-aided filter: a measured or bounded velocity holds the attitude.
 
-Measured levels of motion pick the gains. In floats: how `shell` and the kernel understand each
-other.
+Measured levels of motion select the gains. This module connects `shell` and the kernel in floats.
 
 Equations: docs/filter.md.
 """
@@ -47,11 +46,11 @@ from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
 from h2nav.maths.quaternion import multiply
 from h2nav.maths.units import GRAVITY_M_S2
 
-# A field is waited for so long; the forces are averaged at least so long.
+# How long a field is awaited; least time over which the forces are averaged.
 FIELD_WAIT_S = 0.25
 ALIGN_S = 0.02
 WIDE_OFFSET = 0.1  # of the field's norm
-# What an estimate takes from the kernel, in its order.
+# The kernel's results for an estimate, in their order.
 _HELD = ("q_nb", "gyro_bias", "innovation")
 _FOUND = ("rate", "sigma_tilt", "sigma_heading")
 _NO_FIELD = (0.0, 0.0, 0.0)
@@ -87,12 +86,12 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     @property
     def kernel_state(self) -> State:
-        """What the kernel remembers; see `follow`."""
+        """The kernel's state; see `follow`."""
         return self._state
 
     @property
     def kernel_workspace(self) -> Workspace:
-        """Where the kernel works out a step."""
+        """The kernel's workspace."""
         return self._workspace
 
     @property
@@ -112,7 +111,7 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     @property
     def field_latency_s(self) -> float:
-        """How late the magnetometer's samples are against the gyro's, as learnt so far."""
+        """Estimated delay of the magnetometer's samples relative to the gyro's."""
         s, g = self._state, self._g
         expected = g.mag_lag_prior * s.mag_lag_expected
         lag = (s.mag_lag_num + expected) / (s.mag_lag_den + g.mag_lag_prior)
@@ -120,7 +119,7 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """What has been learnt of the sensors so far."""
+        """The errors of the sensors estimated so far."""
         s, gravity = self._state, self._g.gravity
         x, y = s.accel_bias[:]
         xx, _, yy = s.p_accel[:]
@@ -141,7 +140,7 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     @property
     def _has_field_heading(self) -> bool:
-        # A heading that velocities have shown is that of true north already.
+        # A heading shown by velocities already refers to true north.
         return self._state.mag_accepted_age_s >= 0.0 and self._state.heading_witnessed == 0.0
 
     def _heading(self) -> HeadingState:
@@ -149,11 +148,11 @@ class VelocityAidedFilter(VelocityAidedShell):
         return HeadingState(s.age_s, s.heading_turned, s.heading_variance)
 
     def follow(self, t_us: int) -> None:
-        """Goes on from a sample of this time, to which a batch has brought memory and sample."""
+        """Continues after a sample of this time, to which a batch has brought state and sample."""
         self._t_us = t_us
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        """Expects the field to be older than the rate by as much; see `AttitudeFilter`."""
         self._state.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
@@ -320,14 +319,14 @@ class VelocityAidedFilter(VelocityAidedShell):
         return self._start(sample, LEVEL_SIGMA)
 
     def _resume(self, sample: ImuSample) -> int:
-        # A force of the air says less of the tilt than the last one.
+        # A force in flight shows the tilt less well than the last one.
         self._state.mag_accepted_age_s = -1.0
         self._state.heading_unknown = 1.0
         self._state.age_s = LONGEST_S
         return self._start(sample, AIR_TILT_SIGMA_RAD)
 
     def _start(self, sample: ImuSample, tilt_sigma_rad: float) -> int:
-        """Everything but attitude, bias, its covariance, latency and references starts anew."""
+        """Restarts everything but attitude, bias, its covariance, latency and references."""
         speed = self._sample.forward_speed
         first = (sample.w_b, sample.f_b, speed)
         begin(self._state, self._workspace, self._g, *first, tilt_sigma_rad)
@@ -340,7 +339,7 @@ class VelocityAidedFilter(VelocityAidedShell):
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, to_n, to_e, to_d = self._read_held()
         w_x, w_y, w_z, sigma_tilt_rad, sigma_heading_rad = self._read_found()
-        # Without the detour through the constructor's arguments, which doubles its price.
+        # Bypasses the constructor, which would double the cost.
         return tuple.__new__(
             AttitudeEstimate,
             (

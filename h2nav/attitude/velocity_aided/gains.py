@@ -1,4 +1,4 @@
-"""What the velocity-aided filter takes from its gain file: physical limits and gain sets."""
+"""The velocity-aided filter's part of a gain file: physical limits and gain sets."""
 
 import itertools
 import math
@@ -22,13 +22,13 @@ _REQUIRED = tuple(key for key in _KEYS if key not in _ABSENT)
 
 
 class VelocityAidedGains(NamedTuple):
-    """Everything precomputed that `VelocityAidedFilter` takes.
+    """Everything precomputed for `VelocityAidedFilter`.
 
     Attributes:
         name: of the gain file.
         rate_hz: nominal sample rate.
         vehicle_class: one of `VEHICLE_CLASSES`.
-        cruise_speed_m_s: velocity along the nose when no airspeed is known; 0 but on a fixed wing.
+        cruise_speed_m_s: velocity along the nose without an airspeed; 0 except on a fixed wing.
         kernel: the kernel's gains and limits.
     """
 
@@ -43,10 +43,10 @@ class GainSets(NamedTuple):
     """The synthesized gains, weakest set first.
 
     Attributes:
-        bounds: omega0^4 up to which a set is taken, 1/s^4, one fewer than sets.
+        bounds: omega0^4 up to which a set is used, 1/s^4, one fewer than sets.
         k_tilt: 1/s^2 per set.
         k_velocity: 1/s per set.
-        fix_periods: s; the periods that the gains at fixes are made for.
+        fix_periods: s; the periods for which the gains at fixes are made.
         k_fix_tilt: 1/s per period and set.
         k_fix_velocity: per period and set.
     """
@@ -60,7 +60,7 @@ class GainSets(NamedTuple):
 
 
 def velocity_aided_gains(file: GainFile, place: str) -> VelocityAidedGains:
-    """The record that the velocity-aided filter takes, from a gain file of its kind.
+    """The velocity-aided filter's record of a gain file of its kind.
 
     Raises:
         BadInput: one line per error, each naming the file and the key.
@@ -120,7 +120,7 @@ def sets_of(section: Mapping[str, object]) -> GainSets:
 
 
 def class_complaints(section: Mapping[str, object], place: str, prefix: str) -> list[str]:
-    """One line when the vehicle class is not one of `VEHICLE_CLASSES`."""
+    """One line if the vehicle class is not one of `VEHICLE_CLASSES`."""
     if section.get("vehicle_class", "handheld") in VEHICLE_CLASSES:
         return []
     return [f"{place}: {prefix}vehicle_class: expected one of {', '.join(VEHICLE_CLASSES)}"]

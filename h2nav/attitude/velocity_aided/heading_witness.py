@@ -1,8 +1,8 @@
-"""Heading from measured velocity: where the vehicle accelerates is seen by force and receiver.
+"""Heading from measured velocity: accelerations are seen by both force and receiver.
 
-The filter's horizontal velocity gained from the force, turned back by all corrections of the
-heading, and the measured one differ by a rotation about the vertical: a complex regression. Both
-go through two high-passes, so that a tilt error and the unknown velocity at the start fall out.
+The filter's horizontal velocity gained from the force, with all heading corrections undone, and the
+measured one differ by a rotation about the vertical: a complex regression. Both go through two
+high-passes, which remove a tilt error and the unknown initial velocity.
 
 Source: docs/filter.md Eq. (45) - (47).
 """
@@ -14,21 +14,21 @@ from typing import NamedTuple
 
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-# The receiver's latency is not known before the heading is: each is tried, s.
+# The receiver's latency is unknown before the heading is: each of these is tried, s.
 LATENCIES_S = (0.0, 0.1, 0.2, 0.3)
 HIGH_PASS_S = 4.0
 MEMORY_S = 90.0
-# So far the regression itself is known, and real receivers are worse than their scatter says.
+# Floor of the regression's deviation: real receivers are worse than their scatter suggests.
 INFLATION = 3.0
 KNOWN_RAD = 12.0 * DEG
-# Ratio of measured to felt velocity beyond which one of them is no velocity of this vehicle.
+# Ratio of measured to felt velocity beyond which one of them is not this vehicle's velocity.
 LEAST_RATIO, MOST_RATIO = 0.6, 1.6
-# Between two fixes the velocity changes by what was felt, but for the noise of both and a tilt.
+# Between two fixes the velocity changes as felt, except for the noise of both and a tilt.
 JUMP_SIGMAS, JUMP_M_S2 = 7.0, 5.0
 
 
 class Heading(NamedTuple):
-    """What the regression says.
+    """The result of the regression.
 
     Attributes:
         turn_rad: from the filter's heading to the regression's.
@@ -40,14 +40,14 @@ class Heading(NamedTuple):
 
     @property
     def contradicts(self) -> bool:
-        """Whether the filter's heading is wrong beyond doubt."""
+        """Whether the filter's heading is certainly wrong."""
         return abs(self.turn_rad) > max(KNOWN_RAD, INFLATION * self.sigma_rad)
 
 
 def velocity_walk(gyro_density: float, accel_density: float) -> float:
     """Variance of the felt velocity over the time of the high-passes, (m/s)^2.
 
-    A tilt that stands still falls out, one that walks does not.
+    A constant tilt cancels, one that walks does not.
 
     Args:
         gyro_density: of the gyro's noise, squared, rad^2/s.
@@ -58,7 +58,7 @@ def velocity_walk(gyro_density: float, accel_density: float) -> float:
 
 
 class _HighPass:
-    """Two first-order high-passes, one after the other, of increments."""
+    """Two first-order high-passes in series, of increments."""
 
     def __init__(self) -> None:
         self.first = 0j
@@ -78,7 +78,7 @@ class HeadingWitness:
         self.clear()
 
     def clear(self) -> None:
-        """Nothing is known."""
+        """Forgets everything."""
         self._fixes = 0
         self._velocity = 0j
         self._gained = [0j] * len(LATENCIES_S)
@@ -99,13 +99,13 @@ class HeadingWitness:
         sigma_m_s: float,
         walk_m2_s2: float,
     ) -> Heading | None:
-        """Takes a fix; what is known after it, None as long as that is little.
+        """Adds a fix; returns the heading known after it, None while that is uncertain.
 
         Args:
             v_n: velocity north and east, m/s.
-            gained: velocity gained from the force until the fix was true, for each latency, s.
+            gained: velocity gained from the force until the fix's time, for each latency, s.
             turned_rad: sum of all corrections of the heading.
-            period_s: time since the fix before.
+            period_s: time since the previous fix.
             sigma_m_s: deviation of the velocity.
             walk_m2_s2: variance of the felt velocity within the high-passes; `velocity_walk`.
         """
@@ -118,7 +118,7 @@ class HeadingWitness:
             forget = math.exp(-period_s / MEMORY_S)
             jump = abs(velocity - self._velocity) - abs(back * (felt[0] - self._gained[0]))
             if jump > JUMP_SIGMAS * sigma_m_s + JUMP_M_S2 * period_s:
-                # No force moves a vehicle so: the receiver has jumped, and all before is void.
+                # No force moves a vehicle like this: the receiver jumped; earlier data are void.
                 self.clear()
                 return None
             v = self._measured.add(velocity - self._velocity, keep)
@@ -150,7 +150,7 @@ class HeadingWitness:
         return abs(self._product[i]) ** 2 / energy if energy > 0.0 else 0.0
 
     def values(self) -> tuple[float, ...]:
-        """Everything remembered, as flat numbers; always as many."""
+        """The complete state, as flat numbers of constant count."""
         complexes = [self._velocity, self._measured.first, self._measured.second]
         for i, high_pass in enumerate(self._felt):
             complexes += [self._gained[i], high_pass.first, high_pass.second, self._product[i]]
@@ -171,5 +171,5 @@ class HeadingWitness:
             self._gained[i], high_pass.first, high_pass.second, self._product[i] = part
 
 
-# How many numbers `HeadingWitness.values` gives.
+# Number of values in `HeadingWitness.values`.
 SIZE = len(HeadingWitness().values())

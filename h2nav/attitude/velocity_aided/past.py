@@ -1,11 +1,11 @@
-"""What was integrated up to a time of the past, for fixes that are late."""
+"""Integrals at past times, for fixes that are late."""
 
 import bisect
 import operator
 from collections import deque
 from collections.abc import Callable
 
-# Between two rows of a past.
+# Interval of two rows of a past.
 SPACING_US = 10_000
 
 Row = tuple[float, ...]
@@ -13,12 +13,12 @@ _time: Callable[[Row], float] = operator.itemgetter(0)
 
 
 def around(past: deque[Row], t_us: float) -> tuple[Row, Row, float]:
-    """The rows before and after a time, and how much of the way between them it is, 0 to 1.
+    """The rows before and after a time, and the share of the interval between them, 0 to 1.
 
-    Beyond an end both rows are that end's.
+    Beyond an end both rows are that of the end.
 
     Args:
-        past: rows of time, us, and what was gained until then, the newest last; one at least.
+        past: rows of time, us, and integrals until then, the newest last; at least one.
         t_us: the time.
     """
     place = bisect.bisect_right(past, t_us, key=_time)

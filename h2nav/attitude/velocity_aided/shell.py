@@ -1,8 +1,8 @@
-"""What stands around the kernels of the velocity-aided filter, whatever their arithmetic.
+"""The shell around the kernels of the velocity-aided filter, for any arithmetic.
 
-Start, bad samples, long gaps, fixes that are late, what velocities show of heading and attitude,
-sensors that are doubted: in SI units, once. What an arithmetic adds is how its kernel is given a
-sample and asked for numbers (`filter` for floats, `integer.filter` for integers).
+It handles, once and in SI units, the start, bad samples, long gaps, late fixes, heading and
+attitude from velocities, and doubted sensors. An arithmetic adds how its kernel takes a sample and
+returns numbers (`filter` for floats, `integer.filter` for integers).
 
 Equations: docs/filter.md.
 """
@@ -41,25 +41,25 @@ from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
 from h2nav.maths.units import DEG
 
-# Beyond this gap the attitude is found anew; the bias is kept.
+# After a longer gap the attitude is found anew; the bias is kept.
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
-# Larger inputs are no sensor's.
+# Larger inputs are implausible.
 MOST_RATE_RAD_S = 200.0
 MOST_FORCE_M_S2 = 4000.0
 MOST_FIELD_UT = 1e6
-# Numbers of `VelocityAidedShell.state` before those of the kernel.
+# Number of values of `VelocityAidedShell.state` before those of the kernel.
 HEAD_SIZE = 4
-# A bias beyond this turns the forces of a window in the air by more than the velocities tell.
+# A larger bias turns the forces of a window in the air by more than the velocities can show.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
-# What an accelerometer's data sheet allows: 60 mg.
+# Limit from an accelerometer's data sheet: 60 mg.
 MOST_ACCEL_BIAS_G = 0.06
-# Deviation of a tilt that was not followed for a while, in flight.
+# Deviation of a tilt that was not tracked for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
-# A heading that differs from that of the velocities by more deviations, and by more at all, is
-# doubted: any iron may be in the field. Of the regression so many of its own deviations count.
+# A heading that differs from that of the velocities by more deviations, and by more in total, is
+# doubted: iron may have bent the field. Of the regression this many of its own deviations count.
 DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
-# A gyro is doubted anew where the variance of its bias becomes so many times what it was.
+# A gyro is doubted anew when the variance of its bias grows by this factor.
 NEWS = 4.0
 
 _FLAGS = (
@@ -72,19 +72,19 @@ _FLAGS = (
     (memory.CONVERGED, Trust.CONVERGED),
     (memory.YAW_REFERENCED, Trust.YAW_REFERENCED),
 )
-# By a step's bits: making an IntFlag costs more than the rest of an estimate.
+# Indexed by a step's bits: creating an IntFlag costs more than the rest of an estimate.
 TRUST = tuple(
     Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
 )
 
 
 class HeadingState(NamedTuple):
-    """What a filter knows of its heading.
+    """The state of a filter's heading.
 
     Attributes:
         age_s: time since the tilt was found.
         turned_rad: sum of all corrections of the heading so far.
-        variance: as the covariance has it, rad^2.
+        variance: from the covariance, rad^2.
     """
 
     age_s: float
@@ -93,14 +93,14 @@ class HeadingState(NamedTuple):
 
 
 class VelocityAidedShell(ABC):
-    """The velocity-aided filter but for its kernel.
+    """The velocity-aided filter without its kernel.
 
     Args:
         gains: of a gain file of kind velocity_aided.
     """
 
     name = "velocity_aided"
-    # Whose states can be restored; those of another arithmetic cannot.
+    # The states that can be restored; those of another arithmetic cannot.
     state_name = name
 
     def __init__(self, gains: VelocityAidedGains) -> None:
@@ -117,9 +117,9 @@ class VelocityAidedShell(ABC):
         return self._t_us
 
     def is_free_at(self, t_us: int) -> bool:
-        """True when a plain sample of this time goes to the kernel as it is.
+        """Whether a plain sample of this time goes to the kernel unchanged.
 
-        The filter is aligned, there is no long gap, and no outside velocity is at hand.
+        The filter must be aligned, without a long gap and without a pending velocity.
         """
         if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_US:
             return False
@@ -128,13 +128,13 @@ class VelocityAidedShell(ABC):
         return self._aiding.is_idle(t_us)
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes one sample; see `AttitudeFilter`.
+        """Processes one sample; see `AttitudeFilter`.
 
-        A sample that no sensor can have made (not finite, absurdly large) leaves the filter as it
-        is: the attitude before it comes again, with the sample's time and `Trust.SATURATED`. A
-        force of exactly zero, which is none, or a clipped sample is integrated but corrects
-        nothing; the rate of a clipped one is doubted. A sample that is not later than the one
-        before changes nothing: the estimate before it comes again.
+        An implausible sample (not finite, absurdly large) leaves the filter unchanged: the previous
+        attitude is returned with the sample's time and `Trust.SATURATED`. A force of exactly zero,
+        which is none, or a clipped sample is integrated but corrects nothing; the rate of a clipped
+        one is doubted. A sample that is not later than the previous one changes nothing: the
+        previous estimate is returned.
         """
         t_us = sample.t_us
         before_us = self._t_us
@@ -175,12 +175,12 @@ class VelocityAidedShell(ABC):
             self._take_level(self._air.solve(self._attitude(), self._reference(), sigma_m_s))
 
     def doubt(self, doubt: SensorDoubt) -> None:
-        """Learns anew what was shown to be wrong; see `AttitudeFilter`."""
+        """Estimates anew what was found wrong; see `AttitudeFilter`."""
         g = self._gains.kernel
         x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
         known = self.sensor_errors.gyro_variance
         if any(new > NEWS * old for new, old in zip((x, y, z), known, strict=True)):
-            # The velocity felt until now was bent by a gyro that nobody doubted.
+            # The velocity felt until now was bent by an undetected gyro error.
             self._witness.clear()
         force = None
         if self._gained() is not None and g.accel_variance > 0.0:
@@ -189,7 +189,7 @@ class VelocityAidedShell(ABC):
         self._open_biases((x, y, z), force)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
-        """Begins with sensors whose errors are undone, as well as they were known so long ago."""
+        """Starts with sensors whose errors are corrected, known as well as so long ago."""
         g = self._gains.kernel
         walk = g.bias_walk * walked_s
         x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
@@ -201,7 +201,7 @@ class VelocityAidedShell(ABC):
             self._set_aided_variances((a, b), min(lag, g.fix_lag_variance))
 
     def restart(self) -> None:
-        """Forgets time, on the ground attitude too; bias, field and sensors stay known."""
+        """Forgets time, and on the ground the attitude; keeps bias, field and sensors."""
         self._aligned &= self._flies
         self._t_us = None
         self._aiding.clear()
@@ -210,7 +210,7 @@ class VelocityAidedShell(ABC):
         self._forget_start()
 
     def state(self) -> FilterState:
-        """The complete memory of the filter."""
+        """The complete state of the filter."""
         own = self._values()
         air = () if self._air is None else self._air.values()
         head = (self._t_us, int(self._aligned), len(own), len(air))
@@ -239,47 +239,47 @@ class VelocityAidedShell(ABC):
     @property
     @abstractmethod
     def sensor_errors(self) -> SensorErrors:
-        """What has been learnt of the sensors so far."""
+        """The errors of the sensors estimated so far."""
 
     @property
     @abstractmethod
     def field_latency_s(self) -> float:
-        """How late the magnetometer's samples are against the gyro's, as learnt so far."""
+        """Estimated delay of the magnetometer's samples relative to the gyro's."""
 
     @property
     @abstractmethod
     def _flies(self) -> bool:
-        """Whether the vehicle is said to be in the air."""
+        """Whether the vehicle is reported to be in the air."""
 
     @property
     @abstractmethod
     def _has_field_heading(self) -> bool:
-        """Whether the heading is that of a field: a changed declination turns it."""
+        """Whether the heading comes from a field, so that a changed declination turns it."""
 
     @abstractmethod
     def _heading(self) -> HeadingState:
-        """What is known of the heading."""
+        """The state of the heading."""
 
     @abstractmethod
     def use_delays(self, delays: SensorDelays) -> None:
-        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        """Expects the field to be older than the rate by as much; see `AttitudeFilter`."""
 
     @abstractmethod
     def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
-        """The kernel's step with a sample of so much time; bits."""
+        """Runs the kernel's step with a sample of this duration; returns bits."""
 
     @abstractmethod
     def _align(self, sample: ImuSample, dt_us: int | None) -> int | None:
-        """Takes a sample for the first attitude; bits, None while it is not found.
+        """Takes a sample for the first attitude; returns bits, None until it is found.
 
         Args:
             sample: plausible.
-            dt_us: time since the one before; None for the first, or the first after a long gap.
+            dt_us: time since the previous one; None for the first, or the first after a long gap.
         """
 
     @abstractmethod
     def _resume(self, sample: ImuSample) -> int:
-        """Goes on after a gap in the air with the attitude of before, which is doubted; bits."""
+        """Continues after a gap in the air with the previous attitude, which is doubted; bits."""
 
     @abstractmethod
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
@@ -287,11 +287,11 @@ class VelocityAidedShell(ABC):
 
     @abstractmethod
     def _standing(self, t_us: int, bits: int) -> AttitudeEstimate:
-        """The estimate where no step was made."""
+        """The estimate if no step was made."""
 
     @abstractmethod
     def _gained(self) -> tuple[float, float] | None:
-        """Velocity gained from the force since fixes hold the filter, over g; None: none does."""
+        """Velocity gained from the force since aiding began, over g; None without fixes."""
 
     @abstractmethod
     def _attitude(self) -> Quat:
@@ -299,63 +299,63 @@ class VelocityAidedShell(ABC):
 
     @abstractmethod
     def _reference(self) -> AirReference:
-        """What the field is compared with; of no norm while velocities show the heading."""
+        """The reference of the field; its norm is 0 while velocities show the heading."""
 
     @abstractmethod
     def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
-        """Rate, force and, where it is new, field of the sample that came last."""
+        """Rate, force and, if new, field of the latest sample, without biases."""
 
     @abstractmethod
     def _set_vehicle(self, prior: int, speed_m_s: float) -> None:
-        """Takes how a rest is believed, and the velocity along the nose."""
+        """Sets the prior of rest, and the velocity along the nose."""
 
     @abstractmethod
     def _set_field(self, field: EarthField) -> float:
-        """Takes the field of the place; the change of the declination, rad."""
+        """Sets the local field; returns the change of the declination, rad."""
 
     @abstractmethod
     def _turn_heading(self, angle_rad: float) -> None:
-        """Turns by an angle at once; what is known of the heading is forgotten."""
+        """Turns by an angle at once, and forgets the state of the heading."""
 
     @abstractmethod
     def _set_witnessed(self, is_witnessed: bool) -> None:
-        """Whether velocities show the heading now."""
+        """Sets whether velocities show the heading now."""
 
     @abstractmethod
     def _confirm(self, shown_rad: float) -> None:
-        """Velocities have shown the heading to be right to that."""
+        """Notes that velocities have confirmed the heading to this accuracy."""
 
     @abstractmethod
     def _doubt_field(self) -> None:
-        """Velocities have shown a heading that the field does not have."""
+        """Notes that velocities have contradicted the field's heading."""
 
     @abstractmethod
     def _limit_heading(self, sigma_rad: float) -> None:
-        """The heading was taken from velocities: it is known so well; of the fixes nothing is."""
+        """Sets the accuracy of a heading from velocities; nothing is known of the fixes."""
 
     @abstractmethod
     def _find_in_air(self, found: Leveled) -> None:
-        """Goes on with an attitude that velocities have shown in flight."""
+        """Continues with an attitude from velocities in flight."""
 
     @abstractmethod
     def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
-        """The biases are known no better than to these variances, (rad/s)^2 and g^2."""
+        """Raises the biases' variances to these, (rad/s)^2 and g^2."""
 
     @abstractmethod
     def _set_gyro_variance(self, variance: Vec3) -> None:
-        """The gyro's bias is known so well, (rad/s)^2; nothing else goes with it."""
+        """Sets the variance of the gyro's bias, (rad/s)^2, without correlations."""
 
     @abstractmethod
     def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
-        """Accelerometer's bias and latency of the fixes are known so well, g^2 and s^2."""
+        """Sets the variances of accelerometer bias and fix latency, g^2 and s^2."""
 
     @abstractmethod
     def _forget_start(self) -> None:
-        """A first attitude is not collected any more."""
+        """Stops collecting samples for a first attitude."""
 
     @abstractmethod
     def _values(self) -> Sequence[float | int | None]:
-        """All that this arithmetic remembers, as flat numbers."""
+        """The complete state of this arithmetic, as flat numbers."""
 
     @abstractmethod
     def _restore(self, values: Sequence[float | int | None]) -> None:
@@ -364,7 +364,7 @@ class VelocityAidedShell(ABC):
     # --- start ----------------------------------------------------------------------------------
 
     def _begin(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Collects samples for the first attitude, or goes on after a long gap."""
+        """Collects samples for the first attitude, or continues after a long gap."""
         dt_us = None if self._t_us is None else sample.t_us - self._t_us
         if dt_us is not None and dt_us > LONGEST_GAP_US:
             dt_us = None
@@ -385,14 +385,14 @@ class VelocityAidedShell(ABC):
     # --- velocities -----------------------------------------------------------------------------
 
     def _take_fix(self, t_us: int) -> TimedFix | None:
-        """The fix that waits, if it may be used; the heading that it shows is taken."""
+        """The pending fix, if it may be used; adopts the heading that it shows."""
         fix = self._aiding.take(t_us, self._gained() or (0.0, 0.0))
         if fix is not None:
             self._ask_velocity(fix)
         return fix
 
     def _ask_velocity(self, fix: TimedFix) -> None:
-        """Takes the heading that the velocities show, where it contradicts the filter's."""
+        """Adopts the heading from velocities, if it contradicts the filter's."""
         heading = self._heading()
         if self._air is not None or heading.age_s < HIGH_PASS_S:
             return
@@ -406,12 +406,12 @@ class VelocityAidedShell(ABC):
         self._compare(seen, heading.variance)
         if seen.contradicts:
             self._turn_heading(seen.turn_rad)
-            # Latency and tilt were learnt from velocities that were turned the wrong way.
+            # Latency and tilt were estimated from velocities turned the wrong way.
             self._limit_heading(INFLATION * seen.sigma_rad)
             self._watch_in_air(self._t_us or 0)
 
     def _compare(self, seen: Heading, variance: float) -> None:
-        """Velocities confirm the heading, or make the field doubtful that gave it."""
+        """Confirms the heading by velocities, or doubts the field that gave it."""
         off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
         if off * off > DOUBT**2 * (variance + sigma**2) and off > LEAST_DOUBT_RAD:
             self._doubt_field()
@@ -419,12 +419,12 @@ class VelocityAidedShell(ABC):
             self._confirm(max(off, sigma))
 
     def _watch_in_air(self, t_us: int) -> None:
-        """Begins a window in the air; where the gyro's bias is not known, the loop is better."""
+        """Begins a window in the air; without a known gyro bias the loop is better."""
         is_known = sum(self.sensor_errors.gyro_variance) < KNOWN_BIAS_RAD_S**2
         self._air = AirAlignment(t_us) if is_known and self._flies else None
 
     def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
-        """Adds a sample to the window; the window ends when it is long enough."""
+        """Adds a sample to the window; the window ends at its full length."""
         if window.is_over(sample.t_us):
             self._air = None
             return
@@ -432,7 +432,7 @@ class VelocityAidedShell(ABC):
         window.add(sample.t_us, rate, force, field, self.field_latency_s)
 
     def _take_level(self, found: Leveled | None) -> None:
-        """Goes on with what a window in the air has shown."""
+        """Continues with the attitude from a window in the air."""
         if found is None:
             return
         self._find_in_air(found)
@@ -448,7 +448,7 @@ def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
 
 
 def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:
-    """Velocity along the nose that holds a filter without fixes, m/s; < 0 in backward time."""
+    """Velocity along the nose that holds a filter without fixes, m/s; < 0 in reversed time."""
     if gains.cruise_speed_m_s <= 0.0 or vehicle.on_ground:
         return 0.0
     speed = vehicle.airspeed_m_s
@@ -458,18 +458,18 @@ def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float
 
 
 def clipping(f_b: Vec3, clipped: bool) -> float:
-    """What the kernel may believe of a sample: all, its rate with a doubt, or its rate alone."""
+    """What the kernel may use of a sample: all, its rate with a doubt, or its rate alone."""
     if clipped:
         return 1.0
     return memory.FORCE_LOST if f_b == (0.0, 0.0, 0.0) else 0.0
 
 
 def is_plausible(w_b: Vec3, f_b: Vec3) -> bool:
-    """False for what no sensor can have measured; a NaN makes every comparison false."""
+    """Whether a sensor can have measured this; a NaN makes every comparison false."""
     (p, q, r), (x, y, z) = w_b, f_b
     return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
 
 
 def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
-    """False for what no magnetometer can have measured, and for none."""
+    """Whether a magnetometer can have measured this; False for None."""
     return m_b_ut is not None and abs(m_b_ut[0]) + abs(m_b_ut[1]) + abs(m_b_ut[2]) < MOST_FIELD_UT

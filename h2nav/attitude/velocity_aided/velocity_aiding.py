@@ -1,4 +1,4 @@
-"""Which outside velocity holds a filter: quality, age, latency, and when there is none any more."""
+"""Selects the outside velocity that holds a filter: quality, age, latency, and its loss."""
 
 import math
 from collections import deque
@@ -9,33 +9,33 @@ from h2nav.attitude.samples import VelocityFix
 from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
 from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 
-# A fix may be so old (receivers take .1 to .3 s) or, for want of clock agreement, so early.
+# Largest age of a fix (receivers take .1 to .3 s), and how early it may be without clock agreement.
 OLDEST_S = 0.6
 EARLIEST_S = 0.1
 WORST_SIGMA_M_S = 3.0
-# No receiver is better than this, whatever it says.
+# Best accuracy of a receiver, whatever it states.
 LEAST_SIGMA_M_S = 0.05
 FASTEST_M_S = 1000.0
-# So many fixes in a row, no further apart than this, switch aiding on; without one it goes off.
+# This many fixes in a row, no further apart than this, switch aiding on; without one it goes off.
 FIXES_TO_START = 3
 LOST_S = 2.5
 SHORTEST_PERIOD_S = 0.05
-# Over so long the acceleration at the time of a fix is taken.
+# Time over which the acceleration at a fix is taken.
 RATE_S = 0.1
-# Of the filter's past, for fixes that are late.
+# Length of the filter's past, for fixes that are late.
 PAST_LENGTH = 102
 
 
 class TimedFix(NamedTuple):
-    """A fix and what the filter had integrated when it was true.
+    """A fix and the filter's integrals at its time.
 
     Attributes:
         v_n: velocity north and east, m/s.
         gained: velocity gained until then, north and east, in the filter's unit.
-        rate: what was gained per second then, over `RATE_S`.
-        earlier: what was gained until so long before as `LATENCIES_S` says.
+        rate: rate of the gain then, over `RATE_S`.
+        earlier: velocity gained until `LATENCIES_S` before then.
         variance: of either part, (m/s)^2.
-        period_s: time since the fix before.
+        period_s: time since the previous fix.
     """
 
     v_n: tuple[float, float]
@@ -47,12 +47,12 @@ class TimedFix(NamedTuple):
 
 
 class VelocityAiding:
-    """Keeps fixes and a filter's past, so that each fix is used at its own time.
+    """Stores fixes and a filter's past, so that each fix is used at its own time.
 
     "Gained" is the velocity that the filter has integrated since aiding began, in its own unit.
 
     Attributes:
-        aided_until_us: good fixes have come often enough for samples before this time.
+        aided_until_us: good fixes have been frequent enough for samples before this time.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class VelocityAiding:
         self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
     def clear(self) -> None:
-        """No fix is known any more."""
+        """Forgets all fixes."""
         self._fixes = 0
         self._fix_us = 0.0
         self._period_s = 0.0
@@ -74,7 +74,7 @@ class VelocityAiding:
         self._past.clear()
 
     def offer(self, fix: VelocityFix, now_us: int) -> bool:
-        """Takes a fix for the next sample; False when it is too bad, too old or not new."""
+        """Takes a fix for the next sample; returns False if it is poor, too old or not new."""
         age_s = (now_us - fix.t_us) * 1e-6
         north, east = fix.v_n[0], fix.v_n[1]
         if not (-EARLIEST_S <= age_s <= OLDEST_S and fix.sigma_m_s <= WORST_SIGMA_M_S):
@@ -99,19 +99,19 @@ class VelocityAiding:
 
     @property
     def waits(self) -> bool:
-        """True when a fix waits for the next sample."""
+        """Whether a fix is pending for the next sample."""
         return self._waiting is not None
 
     def is_idle(self, t_us: int) -> bool:
-        """True when no fix waits and none holds the filter."""
+        """Whether no fix is pending and none holds the filter."""
         return self._waiting is None and not t_us < self.aided_until_us
 
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
-        """The fix that waits, once; None when there is none or aiding is off.
+        """Returns the pending fix, once; None without one or with aiding off.
 
         Args:
             t_us: time of the sample that it is used with.
-            gained: velocity gained up to the sample before.
+            gained: velocity gained up to the previous sample.
         """
         fix = self._waiting
         if fix is None:
@@ -132,7 +132,7 @@ class VelocityAiding:
         )
 
     def remember(self, t_us: int, gained: tuple[float, float] | None) -> None:
-        """Keeps the velocity gained so far, for fixes that are late; None while none is."""
+        """Stores the velocity gained so far, for late fixes; None while nothing is gained."""
         past = self._past
         if gained is None:
             past.clear()
@@ -140,7 +140,7 @@ class VelocityAiding:
             past.append((float(t_us), gained[0], gained[1]))
 
     def values(self) -> tuple[float, ...]:
-        """Everything remembered, as flat numbers."""
+        """The complete state, as flat numbers."""
         fix = self._waiting
         waiting = () if fix is None else (fix.t_us, *fix.v_n, fix.sigma_m_s, float(fix.independent))
         past = (number for row in self._past for number in row)

@@ -85,7 +85,7 @@ def test_a_name_that_is_no_text_is_reviewed(flight, tmp_path):
 def test_a_pipe_is_refused_and_nothing_waits_for_it(tmp_path, capsys):
     os.mkfifo(tmp_path / "pipe.tlog")
     assert main(["review", str(tmp_path / "pipe.tlog"), "-o", str(tmp_path)]) == BAD_INPUT
-    assert "pipe.tlog: is no file" in capsys.readouterr().err
+    assert "pipe.tlog: is not a file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -25,10 +25,10 @@ from h2nav.maths.units import GRAVITY_M_S2
 
 
 class IntegerVelocityAidedBatch:
-    """How ordinary samples go through the compiled kernel; see `batch_driver.Batch`.
+    """Passes ordinary samples to the compiled kernel; see `batch_driver.Batch`.
 
     Args:
-        attitude_filter: the filter that the samples are for.
+        attitude_filter: the filter to run.
     """
 
     def __init__(self, attitude_filter: IntegerVelocityAidedFilter) -> None:
@@ -36,11 +36,11 @@ class IntegerVelocityAidedBatch:
         self._last: Integers = np.empty(0, dtype=np.int64)
 
     def special(self, samples: BatchSamples) -> Mask:
-        """Samples that the filter does not pass to its kernel as they are."""
+        """Samples that the filter does not pass to its kernel unchanged."""
         return special_samples(samples)
 
     def ready(self, samples: BatchSamples, first: int, stop: int) -> int:
-        """As with the floats; the unit of the field follows from the first one."""
+        """As with floats; the first field determines its unit."""
         if not self._filter.is_free_at(int(samples.t_us[first])):
             return first
         with_field = np.flatnonzero(samples.has_field[first:stop])
@@ -49,13 +49,13 @@ class IntegerVelocityAidedBatch:
         return first + int(with_field[0])
 
     def records(self) -> tuple[State, Gains]:
-        """What the kernel takes before a sample."""
+        """The kernel's arguments before a sample."""
         return self._filter.kernel_state, self._filter.kernel_gains
 
     def table(self, part: BatchSamples) -> Table:
         """The kernel's samples, each in as many steps as its time needs.
 
-        Powers of two are exact factors, so it does not matter when they come in.
+        Powers of two are exact factors, so their order does not matter.
         """
         table = empty_table(Sample, len(part.t_us))
         numbers = np.empty((len(part.t_us), 3))
@@ -76,7 +76,7 @@ class IntegerVelocityAidedBatch:
         return self._divided(table, np.diff(part.t_us, prepend=self._filter.t_us or 0))
 
     def _divided(self, table: Table, gaps: Integers) -> Table:
-        """The samples with their times, the field with the last step of each."""
+        """The samples with their times, the field in the last step of each."""
         table["dt_us"] = gaps
         counts = np.maximum(-(-gaps // MOST_DT_US), 1)
         self._last = last = np.cumsum(counts) - 1

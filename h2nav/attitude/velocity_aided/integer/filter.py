@@ -1,8 +1,8 @@
-"""The velocity-aided filter in integers, behind the interface that every filter has.
+"""The velocity-aided filter in integers, behind the interface of every filter.
 
-Floats enter and leave only here; between them run the integers of the kernel, which are the same
-bits in Python, in C on any computer and on a microcontroller. What stands around the kernel is
-that of the floats (`shell`); here is how both understand each other.
+Floats enter and leave only here; the kernel's integers have the same bits in Python, in C on any
+computer and on a microcontroller. `shell` is shared with the floats; this module connects it with
+the kernel.
 """
 
 import math
@@ -87,14 +87,14 @@ _TURN_MOST = 1 << 28  # rad, Q28: what the kernel turns in one go
 
 
 def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> None:
-    """Writes the inertial part of a sample as the kernel takes it; there is no fix.
+    """Writes the inertial part of a sample in the kernel's form, without a fix.
 
-    Values beyond the format stand at its ends; a field that is not a number is none.
+    Values beyond the format saturate; a field that is not finite counts as none.
 
     Args:
         u: the kernel's sample.
-        sample: one of finite rates and forces.
-        field_unit: what becomes 2^14, in the unit of the sample's field.
+        sample: with finite rates and forces.
+        field_unit: the field that becomes 2^14, in the unit of the sample's field.
     """
     m = sample.m_b_ut
     has_mag = m is not None and all(map(math.isfinite, m))
@@ -110,7 +110,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
 
 
 def _is_limited(u: Sample) -> bool:
-    """True when a force stands at an end of its format; the kernel itself watches the rates."""
+    """Whether a force saturates its format; the kernel itself checks the rates."""
     ends = _ACCEL.range
     assert ends is not None
     forces = u.accel[:]
@@ -118,10 +118,10 @@ def _is_limited(u: Sample) -> bool:
 
 
 def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
-    """A sample in the fewest equal parts that the kernel takes; field and fix come with the last.
+    """A sample in the fewest equal parts that the kernel takes, field and fix with the last.
 
     Args:
-        u: the sample; the same record comes again and again, refilled.
+        u: the sample; the same record is yielded repeatedly, refilled.
         dt_us: its time, of any length.
     """
     steps = max(-(-dt_us // MOST_DT_US), 1)
@@ -168,11 +168,11 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     Args:
         gains: of a gain file of kind velocity_aided.
-        place: what to name in an error.
+        place: named in errors.
         compiled: the compiled kernel; None for the one in Python.
 
     Raises:
-        BadInput: a gain is outside what the integers hold.
+        BadInput: a gain is outside the integers' format.
     """
 
     state_name = "velocity_aided in integers"
@@ -202,7 +202,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     @property
     def kernel_state(self) -> State:
-        """The kernel's memory; see `follow`."""
+        """The kernel's state; see `follow`."""
         return self._state
 
     @property
@@ -217,12 +217,12 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     @property
     def knows_field_unit(self) -> bool:
-        """True once a field has come, or a reference."""
+        """Whether a field or a reference has been received."""
         return self._field_scale is not None
 
     @property
     def field_unit(self) -> float:
-        """What becomes 2^14 in the kernel's fields, in the unit of the samples' fields."""
+        """The field that becomes 2^14 in the kernel, in the unit of the samples' fields."""
         return FIELD_UNIT_UT * 2.0 ** (self._field_scale or 0)
 
     @property
@@ -232,12 +232,12 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     @property
     def field_latency_s(self) -> float:
-        """How late the magnetometer's samples are, as learnt so far."""
+        """Estimated delay of the magnetometer's samples."""
         return self._state.mag_lag * LAG_UNIT_S
 
     @property
     def sensor_errors(self) -> SensorErrors:
-        """What has been learnt of the sensors so far."""
+        """The errors of the sensors estimated so far."""
         s, g, unit = self._state, self._gains.kernel, self._gyro_unit
         x, y = self._force_bias()
         xx, _, yy = (part * _FORCE_UNIT * GRAVITY_M_S2**2 for part in s.p_accel)
@@ -274,17 +274,17 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         return HeadingState(s.age_us * 1e-6, turned, s.heading_variance * _HEADING_UNIT)
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Expects the field to be as much older than the rate; see `AttitudeFilter`."""
+        """Expects the field to be older than the rate by as much; see `AttitudeFilter`."""
         lag = (delays.field_s - delays.gyro_s) / LAG_UNIT_S
         self._state.mag_lag_expected = row(State, "mag_lag_expected").fixed(lag)
 
     def follow(self, t_us: int, w_b: Vec3, accepted_us: int | None) -> None:
-        """Goes on from a sample, to which a batch has brought the memory.
+        """Continues after a sample to which a batch has brought the state.
 
         Args:
             t_us: time of the sample.
             w_b: its rate.
-            accepted_us: time of the last accepted field; None when the batch had none.
+            accepted_us: time of the last accepted field; None if the batch had none.
         """
         self._t_us, self._w_b = t_us, w_b
         if accepted_us is not None:
@@ -334,7 +334,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         u.fix_period_us = round(fix.period_s * 1e6)
 
     def _find_field_unit(self, field: Vec3 | None) -> None:
-        """The unit of the integer field: without a given reference any unit is taken.
+        """Determines the unit of the integer field; without a given reference any unit is accepted.
 
         It follows from the first field by powers of two, so that nothing is rounded twice.
         """
@@ -344,7 +344,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
                 self._field_scale = math.frexp(size / FIELD_UNIT_UT)[1]
 
     def _run(self, dt_us: int) -> int:
-        """One sample in as many equal steps as its time needs; field and fix come with the last."""
+        """Runs one sample in as many equal steps as needed, field and fix with the last."""
         bits = 0
         for _ in parts_of(self._sample, dt_us):
             bits |= self._step()
@@ -365,9 +365,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         return bits
 
     def _settle(self) -> None:
-        """Turns at once by the correction to come: samples that take no time and measure nothing.
+        """Applies the pending correction at once, with samples of no duration and no measurement.
 
-        The first heading is that of magnetic north, and a new declination counts at once.
+        The first heading is magnetic, and a new declination counts at once.
         """
         u = self._sample
         before = values(u, Sample)
@@ -380,7 +380,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         self._state.saturations = saturations
 
     def _holding(self, t_us: int) -> int:
-        """Bits of what holds from one frame to the next; the kernel gives them once per frame."""
+        """Bits that hold from one frame to the next; the kernel returns them once per frame."""
         bits = 0
         if self._accepted_us is not None and t_us - self._accepted_us < ACCEPTED_US:
             bits = memory.FIELD_USED
@@ -389,7 +389,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         return bits
 
     def _follow_gained(self) -> None:
-        """The velocity gained, which the kernel keeps modulo 2^28, without end."""
+        """Unwraps the velocity gained, which the kernel keeps modulo 2^28."""
         s = self._state
         if not s.aided:
             self._gained_n = self._gained_e = 0
@@ -585,7 +585,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         )
 
     def _innovation(self) -> Vec3:
-        """Rotation that the last frame's measurements asked for, rad, NED."""
+        """Rotation by the last frame's measurements, rad, NED."""
         s = self._state
         tilt = s.k_tilt_m * 2.0 ** -(15 + s.k_tilt_s)
         heading = s.mag_heading if s.mag_norm else s.declination
@@ -597,7 +597,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         )
 
     def _sigma_tilt_rad(self) -> float:
-        """Predicted one-sigma tilt error: as of the filter in floats.
+        """Predicted one-sigma tilt error, as in floats.
 
         Source: docs/filter.md Eq. (11), (27), (30).
         """

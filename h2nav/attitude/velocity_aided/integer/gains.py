@@ -28,7 +28,7 @@ LEAST_GAIN = 2.0**-22
 
 
 class IntegerGains(NamedTuple):
-    """The kernel's gains and what rounding has done to them.
+    """The kernel's gains and their rounding error.
 
     Attributes:
         gains: of the kernel.
@@ -47,7 +47,7 @@ def packed(value: float) -> int:
 
 
 def unpacked(pack: int) -> float:
-    """The gain that `packed` made."""
+    """The gain of a `packed` number."""
     return float((pack >> 5) * 2.0 ** -(15 + (pack & 31) - PACK_BIAS))
 
 
@@ -56,10 +56,10 @@ def integer_gains(gains: VelocityAidedGains, place: str) -> IntegerGains:
 
     Args:
         gains: of the file.
-        place: what to name in an error.
+        place: named in errors.
 
     Raises:
-        BadInput: a parameter or a gain is outside what its format holds.
+        BadInput: a parameter or a gain is outside its format.
     """
     image = _Image(Gains(), place)
     image.check_cruise_speed(gains.cruise_speed_m_s)
@@ -68,7 +68,7 @@ def integer_gains(gains: VelocityAidedGains, place: str) -> IntegerGains:
 
 
 def rounded_sets(g: Gains, exact: GainSets) -> GainSets:
-    """The gain sets that the kernel's gains stand for; bounds and periods as in `exact`."""
+    """The gain sets that the kernel's gains represent; bounds and periods as in `exact`."""
 
     def rows_of(packs: Sequence[int]) -> tuple[tuple[float, ...], ...]:
         return tuple(
@@ -85,7 +85,7 @@ def rounded_sets(g: Gains, exact: GainSets) -> GainSets:
 
 
 def field_params(field: EarthField) -> tuple[int, int, int]:
-    """Declination, its sine and its cosine, as the kernel takes them."""
+    """Declination, its sine and its cosine, in the kernel's form."""
     angle = math.remainder(field.declination_rad, 2.0 * math.pi)
     return (
         round(angle * 2.0**28),
@@ -102,11 +102,11 @@ class _Image:
         self._place = place
 
     def put(self, name: str, value: float, what: str) -> None:
-        """Rounds; refuses what the format does not hold."""
+        """Rounds a value; rejects one outside the format."""
         setattr(self.gains, name, self._rounded(name, value, what))
 
     def put_list(self, name: str, numbers: Iterable[float], what: str) -> None:
-        """The same for each number of a vector."""
+        """Rounds each number of a vector."""
         getattr(self.gains, name)[:] = [self._rounded(name, value, what) for value in numbers]
 
     def put_gains(self, name: str, gains: Sequence[float], most: float, what: str) -> float:
@@ -118,7 +118,7 @@ class _Image:
         return max(abs(unpacked(packed(value)) / value - 1.0) for value in gains)
 
     def check_cruise_speed(self, speed_m_s: float) -> None:
-        """Refuses a velocity along the nose that a sample does not hold."""
+        """Rejects a velocity along the nose outside the format of a sample."""
         if speed_m_s > FASTEST_M_S:
             self._refuse("cruise_speed_m_s", f"{speed_m_s:g} of 0..{FASTEST_M_S:.0f}")
 
@@ -147,7 +147,7 @@ def _log(value: float) -> float:
 
 
 def _timing(rate_hz: float) -> Timing:
-    """A sample longer than a step is taken in several."""
+    """The timing: a sample longer than a step is split."""
     parts = math.ceil(1e6 / (rate_hz * MOST_DT_US))
     return Timing(rate_hz * parts, float(parts), FRAME)
 

@@ -1,4 +1,4 @@
-"""Units of the integer kernel's numbers where a power of two is not the whole of them.
+"""Units of the integer kernel's numbers that are not just powers of two.
 
 Source: docs/fixed-point.md Eq. (24), (25).
 """
