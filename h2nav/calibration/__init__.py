@@ -1,1 +1,1 @@
-"""Calibrations out of flights: what sensors are off by, as parameters that one can load."""
+"""Calibration from flights: the errors of sensors, as parameters to load."""

@@ -1,7 +1,7 @@
-"""What a compass is off by: offset, matrix, motors, rotation; and whether flights show it.
+"""Calibrates a compass: offset, matrix, motors, rotation; and whether the flights show them.
 
-A model with more parameters is taken only where they are significant, large enough to matter, and
-fit better what they were not fitted to: of blocks of 20 s every second one.
+A model with more parameters is used only if they are significant, large enough to matter, and fit
+better the data that they were not fitted to: every second block of 20 s.
 """
 
 import math
@@ -49,24 +49,24 @@ from h2nav.maths.units import DEG
 
 MG_PER_UT = 10.0
 FEWEST_ROWS = 50
-# More than an offset asks for 15 s of each half of the blocks.
+# More than an offset requires 15 s of each half of the blocks.
 FEWEST_RICH_ROWS = 75
-# Half a circle of headings shows the middle of it.
+# Half a circle of headings determines its centre.
 WIDEST_GAP_DEG = 180.0
-# A compass that measures follows the turns: so much of what the earth's field moves in the body.
+# A working compass follows the turns: this share of the change of the earth's field in the body.
 MOVES_UT, FOLLOWS = 5.0, 0.3
-# Significant: so many deviations, all parameters of a kind together; relevant: so much of the
-# earth's field, 10 mG or one degree of heading; better: so much less of what was not fitted to.
+# Significant: this many deviations, all parameters of a kind together; relevant: this share of the
+# earth's field, 10 mG or one degree of heading; better: this much smaller residuals elsewhere.
 SURE, RELEVANT, BETTER = 5.0, 0.02, 0.95
-# A calibration leaves 7 % and 3 deg (integrity.field_windows); rows with more do not fit, and where
-# too many do not, or most leave twice as much, there is none.
+# A calibration leaves 7 % and 3 deg (integrity.field_windows); rows with more do not fit, and with
+# too many of them, or if most leave twice as much, there is no calibration.
 LEFT, ROW_LEFT, UNFIT = 0.15, 0.10, 0.4
-# A compass that leaves so much may lie otherwise; another way has to be so much better, and so
-# much better than the next one that is not nearly the same.
+# A compass with such residuals may be mounted otherwise; another rotation must be this much better,
+# and this much better than the next one that is not nearly the same.
 TURNED, MUCH_BETTER, CLEARLY, ALIKE_RAD = 0.2, 0.4, 1.5, 20.0 * DEG
 SEARCH_ROWS = 300
 BLOCK_S = 20.0
-# Change of throttle that shows the motors, between the 5th and the 95th percentile; of current.
+# Change of throttle that reveals the motors, between the 5th and the 95th percentile; of current.
 THROTTLE_SPREAD, CURRENT_SPREAD_A, KNOWN = 0.15, 2.0, 0.8
 TYPICAL = 0.7
 SHOWN_BY = (
@@ -77,7 +77,7 @@ FAR_SIGMA_RAD = 20.0 * DEG
 
 
 class Model(NamedTuple):
-    """Which parameters are fitted.
+    """The parameters to fit.
 
     Attributes:
         has_matrix: scale and soft iron.
@@ -98,14 +98,14 @@ class Model(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """A compass whose calibration is asked for.
+    """A compass to calibrate.
 
     Attributes:
         name: such as ``compass 1``.
         rows: of all flights.
-        settings: in use; a raw one's where they are not known.
-        parameters: of the autopilot; empty where they are not known.
-        values: makes parameters of settings.
+        settings: in use; those of a raw one if unknown.
+        parameters: of the autopilot; empty if unknown.
+        values: converts settings to parameters.
     """
 
     name: str
@@ -118,12 +118,12 @@ class Subject(NamedTuple):
 def calibrate_compass(
     flights: Sequence[Evidence], compass: int, levers: tuple[Lever, ...]
 ) -> Outcome:
-    """One compass.
+    """Calibrates one compass.
 
     Args:
         flights: of one vehicle.
         compass: its number, from 0.
-        levers: which may be fitted.
+        levers: to be tried.
     """
     name = f"compass {compass + 1}"
     subject = _subject(flights, compass)
@@ -163,7 +163,7 @@ def _settings(evidence: Evidence, compass: int, device_id: int) -> CompassSettin
 
 
 def _unusable(rows: FieldRows) -> str:
-    """Why nothing can be fitted; empty where it can."""
+    """Why nothing can be fitted; empty if it can."""
     if len(rows.t_s) < FEWEST_ROWS:
         return f"only {len(rows.t_s) * ROW_S:.0f} s of flight in which it can be judged"
     moved, measured = _spread(rows.earth_ut), _spread(rows.raw_ut)
@@ -204,7 +204,7 @@ def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
 
 
 def _fitted(subject: Subject, model: Model) -> FieldFit:
-    """The model, around what is in use."""
+    """Fits the model, with the values in use as prior."""
     return _fit_of(subject.rows, subject.settings, model)
 
 
@@ -214,20 +214,20 @@ def _fit_of(rows: FieldRows, settings: CompassSettings, model: Model) -> FieldFi
 
 
 def _with_heading(rows: FieldRows, own: FieldCorrection, lever: Lever) -> FieldFit:
-    """A correction as it is, beside the heading that it goes with best."""
+    """A correction unchanged, with the heading error that fits it best."""
     return fitted(rows, own, np.zeros(COUNT, dtype=bool), lever_of(rows, lever))
 
 
 def _typical_ut(fit: FieldFit) -> float:
-    """A residual that most rows stay below."""
+    """The residual that most rows stay below."""
     return float(np.quantile(np.linalg.norm(fit.residual_ut, axis=1), TYPICAL))
 
 
 def _chosen(subject: Subject, levers: tuple[Lever, ...], norm: float) -> Model:
-    """The simplest model that the rows ask for."""
+    """The simplest sufficient model."""
     best = Model()
     if float(np.median(subject.rows.sigma_rad)) > FAR_SIGMA_RAD:
-        return best  # what such an attitude has wrong would become the compass's
+        return best  # errors of such an attitude would become the compass's
     left = _unseen_ut(subject, best)
     candidates: list[Callable[[Model], Model]] = []
     if subject.settings.can_shape:
@@ -253,7 +253,7 @@ def _chosen(subject: Subject, levers: tuple[Lever, ...], norm: float) -> Model:
 
 
 def _shows(rows: FieldRows, lever: Lever) -> bool:
-    """Whether the motors' throttle or current changed enough to show what it does."""
+    """Whether the motors' throttle or current changed enough to show its effect."""
     values = rows.throttle if lever is Lever.THROTTLE else rows.current_a
     known = values[np.isfinite(values)]
     if len(known) < KNOWN * len(values):
@@ -263,7 +263,7 @@ def _shows(rows: FieldRows, lever: Lever) -> bool:
 
 
 def _unseen_ut(subject: Subject, model: Model) -> float:
-    """What is left of rows that the model was not fitted to."""
+    """Residual of rows that the model was not fitted to."""
     rows, settings = subject.rows, subject.settings
     block = np.floor(rows.t_s / BLOCK_S).astype(np.intp) % 2
     lever = model.lever if model.lever is not Lever.NONE else settings.lever
@@ -279,7 +279,7 @@ def _unseen_ut(subject: Subject, model: Model) -> float:
 
 
 def _matters(subject: Subject, simpler: Model, model: Model, norm: float) -> bool:
-    """Whether what a model has more is significant and relevant."""
+    """Whether the additional parameters of a model are significant and relevant."""
     fit = _fitted(subject, model)
     change = fit.correction.values - subject.settings.correction.values
     if model.has_matrix and not simpler.has_matrix:
@@ -305,7 +305,7 @@ def _rotation(subject: Subject, norm: float) -> int | None:
     if _typical_ut(_fit_of(rows, settings, plain)) < TURNED * norm:
         return None
     if float(np.median(rows.sigma_rad)) > FAR_SIGMA_RAD:
-        return None  # a turn about the vertical would be the heading's
+        return None  # a turn about the vertical would be part of the heading error
     rows = part_of(rows, np.arange(0, len(rows.t_s), max(1, len(rows.t_s) // SEARCH_ROWS)))
     back = rotations.matrix(settings.rotation or 0).T if settings.can_turn else np.eye(3)
     raw = CompassSettings(settings.slot, 0)
@@ -330,7 +330,7 @@ def _apart_rad(one: int, other: int) -> float:
 
 
 def _turned(subject: Subject, rotation: int) -> tuple[FieldRows, CompassSettings, str]:
-    """Rows and settings as if it had been told how it lies, and words for it."""
+    """Rows and settings as with that rotation, and a note on it."""
     settings, rows = subject.settings, subject.rows
     old = _in_use(settings)
     turn = rotations.matrix(rotation) @ rotations.matrix(old).T
@@ -348,7 +348,7 @@ def _turned(subject: Subject, rotation: int) -> tuple[FieldRows, CompassSettings
 
 
 def _left(fit: FieldFit, norm: float) -> str:
-    """Why the best fit is none; empty where it is one."""
+    """Why the best fit is no calibration; empty if it is."""
     after = _typical_ut(fit)
     unfit = float((np.linalg.norm(fit.residual_ut, axis=1) > ROW_LEFT * norm).mean())
     if after > LEFT * norm:
@@ -391,7 +391,7 @@ def _quantiles(values: Array) -> tuple[float, float]:
 
 
 def _heading_rms(rows: FieldRows, fit: FieldFit, used: Mask) -> float:
-    """Of the heading that the compass shows, against the attitude's own, rad."""
+    """RMS of the compass's heading against the attitude's own, rad."""
     expected = headed(rows, fit.heading_error_rad)
     field = expected + fit.residual_ut
     across = (np.cross(expected, field) * rows.down).sum(axis=1)
@@ -402,13 +402,13 @@ def _heading_rms(rows: FieldRows, fit: FieldFit, used: Mask) -> float:
 
 
 def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outcome:
-    """What is significantly better, as parameters.
+    """The significant improvements, as parameters.
 
     Args:
-        subject: as it was fitted.
-        model: that was fitted.
-        fit: what came out.
-        told: what is known already: figures, and a rotation.
+        subject: as fitted.
+        model: the fitted one.
+        fit: its result.
+        told: known so far: figures, and a rotation.
     """
     old = subject.settings
     change = fit.correction.values - old.correction.values
@@ -432,7 +432,7 @@ def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outco
 
 
 def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:
-    """The covariance with what a matrix that was not fitted adds to the offset's deviation."""
+    """The covariance including the effect of an unfitted matrix on the offset."""
     if model.has_matrix:
         return fit.covariance
     wider = _fitted(subject, model._replace(has_matrix=True)).covariance.copy()

@@ -1,4 +1,4 @@
-"""What a calibration rests on: a flight, and an attitude that no compass has had a part in."""
+"""The evidence for a calibration: a flight, and an attitude independent of any compass."""
 
 from typing import NamedTuple
 
@@ -16,9 +16,9 @@ class Evidence(NamedTuple):
     """One flight.
 
     Attributes:
-        flight: as it was played and reviewed.
+        flight: as played and reviewed.
         free: the smoothed attitude of gyro, gravity and the receiver's velocity alone.
-        parameters: of the autopilot: the recording's, or those that somebody brought.
+        parameters: of the autopilot: the recording's, or those given by the user.
     """
 
     flight: Flight
@@ -27,7 +27,7 @@ class Evidence(NamedTuple):
 
     @property
     def context(self) -> Context:
-        """What was recorded."""
+        """The recording."""
         return self.flight.context
 
     @property
@@ -45,12 +45,12 @@ class Evidence(NamedTuple):
     def trim(self) -> Trim:
         """From the axes of the board, in which compasses are calibrated, to those of the body.
 
-        What a dataflash log has of the board was turned when it was read; telemetry was not.
+        Data of the board in a dataflash log were rotated when read; telemetry was not.
         """
         return Trim(self.parameters if self.flight.kind == "dataflash" else {})
 
     def attitude(self) -> Attitudes:
-        """Of the board, to NED; where the deviation of the heading is not known, it is infinite."""
+        """Of the board, to NED; the deviation of an unknown heading is infinite."""
         track = self.attitude_of_tracks()
         return track._replace(q_nb=self.trim.of_board(track.q_nb))
 
@@ -63,7 +63,7 @@ class Evidence(NamedTuple):
         )
 
     def compasses(self) -> tuple[CompassTrack, ...]:
-        """In the axes of the board, as they are calibrated by the autopilot, if at all."""
+        """In the axes of the board, with the autopilot's calibration, if any."""
         if self.context.compasses:
             return self.context.compasses
         found = []
@@ -76,19 +76,19 @@ class Evidence(NamedTuple):
         return tuple(found)
 
     def is_raw(self, compass: int) -> bool:
-        """Whether the fields are without any calibration: PX4's SCALED_IMU is."""
+        """Whether the fields are uncalibrated, as in PX4's SCALED_IMU."""
         sources = {track.imu: track.source for track in self.context.imus}
         is_message = not self.context.compasses
         return is_message and self.autopilot == PX4 and "SCALED" in sources.get(compass, "")
 
     def flying(self, t_s: Array) -> Mask:
-        """While the motors could turn; everything where nothing says when that was."""
+        """While the motors could turn; everything if unknown."""
         armed = self.context.armed
         return within(t_s, armed) if armed else np.ones(len(t_s), dtype=bool)
 
 
 def series_at(series: Series | None, t_s: Array) -> Array:
-    """(N,) values between those that were recorded; NaN beyond them, or without any."""
+    """(N,) interpolated values; NaN beyond the recorded ones, or without any."""
     if series is None:
         return np.full(len(t_s), np.nan)
     good = np.isfinite(series.values)

@@ -1,11 +1,11 @@
-"""What a compass measures wrong, fitted to the earth's field as an independent attitude shows it.
+"""Fits a compass's errors to the earth's field, as seen by an independent attitude.
 
-The corrected field S (r + o) + k L of a raw field r shall be the earth's in the axes of the board:
+The corrected field S (r + o) + k L of a raw field r must be the earth's in the axes of the board:
 an offset o, a symmetric matrix S (scale and soft iron), and a field k of the motors by a lever L
 (throttle or current). The attitude comes from gyro, gravity and the receiver's velocity alone; its
-heading may be off by an angle that changes slowly, which is fitted as well: an Ornstein-Uhlenbeck
-process as wide as the attitude's own deviation, no quicker than a gyro drifts. The field may be
-late, and so may the messages that bring it.
+heading may have a slowly changing error, which is fitted as well: an Ornstein-Uhlenbeck process as
+wide as the attitude's own deviation, no faster than a gyro drifts. The field may be delayed, and so
+may its messages.
 
 Least squares with prior deviations that are those of sensors and vehicles. Everything is in
 microtesla.
@@ -36,33 +36,33 @@ OFFSET, MATRIX, MOTOR = slice(0, 3), slice(3, 9), slice(9, 12)
 COUNT = 12
 # Rows and columns of the six of a symmetric matrix: diagonal, then xy, xz, yz.
 _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-# Deviations of what is not known: a vehicle's own parts and a magnet in them, the sensitivity of
-# compasses (AK09916 and IST8310 5 %), soft iron, motors at full throttle (30 % of the earth's field
-# are usual, 60 % too much).
+# Prior deviations: a vehicle's parts and a magnet in them, the sensitivity of compasses (AK09916 and
+# IST8310 5 %), soft iron, motors at full throttle (30 % of the earth's field is usual, 60 % too
+# much).
 OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
-# How late a field is, of compasses that are read 10 to 100 times a second and smoothed.
+# Delay of a field, for compasses read 10 to 100 times a second and smoothed.
 LATE_S = 0.03
 LEAST_SIGMA_RAD = math.radians(0.3)
 # The noise of the best compass, and of the vertical: 0.1 uT; 0.2 deg of 45 uT.
 LEAST_NOISE_UT = 0.2
-# One direction of the field in the body says no more than this long does.
+# One direction of the field in the body counts at most for this long.
 FULL_ROWS, DIRECTIONS = 50, 4.0
 
 
 class FieldRows(NamedTuple):
-    """Means of the raw field over short times, with what is expected.
+    """Means of the raw field over short times, with the expected field.
 
     Attributes:
         flight: (N,) number of the flight.
         t_s: (N,) increasing within each.
         raw_ut: (N, 3) as the sensor measured it, in the axes of the board.
         earth_ut: (N, 3) of the model by the attitude, in the same axes.
-        slope_ut: (N, 3) how fast that changes, in microtesla per second.
+        slope_ut: (N, 3) its rate of change, microtesla per second.
         down: (N, 3) direction of gravity, in the same axes.
         heading_rad: (N,) of the vehicle.
         sigma_rad: (N,) deviation of the attitude's heading.
-        throttle: (N,) 0 to 1; NaN where it is not known.
-        current_a: (N,) NaN where it is not known.
+        throttle: (N,) 0 to 1; NaN if unknown.
+        current_a: (N,) NaN if unknown.
     """
 
     flight: NDArray[np.int64]
@@ -78,7 +78,7 @@ class FieldRows(NamedTuple):
 
 
 class FieldCorrection(NamedTuple):
-    """What makes the earth's field of a raw one.
+    """The correction from a raw field to the earth's.
 
     Attributes:
         offset_ut: (3,) o.
@@ -118,14 +118,14 @@ NONE = FieldCorrection(np.zeros(3), np.eye(3), np.zeros(3))
 
 
 class FieldFit(NamedTuple):
-    """What `fitted` found.
+    """The result of `fitted`.
 
     Attributes:
         correction: of the raw field.
-        covariance: (12, 12) of its values; 0 where one was not fitted.
+        covariance: (12, 12) of its values; 0 for those not fitted.
         heading_error_rad: (N,) of the attitude, positive clockwise.
         weight: (N,) 0 to 1; below a half, a row does not fit.
-        residual_ut: (N, 3) corrected less expected.
+        residual_ut: (N, 3) corrected minus expected.
         cost: of all residuals and priors.
     """
 
@@ -137,7 +137,7 @@ class FieldFit(NamedTuple):
     cost: float
 
     def rms_ut(self) -> float:
-        """Of the residuals that fit, every direction alike."""
+        """RMS of the fitting residuals, with equal weight per direction."""
         return weighted_rms(self.residual_ut, self.weight)
 
 
@@ -147,13 +147,13 @@ def weighted_rms(residual_ut: Array, weight: Array) -> float:
 
 
 def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) -> FieldFit:
-    """Offset, matrix and motors, as far as they are free; the others stay as in the prior.
+    """Fits the free ones of offset, matrix and motors; the others stay as in the prior.
 
     Args:
         rows: at least one.
-        prior: the values to begin with, and the middle of what is expected.
+        prior: initial values and centre of the prior.
         free: (12,) which of its values are fitted.
-        lever: (N,) of the motors; 0 where they are left out.
+        lever: (N,) of the motors; 0 without.
     """
     heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, LEAST_SIGMA_RAD)
     scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
@@ -165,7 +165,7 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
     information[: len(places), : len(places)] = np.diag(sigma[places] ** -2)
     information[len(places) : -1, len(places) : -1] = heading.information
     information[-1, -1] = LATE_S**-2
-    # The heading at its knots, and how late the field is.
+    # The heading error at its knots, and the delay of the field.
     x, knots = prior.values.copy(), np.zeros(heading.knots + 1)
     balance = _balanced(rows.earth_ut)
     noise_ut = math.inf
@@ -195,7 +195,7 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
 
 
 def headed(rows: FieldRows, angle_rad: Array) -> Array:
-    """(N, 3) the earth's field where the attitude's heading is off by these angles."""
+    """(N, 3) the earth's field with these heading errors of the attitude."""
     e, d = rows.earth_ut, rows.down
     along = (e * d).sum(axis=1)[:, None] * d
     sine, cosine = np.sin(angle_rad)[:, None], np.cos(angle_rad)[:, None]
@@ -230,7 +230,7 @@ def _linear(
 
 
 def _balanced(earth_ut: Array) -> Array:
-    """(N,) weights: a direction that was held for long counts as one that was held for a while."""
+    """(N,) weights: a direction held for long counts no more than one held for a while."""
     unit = earth_ut / np.maximum(np.linalg.norm(earth_ut, axis=1, keepdims=True), 1e-9)
     _, place, counts = np.unique(
         np.floor(DIRECTIONS * unit), axis=0, return_inverse=True, return_counts=True

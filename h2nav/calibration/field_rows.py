@@ -1,4 +1,4 @@
-"""The raw field of a compass over a flight, beside the earth's as an attitude shows it."""
+"""The raw field of a compass over a flight, and the earth's field by an attitude."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def field_rows(
     Args:
         evidence: of the flight.
         track: of the compass.
-        settings: that were in use; None where they are not known: the field counts as raw.
+        settings: in use; None if unknown: the field counts as raw.
         flight: its number, for the rows.
     """
     if len(track.t_s) < FEWEST or not len(evidence.flight.earth.t_s):
@@ -82,20 +82,20 @@ def earth_at(earth: EarthFields, t_s: Array) -> Array:
 
 
 def lever_of(rows: FieldRows, lever: Lever) -> Array:
-    """(N,) what the motors' field goes with; 0 where it is not known."""
+    """(N,) the lever of the motors' field; 0 if unknown."""
     if lever is Lever.NONE:
         return np.zeros(len(rows.t_s))
     return np.nan_to_num(rows.throttle if lever is Lever.THROTTLE else rows.current_a)
 
 
 def headings_flown(rows: FieldRows) -> Mask:
-    """(16,) which sectors of heading were flown for a second or more, from north."""
+    """(16,) sectors of heading flown for a second or more, from north."""
     sector = np.floor(rows.heading_rad / (2.0 * np.pi) * SECTORS).astype(np.intp) % SECTORS
     return np.asarray(np.bincount(sector, minlength=SECTORS) >= SECTOR_ROWS)
 
 
 def widest_gap_deg(flown: Mask) -> float:
-    """The largest part of the circle between headings that were flown."""
+    """The largest gap between headings flown."""
     places = np.flatnonzero(flown)
     if not len(places):
         return 360.0
@@ -104,7 +104,7 @@ def widest_gap_deg(flown: Mask) -> float:
 
 
 def _raw(evidence: Evidence, track: CompassTrack, settings: CompassSettings | None) -> Array:
-    """(N, 3) in the axes of the board, without any calibration."""
+    """(N, 3) fields in the axes of the board, without any calibration."""
     if settings is None:
         return track.m_b_ut
     if evidence.is_raw(track.compass):
@@ -124,7 +124,7 @@ def _raw(evidence: Evidence, track: CompassTrack, settings: CompassSettings | No
 
 
 def _speed(evidence: Evidence, edges: Array) -> Array:
-    """(M - 1,) the fastest mean rate of any IMU that measures; 0 where none does."""
+    """(M - 1,) the fastest mean rate of any working IMU; 0 without one."""
     found = np.zeros(len(edges) - 1)
     for track in evidence.context.imus:
         rate = np.linalg.norm(track.w_b, axis=1, keepdims=True).astype(float)

@@ -1,4 +1,4 @@
-"""Parameter files: those that ground stations load, and those that they save.
+"""Parameter files, in the formats that ground stations load and save.
 
 ArduPilot: a line ``NAME,VALUE`` each. QGroundControl: five columns with tabs: system, component,
 name, value, MAV_PARAM_TYPE. PX4's shell: ``param set NAME VALUE``.
@@ -17,7 +17,7 @@ SYSTEM, COMPONENT = 1, 1
 
 
 class ParameterFormat(StrEnum):
-    """Of a parameter file."""
+    """The format of a parameter file."""
 
     ARDUPILOT = "ardupilot"
     QGROUNDCONTROL = "qgroundcontrol"
@@ -25,7 +25,7 @@ class ParameterFormat(StrEnum):
 
 
 def format_of(name: str, autopilot: str) -> ParameterFormat:
-    """What a file's ending asks for, or else what the autopilot's own tools load."""
+    """The format of a file's suffix, otherwise that of the autopilot's own tools."""
     if name.endswith(".params"):
         return ParameterFormat.QGROUNDCONTROL
     if name.endswith((".param", ".parm")):
@@ -34,7 +34,7 @@ def format_of(name: str, autopilot: str) -> ParameterFormat:
 
 
 def written(calibration: Calibration, form: ParameterFormat) -> str:
-    """The text of a file with what is better."""
+    """The text of a file with the improvements."""
     flights = ", ".join(" ".join(flight.split()) for flight in calibration.flights)
     head = [
         f"# h2nav calibrate: {calibration.autopilot}, from {flights}",

@@ -1,4 +1,4 @@
-"""What a calibration says: parameters that are better, and what a flight could not show."""
+"""The result of a calibration: better parameters, and what the flights could not show."""
 
 import math
 from collections.abc import Mapping
@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 
 class ParameterChange(NamedTuple):
-    """A parameter.
+    """A changed parameter.
 
     Attributes:
         name: of the autopilot.
         old: value in use; NaN where the recording does not say.
-        new: value that is better.
-        sigma: deviation of the new one; NaN where it is a choice.
+        new: better value.
+        sigma: deviation of the new one; NaN for a choice.
     """
 
     name: str
@@ -22,7 +22,7 @@ class ParameterChange(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Of one sensor.
+    """The result for one sensor.
 
     Attributes:
         sensor: such as ``compass 1``.
@@ -44,11 +44,11 @@ class Outcome(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """Of one vehicle.
+    """The result for one vehicle.
 
     Attributes:
         autopilot: its make.
-        firmware: as it says itself.
+        firmware: as reported by itself.
         flights: names of the recordings.
         outcomes: one per sensor.
     """
@@ -60,6 +60,6 @@ class Calibration(NamedTuple):
 
     @property
     def changes(self) -> tuple[ParameterChange, ...]:
-        """All of them; of a name that several sensors share, one."""
+        """All changes; one per name that several sensors share."""
         found = {change.name: change for outcome in self.outcomes for change in outcome.changes}
         return tuple(found.values())

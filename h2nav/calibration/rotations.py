@@ -1,4 +1,4 @@
-"""The rotations in which autopilots let a sensor be mounted, by their number.
+"""The numbered rotations of sensors in the autopilots.
 
 Source: ArduPilot's AP_Math/rotations.h; PX4's lib/conversion/rotation.h has the same up to 37.
 """
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
 
-# Roll, pitch, yaw, deg, turned in this order about axes that stay.
+# Roll, pitch, yaw, deg, applied in this order about fixed axes.
 ANGLES_DEG: tuple[tuple[float, float, float], ...] = (
     *((0, 0, yaw) for yaw in range(0, 360, 45)),
     *((180, 0, yaw) for yaw in range(0, 180, 45)),
@@ -39,7 +39,7 @@ ANGLES_DEG: tuple[tuple[float, float, float], ...] = (
     (45, 0, 0),
     (315, 0, 0),
 )
-# PX4 ends here, or names something else.
+# PX4 ends here, or differs.
 PX4_COUNT = 38
 
 
@@ -50,7 +50,7 @@ def name_of(number: int) -> str:
 
 
 def matrix(number: int) -> Matrix:
-    """(3, 3) that turns a vector in the sensor's axes into the board's."""
+    """(3, 3) rotation of vectors from the sensor's axes to the board's."""
     roll, pitch, yaw = (math.radians(angle) for angle in ANGLES_DEG[number])
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
@@ -63,5 +63,5 @@ def matrix(number: int) -> Matrix:
 
 
 def is_known(number: float) -> bool:
-    """Whether a parameter's value is one of them."""
+    """Whether a parameter's value is one of these numbers."""
     return number == int(number) and 0 <= number < len(ANGLES_DEG)

@@ -1,4 +1,4 @@
-"""How compasses are calibrated, as the autopilots' parameters say it, in both directions.
+"""Calibration of compasses in the autopilots' parameters, in both directions.
 
 ArduPilot: field = scale * D (R raw + offset) + motor * lever, in milligauss, R of an external
 compass only (`AP_Compass_Backend::correct_field`). PX4: field = R S (raw + motor * lever - offset),
@@ -20,13 +20,13 @@ from h2nav.wire.imu import UT_PER_GAUSS, UT_PER_MGAUSS
 Parameters = Mapping[str, float]
 
 SLOTS = 3
-# ArduPilot leaves a scale beyond these alone (`Compass::have_scale_factor`).
+# ArduPilot ignores a scale beyond these (`Compass::have_scale_factor`).
 ARDUPILOT_SCALES = 0.7, 1.3
-PX4_AMPERES = 1e3  # it counts in kiloamperes
+PX4_AMPERES = 1e3  # PX4 counts in kiloamperes
 
 
 class Lever(IntEnum):
-    """What the field of the motors goes with, as COMPASS_MOTCT and CAL_MAG_COMP_TYP number it."""
+    """The lever of the motors' field, numbered as in COMPASS_MOTCT and CAL_MAG_COMP_TYP."""
 
     NONE = 0
     THROTTLE = 1
@@ -38,12 +38,12 @@ class CompassSettings(NamedTuple):
 
     Attributes:
         slot: number of its parameters, from 0.
-        device_id: 0 where the parameters do not say.
+        device_id: 0 if the parameters have none.
         correction: of the raw field in the axes of the board.
-        lever: that its motors' field goes with.
-        rotation: its number; None where it is none of the known.
+        lever: of its motors' field.
+        rotation: its number; None if unknown.
         can_turn: its rotation is a parameter of its own: it is external.
-        can_shape: its firmware knows diagonals.
+        can_shape: its firmware supports off-diagonals.
     """
 
     slot: int
@@ -59,7 +59,7 @@ class CompassSettings(NamedTuple):
 
 
 def ardupilot_compass(own: Parameters, compass: int) -> CompassSettings | None:
-    """A compass by its number, from 0, in the order of preference; None where it is not known."""
+    """A compass by its number, from 0, in the order of preference; None if unknown."""
     slot = _ardupilot_slot(own, compass)
     number = _number(slot)
     offset = _three(own, f"COMPASS_OFS{number}_%s")
@@ -109,7 +109,7 @@ def ardupilot_values(settings: CompassSettings, own: Parameters) -> dict[str, fl
 
 
 def _ardupilot_slot(own: Parameters, compass: int) -> int:
-    """Since 4.0 compasses are numbered by preference, their parameters by discovery."""
+    """Slot of a compass: since 4.0 compasses are ordered by preference, slots by discovery."""
     preferred = own.get(f"COMPASS_PRIO{compass + 1}_ID", 0.0)
     for slot in range(SLOTS):
         if preferred and own.get("COMPASS_DEV_ID" + _number(slot)) == preferred:
@@ -118,7 +118,7 @@ def _ardupilot_slot(own: Parameters, compass: int) -> int:
 
 
 def _number(slot: int) -> str:
-    """As it stands in names: nothing, 2, 3."""
+    """The number in parameter names: nothing, 2, 3."""
     return "" if slot == 0 else str(slot + 1)
 
 
@@ -126,7 +126,7 @@ def _number(slot: int) -> str:
 
 
 def px4_compass(own: Parameters, compass: int, device_id: int) -> CompassSettings | None:
-    """A compass by its device id, or else by its number; None where it is not known."""
+    """A compass by its device id, otherwise by its number; None if unknown."""
     ids = {int(own[name]): slot for slot in range(SLOTS) if (name := f"CAL_MAG{slot}_ID") in own}
     slot = ids.get(device_id, compass) if device_id else compass
     name = f"CAL_MAG{slot}_"
@@ -192,7 +192,7 @@ def _three(own: Parameters, form: str) -> Array | None:
 
 
 def _symmetric(diagonal: Array, across: Array) -> Array:
-    """(3, 3) of its diagonal and of xy, xz, yz."""
+    """(3, 3) from its diagonal and xy, xz, yz."""
     x, y, z = across
     S: Array = np.diag(diagonal) + np.array(((0.0, x, y), (x, 0.0, z), (y, z, 0.0)))
     return S

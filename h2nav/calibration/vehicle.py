@@ -1,4 +1,4 @@
-"""One vehicle, calibrated by one or more of its flights."""
+"""Calibrates a vehicle from one or more of its flights."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ ARDUPILOT_COMPENSATION = "COMPASS_MOTCT"
 
 
 def calibrate(flights: Sequence[Evidence]) -> Calibration:
-    """What the flights show of the sensors.
+    """Calibrates the sensors of a vehicle.
 
     Args:
         flights: at least one, in order; the settings in use are those of the last one.
@@ -38,7 +38,7 @@ def calibrate(flights: Sequence[Evidence]) -> Calibration:
 
 
 def document_of(calibration: Calibration) -> dict[str, Any]:
-    """As JSON has it; what is not known is null."""
+    """The JSON document; null if unknown."""
     return {
         "autopilot": calibration.autopilot,
         "firmware": calibration.firmware,
@@ -105,7 +105,7 @@ def _of_imus(flights: Sequence[Evidence]) -> list[Outcome]:
 
 
 def _compasses(flights: Sequence[Evidence]) -> list[Outcome]:
-    """All compasses; the motors of all go with one lever."""
+    """Calibrates all compasses; the motors of all share one lever."""
     numbers = sorted({track.compass for each in flights for track in each.compasses()})
     name = COMPENSATION.get(flights[-1].autopilot, ARDUPILOT_COMPENSATION)
     in_use = flights[-1].parameters.get(name, 0.0)

@@ -1,8 +1,8 @@
-"""ArduPilot's dataflash logs as events of the service, and what else they say.
+"""ArduPilot's dataflash logs as events of the service, and as context for the review.
 
-Messages and columns have changed since 2014: a second IMU was IMU2 and is IMU with a number now;
-times were milliseconds; angles were hundredths of degrees. The reader gives physical values, and
-here every spelling is looked for.
+Messages and columns have changed since 2014: a second IMU was IMU2, now it is IMU with a number;
+times were in milliseconds, angles in hundredths of degrees. The reader returns physical values, and
+this module looks for every spelling.
 
 Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2014 to 2026.
 """
@@ -53,23 +53,23 @@ from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place
 
 GPS_EPOCH_UNIX_S = 315_964_800.0
 WEEK_S = 604_800.0
-# Since 2017; one more than in 2015, which matters to nobody who asks for a field model.
+# Since 2017; one more than in 2015, which does not matter to the field model.
 LEAP_S = 18.0
-# The first weeks are what a receiver counts that does not know the date.
+# A receiver without the date counts from the first weeks.
 LEAST_WEEK = 1_500
 MOST_RECEIVERS = 2
 FIX_3D = 3
 FIX_AGE_US = 1_000_000
 SAME_FIX_US = 100_000
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
-# Raw values come in blocks; beyond so many periods another one begins.
+# Raw values come in blocks; a gap of more periods begins another.
 BURST_PAUSE = 5.0
 LEAST_BURST = 64
 BURST_KINDS = {0: "accelerometer", 1: "gyro"}
 MOST_BURSTS = 2_000
-# An error and its text follow each other at once.
+# Largest interval between an error and its text.
 IN_WORDS_S = 0.5
-# What FRAME_CLASS says of a copter, as MAV_TYPE; 0 and 1 are quadrotors.
+# FRAME_CLASS of a copter -> MAV_TYPE; 0 and 1 are quadrotors.
 COPTERS = {
     2: mavlink.MAV_TYPE_HEXAROTOR,
     3: mavlink.MAV_TYPE_OCTOROTOR,
@@ -90,7 +90,7 @@ QUATERNION = ("Q1", "Q2", "Q3", "Q4")
 UNIT_WITHIN = 0.05
 SECOND = "AHRS2"
 LARGEST_TRIM_RAD = 0.5
-# A message, its columns, and the messages that told further cores before cores had numbers.
+# A message, its columns, and the messages of further cores before cores had numbers.
 Source = tuple[str, tuple[str, ...], dict[int, str]]
 CORES: dict[str, tuple[Source, ...]] = {
     "EKF3": (
@@ -106,10 +106,10 @@ CORES: dict[str, tuple[Source, ...]] = {
 
 
 class VehicleKind(NamedTuple):
-    """A vehicle's firmware: how its texts and its parameters show it.
+    """A vehicle's firmware and how to recognise it by texts and parameters.
 
     Attributes:
-        names: what its version begins with.
+        names: beginnings of its version.
         parameters: that it alone has, in some year.
         vehicle_type: MAV_TYPE.
         modes: number -> name.
@@ -176,11 +176,11 @@ def open_dataflash(path: Path) -> DataflashLog:
 
 
 class Trim:
-    """What turns the autopilot's board into the vehicle's body: AHRS_TRIM, some degrees.
+    """The rotation from the autopilot's board to the vehicle's body: AHRS_TRIM, some degrees.
 
     IMU, compass and the estimators' quaternions are logged in the axes of the board, ATT and all
-    angles in those of the body (`AP_AHRS::get_rotation_autopilot_body_to_vehicle_body`). Here all
-    is of the body.
+    angles in those of the body (`AP_AHRS::get_rotation_autopilot_body_to_vehicle_body`). This
+    module converts everything to the body.
 
     Args:
         parameters: of the autopilot.
@@ -193,7 +193,7 @@ class Trim:
         self.is_known = any(angles)
         self._q = quaternion.from_euler(*angles)
         axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        # Row i is where axis i comes to lie: vectors are rows as well.
+        # Row i is the direction of axis i: vectors are rows as well.
         self._turn = np.array([quaternion.rotate(self._q, axis) for axis in axes])
         units = [tuple(unit) for unit in np.eye(4)]
         back = quaternion.conjugate(self._q)
@@ -201,15 +201,15 @@ class Trim:
         self._forth = np.array([quaternion.multiply(unit, self._q) for unit in units])
 
     def vectors(self, v: Array) -> Array:
-        """(N, 3) of the board to those of the body."""
+        """(N, 3) vectors of the board in axes of the body."""
         return v @ self._turn if self.is_known else v
 
     def of_board(self, q: Array) -> Array:
-        """(N, 4) attitudes of the body to those of the board."""
+        """(N, 4) attitudes of the body to attitudes of the board."""
         return q @ self._forth if self.is_known else q
 
     def attitudes(self, q: Array) -> Array:
-        """(N, 4) of the board to those of the body."""
+        """(N, 4) attitudes of the board to attitudes of the body."""
         return q @ self._back if self.is_known else q
 
 
@@ -217,7 +217,7 @@ NO_TRIM = Trim({})
 
 
 def recorded(tables: LogTables) -> Recorded:
-    """What the tables of a log say."""
+    """Reads the tables of a log."""
     log = DataflashRows(tables)
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
@@ -242,7 +242,7 @@ def recorded(tables: LogTables) -> Recorded:
         truth=_truth(log),
         gps=gps,
         modes=modes,
-        # Without a word of it nothing may be taken for standing still.
+        # Without such a message nothing counts as at rest.
         armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
         primary=_primary(log),
         said=said,
@@ -316,7 +316,7 @@ def _imus(
 
 
 def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
-    """(N,) whether the autopilot itself takes gyro and accelerometer for good."""
+    """(N,) whether the autopilot itself reports gyro and accelerometer as healthy."""
     good = np.ones(len(rows.t_us), np.bool_)
     for column in ("GH", "AH"):
         if column in rows.table:
@@ -326,22 +326,22 @@ def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
 
 
 def _new_fields(log: DataflashRows) -> Iterator[Rows]:
-    """The fields that a compass measured, each once, as the autopilot uses them, in milligauss.
+    """The fields measured by a compass, each once, as the autopilot uses them, in milligauss.
 
-    Offsets, scale and motor compensation are in them already (`Compass::get_field`); OfsX and the
-    like say what was added.
+    They include offsets, scale and motor compensation (`Compass::get_field`); OfsX and the like
+    show what was added.
     """
     for rows in log.instances("MAG", "MagX", "MagY", "MagZ"):
         good = np.ones(len(rows.t_us), np.bool_)
         if "Health" in rows.table:
             good &= rows.table.integers("Health") != 0
-        if "S" in rows.table:  # when it was measured: the same again is no new field
+        if "S" in rows.table:  # time of measurement: a repeated one is no new field
             good &= np.diff(rows.table.integers("S"), prepend=-1) != 0
         yield rows.where(good)
 
 
 def _compass_tracks(log: DataflashRows) -> Iterator[CompassTrack]:
-    """What a calibration asks for: the fields in the axes of the board, and what is in them."""
+    """For a calibration: the fields in the axes of the board, and the corrections in them."""
     for rows in _new_fields(log):
         values = rows.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
         good = imu_series.can_be_fields(values)
@@ -355,14 +355,14 @@ def _compass_tracks(log: DataflashRows) -> Iterator[CompassTrack]:
 
 
 def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
-    """(N, k) of columns that there may be; NaN where there are none."""
+    """(N, k) of optional columns; NaN if they are absent."""
     if all(name in rows.table for name in names):
         return rows.table.numbers(*names)
     return np.full((len(rows.t_us), len(names)), np.nan)
 
 
 def _compasses(log: DataflashRows, trim: Trim) -> dict[int, Fields]:
-    """By number, in the axes of the body."""
+    """Fields by number, in the axes of the body."""
     found = {}
     for new in _new_fields(log):
         values = new.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
@@ -391,7 +391,7 @@ def _bursts(log: DataflashRows) -> tuple[Burst, ...]:
 
 
 def _raw(log: DataflashRows, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
-    """Rows without pauses between them."""
+    """Bursts of rows without gaps."""
     stamps = rows.table.integers("SampleUS") if "SampleUS" in rows.table else rows.t_us
     steps = np.diff(stamps)
     if len(steps) < LEAST_BURST or (usual := float(np.median(steps))) <= 0.0:
@@ -406,7 +406,7 @@ def _raw(log: DataflashRows, rows: Rows, sensor: str, values: Array) -> Iterator
 
 
 def _batches(log: DataflashRows) -> Iterator[Burst]:
-    """ISBH tells of a batch, and the rows of ISBD with its number hold 32 values each."""
+    """ISBH announces a batch, and the rows of ISBD with its number hold 32 values each."""
     heads = log.find("ISBH", "N", "type", "instance", "mul", "smp_cnt", "smp_rate")
     data = log.find("ISBD", "N", "seqno", "x", "y", "z")
     if heads is None or data is None or data.table.kind("x") == "S":
@@ -427,7 +427,7 @@ def _batches(log: DataflashRows) -> Iterator[Burst]:
 
 
 def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
-    """Receivers; times at which the one measured that is used, and its number."""
+    """Receivers; times of measurement of the one in use, and its number."""
     accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
     tracks, stamps, uses = [], {}, {}
     for rows in log.instances("GPS", "Status", "Lat", "Lng", "Alt", "Spd", "GCrs"):
@@ -445,10 +445,10 @@ def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
 
 
 def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
-    """The fixes of one receiver, and when each was measured."""
+    """The fixes of one receiver, and their times of measurement."""
     table, count = rows.table, len(rows.t_us)
     speed, course = table.numbers("Spd"), np.radians(table.numbers("GCrs"))
-    # Down, as the name does not say; without a measurement of it, 0 is no value.
+    # Down, in spite of its name; 0 means that it is not measured.
     down = table.numbers("VZ") if "VZ" in table else np.full(count, np.nan)
     sigma, stamp_us = np.full(count, DEFAULT_SIGMA_M_S), rows.t_us
     if accuracy is not None:
@@ -486,7 +486,7 @@ def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
 
 
 def _start_unix_s(log: DataflashRows) -> float | None:
-    """From the receiver's week and its time in it, at the first fix."""
+    """From the receiver's week and time of week, at the first fix."""
     for week, time_ms in (("GWk", "GMS"), ("Week", "TimeMS")):
         rows = log.find("GPS", "Status", week, time_ms)
         if rows is None:
@@ -527,7 +527,7 @@ def _airspeed(log: DataflashRows) -> Series | None:
 def _attitudes(
     log: DataflashRows, parameters: dict[str, float], trim: Trim
 ) -> tuple[AttitudeTrack, ...]:
-    """What it flew by, the second one, and every core of its estimators."""
+    """The attitude used for control, the second one, and every core of the estimators."""
     found = [_angles(_flown_by(parameters), log.find("ATT", *ANGLES))]
     for name, sources in CORES.items():
         found += _cores(log, name, sources, trim)
@@ -536,7 +536,7 @@ def _attitudes(
 
 
 def _flown_by(parameters: dict[str, float]) -> str:
-    """Name of the estimator behind ATT, as far as the parameters say."""
+    """Name of the estimator behind ATT, as far as the parameters show."""
     chosen = parameters.get("AHRS_EKF_TYPE")
     if chosen is not None:
         return {0: "DCM", 1: "EKF1", 2: "EKF2", 3: "EKF3"}.get(int(chosen), "autopilot")
@@ -547,7 +547,7 @@ def _flown_by(parameters: dict[str, float]) -> str:
 def _cores(
     log: DataflashRows, name: str, sources: tuple[Source, ...], trim: Trim
 ) -> list[AttitudeTrack | None]:
-    """The cores of an estimator, from the first message that tells them."""
+    """The cores of an estimator, from the first message that has them."""
     for message, columns, others in sources:
         cores = list(log.instances(message, *columns))
         more = ((number, log.find(other, *columns)) for number, other in others.items())
@@ -588,7 +588,7 @@ def _truth(log: DataflashRows) -> AttitudeTrack | None:
 
 
 def _primary(log: DataflashRows) -> tuple[Span, ...]:
-    """Which core was in use, by the first core that says so."""
+    """The core in use, from the first core that reports it."""
     for message, name in (("XKF4", "EKF3"), ("NKF4", "EKF2")):
         for rows in log.instances(message, "PI"):
             numbers = rows.table.integers("PI").tolist()
@@ -610,7 +610,7 @@ def _settings(log: DataflashRows) -> tuple[Setting, ...]:
 
 
 def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
-    """As they were at the beginning."""
+    """The values at the beginning."""
     return {setting.name: setting.value for setting in reversed(settings)}
 
 
@@ -622,7 +622,7 @@ def _times_of(
 
 
 def _said(log: DataflashRows) -> tuple[Said, ...]:
-    """Texts and errors; the log does not say how severe they are."""
+    """Texts and errors; the log has no severities."""
     said = []
     rows = log.told("MSG", "Message")
     if rows is not None:
@@ -632,7 +632,7 @@ def _said(log: DataflashRows) -> tuple[Said, ...]:
 
 
 def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
-    """What ERR tells by numbers, where the autopilot did not say it in words as well."""
+    """Errors reported by ERR as numbers, unless the autopilot also reported them in words."""
     rows = log.told("ERR", "Subsys", "ECode")
     if rows is None:
         return []
@@ -668,7 +668,7 @@ def _kind_of(firmware: str, parameters: dict[str, float]) -> VehicleKind:
 
 
 def _vehicle_type(kind: VehicleKind, parameters: dict[str, float]) -> int:
-    """MAV_TYPE as its heartbeat would say it."""
+    """MAV_TYPE as in its heartbeat."""
     if kind is not COPTER:
         return kind.vehicle_type
     return int(COPTERS.get(int(parameters.get("FRAME_CLASS", 0.0)), kind.vehicle_type))
@@ -687,7 +687,7 @@ def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
 
 
 def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
-    """While it was armed; None where nothing says so."""
+    """While it was armed; None if unknown."""
     changes: list[tuple[float, bool]] = []
     rows = log.told("ARM", "ArmState")
     if rows is not None:
@@ -697,14 +697,14 @@ def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
         changes = _changes(log, ARMED, DISARMED)
     if not changes:
         return None
-    # Before the first change it was the other way.
+    # Before the first change it was in the other state.
     changes.insert(0, (0.0, not changes[0][1]))
     names = ("armed" if is_armed else "" for _, is_armed in changes)
     return spans([t_s for t_s, _ in changes], names, log.duration_s)
 
 
 def _airborne(log: DataflashRows) -> Series | None:
-    """1 while a copter has left the ground."""
+    """1 while a copter is off the ground."""
     changes = _changes(log, NOT_LANDED, LAND_COMPLETE)
     if not changes:
         return None
@@ -714,7 +714,7 @@ def _airborne(log: DataflashRows) -> Series | None:
 
 
 def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bool]]:
-    """When something began (True) and ended (False), by the events of the log."""
+    """When something began (True) and ended (False), by the log's events."""
     found = []
     for number, is_begin in ((begins, True), (ends, False)):
         rows = log.told("EV", "Id", begins=is_begin)
@@ -725,7 +725,7 @@ def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bo
 
 
 def _throttle(log: DataflashRows) -> Series | None:
-    """0 to 1; it has been stored as a share, in percent and in thousandths."""
+    """0 to 1; stored as a share, in percent or in thousandths over the years."""
     for column in ("ThO", "ThrOut", "ThrO"):
         rows = log.find("CTUN", column)
         if rows is None:
@@ -739,11 +739,11 @@ def _throttle(log: DataflashRows) -> Series | None:
 
 
 def _current(log: DataflashRows) -> Series | None:
-    """Of the first battery."""
+    """Current of the first battery."""
     for name in ("BAT", "CURR"):
         for rows in log.instances(name, "Curr"):
             values = rows.table.numbers("Curr")
-            # Until 2015 hundredths of amperes, without saying so.
+            # Until 2015 hundredths of amperes, without a unit in the log.
             unit = 1.0 if rows.table.kind("Curr") == "f" or rows.table.is_scaled("Curr") else 100.0
             good = np.isfinite(values)
             return Series(rows.t_s[good], values[good] / unit)
@@ -761,7 +761,7 @@ def _wind(log: DataflashRows) -> Series | None:
 
 
 def _missing(log: DataflashRows, context: Context, *, has_armed: bool) -> tuple[str, ...]:
-    """What would have made a better review."""
+    """What the recording lacks for a better review, one phrase each."""
     lacks = {
         "no row of the log has a time": not log.clock.end_us,
         "no autopilot's attitude to compare with": not context.attitudes,

@@ -1,4 +1,4 @@
-"""What ArduPilot's logs say of vehicle and control: demands, outputs, height, supply, faults.
+"""Vehicle and control in ArduPilot's logs: demands, outputs, height, supply, faults.
 
 Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2014 to 2026;
 `LogEvent` of AP_Logger.h.
@@ -29,9 +29,9 @@ from h2nav.wire.imu import MOST_IMUS
 
 MOST_OUTPUTS = 16
 HIGHEST_M = 50_000.0
-# Widths of the ranges in which old logs stored volts without saying so.
+# Widths of the ranges in which old logs stored volts without a unit.
 MOST_VOLTS, MOST_BOARD_VOLTS = 100.0, 10.0
-# Statistics, which count by themselves.
+# Counters, which change by themselves.
 COUNTERS = "STAT_"
 OCCURRENCES = {
     10: "armed",
@@ -62,7 +62,7 @@ OCCURRENCES = {
 
 
 def demand(log: DataflashRows) -> Series | None:
-    """Roll, pitch and heading that the controllers were asked for."""
+    """Demanded roll, pitch and heading."""
     rows = log.find("ATT", "DesRoll", "DesPitch")
     if rows is None:
         return None
@@ -74,7 +74,7 @@ def demand(log: DataflashRows) -> Series | None:
 
 
 def demanded_rates(log: DataflashRows) -> Series | None:
-    """Body rates that the controllers were asked for."""
+    """Demanded body rates."""
     for columns in (("RDes", "PDes", "YDes"), ("RllDes", "PitDes", "YawDes")):
         rows = log.find("RATE", *columns)
         if rows is not None:
@@ -87,7 +87,7 @@ def motors(log: DataflashRows, parameters: Mapping[str, float], vehicle_type: in
 
     Args:
         log: the tables.
-        parameters: as they were at the beginning: what is changed in flight renames no motor.
+        parameters: at the beginning: a change in flight renames no motor.
         vehicle_type: MAV_TYPE.
     """
     for prefix in ("C", "Ch", "Chan"):
@@ -102,7 +102,7 @@ def motors(log: DataflashRows, parameters: Mapping[str, float], vehicle_type: in
 
 
 def height(log: DataflashRows, column: str) -> Series | None:
-    """Of CTUN: ``Alt`` as it is estimated, ``DAlt`` as it is asked for; m."""
+    """Of CTUN: ``Alt`` is the estimate, ``DAlt`` the demand; m."""
     rows = log.find("CTUN", column)
     return None if rows is None else _heights(rows, column)
 
@@ -118,7 +118,7 @@ def climb(log: DataflashRows) -> Series | None:
 
 
 def baro_height(log: DataflashRows) -> Series | None:
-    """Of the first barometer."""
+    """Height of the first barometer."""
     for rows in log.instances("BARO", "Alt"):
         return _heights(rows, "Alt")
     return None
@@ -132,7 +132,7 @@ def _heights(rows: Rows, column: str) -> Series:
 
 
 def batteries(log: DataflashRows) -> tuple[Battery, ...]:
-    """BAT, and CURR of until 2018."""
+    """BAT, and CURR until 2018."""
     for name in ("BAT", "CURR"):
         found = [_battery(rows) for rows in log.instances(name, "Volt")]
         if found:
@@ -151,14 +151,14 @@ def _battery(rows: Rows) -> Battery:
 
 
 def _hundredths(rows: Rows, column: str) -> np.ndarray:
-    """Whole numbers were hundredths until 2015, without saying so."""
+    """Whole numbers were hundredths until 2015, without a unit in the log."""
     table = rows.table
     unit = 1.0 if table.kind(column) == "f" or table.is_scaled(column) else 0.01
     return table.numbers(column) * unit
 
 
 def board(log: DataflashRows) -> Series | None:
-    """Supply of the autopilot; it has been stored as volts and as millivolts."""
+    """Supply of the autopilot; stored as volts or as millivolts over the years."""
     for name in ("POWR", "CURR"):
         rows = log.find(name, "Vcc")
         if rows is None:
@@ -172,7 +172,7 @@ def board(log: DataflashRows) -> Series | None:
 
 
 def vibrations(log: DataflashRows) -> tuple[VibrationTrack, ...]:
-    """VIBE: of each IMU; until 2020 of one, with the clips of all."""
+    """VIBE: of each IMU; until 2020 of one, with the clip counts of all."""
     axes = ("VibeX", "VibeY", "VibeZ")
     found = [
         VibrationTrack(rows.number, rows.t_s, rows.table.numbers(*axes), rows.table.numbers("Clip"))
@@ -232,7 +232,7 @@ def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
 
 
 def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
-    """EV, with those of no name left out."""
+    """EV, without unnamed events."""
     rows = log.told("EV", "Id")
     if rows is None:
         return ()
@@ -241,7 +241,7 @@ def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
 
 
 def changes(settings: Iterable[tuple[float, str, float]]) -> tuple[ChangedSetting, ...]:
-    """Parameters that got another value.
+    """Parameters that changed.
 
     Args:
         settings: time, name and value of every parameter that was logged, in order.

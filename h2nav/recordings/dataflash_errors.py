@@ -1,4 +1,4 @@
-"""What the numbers of ArduPilot's ERR messages mean, in words.
+"""Meaning of the numbers in ArduPilot's ERR messages.
 
 Source: `LogErrorSubsystem` and `LogErrorCode` of AP_Logger.h, the same since 2013.
 """
@@ -34,7 +34,7 @@ SUBSYSTEMS = {
     30: "internal error",
     31: "dead reckoning failsafe",
 }
-# Where a number has a meaning of its own for its subsystem, and it is known to people by it.
+# Numbers with a well-known meaning of their own in their subsystem.
 SAYINGS = {
     (2, 2): "radio frame late",
     (3, 1): "compass failed to start",
@@ -48,7 +48,7 @@ SAYINGS = {
     (18, 2): "barometer glitch",
     (18, 4): "barometer unhealthy",
 }
-# Out of `h2nav.recordings.context.SUBSYSTEMS`.
+# Values of `h2nav.recordings.context.SUBSYSTEMS`.
 CONCERNED = {
     2: "radio",
     3: "compass",
@@ -77,7 +77,7 @@ NUMBERED = (10, 24)
 
 
 def said_of_error(subsystem: int, code: int) -> str:
-    """One line; empty for what is no error."""
+    """One line; empty if it is no error."""
     name = SUBSYSTEMS.get(subsystem)
     if name is None:
         return ""
@@ -89,5 +89,5 @@ def said_of_error(subsystem: int, code: int) -> str:
 
 
 def subsystem_of(subsystem: int) -> str:
-    """What a number concerns."""
+    """The subsystem of a number."""
     return CONCERNED.get(subsystem, "other")

@@ -1,4 +1,4 @@
-"""Rows of ArduPilot's dataflash logs: by message, whose instances have been told in two ways."""
+"""Rows of ArduPilot's dataflash logs by message; instances have been encoded in two ways."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from h2nav.recordings.log_rows import MOST_INSTANCES, Log, Rows
 from h2nav.recordings.row_tables import Table
 from h2nav.wire.imu import MOST_IMUS
 
-# Columns that number the instances of a message.
+# Columns with the number of an instance.
 NUMBER = ("I", "C", "Instance", "Inst", "IMU")
 
 
@@ -16,7 +16,7 @@ class DataflashRows(Log):
 
     @staticmethod
     def times_of(table: Table) -> Times | None:
-        """(N,) microseconds since boot; None where the rows do not tell them."""
+        """(N,) microseconds since boot; None if the rows have no times."""
         if "TimeUS" in table:
             return table.integers("TimeUS")
         if table.name.startswith("GPS"):  # its TimeMS is that of the week
@@ -24,16 +24,16 @@ class DataflashRows(Log):
         return table.integers("TimeMS") * 1000 if "TimeMS" in table else None
 
     def find(self, name: str, *columns: str) -> Rows | None:
-        """All rows of a message; None where there are none with these columns."""
+        """All rows of a message; None if there are none with these columns."""
         table = self._tables.find(name, *columns)
         times = None if table is None else self.times_of(table)
         return None if table is None or times is None else self.believed(name, table, times)
 
     def told(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
-        """Like `find`, of what is told now and then, which until 2015 had no time.
+        """Like `find`, for occasional messages, which until 2015 had no time.
 
-        Rows without one are as old as those before them in the file; where they `begins` something,
-        as those after them, because an autopilot may have logged nothing until then.
+        Rows without one get the time of the row before them in the file; if they `begins`
+        something, of the row after them, because the autopilot may have logged nothing until then.
         """
         table = self._tables.find(name, *columns)
         if table is None:
@@ -44,7 +44,7 @@ class DataflashRows(Log):
         return self.believed(name, table, times)
 
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
-        """One per instance: of one message with their numbers, or of messages with a number."""
+        """Yields one per instance: of one message with numbers, or of messages with a number."""
         rows = self.find(name, *columns)
         if rows is None:
             return

@@ -6,8 +6,8 @@ type's records stand, and takes columns out of them with numpy; what is not aske
 decoded. It exists beside pymavlink's, which makes an object per record, for the sake of fleets;
 tests hold it to that one, value for value.
 
-Damage costs what it hit: where no record begins, the reader goes on at the next place where one
-does and another one follows it, and counts the bytes between.
+Damage costs only the bytes that it hit: the reader continues at the next place where a record
+begins and another one follows it, and counts the bytes between.
 """
 
 import math
@@ -28,7 +28,7 @@ HEAD_1, HEAD_2 = HEAD
 HEADER_BYTES = 3
 FMT_TYPE = 128
 FMT_BYTES = 89
-# Each binary log tells the form of FMT itself first; in a text, that is the first line.
+# Each binary log defines FMT itself first; in a text, that is the first line.
 FMT_OF_FMT = HEAD + bytes((FMT_TYPE, FMT_TYPE, FMT_BYTES)) + b"FMT\0"
 TEXT_START = re.compile(rb"\s*FMT, *\d+, *\d+, *\w+, *\w+,")
 # Format letter: numpy's type, divisor.
@@ -55,19 +55,19 @@ FIELDS: dict[str, tuple[str, float | None]] = {
     "q": ("<i8", None),
     "Q": ("<u8", None),
 }
-# In a text, a flight mode may stand as its name.
+# In a text, a flight mode may be written as its name.
 WORDS = frozenset("nNZM")
 WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 
 PROBE_BYTES = 4096
-# Bytes that are followed together, and one by one where they cannot be.
+# Bytes that are followed together, or one by one where that fails.
 STRETCH, SINGLY = 1 << 20, 1 << 9
 LARGEST = 2.0**62
 
 
 class RowFormat(NamedTuple):
-    """What a FMT record tells of a type.
+    """The definition of a type by a FMT record.
 
     Attributes:
         name: of the message.
@@ -82,7 +82,7 @@ class RowFormat(NamedTuple):
     columns: tuple[str, ...]
 
     def row(self) -> np.dtype[np.void] | None:
-        """A record with its head; None where letters, names and length contradict each other."""
+        """A record with its head; None if letters, names and length contradict each other."""
         if not self.is_sound:
             return None
         types = [np.dtype(FIELDS[letter][0]) for letter in self.letters]
@@ -100,19 +100,19 @@ class RowFormat(NamedTuple):
 
     @property
     def is_sound(self) -> bool:
-        """Whether every column has a name of its own and a letter that is known."""
+        """Whether every column has a unique name and a known letter."""
         are_known = all(letter in FIELDS for letter in self.letters)
         return are_known and 0 < len(self.letters) == len(set(self.columns)) == len(self.columns)
 
     @property
     def divisors(self) -> dict[str, float]:
-        """Of the columns that are stored as multiples of a fraction."""
+        """Divisors of the columns stored as multiples of a fraction."""
         pairs = zip(self.columns, self.letters, strict=True)
         return {name: d for name, letter in pairs if (d := FIELDS[letter][1]) is not None}
 
 
 def is_dataflash(start: bytes) -> bool:
-    """Whether a file that begins so is a dataflash log, binary or text.
+    """Whether a file with this beginning is a dataflash log, binary or text.
 
     Args:
         start: some kilobytes from its beginning.
@@ -121,7 +121,7 @@ def is_dataflash(start: bytes) -> bool:
 
 
 def read_dataflash(path: Path) -> LogTables:
-    """The tables of a log, as far as it can be read.
+    """Reads the tables of a log, as far as possible.
 
     Raises:
         BadInput: the file cannot be opened.
@@ -156,7 +156,7 @@ class _Chain:
         place, size, singly = 0, len(self._data), SINGLY
         while place + HEADER_BYTES <= size:
             before, place = place, self._follow_stretch(place)
-            # Where stretches lead nowhere they are tried less and less.
+            # Stretches that lead nowhere are tried less and less often.
             singly = SINGLY if place - before >= STRETCH // 16 else min(2 * singly, STRETCH)
             place = self._follow_singly(place, place + singly)
         if place < size:
@@ -164,10 +164,10 @@ class _Chain:
         return LogTables(self._sources(), dict(self._notes))
 
     def _follow_stretch(self, place: int) -> int:
-        """Follows many records at once, as long as their types are known; where it ended.
+        """Follows many records at once while their types are known; returns where it ended.
 
-        Every head in a stretch may begin a record. As a rule the next head is where the record
-        ends, and what few heads stand inside a record are jumped over.
+        Every head in a stretch may begin a record. Usually the next head is the end of the record,
+        and the few heads inside a record are skipped.
         """
         data = np.frombuffer(self._data, np.uint8, min(STRETCH, len(self._data) - place), place)
         heads = np.flatnonzero((data[:-2] == HEAD_1) & (data[1:-1] == HEAD_2))
@@ -197,13 +197,13 @@ class _Chain:
         return place + int(ends[taken[-1]])
 
     def _known_lengths(self) -> NDArray[np.int64]:
-        """By type; definitions are none, because they have to be looked at one by one."""
+        """Length by type; 0 for definitions, which are handled one by one."""
         lengths = np.array(self._lengths, np.int64)
         lengths[FMT_TYPE] = 0
         return lengths
 
     def _follow_singly(self, place: int, end: int) -> int:
-        """Follows records one by one to a place: definitions, what they define, and damage."""
+        """Follows records one by one to a place: definitions, newly defined types, damage."""
         data, lengths = self._data, self._lengths
         size = len(data)
         end = min(size - HEADER_BYTES, end)
@@ -245,7 +245,7 @@ class _Chain:
             self._notes["a message type is defined with a contradiction"] += 1
 
     def _next_record(self, place: int) -> int:
-        """The next place where a record begins that another one follows."""
+        """The next place where a record begins and another one follows."""
         data, lengths = self._data, self._lengths
         found = place
         while True:
@@ -261,13 +261,13 @@ class _Chain:
         return found
 
     def _sources(self) -> dict[str, RowSource]:
-        """How to make the table of each message that occurs."""
+        """The sources of the tables of all messages present."""
         sources: dict[str, RowSource] = {}
         for kind, form in self._formats.items():
             places = np.frombuffer(self._places[kind], np.int64)
             if form.row() is None or not len(places):
                 continue
-            # Of two types under one name, that with more rows is meant.
+            # Of two types with one name, the one with more rows counts.
             if form.name in sources and len(sources[form.name].places) >= len(places):
                 continue
             sources[form.name] = RowSource(self._data, places, form.row, form.divisors)
@@ -303,17 +303,17 @@ def _text_tables(data: bytes) -> LogTables:
 
 
 def _text_format(values: bytes) -> RowFormat | None:
-    """What a line ``FMT, type, length, name, letters, columns...`` tells; None if nothing."""
+    """Parses a line ``FMT, type, length, name, letters, columns...``; None if it is not valid."""
     told = [value.strip().decode("latin-1") for value in values.split(b",")]
     if len(told) < 5:
         return None
     form = RowFormat(told[2], 0, told[3], tuple(told[4:]))
-    # Arrays are not written as text in one way.
+    # There is no common text form of arrays.
     return form if form.is_sound and "a" not in form.letters else None
 
 
 def _text_table(form: RowFormat, lines: list[bytes], places: NDArray[np.int64]) -> Table:
-    """The lines of one message that have all its values, as numbers where they should be."""
+    """The complete lines of one message, with numbers where expected."""
     count = len(form.columns)
     split = [line.split(b",", count - 1) for line in lines]
     whole = np.array([len(values) == count for values in split], np.bool_)

@@ -133,7 +133,7 @@ def can_be_fields(m_b_ut: Array) -> Mask:
 
 
 def field_age_s(t_us: Times, fields: Fields | None) -> float | None:
-    """The usual age of a field when a sample brings it; None where none does."""
+    """The usual age of a field at its sample; None without fields."""
     if fields is None or not len(t_us):
         return None
     place = np.searchsorted(t_us, fields.t_us)
@@ -160,16 +160,16 @@ def readings_of(
 ) -> Readings:
     """The readings for the service, at most about 200 a second.
 
+    Faster streams are averaged: rates and forces, as a filter expects of a sample, and times. With
+    the time of its last sample a mean would be older than a single value; with the mean time its
+    age is the same.
+
     Args:
         imu: its number, from 0.
         samples: of the log.
         fields: of the compass whose field they carry.
-        rates_age_s: age of rates and forces at the samples' times; None = not shown by the log, so
-            that what the service knows of the autopilot holds, of the fields as well.
-
-    Where there are more samples, it is told their means: of rates and forces, which is what a
-    filter takes a sample for, and of their times. With the time of the last one the mean would be
-    older than a single value; with their mean time it is exactly as old.
+        rates_age_s: age of rates and forces at the samples' times; None = unknown from the log, so
+            that the service's delays of the autopilot hold, also for the fields.
     """
     size = np.ceil(samples.rate_hz / THINNED_HZ) if samples.rate_hz > FASTEST_HZ else 1
     large_rate = np.abs(samples.w_b) >= CLIPPED_RATE_RAD_S

@@ -19,7 +19,7 @@ from h2nav.recordings.trials import FilterInput, ToldOf
 from h2nav.service.autopilot import Identity
 
 UNKNOWN = (math.nan, math.nan, math.nan)
-# Arrival, autopilot's time, rate, force, field, whether the field is one, whether it is clipped.
+# Arrival, autopilot's time, rate, force, field, whether there is a field, whether it is clipped.
 _ROW = struct.Struct("<2q9d2?")
 
 

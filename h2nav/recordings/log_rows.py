@@ -1,4 +1,4 @@
-"""Rows of an autopilot's own log by name and instance, with times that can be believed."""
+"""Rows of an autopilot's own log by name and instance, with plausible times."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ FIX_AGE_US = 1_000_000
 
 
 class Rows(NamedTuple):
-    """Rows of one instance of a message or topic whose times can be believed.
+    """Rows of one instance of a message or topic, with plausible times.
 
     Attributes:
         number: of the instance, from 0.
@@ -31,12 +31,12 @@ class Rows(NamedTuple):
     t_s: Array
 
     def where(self, wanted: Mask) -> "Rows":
-        """Some of them."""
+        """The selected rows."""
         return Rows(self.number, self.table.only(wanted), self.t_us[wanted], self.t_s[wanted])
 
     @property
     def sample_us(self) -> Times:
-        """(N,) when their values were measured, as far as they say so; never after they came."""
+        """(N,) times of measurement if known, never after the times of writing."""
         if "timestamp_sample" not in self.table:
             return self.t_us
         stamps = self.table.integers("timestamp_sample")
@@ -52,7 +52,7 @@ class Log(ABC):
         tables: of the file.
 
     Attributes:
-        clock: by the name of which there are most rows that have a time.
+        clock: of the name with most rows that have a time.
         notes: what was damaged or skipped: reason -> count.
     """
 
@@ -64,7 +64,7 @@ class Log(ABC):
     @staticmethod
     @abstractmethod
     def times_of(table: Table) -> Times | None:
-        """(N,) microseconds since boot; None where the rows do not tell them."""
+        """(N,) microseconds since boot; None if the rows have no times."""
 
     @abstractmethod
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
@@ -80,12 +80,12 @@ class Log(ABC):
         return np.asarray((t_us - self.clock.start_us) * 1e-6)
 
     def note(self, reason: str, count: int) -> None:
-        """Something was skipped."""
+        """Counts something that was skipped."""
         if count:
             self.notes[reason] = self.notes.get(reason, 0) + count
 
     def believed(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:
-        """The rows whose times are like those around them in the file; None where none are.
+        """The rows with times like those around them in the file; None if there are none.
 
         Args:
             name: for the notes.

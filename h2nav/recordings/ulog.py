@@ -1,8 +1,8 @@
-"""PX4's ULog files as events of the service, and what else they say.
+"""PX4's ULog files as events of the service, and as context for the review.
 
-Topics and fields have changed since 2016: sensor_combined held the magnetometer too, receivers
-were vehicle_gps_position, and since 1.11 every IMU has its vehicle_imu, which the default set of
-topics logs twice a second, so that only sensor_combined can be used then.
+Topics and fields have changed since 2016: sensor_combined included the magnetometer, receivers were
+vehicle_gps_position, and since 1.11 every IMU has its vehicle_imu, which the default set of topics
+logs twice a second, so that only sensor_combined is usable then.
 
 Sources: PX4's msg/*.msg, 2016 to 2026.
 """
@@ -53,7 +53,7 @@ MOST_RECEIVERS = 2
 FIX_3D = 3
 ARMED = 2
 UNIT_WITHIN = 0.05
-# Longest time over which a sample can be a mean.
+# Longest averaging time of a sample.
 LONGEST_MEAN_US = 100_000
 MOST_BURSTS = 2_000
 FIFO_VALUES = 32
@@ -80,7 +80,7 @@ MODES = {
     22: "AUTO_VTOL_TAKEOFF",
     **{23 + number: f"EXTERNAL{number + 1}" for number in range(8)},
 }
-# vehicle_status.vehicle_type, where no MAV_TYPE is known.
+# vehicle_status.vehicle_type, if no MAV_TYPE is known.
 VEHICLE_TYPES = {
     1: mavlink.MAV_TYPE_QUADROTOR,
     2: mavlink.MAV_TYPE_FIXED_WING,
@@ -98,7 +98,7 @@ SEVERITIES = (
     Severity.INFO,
 )
 QUATERNION = ("q[0]", "q[1]", "q[2]", "q[3]")
-# Which estimator SYS_MC_EST_GROUP chose, while there was a choice.
+# The estimator selected by SYS_MC_EST_GROUP, while there was a choice.
 EKF2_GROUP = 2.0
 
 
@@ -115,13 +115,13 @@ def open_ulog(path: Path) -> ULog:
     """Opens a log of PX4.
 
     Raises:
-        BadInput: it cannot be opened, or is none.
+        BadInput: it cannot be opened, or is not a ULog.
     """
     return ULog(path)
 
 
 def recorded(file: ULogFile) -> Recorded:
-    """What a file says."""
+    """Reads the contents of a file."""
     log = ULogRows(file)
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
@@ -142,7 +142,7 @@ def recorded(file: ULogFile) -> Recorded:
         truth=_attitude("truth", log.find("vehicle_attitude_groundtruth", *QUATERNION)),
         gps=gps,
         modes=_modes(log),
-        # Without a word of it nothing may be taken for standing still.
+        # Without such a message nothing counts as at rest.
         armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
         primary=_primary(log),
         said=_said(log),
@@ -198,7 +198,7 @@ class Means(NamedTuple):
         imu: number of the IMU, from 0.
         source: the topic.
         samples: with the times at which the means end.
-        length_us: (N,) over how long each is a mean.
+        length_us: (N,) averaging time of each.
         device_ids: of accelerometer and gyro; 0 where it is not said.
     """
 
@@ -232,7 +232,7 @@ def _imus(log: ULogRows) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Reading
 
 
 def _means(log: ULogRows) -> list[Means]:
-    """Of every IMU, by the first topic that tells them often enough."""
+    """Means of every IMU, from the first topic with a sufficient rate."""
     choices = (
         [_delta(rows) for rows in log.instances("vehicle_imu", *DELTAS, "delta_angle_dt")],
         _combined(log),
@@ -274,7 +274,7 @@ def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
 
 
 def _combined(log: ULogRows) -> list[Means]:
-    """sensor_combined: the IMU that is in use; its times of integration were seconds once."""
+    """sensor_combined: the IMU in use; its integration times were seconds once."""
     gyro, force = _axes("gyro_rad"), _axes("accelerometer_m_s2")
     rows = log.find("sensor_combined", *gyro, *force)
     if rows is None:
@@ -309,7 +309,7 @@ def _single_sensors(log: ULogRows) -> list[Means]:
 
 
 def _length(length_us: Array) -> Array:
-    """Times of integration; 0 where they cannot be."""
+    """Integration times; 0 where implausible."""
     good = (length_us > 0.0) & (length_us <= LONGEST_MEAN_US)
     return np.where(good, length_us, 0.0)
 
@@ -319,13 +319,13 @@ def _axes(name: str) -> tuple[str, ...]:
 
 
 def _hides_imus(log: ULogRows, context: Context) -> bool:
-    """Whether there is a second IMU of which too few samples were logged."""
+    """Whether there is a second IMU with too few logged samples."""
     others = [rows.number for rows in log.instances("vehicle_imu", "delta_angle_dt")]
     return len(others) > 1 and [track.source for track in context.imus] == ["sensor_combined"]
 
 
 def _compasses(log: ULogRows) -> dict[int, Fields]:
-    """By number: calibrated fields; those of sensor_mag are not, and of no use."""
+    """Calibrated fields by number; those of sensor_mag are uncalibrated, hence useless."""
     found = {}
     field = _axes("magnetometer_ga")
     for rows in log.instances("vehicle_magnetometer", *field):
@@ -334,7 +334,7 @@ def _compasses(log: ULogRows) -> dict[int, Fields]:
     combined = log.find("sensor_combined", *field, relative) if not found else None
     if combined is not None:  # until 2017
         late_us = combined.table.integers(relative)
-        # The largest int32 says that there is none.
+        # The largest int32 means that there is none.
         is_new = np.abs(late_us) <= FIX_AGE_US
         t_us = (combined.t_us + late_us)[is_new]
         values = combined.table.numbers(*field)[is_new]
@@ -344,7 +344,7 @@ def _compasses(log: ULogRows) -> dict[int, Fields]:
 
 
 def _compass_tracks(log: ULogRows) -> Iterator[CompassTrack]:
-    """What a calibration asks for; which compass it is stands beside its values."""
+    """For a calibration; the id of the compass is stored beside its values."""
     field = _axes("magnetometer_ga")
     for rows in log.instances("vehicle_magnetometer", *field):
         values = rows.table.numbers(*field) * UT_PER_GAUSS
@@ -368,7 +368,7 @@ def _fields(t_us: Times, gauss: Array) -> Fields:
 
 
 def _bursts(log: ULogRows) -> tuple[Burst, ...]:
-    """What the sensors' own buffers held: up to 32 raw values per message, of about 1 ms each."""
+    """Contents of the sensors' own buffers: up to 32 raw values per message, of about 1 ms each."""
     found: list[Burst] = []
     for topic, sensor in (
         ("sensor_gyro_fifo", "gyro"),
@@ -380,7 +380,7 @@ def _bursts(log: ULogRows) -> tuple[Burst, ...]:
 
 
 def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
-    """Messages that follow each other without a gap are one burst."""
+    """Messages without a gap between them form one burst."""
     table = rows.table
     size = min(FIFO_VALUES, sum(f"x[{number}]" in table for number in range(FIFO_VALUES)))
     # (N, size, 3)
@@ -407,10 +407,10 @@ def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
 
 
 def _gps(log: ULogRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
-    """Receivers; times at which the one measured that is used, and its number."""
+    """Receivers; times of measurement of the one in use, and its number."""
     velocity = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
-    # sensor_gps has one instance per receiver; vehicle_gps_position is what is flown by, and was
-    # the receiver itself until 1.11.
+    # sensor_gps has one instance per receiver; vehicle_gps_position is the one used for control
+    # (until 1.11 the receiver itself).
     found = []
     for topic in ("sensor_gps", "vehicle_gps_position"):
         found = [*log.instances(topic, "fix_type", *velocity)][:MOST_RECEIVERS]
@@ -459,7 +459,7 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
 
 
 def _start_unix_s(log: ULogRows) -> float | None:
-    """By the receiver's date."""
+    """From the receiver's date."""
     for topic in ("sensor_gps", "vehicle_gps_position"):
         for rows in log.instances(topic, "time_utc_usec"):
             unix_s = rows.table.numbers("time_utc_usec") * 1e-6
@@ -489,7 +489,7 @@ def _series(rows: Rows, column: str) -> Series:
 
 
 def _attitudes(log: ULogRows, parameters: dict[str, float]) -> tuple[AttitudeTrack, ...]:
-    """What it flew by, and every instance of its estimator."""
+    """The attitude used for control, and every instance of the estimator."""
     chosen = parameters.get("SYS_MC_EST_GROUP", EKF2_GROUP)
     name = "EKF2" if chosen == EKF2_GROUP else "attitude_estimator_q"
     found = [_attitude(name, log.find("vehicle_attitude", *QUATERNION))]
@@ -499,7 +499,7 @@ def _attitudes(log: ULogRows, parameters: dict[str, float]) -> tuple[AttitudeTra
 
 
 def _attitude(name: str, rows: Rows | None) -> AttitudeTrack | None:
-    """At the time of the samples that it was made from."""
+    """The attitude at the time of its samples."""
     if rows is None:
         return None
     q_nb = rows.table.numbers(*QUATERNION)
@@ -513,12 +513,12 @@ def _attitude(name: str, rows: Rows | None) -> AttitudeTrack | None:
 
 
 def log_time(rows: Rows, t_us: Times) -> Array:
-    """Other times of the same rows since the log began."""
+    """Other times of the same rows, since the log began."""
     return np.asarray(np.maximum(rows.t_s - (rows.t_us - t_us) * 1e-6, 0.0))
 
 
 def _primary(log: ULogRows) -> tuple[Span, ...]:
-    """Which instance of the estimator was in use."""
+    """The instance of the estimator in use."""
     rows = log.find("estimator_selector_status", "primary_instance")
     if rows is None:
         return ()
@@ -531,7 +531,7 @@ def _primary(log: ULogRows) -> tuple[Span, ...]:
 
 
 def _settings(log: ULogRows) -> tuple[Setting, ...]:
-    """Parameters; a change has the time of the data around it."""
+    """Parameters; a change has the time of the surrounding data."""
     told = log.file.parameters
     times = log.clock.at(np.array([place for place, _, _ in told], np.int64)).tolist()
     return tuple(
@@ -540,7 +540,7 @@ def _settings(log: ULogRows) -> tuple[Setting, ...]:
 
 
 def _vehicle_type(log: ULogRows, parameters: dict[str, float]) -> int:
-    """MAV_TYPE: by the parameter, by the status of old logs, else of the same class."""
+    """MAV_TYPE: from the parameter, the status of old logs, or the class of vehicle."""
     for value in (parameters.get("MAV_TYPE"), _usual(log, "system_type")):
         if value in mavlink.enums["MAV_TYPE"] and value:
             return int(value)
@@ -548,7 +548,7 @@ def _vehicle_type(log: ULogRows, parameters: dict[str, float]) -> int:
 
 
 def _usual(log: ULogRows, column: str) -> int:
-    """The most frequent value in vehicle_status; 0 where there is none."""
+    """The most frequent value in vehicle_status; 0 without any."""
     rows = log.find("vehicle_status", column)
     return (
         0 if rows is None else int(np.bincount(rows.table.integers(column).clip(0, 255)).argmax())
@@ -556,7 +556,7 @@ def _usual(log: ULogRows, column: str) -> int:
 
 
 def _firmware(log: ULogRows) -> str:
-    """Such as ``PX4 v1.14.3``: four bytes, of which the last one tells releases from others."""
+    """Such as ``PX4 v1.14.3``: four bytes, the last of which marks releases."""
     info = log.file.info
     name, release = info.get("sys_name", ""), info.get("ver_sw_release", 0.0)
     if isinstance(release, float) and release > 0.0:
@@ -577,7 +577,7 @@ def _modes(log: ULogRows) -> tuple[Span, ...]:
 
 
 def _armed(log: ULogRows) -> tuple[Span, ...] | None:
-    """While it was armed; None where nothing says so."""
+    """While it was armed; None if unknown."""
     rows = log.find("vehicle_status", "arming_state")
     if rows is not None:
         armed = rows.table.integers("arming_state") == ARMED
@@ -610,7 +610,7 @@ def _said(log: ULogRows) -> tuple[Said, ...]:
 
 
 def _throttle(log: ULogRows) -> Series | None:
-    """0 to 1: what the controller asks for; else the mean of the motors."""
+    """0 to 1: the controller's demand, otherwise the mean of the motors."""
     found = log.first(
         ("vehicle_thrust_setpoint", "xyz[2]"),
         ("actuator_controls_0", "control[3]"),
@@ -629,7 +629,7 @@ def _current(log: ULogRows) -> Series | None:
 
 
 def _wind(log: ULogRows) -> Series | None:
-    """Where the air moves to."""
+    """Velocity of the air."""
     for topic in ("wind", "wind_estimate", "estimator_wind"):
         rows = log.find(topic, "windspeed_north", "windspeed_east")
         if rows is not None:

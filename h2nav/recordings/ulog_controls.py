@@ -1,4 +1,4 @@
-"""What PX4's logs say of the vehicle and its control: demands, outputs, height, supply, faults.
+"""Vehicle and control in PX4's logs: demands, outputs, height, supply, faults.
 
 Sources: PX4's msg/*.msg, 2016 to 2026.
 """
@@ -46,7 +46,7 @@ FAILURES = {
 
 
 def demand(log: ULogRows) -> Series | None:
-    """Roll, pitch and heading that the controllers were asked for."""
+    """Demanded roll, pitch and heading."""
     columns = tuple(f"q_d[{i}]" for i in range(4))
     rows = log.find("vehicle_attitude_setpoint", *columns)
     if rows is not None:
@@ -60,7 +60,7 @@ def demand(log: ULogRows) -> Series | None:
 
 
 def demanded_rates(log: ULogRows) -> Series | None:
-    """Body rates that the controllers were asked for."""
+    """Demanded body rates."""
     axes = ("roll", "pitch", "yaw")
     rows = log.find("vehicle_rates_setpoint", *axes)
     return None if rows is None else Series(rows.t_s, rows.table.numbers(*axes))
@@ -96,7 +96,7 @@ def local_position(log: ULogRows, column: str, sign: float) -> Series | None:
 
 
 def height_demand(log: ULogRows) -> Series | None:
-    """Above the origin of the estimator; NaN where only a velocity is asked for."""
+    """Above the origin of the estimator; NaN where only a velocity is demanded."""
     rows = log.find("vehicle_local_position_setpoint", "z")
     return None if rows is None else _finite(rows, -rows.table.numbers("z"))
 
@@ -114,7 +114,7 @@ def baro_height(log: ULogRows) -> Series | None:
 
 
 def batteries(log: ULogRows) -> tuple[Battery, ...]:
-    """Those that are connected."""
+    """The connected batteries."""
     return tuple(
         Battery(
             rows.number,
@@ -170,7 +170,7 @@ def compasses(log: ULogRows, parameters: Mapping[str, float]) -> tuple[CompassRo
 
 
 def faults(log: ULogRows) -> tuple[ReportedFault, ...]:
-    """Failsafes, failures that were detected, and the battery's warnings, as they begin and end."""
+    """Failsafes, detected failures, and the battery's warnings, as they begin and end."""
     found = []
     rows = log.find("vehicle_status", "failsafe")
     if rows is not None:
@@ -203,12 +203,12 @@ def _flags(rows: Rows, column: str, subsystem: str, text: str) -> list[ReportedF
 
 
 def _changes(values: np.ndarray) -> list[int]:
-    """Where a number is another one than before, which was 0 at first."""
+    """Places where a number differs from the previous one, which is 0 at first."""
     return [int(place) for place in np.flatnonzero(np.diff(values, prepend=0))]
 
 
 def _column(rows: Rows, name: str) -> Array:
-    """NaN without it, and where it is negative, which says the same."""
+    """A column; NaN if it is absent, and where it is negative, which means unknown."""
     if name not in rows.table:
         return np.full(len(rows.t_s), np.nan)
     values = rows.table.numbers(name)

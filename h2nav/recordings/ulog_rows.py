@@ -12,10 +12,10 @@ class ULogRows(Log):
     """The topics of a ULog file.
 
     Args:
-        file: what was read.
+        file: the contents.
 
     Attributes:
-        file: what was read.
+        file: the contents.
     """
 
     def __init__(self, file: ULogFile) -> None:
@@ -24,11 +24,11 @@ class ULogRows(Log):
 
     @staticmethod
     def times_of(table: Table) -> Times | None:
-        """(N,) microseconds since boot; None where the rows do not tell them."""
+        """(N,) microseconds since boot; None if the rows have no times."""
         return table.integers("timestamp") if "timestamp" in table else None
 
     def find(self, topic: str, *columns: str, number: int = 0) -> Rows | None:
-        """The rows of an instance of a topic; None where there are none with these columns."""
+        """The rows of an instance of a topic; None if there are none with these columns."""
         table = self._tables.find(instance(topic, number), "timestamp", *columns)
         if table is None:
             return None
@@ -42,7 +42,7 @@ class ULogRows(Log):
                 yield rows
 
     def first(self, *choices: tuple[str, str]) -> tuple[Rows, str] | None:
-        """The first topic and column of some that were used over the years."""
+        """The first available topic and column of those used over the years."""
         for topic, column in choices:
             rows = self.find(topic, column)
             if rows is not None:

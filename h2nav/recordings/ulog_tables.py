@@ -5,8 +5,8 @@ A file is a chain of messages: two bytes of size, one of type. Formats name the 
 carry that number. As with dataflash logs, the chain is followed once and the columns are taken out
 with numpy afterwards; tests hold them to those of pyulog, value for value.
 
-A data message has the size that its format says, so that damage shows at once. The reader then
-goes on where three messages follow each other again.
+A data message has the size defined by its format, so that damage is detected at once. The reader
+then continues where three messages follow each other again.
 """
 
 import math
@@ -30,8 +30,8 @@ HEADER_BYTES = 3
 # Of a data message: size, type, number of the subscription.
 DATA_HEADER_BYTES = 5
 DATA, FORMAT, SUBSCRIPTION, PARAMETER, INFO, TEXT, TAGGED_TEXT, DROPOUT, FLAGS = b"DFAPILCOB"
-# Least and largest size of a message after its header, by type; all others are none. Texts and
-# values are short: what is longer is damage.
+# Least and largest size of a message after its header, by type; all other types are invalid. Texts
+# and values are short: longer ones are damage.
 SIZES: dict[int, tuple[int, int]] = {
     DATA: (3, 65_535),
     FORMAT: (3, 4_096),
@@ -63,20 +63,20 @@ TYPES = {
 }
 FIELD = re.compile(r"(\w+)(?:\[(\d{1,5})\])? (\w+)")
 PADDING = "_padding"
-# Topics in topics: PX4 uses one level.
+# Topics within topics: PX4 uses one level.
 DEEPEST = 8
 MOST_COLUMNS = 4_096
 LARGEST_ROW = 65_533
-APPENDED = 1  # flag: data were appended, at the places that are told
+APPENDED = 1  # flag: data were appended, at the given places
 FLAGS_BODY = struct.Struct("<8x8s3Q")
-# After damage so many bytes are looked at together, at first and at last.
+# After damage this many bytes are searched at a time, at first and at last.
 LEAST_SEARCH, MOST_SEARCH = 1 << 13, 1 << 18
 NUMBERS = 1 << 16
 Bytes = NDArray[np.uint8]
 
 
 class ULogField(NamedTuple):
-    """One field of a format: `length` is None where it is no array."""
+    """One field of a format: `length` is None if it is not an array."""
 
     kind: str
     length: int | None
@@ -84,7 +84,7 @@ class ULogField(NamedTuple):
 
 
 class ParameterSet(NamedTuple):
-    """A parameter's value from a place of the file on."""
+    """A parameter's value from a place in the file on."""
 
     place: int
     name: str
@@ -100,10 +100,10 @@ class LoggedText(NamedTuple):
 
 
 class ULogFile(NamedTuple):
-    """All that a file says.
+    """The contents of a file.
 
     Attributes:
-        start_us: when logging began.
+        start_us: beginning of the log.
         tables: of the topics; the name of a table is that of `instance`.
         parameters: in the order in which they were set.
         texts: of the autopilot.
@@ -118,32 +118,32 @@ class ULogFile(NamedTuple):
 
 
 def instance(topic: str, number: int) -> str:
-    """Name of the table of an instance of a topic."""
+    """Name of the table of a topic's instance."""
     return f"{topic}/{number}"
 
 
 def is_ulog(start: bytes) -> bool:
-    """Whether a file that begins so is a ULog."""
+    """Whether a file with this beginning is a ULog."""
     return start.startswith(MAGIC)
 
 
 def read_ulog(path: Path) -> ULogFile:
-    """What a file says, as far as it can be read.
+    """Reads a file, as far as possible.
 
     Raises:
-        BadInput: the file cannot be opened, or is none.
+        BadInput: the file cannot be opened, or is not a ULog.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
     if not is_ulog(data) or len(data) < FILE_HEADER.size:
-        raise BadInput(f"{path}: no ULog file; expected one that begins with ULog and a header")
+        raise BadInput(f"{path}: not a ULog file; expected one that begins with ULog and a header")
     return _Chain(data).follow()
 
 
 class _Formats:
-    """The formats of a file, which may lie: nothing of them is unfolded before it is asked for."""
+    """The formats of a file, which are not trusted: they are expanded on demand only."""
 
     def __init__(self) -> None:
         self._fields: dict[str, tuple[ULogField, ...]] = {}
@@ -151,7 +151,7 @@ class _Formats:
         self._sizes: dict[str, int | None] = {}
 
     def add(self, text: str) -> bool:
-        """Takes ``name:type field;type[n] field;``; False if it is none."""
+        """Adds ``name:type field;type[n] field;``; returns False if it is not valid."""
         name, _, rest = text.partition(":")
         matches = [FIELD.fullmatch(part) for part in rest.split(";") if part]
         fields = [
@@ -167,15 +167,15 @@ class _Formats:
         return True
 
     def padding(self, name: str) -> int:
-        """Bytes at the end of a row that some writers leave out."""
+        """Bytes at the end of a row that some writers omit."""
         return self._padding[name]
 
     def size(self, name: str, depth: int = 0) -> int | None:
-        """Bytes of a row without the padding at its end; None where the format is no good."""
+        """Size of a row without the padding at its end; None if the format is invalid."""
         if name in TYPES:
             return np.dtype(TYPES[name]).itemsize
         if name not in self._sizes and depth < DEEPEST:
-            self._sizes[name] = None  # also while it is asked for: a topic inside itself
+            self._sizes[name] = None  # also during the computation: a topic inside itself
             self._sizes[name] = self._size(name, depth)
         return self._sizes.get(name)
 
@@ -189,7 +189,7 @@ class _Formats:
         return total if 0 < total <= LARGEST_ROW else None
 
     def row(self, name: str) -> np.dtype[np.void] | None:
-        """A data message with its header; None where the format has too many columns."""
+        """A data message with its header; None if the format has too many columns."""
         columns: list[tuple[str, str, int]] = []
         size = self.size(name)
         if size is None or not self._unfold(name, "", DATA_HEADER_BYTES, columns):
@@ -209,7 +209,7 @@ class _Formats:
     def _unfold(
         self, name: str, prefix: str, offset: int, columns: list[tuple[str, str, int]]
     ) -> bool:
-        """Adds the columns of a topic; False as soon as they are too many."""
+        """Adds the columns of a topic; returns False as soon as there are too many."""
         for field in self._fields[name]:
             size = self.size(field.kind) or 0
             if field.kind == "char" and field.length:
@@ -229,7 +229,7 @@ class _Formats:
 
 
 class _Subscription(NamedTuple):
-    """A number of data messages: of which topic, of which size, and where they stand."""
+    """A number of data messages: its topic, its size, and the places of the messages."""
 
     table: str
     topic: str
@@ -262,9 +262,9 @@ class _Chain:
         }
 
     def follow(self) -> ULogFile:
-        """What the file says."""
+        """Follows the whole file."""
         place = FILE_HEADER.size
-        # Data that were appended begin at places of their own, whatever was cut off before them.
+        # Appended data begin at places of their own, whatever was cut off before them.
         for end in (*self._appended(), len(self._data)):
             self._stretch(place, end)
             place = end
@@ -272,7 +272,7 @@ class _Chain:
         return self._file._replace(tables=tables)
 
     def _appended(self) -> list[int]:
-        """Where data begin that were appended; the flags are the first message, if there are."""
+        """The places of appended data; the flags, if any, are the first message."""
         data, place = self._data, FILE_HEADER.size
         body = data[place + HEADER_BYTES : place + HEADER_BYTES + FLAGS_BODY.size]
         if len(body) < FLAGS_BODY.size or data[place + 2] != FLAGS:
@@ -323,7 +323,7 @@ class _Chain:
         place += 1
         step = LEAST_SEARCH
         while place < end:
-            # The last ones of a block may have followers beyond it; the next block has them first.
+            # Followers of the last ones may lie beyond the block; the next block has them first.
             block = np.frombuffer(self._data, np.uint8, min(2 * step, end - place), place)
             begins = self._beginnings(block, is_last=place + len(block) == end)[:step]
             if begins.any():
@@ -333,7 +333,7 @@ class _Chain:
         return end
 
     def _beginnings(self, block: Bytes, *, is_last: bool) -> NDArray[np.bool_]:
-        """Where in a block messages begin that two others follow."""
+        """The places in a block where messages begin that two others follow."""
         count = len(block) - DATA_HEADER_BYTES + 1
         if count <= 0:
             return np.zeros(0, np.bool_)
@@ -345,7 +345,7 @@ class _Chain:
         place = np.where(is_data, number, NUMBERS + kind)
         good = (size >= least[place]) & (size <= most[place])
         following = np.arange(count) + HEADER_BYTES + size
-        # The end of the file follows as well as a message does.
+        # The end of the file counts as a follower.
         at_end = following >= len(block) - DATA_HEADER_BYTES + 1
         ends_well = at_end & (following == len(block)) & is_last
         following = np.where(at_end, 0, following)
@@ -354,7 +354,7 @@ class _Chain:
         return good
 
     def _limits(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Least and largest sizes: of data by their number, then of other messages by type."""
+        """Least and largest sizes: of data by number, then of other messages by type."""
         least = np.ones(NUMBERS + 256, np.int64)
         most = np.zeros(NUMBERS + 256, np.int64)
         for number, topic in self._subscriptions.items():
@@ -400,7 +400,7 @@ class _Chain:
         self._notes["dropouts of the autopilot's logger"] += 1
 
     def _sources(self) -> dict[str, RowSource]:
-        """How to make the table of each topic that occurs."""
+        """The sources of the tables of all topics present."""
         sources: dict[str, RowSource] = {}
         for topic in self._subscriptions.values():
             known = sources.get(topic.table)
@@ -414,7 +414,7 @@ class _Chain:
 
 
 def _keyed(body: bytes) -> tuple[str, str | float | None]:
-    """Name and value of an information or a parameter; None where it is of no use here."""
+    """Name and value of an information or a parameter; None if it is not used here."""
     key = body[1 : 1 + body[0]].decode("utf-8", "replace")
     kind, _, name = key.partition(" ")
     value = body[1 + body[0] :]

@@ -165,7 +165,7 @@ def test_damage_never_raises_and_never_makes_rows(
 
 @pytest.mark.parametrize("data", [b"", b"ULog", b"ULog\x01\x12\x35", b"\xa3\x95" * 50])
 def test_what_is_no_file_of_this_kind_is_bad_input(tmp_path: Path, data: bytes) -> None:
-    with pytest.raises(BadInput, match="no ULog file"):
+    with pytest.raises(BadInput, match="not a ULog file"):
         read(tmp_path, data)
 
 
