@@ -36,7 +36,7 @@ OFFSET, MATRIX, MOTOR = slice(0, 3), slice(3, 9), slice(9, 12)
 COUNT = 12
 # Rows and columns of the six of a symmetric matrix: diagonal, then xy, xz, yz.
 _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-# Prior deviations: a vehicle's parts and a magnet in them, the sensitivity of compasses (AK09916 and
+# Prior deviations: a vehicle's parts and a magnet in them, sensitivity of compasses (AK09916 and
 # IST8310 5 %), soft iron, motors at full throttle (30 % of the earth's field is usual, 60 % too
 # much).
 OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0

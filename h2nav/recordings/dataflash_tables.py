@@ -1,13 +1,12 @@
 """ArduPilot's dataflash logs, binary (.bin) and as text (.log), as tables of columns.
 
-A binary log is a chain of records: two bytes of head, a byte that says the type, and the fields, of
-a length that a FMT record has told before. This reader follows the chain once, notes where each
-type's records stand, and takes columns out of them with numpy; what is not asked for is not
-decoded. It exists beside pymavlink's, which makes an object per record, for the sake of fleets;
-tests hold it to that one, value for value.
+A binary log is a chain of records: a header of two bytes, a byte for the type, and the fields, in a
+length that an earlier FMT record defined. This reader follows the chain once, notes where each
+type's records start, and reads columns with numpy on demand. It exists beside pymavlink's, which
+makes an object per record, because fleets have many logs; tests compare the two value for value.
 
-Damage costs only the bytes that it hit: the reader continues at the next place where a record
-begins and another one follows it, and counts the bytes between.
+Damage costs only the damaged bytes: the reader continues where the next record begins with another
+directly behind it, and counts the bytes skipped.
 """
 
 import math

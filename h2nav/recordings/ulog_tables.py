@@ -2,7 +2,7 @@
 
 A file is a chain of messages: two bytes of size, one of type. Formats name the fields of a topic
 (fields may be topics again), subscriptions give a topic's instance a number, and data messages
-carry that number. As with dataflash logs, the chain is followed once and the columns are taken out
+carry it. As with dataflash logs, the chain is followed once and the columns are taken out
 with numpy afterwards; tests hold them to those of pyulog, value for value.
 
 A data message has the size defined by its format, so that damage is detected at once. The reader
