@@ -1,4 +1,4 @@
-"""What the constant-gain filter remembers, is given, and is fed with.
+"""State, gains and sample of the constant-gain filter.
 
 The frame n is north-east-down with magnetic north. Formats: docs/fixed-point.md.
 """

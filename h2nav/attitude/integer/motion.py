@@ -1,4 +1,4 @@
-"""How an attitude in integers turns: the gyro, a correction, and the matrix it makes.
+"""Rotation of an attitude in integers by the gyro and a correction, and its matrix.
 
 Shared by the filters in integers. No product is wider than 32 bits. Formats and the proof of the
 ranges: docs/fixed-point.md.

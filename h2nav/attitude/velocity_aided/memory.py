@@ -1,8 +1,8 @@
-"""What the velocity-aided filter remembers, works with, is given, and is fed with, in floats.
+"""State, workspace, gains and sample of the velocity-aided filter, in floats.
 
 Frames: body forward-right-down; n is local north-east-down with true north. Velocities are divided
-by gravity, so that their unit is the second. Fields are in one unit throughout. theta is what the
-second stage estimates: the errors of the three gyro biases (rad/s) and of the heading (rad).
+by gravity, so that their unit is the second. Fields are in one unit throughout. theta is the state
+of the second stage: the errors of the three gyro biases (rad/s) and of the heading (rad).
 
 Equations: docs/filter.md.
 """
@@ -32,7 +32,7 @@ YAW_REFERENCED = 128
 
 @dataclass(slots=True)
 class State:
-    """What the filter remembers from one sample to the next, and an estimate repeats."""
+    """The filter's whole memory between samples."""
 
     q_nb: list[float] = reals(4, "", "attitude, body to n, scalar first")
     gyro_bias: list[float] = reals(3, "rad/s", "gyro bias")
@@ -156,7 +156,7 @@ class Workspace:
 
 @dataclass(slots=True)
 class Sample:
-    """One sample, and what else is known with it."""
+    """One sample, with the aiding that belongs to it."""
 
     dt_s: float = real("s", "time since the sample before")
     gyro: list[float] = reals(3, "rad/s", "angular rate")

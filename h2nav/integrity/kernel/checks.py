@@ -1,14 +1,14 @@
-"""What can be seen of a sensor by its own values: that it stands still, shakes, or is clipped."""
+"""Checks of a sensor by its own values: frozen, vibrating, or clipped."""
 
 import math
 
 from .memory import FIELD_FROZEN, Gains, Memory, Sample
 from .standstill import TURNING_RAD_S, field_is_frozen, standstill
 
-# A turn is counted over no longer than this.
+# The longest step over which a turn is counted.
 LONGEST_TURN_US = 100e3
 WINDOW_US = 1e6
-# 5 Hz, as ArduPilot's: what is faster is no motion of the vehicle.
+# 5 Hz, as ArduPilot's: motion of the vehicle is slower.
 VIBRATION_US = 1e6 / (2.0 * math.pi * 5.0)
 
 
@@ -27,7 +27,7 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
     if s.window_us >= WINDOW_US:
         end_window(s)
     bits = standstill(s, sample)
-    # A gyro that repeats itself may be frozen, and says nothing of a turn then.
+    # A gyro that repeats its values may be frozen, and is no evidence of a turn then.
     if s.still_us[0] <= 0.0:
         s.field_turned_rad = s.field_turned_rad + turn_of(sample.gyro, s.step_us)
     s.has_begun = 1.0
@@ -40,7 +40,7 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
 
 
 def turn_of(gyro: list[float], step_us: float) -> float:
-    """The angle that the vehicle has turned since the sample before."""
+    """Angle turned since the sample before, rad."""
     rate = length(gyro)
     if rate <= TURNING_RAD_S:
         return 0.0
@@ -50,22 +50,22 @@ def turn_of(gyro: list[float], step_us: float) -> float:
 
 
 def length(v: list[float]) -> float:
-    """Of a vector of three numbers."""
+    """Length of a vector of three numbers."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 def add_levels(s: Memory, accel: list[float]) -> None:
-    """Adds what is above the cut-off of a high-pass, as much as a white noise has of it."""
+    """Adds the high-passed force to the levels, scaled to the full variance of white noise."""
     share = s.step_us / (s.step_us + VIBRATION_US)
     for i in range(3):
-        # Of a white noise of variance 1 this has 2 / (2 - share), whatever the rate.
+        # White noise of variance 1 gives this a variance of 2 / (2 - share), at any rate.
         fast = accel[i] - s.slow_force[i]
         s.slow_force[i] = s.slow_force[i] + share * fast
         s.squares[i] = s.squares[i] + (1.0 - 0.5 * share) * fast * fast
 
 
 def end_window(s: Memory) -> None:
-    """Vibration and clipping of a window that is full; the next one begins."""
+    """Computes vibration and clipping of a full window; begins the next one."""
     largest = 0.0
     for i in range(3):
         if s.squares[i] > largest:

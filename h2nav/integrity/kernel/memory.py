@@ -1,22 +1,22 @@
-"""What the watch over one IMU remembers, is told, and is fed with.
+"""Memory, gains and sample of the watch over one IMU.
 
 Sensors are numbered: 0 is the gyro, 1 the accelerometer; their axes from 0, gyro x, to 5, force z.
-Frames: body forward-right-down; s stands still in space since the strapdown began. Times are those
-of samples; a float holds them to the microsecond.
+Frames: body forward-right-down; s is inertial, and begins with the strapdown. Times are those of
+samples; a float holds them to the microsecond.
 """
 
 from dataclasses import dataclass
 
 from h2nav.attitude.record import real, reals
 
-# bits of a check's result; the number of the axis that is stuck, from 1, stands above them
+# bits of a check's result; above them the number of the stuck axis, from 1
 GYRO_FROZEN = 1
 FORCE_FROZEN = 2
 FIELD_FROZEN = 4
 STUCK_AXIS = 8
-# bits of what follows the filter
-BEGUN = 1  # nothing of before may be compared with what comes
-KEPT = 2  # this moment is to be remembered
+# bits of the result after the filter
+BEGUN = 1  # a restart: nothing before may be compared with anything after
+KEPT = 2  # this moment is to be recorded
 ROW = 4  # a second of the field is complete
 THIN_ROW = 8  # a second had too few fields
 DUE = 16  # the windows are to be judged
@@ -85,14 +85,14 @@ class Memory:
 
 @dataclass(slots=True)
 class Gains:
-    """What stands in the place of gains: what is known beside the samples."""
+    """Knowledge beside the samples, in the place of gains."""
 
     field_delay_s: float = real("s", "how late the field is against the rates")
 
 
 @dataclass(slots=True)
 class Sample:
-    """One sample, and the rate as the filter has made it."""
+    """One sample, with the filter's rate."""
 
     t_us: float = real("us", "time of the sample")
     gyro: list[float] = reals(3, "rad/s", "angular rate")

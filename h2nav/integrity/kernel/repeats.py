@@ -1,22 +1,21 @@
-"""Finds values that come again more often than an honest sensor would repeat them.
+"""Detects values repeated more often than a healthy sensor repeats them.
 
-How often an honest sensor repeats its values depends on its noise, its resolution, its rate and its
-vehicle, so it is learnt of each: the longest honest run of a channel, and among how many values. A
-run that is r times as long as the longest one has at most the probability
+How often a healthy sensor repeats its values depends on its noise, its resolution, its rate and its
+vehicle, so it is learnt for each: the longest healthy run of a channel, and among how many values.
+A run r times as long as the longest one has at most the probability
 
     (dispersion / seen)^r
 
-where a run is at least as likely to end after each value as it was before: of all the values seen
-none began one that is longer than the longest (3 / seen would be the bound of 95 % for independent
-values; neighbours are not). What must not happen once in 1e9 h at 100 Hz in any of ten channels has
-the logarithm -36; `ENOUGH` is a little more.
+if a run is at least as likely to end after each value as before: of all the values seen none began
+a run longer than the longest (3 / seen would be the bound of 95 % for independent values;
+neighbours are not). A false alarm in 1e9 h at 100 Hz in any of ten channels has the logarithm -36;
+`ENOUGH` is a little more.
 
-The noise of a vehicle that stands still is another than that of one in motion. So values are judged
-by the longest run at rest: where not even that was long, nothing else has to be known. A vehicle
-that turns does not rest: there, runs count that came while it turned and the sensor changed as much
-as just before this one. And what calms one sensor calms its neighbour, so the neighbour has to go
-on moving as it did before. Where none of this decides, as with counts that are larger than all
-noise, the sensor is not accused.
+Noise at rest is not noise in motion, so a run is compared with the longest one at rest: if it is
+far longer than that, nothing else has to be known. While the vehicle turns, only runs count that
+came while it turned and the sensor changed as much as just before this one. Whatever calms a sensor
+calms its neighbour, so the neighbour has to move as it did before. If none of this decides, as with
+counts larger than all noise, the sensor is not accused.
 """
 
 import math
@@ -28,20 +27,20 @@ GYRO = 6
 FORCE = 7
 IMU = 8
 COMPASS = 9
-# The experience of a sensor is one at rest and four in motion, that of the compass one of each.
+# The experience of a sensor: one at rest and four in motion; of the compass: one of each.
 OF_SENSOR = 5
 OF_COMPASS = 21
-# The usual jump of a value, in counts, from which on the experience is another.
+# Bounds between experiences: usual jump of a value, in counts.
 LIVELY_COUNTS = 0.5
 LOUD_COUNTS = 2.0
 WILD_COUNTS = 8.0
 ENOUGH = 40.0
 SENSOR_DISPERSION = 30.0
-# What one axis does beside the others depends on the manoeuvre, and that lasts.
+# How one axis moves relative to the others depends on the manoeuvre, which lasts.
 AXIS_DISPERSION = 100.0
-# A vehicle changes: more experience than this is not worth more.
+# A vehicle changes: the number of values counts no further.
 MOST_SEEN = 1e6
-# No smaller ratio can be enough.
+# A smaller ratio is never enough.
 LEAST_RATIO = 5.0
 # Of what the neighbour moved before.
 ALIVE = 0.5
@@ -51,7 +50,7 @@ AXIS_US = 1e6
 
 
 def repeats(s: Memory, channel: int, same: int, counts: float, around: float, moved: float) -> int:
-    """Takes the values of a channel; 1 where they come again as honest ones do not.
+    """Takes the values of a channel; returns 1 if they repeat as healthy ones do not.
 
     Args:
         s: changed; its `turning` and `step_us` are those of this sample.
@@ -90,7 +89,7 @@ def repeats(s: Memory, channel: int, same: int, counts: float, around: float, mo
 
 
 def end_run(s: Memory, channel: int) -> None:
-    """A run that was honest is remembered; one of the whole IMU is one of each sensor."""
+    """Remembers a healthy run; a run of the whole IMU counts for each sensor."""
     if s.run[channel] <= 0.0:
         return
     if s.accused[channel] <= 0.0:
@@ -105,14 +104,14 @@ def end_run(s: Memory, channel: int) -> None:
 
 
 def remember(s: Memory, channel: int, of: int) -> None:
-    """A run of one channel becomes experience of another, or of the same."""
+    """Adds a run of one channel to the experience of another, or of the same."""
     at = place(of, s.run_turning[channel], s.run_counts[channel])
     if s.run[channel] > s.longest[at]:
         s.longest[at] = s.run[channel]
 
 
 def is_too_long(s: Memory, channel: int) -> int:
-    """1: no honest run would be so long."""
+    """Returns 1 if no healthy run would be so long."""
     calmest = place(channel, 0.0, 0.0)
     if channel < AXES:
         if s.run_us[channel] < AXIS_US or moves_on(s, channel) == 0:
@@ -129,14 +128,14 @@ def is_too_long(s: Memory, channel: int) -> int:
 
 
 def moves_on(s: Memory, channel: int) -> int:
-    """1: the neighbour moves as it did before the run."""
+    """Returns 1 if the neighbour moves as it did before the run."""
     if s.run_moved[channel] < ALIVE * s.run[channel] * s.run_around[channel]:
         return 0
     return 1
 
 
 def is_rare(s: Memory, at: int, run: float, dispersion: float) -> int:
-    """1: by the experience that stands here no honest run would be so long."""
+    """Returns 1 if, by the experience at this index, no healthy run would be so long."""
     ratio = run / (s.longest[at] + 1.0)
     if ratio < LEAST_RATIO or s.seen[at] <= dispersion:
         return 0
@@ -146,7 +145,7 @@ def is_rare(s: Memory, at: int, run: float, dispersion: float) -> int:
 
 
 def place(channel: int, turning: float, counts: float) -> int:
-    """Where the experience stands by which values are judged."""
+    """Index of the experience that applies."""
     if channel < AXES:
         return channel
     if channel == COMPASS:

@@ -1,7 +1,7 @@
-"""Finds sensors whose values stand still: an IMU, a gyro, an accelerometer, an axis, a compass.
+"""Detects frozen sensors: an IMU, a gyro, an accelerometer, an axis, a compass.
 
-Each is judged beside what else is measured: an axis beside the other two, a gyro beside the
-accelerometer and the other way round. Of an IMU that repeats all its values nothing else is known.
+Each is judged against its neighbours: an axis against the other two, a gyro against the
+accelerometer and vice versa. An IMU that repeats all its values has none.
 """
 
 import math
@@ -15,15 +15,15 @@ TURNING_RAD_S = 0.05
 USUAL_US = 1e6
 LARGEST_SHARE = 0.2
 COMPASS_US = 1e6
-# How far a vehicle has turned that cannot have kept one field.
+# The turn after which a field must have changed.
 TURNED_FIELD_RAD = 0.5
-# A sensor that has never given another value has no experience. Its noise is no smaller than its
-# own resolution, but maybe than that of a message of integers.
+# A sensor whose values have never changed has no experience. Its noise is at least its own
+# resolution, but may be below that of a message of integers.
 NEVER_US = 3e6
 COMPASS_NEVER_US = 10e6
 GYRO_COUNT_RAD_S = 1e-3
 FORCE_COUNT_M_S2 = 9.80665e-3
-# Added to a number of counts and taken away again, it leaves the nearest whole number.
+# Added to a number of counts and subtracted again, it rounds to the nearest whole number.
 ROUNDER = 6755399441055744.0
 
 
@@ -44,7 +44,7 @@ def standstill(s: Memory, sample: Sample) -> int:
     gyro = sum_of(s.change, 0)
     force = sum_of(s.change, 3)
     bits = judge_sensors(s, gyro, force) | never_changed(s)
-    # Of a whole sensor that repeats its values, no axis is to blame.
+    # If a whole sensor repeats its values, no axis of it is reported.
     if gyro > 0.0:
         bits = bits | STUCK_AXIS * stuck_axis(s, 0)
     if force > 0.0 and bits < STUCK_AXIS:
@@ -58,7 +58,7 @@ def standstill(s: Memory, sample: Sample) -> int:
 
 
 def learn_count(s: Memory, sensor: int) -> None:
-    """The resolution of a sensor: the least by which its values ever differed."""
+    """Learns the resolution of a sensor: the smallest difference of its values so far."""
     for i in range(3):
         change = s.change[3 * sensor + i]
         if change > 0.0 and (s.count[sensor] <= 0.0 or change < s.count[sensor]):
@@ -66,7 +66,7 @@ def learn_count(s: Memory, sensor: int) -> None:
 
 
 def judge_sensors(s: Memory, gyro: float, force: float) -> int:
-    """The IMU, its gyro and its accelerometer, by the sums of their changes; returns bits."""
+    """Judges the IMU, its gyro and its accelerometer by the sums of their changes; returns bits."""
     usual_gyro = sum_of(s.usual, 0)
     usual_force = sum_of(s.usual, 3)
     gyro_counts = counts_of(s, 0, usual_gyro)
@@ -86,7 +86,7 @@ def judge_sensors(s: Memory, gyro: float, force: float) -> int:
     both_same = gyro_same * force_same
     bits = (GYRO_FROZEN | FORCE_FROZEN) * repeats(s, IMU, both_same, gyro_counts, 0.0, 0.0)
     if both_same == 1:
-        # Neither shows anything of the other meanwhile: what was known of one of them stays so.
+        # Neither is evidence on the other meanwhile: earlier verdicts stand.
         bits = bits | GYRO_FROZEN * is_accused(s, GYRO)
         return bits | FORCE_FROZEN * is_accused(s, FORCE)
     bits = GYRO_FROZEN * repeats(s, GYRO, gyro_same, gyro_counts, usual_force, force)
@@ -94,7 +94,7 @@ def judge_sensors(s: Memory, gyro: float, force: float) -> int:
 
 
 def never_changed(s: Memory) -> int:
-    """Bits of a sensor whose values have never changed, though the message would show its noise."""
+    """Bits of a sensor whose values have never changed, although its message resolves its noise."""
     if s.count[0] <= 0.0 and s.still_us[0] > NEVER_US and is_fine(s, 3, FORCE_COUNT_M_S2) == 1:
         return GYRO_FROZEN
     if s.count[1] <= 0.0 and s.still_us[1] > NEVER_US and is_fine(s, 0, GYRO_COUNT_RAD_S) == 1:
@@ -103,7 +103,7 @@ def never_changed(s: Memory) -> int:
 
 
 def is_fine(s: Memory, first: int, count: float) -> int:
-    """1: the values are no whole numbers of counts, so that their message shows every noise."""
+    """Returns 1 if the values are not whole counts, so that their message resolves any noise."""
     for i in range(3):
         counts = s.values[first + i] / count
         if math.fabs(counts - ((counts + ROUNDER) - ROUNDER)) > 1e-3:
@@ -112,7 +112,7 @@ def is_fine(s: Memory, first: int, count: float) -> int:
 
 
 def is_accused(s: Memory, channel: int) -> int:
-    """1: the values of a channel have come again too often."""
+    """Returns 1 if the values of a channel have repeated too often."""
     if s.accused[channel] > 0.0:
         return 1
     return 0
@@ -126,7 +126,7 @@ def counts_of(s: Memory, sensor: int, usual: float) -> float:
 
 
 def stuck_axis(s: Memory, first: int) -> int:
-    """Number of an axis that is stuck, from 1, of the sensor whose axes begin here; 0 for none."""
+    """Number of the stuck axis, from 1, of the sensor whose axes begin here; 0 for none."""
     usual = sum_of(s.usual, first)
     moved = sum_of(s.change, first)
     found = 0
@@ -141,7 +141,7 @@ def stuck_axis(s: Memory, first: int) -> int:
 
 
 def field_is_frozen(s: Memory, field: list[float], has_field: float) -> int:
-    """1: the compass is. Turns are counted by the caller."""
+    """Returns 1 if the compass is frozen; the caller counts the turns."""
     s.field_still_us = s.field_still_us + s.step_us
     if has_field <= 0.0:
         return 0
@@ -166,5 +166,5 @@ def field_is_frozen(s: Memory, field: list[float], has_field: float) -> int:
 
 
 def sum_of(values: list[float], first: int) -> float:
-    """Of three numbers."""
+    """Sum of three numbers."""
     return values[first] + values[first + 1] + values[first + 2]

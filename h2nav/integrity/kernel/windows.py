@@ -6,12 +6,12 @@ from .memory import BEGUN, DUE, KEPT, ROW, THIN_ROW, Gains, Memory, Sample
 from .rotation import multiply, normalize, rotate, turn
 
 SPACING_US = 50e3
-# After a gap of more nobody knows what the sensors would have shown.
+# A longer gap in the samples breaks the sums.
 LONGEST_GAP_US = 300e3
-# Autopilots filter rates and forces at 20 Hz and more before they record single values of them. Of
-# slower streams than twice that, the sums know the motion between two samples no more.
+# Autopilots filter rates and forces at 20 Hz and more before they record single values of them.
+# Streams slower than twice that lose motion between two samples.
 SLOW_US = 25e3
-# What the second difference of a white sequence has of its variance.
+# Variance of the second difference of a white sequence, relative to its own.
 SECOND_DIFFERENCE = 6.0
 JUDGED_US = 200e3
 ROW_US = 1e6
@@ -19,7 +19,7 @@ FEWEST_FIELDS = 3.0
 
 
 def follow(s: Memory, g: Gains, sample: Sample) -> int:
-    """Takes the sample that was checked last, and the rate that the filter made; returns bits."""
+    """Takes the last checked sample with the filter's rate; returns bits."""
     t_us = sample.t_us
     step_us = t_us - s.followed_us
     s.followed_us = t_us
@@ -45,7 +45,7 @@ def follow(s: Memory, g: Gains, sample: Sample) -> int:
 
 
 def begin(s: Memory) -> None:
-    """The strapdown begins here."""
+    """Begins the strapdown."""
     s.is_running = 1.0
     s.is_summing = 0.0
     s.q_sb[0] = 1.0
@@ -59,7 +59,7 @@ def begin(s: Memory) -> None:
 
 
 def integrate(s: Memory, sample: Sample, dt_s: float) -> None:
-    """Turn and force over one step; the force is turned by the attitude in its middle."""
+    """Integrates turn and force over one step; rotates the force by the attitude in its middle."""
     half = [0.0, 0.0, 0.0, 0.0]
     middle = [0.0, 0.0, 0.0, 0.0]
     force = [0.0, 0.0, 0.0]
@@ -76,7 +76,7 @@ def integrate(s: Memory, sample: Sample, dt_s: float) -> None:
 
 
 def doubt_slow(s: Memory, sample: Sample, dt_s: float) -> None:
-    """A sample says little of its time: by how much samples jump, so much may be missing."""
+    """Adds the variance of motion between slow samples, estimated by their jumps."""
     for i in range(6):
         s.slow_rates[i] = s.slow_rates[3 + i]
         s.slow_forces[i] = s.slow_forces[3 + i]
@@ -92,7 +92,7 @@ def doubt_slow(s: Memory, sample: Sample, dt_s: float) -> None:
 
 
 def bend(v: list[float]) -> float:
-    """Square of a second difference of three vectors."""
+    """Squared norm of the second difference of three vectors."""
     square = 0.0
     for i in range(3):
         d = v[i] - 2.0 * v[3 + i] + v[6 + i]
@@ -132,7 +132,7 @@ def sum_field(s: Memory, g: Gains, sample: Sample) -> int:
 
 
 def begin_row(s: Memory, t_us: float) -> None:
-    """A row of the field begins here."""
+    """Begins a row of the field."""
     s.is_summing = 1.0
     s.began_us = t_us
     for i in range(3):

@@ -57,7 +57,7 @@ def sane(v: list[I32], x: I32, y: I32, z: I32, tolerance: I32) -> I32:
 
 
 def boost_of(s: State, g: Gains) -> I32:
-    """By which power of two the gain is raised; the younger the attitude, the more."""
+    """The power of two that raises the gain of a young attitude."""
     return clamp(g.boost - (s.age_us >> g.boost_shift), 0, 3)
 
 
@@ -69,7 +69,7 @@ def innovation(
     zeta: list[I32],
     boost: I32,
 ) -> I32:
-    """Writes the disagreement of the trusted sensors with the attitude, n, Q15; tells which.
+    """Writes the disagreement of the trusted sensors with the attitude, n, Q15; returns which.
 
     Source: docs/fixed-point.md Eq. (2) to (4).
     """
@@ -93,7 +93,7 @@ def innovation(
     contradicted = g_sane & f_sane & (contradiction >> 31)
     watch(s, sample.dt_us, contradicted, f_sane)
 
-    # an attitude that both contradict is not worth correcting, nor may it teach the bias
+    # an attitude that both contradict is not corrected, and must not correct the bias
     g_used = g_sane & ~contradicted
     f_used &= ~contradicted
     g_x &= g_used
@@ -114,7 +114,7 @@ def innovation(
 def watch(s: State, dt_us: I32, contradicted: I32, f_sane: I32) -> None:
     """Adds up the time of the samples in which both sensors have contradicted the attitude.
 
-    One that agrees begins anew; samples without a usable field change nothing.
+    A sample that agrees resets it; samples without a usable field change nothing.
     """
     duration = (s.contradicted_us + (dt_us & contradicted)) & (contradicted | ~f_sane)
     s.contradicted_us = clamp(duration, 0, CONTRADICTED_LIMIT_US + 1)
@@ -144,7 +144,7 @@ def correct_bias(s: State, axis: I32, correction: I32, shift: I32, met: list[I32
 
 
 def step(s: State, g: Gains, sample: Sample) -> I32:
-    """Takes one sample of an aligned filter; returns what it rested on, as bits."""
+    """Takes one sample of an aligned filter; returns bits."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     zeta = [0, 0, 0]
     e = [0, 0, 0]
@@ -175,7 +175,7 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
 
 
 def align(s: State, sample: Sample) -> I32:
-    """Takes the attitude that one sample shows, if its vectors are usable; returns bits.
+    """Takes the attitude from one sample, if its vectors are usable; returns bits.
 
     Without a field the nose points north.
     """
@@ -211,7 +211,7 @@ def restart(s: State) -> None:
 
 
 def update(s: State, g: Gains, sample: Sample) -> I32:
-    """Takes one sample: aligns, or steps, or asks the next sample to align; returns bits."""
+    """Takes one sample: aligns, steps, or requests alignment by the next sample; returns bits."""
     if s.age_us < 0:
         return align(s, sample)
     bits = step(s, g, sample)

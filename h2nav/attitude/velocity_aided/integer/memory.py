@@ -1,9 +1,9 @@
-"""What the velocity-aided filter in integers remembers, is given, and is fed with.
+"""State, gains and sample of the velocity-aided filter (docs/filter.md) in 32-bit integers.
 
-It is the velocity-aided filter (docs/filter.md) in 32-bit integers. The frame n is north-east-down
-with true north. Velocities are divided by gravity, so that their unit is the second. theta is what
-the second stage estimates: the errors of the three biases, in units of 2e6 2^-27 rad/s, and of the
-heading, in units of 0.5 rad. Logarithms are to base two, with 8 fraction bits.
+The frame n is north-east-down with true north. Velocities are divided by gravity, so that their
+unit is the second. theta is the state of the second stage: the errors of the three biases, in units
+of 2e6 2^-27 rad/s, and of the heading, in units of 0.5 rad. Logarithms are to base two, with 8
+fraction bits.
 
 Formats: docs/fixed-point.md.
 """

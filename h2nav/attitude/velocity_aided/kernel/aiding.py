@@ -1,4 +1,4 @@
-"""What only measured velocities teach: bias of the accelerometer, latency of the fixes.
+"""States that only measured velocities observe: accelerometer bias, latency of the fixes.
 
 Equations: docs/filter.md.
 """
@@ -20,7 +20,7 @@ def measure_all(
     noise: float,
     learns: float,
 ) -> None:
-    """One scalar measurement of theta, accelerometer bias and latency; adds to the corrections.
+    """Takes a scalar measurement of theta, accelerometer bias and latency; adds to the corrections.
 
     Args:
         s: state.
@@ -29,9 +29,8 @@ def measure_all(
         row_accel: how it depends on the bias of the accelerometer.
         row_lag: how it depends on the latency.
         innovation: of the measurement.
-        noise: its variance without the errors of all these.
-        learns: share of their gain by which bias and latency are learnt; 0: they only count as
-            uncertain.
+        noise: its variance without the errors of these states.
+        learns: share of the gain applied to bias and latency; 0: they only add uncertainty.
 
     Source: docs/filter.md Eq. (18), (37) - (39).
     """
@@ -99,10 +98,10 @@ def measure_all(
 def match_variance(
     s: State, g: Gains, north: float, east: float, predicted: float, period: float
 ) -> None:
-    """What the predicted variance has too much of, by the innovations that stay.
+    """Estimates the excess of the predicted variance over that of the low-passed innovations.
 
     An error of tilt or bias moves the velocity for as long as the loop takes to correct it; the
-    noise of the fixes is over sooner.
+    noise of the fixes is shorter.
 
     Args:
         s: state.
@@ -127,7 +126,7 @@ def match_variance(
 
 
 def use_gains(s: State, accel_n: float, accel_e: float, kt: float, kv: float) -> None:
-    """The constant gain moves the sensitivities.
+    """Applies the constant gain to the sensitivities.
 
     Source: docs/filter.md Eq. (17), (38).
     """
@@ -145,7 +144,7 @@ def use_gains(s: State, accel_n: float, accel_e: float, kt: float, kv: float) ->
 
 
 def correct_accel(s: State, w: Workspace, g: Gains) -> None:
-    """Moves bias, latency and velocity by their corrections.
+    """Applies the corrections of bias, latency and velocity.
 
     Source: docs/filter.md Eq. (19).
     """
@@ -173,7 +172,7 @@ def correct_accel(s: State, w: Workspace, g: Gains) -> None:
 
 
 def accel_tilt_n(s: State, w: Workspace) -> float:
-    """Tilt north by the corrections of bias and latency, rad."""
+    """Tilt north due to the corrections of bias and latency, rad."""
     return (
         s.dtilt_accel_n[0] * w.daccel[0]
         + s.dtilt_accel_n[1] * w.daccel[1]

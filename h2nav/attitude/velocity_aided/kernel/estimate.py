@@ -1,4 +1,4 @@
-"""What an estimate of the velocity-aided filter says besides attitude, bias and innovation.
+"""Rate, predicted deviations and status bits of an estimate.
 
 Equations: docs/filter.md.
 """
@@ -10,19 +10,19 @@ from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Sample, State, Wo
 CONVERGED_S = 10.0  # of running: the start-up transient is over
 REFERENCED_RAD = 15.0 * (math.pi / 180.0)  # predicted deviation of a heading tied to north
 LOST_HEADING_RAD = 1.8137993642342178  # pi over the root of 3: of a heading that may be any
-# The densities of the loop and of theta are upper limits of what they stand for.
+# The densities of the loop and of theta are upper limits.
 TILT_SHARE = 0.85
 HEADING_SHARE = 0.5
 # Of the predicted variance: the mean of six squares is below a sixth of it by chance once in 2,000.
 MOST_UNUSED = 0.84
-# Of the field, until velocities have confirmed the heading: a few percent of iron turn it, and show
-# in norm and dip no more than the calibration's own errors.
+# Of the field, until velocities have confirmed the heading: iron of a few percent turns it, and
+# shows in norm and dip no more than the calibration's errors.
 UNCONFIRMED = 0.05
-FIELD_OFFSET = 0.01  # of the field: what no model of it knows
+FIELD_OFFSET = 0.01  # of the field: the error of its models
 
 
 def estimate(s: State, w: Workspace, sample: Sample, bits: int) -> int:
-    """The rate without its bias and the predicted deviations; returns the bits with what holds.
+    """Writes the rate without bias and the predicted deviations; returns the bits, completed.
 
     Source: docs/filter.md Eq. (11), (27), (30), (48).
     """
@@ -46,7 +46,7 @@ def estimate(s: State, w: Workspace, sample: Sample, bits: int) -> int:
 
 
 def tilt_deviation(s: State) -> float:
-    """Of the gain set, the bias through it, and what is beyond."""
+    """Deviation of the tilt, rad: of the gain set, by the bias, and beyond both."""
     variance = (
         s.p_xx * (s.dtilt_n[0] * s.dtilt_n[0] + s.dtilt_e[0] * s.dtilt_e[0])
         + s.p_yy * (s.dtilt_n[1] * s.dtilt_n[1] + s.dtilt_e[1] * s.dtilt_e[1])
@@ -54,7 +54,7 @@ def tilt_deviation(s: State) -> float:
     )
     gain_set = 2.0 * s.k_tilt * s.k_velocity * s.velocity_noise
     if s.aided > 0.0:
-        # The gains at a fix are those of a second times its period.
+        # The gains at a fix are those per second times its period.
         unused = s.unused_variance
         if unused > MOST_UNUSED:
             unused = MOST_UNUSED
@@ -72,12 +72,12 @@ def tilt_deviation(s: State) -> float:
 
 
 def of_accel(s: State, x: float, y: float) -> float:
-    """Variance through the accelerometer's bias of what has these sensitivities to it."""
+    """Variance, by the accelerometer's bias, of a quantity with these sensitivities to it."""
     return s.p_accel[0] * x * x + 2.0 * s.p_accel[1] * x * y + s.p_accel[2] * y * y
 
 
 def heading_deviation(s: State) -> float:
-    """Of theta, and of what a constant disturbance may hide."""
+    """Deviation of the heading, rad: of theta, and by a constant disturbance."""
     hidden = FIELD_OFFSET * FIELD_OFFSET + 0.5 * (
         s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip
     )

@@ -1,6 +1,6 @@
-"""The field's offset in body axes (hard iron), which measured velocities show with the heading.
+"""The field's offset in body axes (hard iron), observable with the heading by measured velocities.
 
-It is in shares of the reference's norm. Equations: docs/filter.md.
+In units of the reference's norm. Equations: docs/filter.md.
 """
 
 import math
@@ -11,7 +11,7 @@ LARGEST = 0.3  # no field with a larger one passes its gates
 
 
 def begin_offset(s: State, w: Workspace, g: Gains) -> None:
-    """Measured velocities come, or come no more: a heading by the field shares its error.
+    """Begins the offset when measured velocities begin or end; the heading shares its error.
 
     Source: docs/filter.md Eq. (61).
     """
@@ -25,7 +25,7 @@ def begin_offset(s: State, w: Workspace, g: Gains) -> None:
 
 
 def open_offset(s: State, w: Workspace, variance: float) -> None:
-    """An offset of this variance may be in the field, and so in the heading.
+    """Raises the variance of the offset, and that of the heading with it.
 
     Source: docs/filter.md Eq. (61).
     """
@@ -39,7 +39,7 @@ def open_offset(s: State, w: Workspace, variance: float) -> None:
 
 
 def part_offset(s: State) -> None:
-    """The offset shares no error with anything."""
+    """Removes all covariances of the offset."""
     for i in range(4):
         s.p_offset_x[i] = 0.0
         s.p_offset_y[i] = 0.0
@@ -49,7 +49,7 @@ def part_offset(s: State) -> None:
 
 
 def share_error(s: State, w: Workspace) -> None:
-    """The error of a heading that the field alone has given."""
+    """Covariance of the offset with a heading taken from the field alone."""
     flat = math.cos(s.mag_ref_dip) + 0.01
     north = math.cos(s.declination) / flat
     east = math.sin(s.declination) / flat
@@ -74,7 +74,7 @@ def times_offset(s: State, w: Workspace) -> None:
 
 
 def predict_offset(s: State, w: Workspace, g: Gains, dt: float) -> None:
-    """Covariance of offset and heading over one step.
+    """Propagates the covariance of offset and heading over one step.
 
     Source: docs/filter.md Eq. (60).
     """
@@ -99,7 +99,7 @@ def predict_offset(s: State, w: Workspace, g: Gains, dt: float) -> None:
 
 
 def offset_spread(s: State, w: Workspace) -> float:
-    """What the offset adds to the variance of the heading that the field shows."""
+    """The offset's part in the variance of the heading by the field."""
     times_offset(s, w)
     variance = 0.0
     for i in range(3):
@@ -132,14 +132,14 @@ def shrink_offset(s: State, w: Workspace, h: list[float], scale: float) -> None:
 
 
 def forget_offset(w: Workspace) -> None:
-    """What is measured next does not depend on the offset, and has corrected nothing of it yet."""
+    """Clears the row and the correction of the offset for the next measurement."""
     for i in range(3):
         w.row_offset[i] = 0.0
         w.doffset[i] = 0.0
 
 
 def correct_offset(s: State, w: Workspace) -> None:
-    """Moves the offset by its correction."""
+    """Applies the correction of the offset."""
     for i in range(3):
         offset = s.field_offset[i] + w.doffset[i]
         if offset > LARGEST:

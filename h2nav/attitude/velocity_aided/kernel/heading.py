@@ -1,4 +1,4 @@
-"""What the velocity-aided filter takes from the magnetometer: heading, latency, reference.
+"""Corrections by the magnetometer: heading, latency, reference.
 
 Equations: docs/filter.md.
 """
@@ -12,20 +12,20 @@ from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
-OFFSET_TIME = 20.0  # s: over which a constant disturbance is told from one that passes
-# Along the reference and down, where no heading has a part: of what no model of the earth's field
-# and no calibration knows, and twice the time for which it stays the same.
+OFFSET_TIME = 20.0  # s: over which a constant disturbance is distinguished from a passing one
+# Along the reference and down, which do not depend on the heading: errors of field model and
+# calibration, and twice their correlation time.
 MODEL_SHARE = 0.02
 MODEL_TIME = 40.0  # s
-# A mean of so long shows an offset: by norm and dip together, in deviations of the calibration's.
+# A mean over this time shows an offset, by norm and dip together, in the calibration's deviations.
 SHOWN_TIME = 2.0  # s
-SLOW_SAMPLE = 0.0225  # s: a tilt that so few samples carry says little of norm and dip
+SLOW_SAMPLE = 0.0225  # s: a tilt from slower samples says little about norm and dip
 SHOWN_SIGMAS_2 = 8.0
-OLDEST_FIELD = 1.0  # s: a sample never counts for more than this time
+OLDEST_FIELD = 1.0  # s: the longest time that a sample stands for
 
 
 def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """Heading, and theta through it, from a new field.
+    """Corrects the heading, and theta with it, by a new field.
 
     Source: docs/filter.md Eq. (21) - (26).
     """
@@ -35,7 +35,7 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
             new = 1.0
         s.mag_last[i] = sample.mag[i]
     if new == 0.0:
-        # Held by the sensor's driver: it was used when it was new.
+        # Repeated by the sensor's driver: it was used when it was new.
         return 0
     age = s.mag_age_s
     s.mag_age_s = 0.0
@@ -87,9 +87,9 @@ def wrapped(angle: float) -> float:
 
 
 def rotate_field(s: State, w: Workspace, g: Gains, sample: Sample) -> float:
-    """The field in NED, its latency undone, into mag_ned; returns the latency, s.
+    """Writes the field in NED, latency undone, into mag_ned; returns the latency, s.
 
-    The change of the field per second of latency goes into dtheta. Source: docs/filter.md Eq. (21).
+    dtheta takes the change of the field per second of latency. Source: docs/filter.md Eq. (21).
     """
     wx = sample.gyro[0] - s.gyro_bias[0]
     wy = sample.gyro[1] - s.gyro_bias[1]
@@ -97,7 +97,7 @@ def rotate_field(s: State, w: Workspace, g: Gains, sample: Sample) -> float:
     mx = sample.mag[0] - s.mag_ref_norm * s.field_offset[0]
     my = sample.mag[1] - s.mag_ref_norm * s.field_offset[1]
     mz = sample.mag[2] - s.mag_ref_norm * s.field_offset[2]
-    # What the rotation since the sample was taken has done to it.
+    # Undoes the rotation since the sample was taken.
     lx = wy * mz - wz * my
     ly = wz * mx - wx * mz
     lz = wx * my - wy * mx
@@ -117,7 +117,7 @@ def rotate_field(s: State, w: Workspace, g: Gains, sample: Sample) -> float:
 
 
 def is_rejected(s: State, g: Gains, norm: float, dip: float, age: float) -> float:
-    """1 while the field contradicts its reference; a steady new field becomes the reference.
+    """Returns 1 while the field contradicts its reference; adopts a steady new field as reference.
 
     Source: docs/filter.md Eq. (22), (26).
     """
@@ -190,7 +190,7 @@ def learn_field(
     age: float,
     lag: float,
 ) -> None:
-    """Latency, level of disturbance and reference from a field that is accepted.
+    """Updates latency, level of disturbance and reference by an accepted field.
 
     Source: docs/filter.md Eq. (21), (23), (24).
     """
@@ -207,7 +207,7 @@ def learn_field(
     s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
-    # What a reference that was learnt first shows is itself.
+    # A learnt reference agrees with the field that it comes from.
     time = OFFSET_TIME + age
     if s.mag_ref_given > 0.0:
         if s.mag_offset_s < OFFSET_TIME:
@@ -225,7 +225,7 @@ def learn_field(
 
 
 def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age: float) -> float:
-    """1 while the heading that a field shows is further off than both are expected to be.
+    """Returns 1 while the heading by the field differs by more than both deviations allow.
 
     Source: docs/filter.md Eq. (57).
     """
@@ -233,7 +233,7 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
     if g.mag_heading_gate == 0.0:
         return 0.0
     if s.mag_ref_given == 0.0 and s.heading_witnessed == 0.0:
-        # A reference that was learnt may be the one that is wrong.
+        # The learnt reference may be wrong instead.
         return 0.0
     h = [0.0, 0.0, 0.0, 0.0]
     times_covariance(s, w.jacobian, h)
@@ -246,14 +246,14 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
         return 1.0
     s.heading_rejected_s = s.heading_rejected_s + age
     if s.heading_rejected_s > g.mag_new_time_s:
-        # It has lasted: the heading is what is wrong.
+        # It has lasted: the heading is wrong.
         s.heading_rejected_s = 0.0
         s.mag_accepted_age_s = HEADING_LOST
     return 1.0
 
 
 def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
-    """How the heading depends on theta; returns the density of its noise, rad^2 s.
+    """Writes how the heading depends on theta; returns the density of its noise, rad^2 s.
 
     Source: docs/filter.md Eq. (25).
     """
@@ -264,7 +264,7 @@ def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
     for i in range(4):
         w.jacobian[i] = north * s.dtilt_n[i] + east * s.dtilt_e[i]
     w.jacobian[3] = w.jacobian[3] + 1.0
-    # The offset of the field turns it by what of it is across the field's horizontal part.
+    # The offset turns the heading by its part across the field's horizontal part.
     flat = math.sqrt(w.mag_ned[0] * w.mag_ned[0] + w.mag_ned[1] * w.mag_ned[1])
     share = s.mag_ref_norm / (flat * flat + 0.0001 * s.mag_ref_norm * s.mag_ref_norm)
     for i in range(3):
@@ -280,9 +280,9 @@ def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
 
 
 def measure_level_field(s: State, w: Workspace, age: float) -> None:
-    """The field's offset from the size of its level part and from the part down.
+    """Corrects the field's offset by the sizes of its horizontal and vertical parts.
 
-    No heading has a part in them. Source: docs/filter.md Eq. (62).
+    They do not depend on the heading. Source: docs/filter.md Eq. (62).
     """
     row = [0.0, 0.0, 0.0, 0.0]
     nothing = [0.0, 0.0]
@@ -303,7 +303,7 @@ def measure_level_field(s: State, w: Workspace, age: float) -> None:
 
 
 def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
-    """Two components of a disturbance show in norm and dip; the third is of their size.
+    """Doubts the offset: a disturbance's third component is as large as those in norm and dip.
 
     Source: docs/filter.md Eq. (23), (61).
     """
@@ -321,7 +321,7 @@ def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
 def measure_heading(
     s: State, w: Workspace, g: Gains, innovation: float, age: float, is_carried: float
 ) -> None:
-    """Theta, and the field's offset, from a heading that is seen through the tilt error.
+    """Corrects theta and the field's offset by a heading that depends on the tilt error.
 
     Source: docs/filter.md Eq. (25), (61).
     """
@@ -345,7 +345,7 @@ def measure_heading(
 
 
 def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
-    """Takes a heading that nothing was known of from the field alone."""
+    """Takes an unknown heading from the field alone."""
     s.heading_turned = s.heading_turned + angle
     cosine = math.cos(0.5 * angle)
     sine = math.sin(0.5 * angle)
@@ -358,7 +358,7 @@ def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
     s.q_nb[2] = cosine * qy + sine * qx
     s.q_nb[3] = cosine * qz + sine * qw
     set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
-    # Velocity and sensitivities were in the frame that has turned.
+    # Velocity and sensitivities are in the frame that has turned.
     forget_sensitivities(s, w)
     s.velocity_n = 0.0
     s.velocity_e = 0.0

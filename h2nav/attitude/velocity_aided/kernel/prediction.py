@@ -1,4 +1,4 @@
-"""Prediction of the velocity-aided filter's attitude and velocity, and turns of the attitude.
+"""Prediction of attitude and velocity, and rotations of the attitude.
 
 Equations: docs/filter.md.
 """
@@ -10,7 +10,7 @@ from .field_offset import begin_offset, predict_offset
 
 
 def predict_attitude(s: State, w: Workspace, sample: Sample) -> None:
-    """Attitude over one step, and its matrix.
+    """Propagates the attitude, and its matrix, over one step.
 
     Source: docs/filter.md Eq. (4).
     """
@@ -71,8 +71,8 @@ def set_matrix(s: State, w: Workspace, nw: float, nx: float, ny: float, nz: floa
 def turn(s: State, a: float, b: float, c: float) -> None:
     """Turns the attitude in NED by the vector whose half is given: q <- Exp(2 (a, b, c)) q.
 
-    Exact for every angle but for the length of q, which is made 1 again: large turns shrink, and
-    pi becomes a limit instead of a wrap. Source: docs/filter.md Eq. (19).
+    q is normalized afterwards: large turns shrink, and pi is a limit instead of a wrap. Source:
+    docs/filter.md Eq. (19).
     """
     qw = s.q_nb[0]
     qx = s.q_nb[1]
@@ -87,7 +87,7 @@ def turn(s: State, a: float, b: float, c: float) -> None:
 
 
 def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
-    """Velocity over one step, levels, start-up, and the switch between kinds of velocity.
+    """Propagates velocity, noise levels and start-up; switches between kinds of velocity.
 
     Source: docs/filter.md Eq. (5), (8), (13).
     """
@@ -98,7 +98,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
     north = dt * (w.r_nb[0] * fx + w.r_nb[1] * fy + w.r_nb[2] * fz)
     east = dt * (w.r_nb[3] * fx + w.r_nb[4] * fy + w.r_nb[5] * fz)
     if sample.aided != s.aided:
-        # The velocity before and the one after have nothing to do with each other.
+        # A measured and a bounded velocity are unrelated.
         forget_velocity(s)
         s.dtilt_n[3] = 0.0
         s.dtilt_e[3] = 0.0
@@ -111,7 +111,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
         s.aided = sample.aided
         begin_bias(s, w, g)
     if sample.aided > 0.0:
-        # Only a measured velocity tells the heading: a bounded one is bounded in any direction.
+        # Only a measured velocity shows the heading: a bounded one is bounded in any direction.
         s.dvelocity_n[3] = s.dvelocity_n[3] - east
         s.dvelocity_e[3] = s.dvelocity_e[3] + north
         s.gained_n = s.gained_n + north
@@ -124,7 +124,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
     wy = sample.gyro[1] - s.gyro_bias[1]
     wz = sample.gyro[2] - s.gyro_bias[2]
     s.age_s = s.age_s + dt
-    # The first tilt error is none of the bias: the second stage listens once it has passed.
+    # The initial tilt error is not due to the bias: the second stage waits until it has passed.
     ease = g.startup_time_s / s.age_s
     ease = ease * ease
     s.startup_inflation = 1.0 + ease * ease
@@ -151,7 +151,7 @@ def jolt_of(last: list[float], step: list[float], now: list[float]) -> float:
         square = square + jolt * jolt
         step[i] = change
         last[i] = now[i]
-    # White noise comes six times in a second difference, and there are three axes.
+    # A second difference has six times the variance of white noise, and there are three axes.
     return square / 18.0
 
 
@@ -164,7 +164,7 @@ def gyro_density(s: State, g: Gains) -> float:
 
 
 def forget_sensitivities(s: State, w: Workspace) -> None:
-    """Tilt and velocity begin anew: no error of theta has worked on them yet."""
+    """Clears the sensitivities: a new tilt and velocity do not depend on theta yet."""
     forget_velocity(s)
     for i in range(4):
         s.dtilt_n[i] = 0.0
@@ -173,7 +173,7 @@ def forget_sensitivities(s: State, w: Workspace) -> None:
 
 
 def level_sensitivities(s: State, w: Workspace) -> None:
-    """A tilt that a resting accelerometer shows is wrong by the accelerometer's bias.
+    """Sets the sensitivities of a tilt taken from a resting accelerometer to its bias.
 
     Source: docs/filter.md Eq. (35).
     """
@@ -184,7 +184,7 @@ def level_sensitivities(s: State, w: Workspace) -> None:
 
 
 def forget_velocity(s: State) -> None:
-    """The velocity begins anew."""
+    """Starts the velocity again."""
     for i in range(4):
         s.dvelocity_n[i] = 0.0
         s.dvelocity_e[i] = 0.0
@@ -196,7 +196,7 @@ def forget_velocity(s: State) -> None:
 
 
 def begin_bias(s: State, w: Workspace, g: Gains) -> None:
-    """Measured velocities come, or come no more: what they teach begins, or is kept as it is.
+    """Begins to learn, or freezes, bias and latency when measured velocities begin or end.
 
     Source: docs/filter.md Eq. (35), (36).
     """
@@ -214,7 +214,7 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
 
 
 def predict_accel(s: State, w: Workspace, g: Gains, dt: float) -> None:
-    """Bias of the accelerometer and latency over one step.
+    """Propagates the accelerometer's bias and the latency over one step.
 
     Source: docs/filter.md Eq. (34), (38).
     """

@@ -10,16 +10,16 @@ from .aiding import measure_all
 from .field_offset import correct_offset, forget_offset
 from .theta import apply_theta, measure_theta
 
-SIGMAS_2 = 9.0  # a rate that is this far from the known bias is no bias
+SIGMAS_2 = 9.0  # a rate this far from the known bias is not a bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
-# MAVLink's rates are whole milliradians per second, rounded towards zero: without noise they hide
-# up to one of them, with a deviation of one over the root of 3. Noise of half of one shows it.
+# MAVLink's rates are whole mrad/s, rounded towards zero: without noise they hide up to 1 mrad/s,
+# with a deviation of 1 over the root of 3. A noise of 0.5 mrad/s shows it.
 HIDDEN = 3.3e-7  # (rad/s)^2
 DITHER = 2.5e-7  # (rad/s)^2
 
 
 def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """Bias from the low-passed rate while nothing moves; how long nothing has been felt to move.
+    """Corrects the bias by the low-passed rate at rest; updates the time at rest.
 
     Source: docs/filter.md Eq. (20), (31).
     """
@@ -39,7 +39,7 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
             slow = 0.0
     still = slow * sample.rest_prior
     if still == 1.0:
-        # By the signals alone a slow turn looks like rest: the bias must not jump by it.
+        # A slow turn looks like rest in these signals: the bias must not jump by it.
         still = 1.0 - moves(s, 0, s.p_xx) - moves(s, 1, s.p_yy) - moves(s, 2, s.p_zz)
     if slow <= 0.0 or rate > g.rest_gyro or force > g.rest_accel:
         s.steady_s = 0.0
@@ -59,9 +59,9 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
 
 
 def doubt_steps(s: State, dt: float) -> None:
-    """Keeps the bias as uncertain as the steps of the rate, where no noise carries it over them.
+    """Keeps the bias as uncertain as the rate's resolution, where no noise dithers it.
 
-    What they hide at rest shows in flight: the bias of the rates as they come jumps by it. Source:
+    In flight noise dithers the rate, and its bias jumps by the hidden part. Source:
     docs/filter.md Eq. (59).
     """
     if s.gyro_jitter > DITHER * dt:
@@ -75,7 +75,7 @@ def doubt_steps(s: State, dt: float) -> None:
 
 
 def moves(s: State, axis: int, variance: float) -> float:
-    """1 when the low-passed rate contradicts the bias as far as it is known."""
+    """Returns 1 if the low-passed rate contradicts the bias, within its deviation."""
     d = s.gyro_lp[axis] - s.gyro_bias[axis]
     if d * d > SIGMAS_2 * (variance + FLOOR):
         return 1.0
@@ -83,7 +83,7 @@ def moves(s: State, axis: int, variance: float) -> float:
 
 
 def measure_bias(s: State, w: Workspace, axis: int, noise: float) -> None:
-    """Theta from one axis of the low-passed rate, whose variance is noise."""
+    """Corrects theta by one axis of the low-passed rate, whose variance is `noise`."""
     row = [0.0, 0.0, 0.0, 0.0]
     row[axis] = 1.0
     nothing = [0.0, 0.0]
@@ -91,7 +91,7 @@ def measure_bias(s: State, w: Workspace, axis: int, noise: float) -> None:
         w.dtheta[i] = 0.0
     innovation = s.gyro_lp[axis] - s.gyro_bias[axis]
     if s.aided > 0.0:
-        # What theta shares with the accelerometer's bias has to follow.
+        # The covariance of theta with the accelerometer's bias follows.
         forget_offset(w)
         measure_all(s, w, row, nothing, 0.0, innovation, noise, 0.0)
         correct_offset(s, w)

@@ -10,7 +10,7 @@ from .prediction import turn
 
 
 def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
-    """Covariance of theta and the sensitivities over one step.
+    """Propagates the covariance of theta and the sensitivities over one step.
 
     Source: docs/filter.md Eq. (6), (7), (12).
     """
@@ -44,7 +44,7 @@ def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
         s.p_yy = p11 + walk
     if p22 < g.bias_variance:
         s.p_zz = p22 + walk
-    # The heading error moves with the bias error, and the sensitivities refer to where it is now.
+    # The heading error grows with the bias error; the sensitivities refer to its present value.
     v = s.dvelocity_n[3]
     s.dvelocity_n[0] = s.dvelocity_n[0] + dt * s.dtilt_n[0] + dx * v
     s.dvelocity_n[1] = s.dvelocity_n[1] + dt * s.dtilt_n[1] + dy * v
@@ -80,7 +80,7 @@ def times_covariance(s: State, row: list[float], product: list[float]) -> None:
 def measure_theta(
     s: State, w: Workspace, row: list[float], innovation: float, noise: float
 ) -> None:
-    """One scalar measurement row . theta; adds to the correction in dtheta.
+    """Takes one scalar measurement row . theta; adds to the correction in dtheta.
 
     Source: docs/filter.md Eq. (18).
     """
@@ -101,7 +101,7 @@ def measure_theta(
 def measure_level(
     s: State, w: Workspace, row: list[float], innovation: float, noise: float
 ) -> None:
-    """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
+    """The same without a heading reference: vertical bias and heading only add uncertainty.
 
     Source: docs/filter.md Eq. (39), (58).
     """
@@ -141,7 +141,7 @@ def shrink(s: State, h0: float, h1: float, h2: float, h3: float, scale: float) -
 
 
 def apply_theta(s: State, w: Workspace, north: float, east: float) -> None:
-    """Moves bias, velocity and attitude by the correction in dtheta and by a tilt besides.
+    """Corrects bias, velocity and attitude by dtheta, and the attitude by a further tilt.
 
     Source: docs/filter.md Eq. (19).
     """

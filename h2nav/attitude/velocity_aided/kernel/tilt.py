@@ -1,4 +1,4 @@
-"""What the velocity-aided filter doubts of its tilt, and how it finds the tilt anew.
+"""Doubts about the tilt, and its re-initialization.
 
 Equations: docs/filter.md.
 """
@@ -11,8 +11,8 @@ from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 MOST_TILT_SIGMA = 1.57  # rad: nothing is known
 AT_END = 0.99  # of the largest rate: another axis at the same end
 LONGEST_PARABOLA = 0.25  # s: of clipped samples whose rate is still a parabola
-MOST_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts anew
-ALL_CLIPPED = 0.6  # rad: ... and the force is the better guess, even of one that accelerates
+MOST_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts again
+ALL_CLIPPED = 0.6  # rad: ... and the force is the better guess, even while accelerating
 LEVEL_SIGMA = 0.1  # rad: of a tilt taken from the force alone
 LEVEL_SIZE = 0.1  # relative, of the force's square: 5 % of g
 AIR_COSINE = 0.87  # 30 deg: a steady turn whose force is within 5 % of g banks by 18 deg
@@ -20,7 +20,7 @@ GROUND_COSINE = 0.985  # 10 deg: no steady acceleration on the ground is that la
 
 
 def doubt_rate(s: State, sample: Sample) -> None:
-    """A clipped rate is doubted by as much as it differs from the rates before it.
+    """Doubts a clipped rate by its difference from the rates before it.
 
     Source: docs/filter.md Eq. (30).
     """
@@ -36,7 +36,7 @@ def doubt_rate(s: State, sample: Sample) -> None:
             s.clipped_slope[i] = s.gyro_step[i] / dt
             s.clipped_rate[i] = sample.gyro[i]
     for i in range(3):
-        # Only an axis that stands still at the largest rate of all is at the end of its range.
+        # An axis is at the end of its range if its rate is constant and the largest of all.
         if sample.gyro[i] != s.clipped_rate[i] or math.fabs(sample.gyro[i]) < AT_END * most:
             s.clipped_slope[i] = 0.0
     s.clipped_s = s.clipped_s + dt
@@ -44,10 +44,10 @@ def doubt_rate(s: State, sample: Sample) -> None:
 
 
 def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """After clipped samples: what they have hidden is made up for, or the tilt is found anew.
+    """After clipped samples, adds the hidden rotation, or starts the tilt again.
 
     Over a short time the rate beyond the range is a parabola with the slopes at both ends; over a
-    longer one nothing is known of it. Source: docs/filter.md Eq. (30), (49).
+    longer time it is unknown. Source: docs/filter.md Eq. (30), (49).
     """
     time = s.clipped_s
     s.clipped_s = 0.0
@@ -59,7 +59,7 @@ def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
             if s.clipped_rate[i] < 0.0:
                 sign = -1.0
             before = sign * s.clipped_slope[i]
-            # The rate came back somewhere between two samples: half of its fall is seen.
+            # The rate came back between two samples: half of its fall is visible.
             after = 2.0 * sign * (s.clipped_rate[i] - sample.gyro[i]) / sample.dt_s
             w.dtheta[i] = 0.0
             if before > 0.0 and after > 0.0:
@@ -80,7 +80,7 @@ def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
 
 
 def raise_tilt_sigma(s: State, angle: float) -> None:
-    """The tilt is known no better than this, rad."""
+    """Raises the deviation of the tilt to at least this, rad."""
     if angle > MOST_TILT_SIGMA:
         angle = MOST_TILT_SIGMA
     if angle > s.extra_tilt_sigma:
@@ -89,7 +89,7 @@ def raise_tilt_sigma(s: State, angle: float) -> None:
 
 
 def check_level(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """Takes the tilt from a force of size g that contradicts it, once something else does too.
+    """Takes the tilt from a force of size g that contradicts it, once another sign agrees.
 
     Source: docs/filter.md Eq. (31), (32).
     """
@@ -130,7 +130,7 @@ def begin_anew(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
 
 
 def level(s: State, w: Workspace, fx: float, fy: float, fz: float, norm: float) -> None:
-    """Turns the attitude so that a force, of size norm, points up; the heading is asked anew.
+    """Turns the attitude so that a force, of size norm, points up; the next field sets the heading.
 
     Source: docs/filter.md Eq. (32).
     """
@@ -144,12 +144,12 @@ def level(s: State, w: Workspace, fx: float, fy: float, fz: float, norm: float) 
         north = norm
     turn(s, -east / scale, north / scale, 0.0)
     set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
-    # The field was seen through the wrong tilt: the next gives the heading, as at the start.
+    # The last heading rests on the wrong tilt: the next field gives it, as at the start.
     s.mag_accepted_age_s = HEADING_LOST
 
 
 def restart_tilt(s: State, w: Workspace, g: Gains, nose: float) -> None:
-    """The velocity is impossible, so the tilt was wrong: find it anew, keep bias and heading.
+    """Starts the tilt again after an impossible velocity; keeps bias and heading.
 
     Source: docs/filter.md Eq. (14).
     """

@@ -1,4 +1,4 @@
-"""Both corrections of the velocity-aided filter by a velocity, bounded or measured.
+"""Corrections of both stages by a velocity, bounded or measured.
 
 Equations: docs/filter.md.
 """
@@ -37,7 +37,7 @@ STARTED = 10.0  # of startup_inflation: before, the low-passed force is older th
 
 
 def use_bounded_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """Tilt, velocity and bias from a velocity near zero, or near the forward speed along the nose.
+    """Corrects tilt, velocity and bias by a velocity near zero, or near the speed along the nose.
 
     Source: docs/filter.md Eq. (9) - (11), (14).
     """
@@ -54,7 +54,7 @@ def use_bounded_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> in
         time = s.age_s
     share = dt / time
     s.innovation_power = s.innovation_power + share * (square - s.innovation_power)
-    # An innovation that stays is a wrong bias rather than motion: it must not hide itself.
+    # A lasting innovation is a bias error rather than motion, and must not raise its own noise.
     slow = dt / (g.innovation_mean_time_s + dt)
     d = north - s.innovation_mean_n
     s.innovation_mean_n = s.innovation_mean_n + slow * d
@@ -88,7 +88,7 @@ def use_bounded_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> in
 
 
 def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
-    """Tilt, velocity, bias and heading from a measured velocity.
+    """Corrects tilt, velocity, bias and heading by a measured velocity.
 
     Source: docs/filter.md Eq. (15), (16).
     """
@@ -101,7 +101,7 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     s.fix_period_s = period
     variance = sample.fix_variance / (g.gravity * g.gravity)
     if s.fixes_rejected >= MOST_REJECTED:
-        # Nothing is known of the velocity yet, or the fixes agree in contradicting it.
+        # The velocity is unknown yet, or consistent fixes contradict it.
         forget_velocity(s)
         s.velocity_n = s.velocity_n + north
         s.velocity_e = s.velocity_e + east
@@ -123,7 +123,7 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         share = period / time
     s.innovation_power = s.innovation_power + share * (square - s.innovation_power)
     density = g.fix_floor + period * variance + g.fix_correlation * s.innovation_power
-    # Turned by an unknown heading a velocity tilts the wrong way: it may not hold the tilt tightly.
+    # With an unknown heading a velocity tilts the wrong way: it must not hold the tilt tightly.
     if density > g.fix_ceiling or s.heading_unknown > 0.0:
         density = g.fix_ceiling
     s.velocity_noise = density
@@ -140,7 +140,7 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
 
 
 def select_set(s: State, g: Gains, density: float) -> int:
-    """Number of the gain set for the measured levels; sharper sets while the filter starts.
+    """Number of the gain set for the measured noise levels; stronger sets during start-up.
 
     Source: docs/filter.md Eq. (9), (14).
     """
@@ -161,7 +161,7 @@ def select_set(s: State, g: Gains, density: float) -> int:
 def correct_by_fix(
     s: State, w: Workspace, g: Gains, sample: Sample, north: float, east: float, noise: float
 ) -> None:
-    """Both stages for a measured velocity.
+    """Corrects both stages by a measured velocity.
 
     Source: docs/filter.md Eq. (16) - (19), (37) - (39).
     """
@@ -172,8 +172,8 @@ def correct_by_fix(
     w.dfix_lag = 0.0
     forget_offset(w)
     learns = 0.0
-    # Before the gyro's biases and the tilt have settled, their errors would look like another's;
-    # and the noise of the force, gained over the loop's time, is noise of the fixes here.
+    # Until the gyro's biases and the tilt have settled, their errors would be taken for another's;
+    # the noise of the force, integrated over the loop's time, counts as noise of the fixes here.
     if s.age_s > SETTLED:
         rate = g.gravity * s.k_velocity / s.fix_period_s
         own = noise * s.fix_period_s * rate * rate
@@ -202,7 +202,7 @@ def correct_velocity(
     kv: float,
     knows_heading: float,
 ) -> None:
-    """Both stages: the constant gain on tilt and velocity, the covariance on theta.
+    """Corrects both stages: tilt and velocity by the constant gain, theta by its covariance.
 
     Args:
         s: state.
@@ -212,7 +212,7 @@ def correct_velocity(
         noise: variance of either innovation without the error of theta, s^2.
         kt: tilt per innovation, 1/s.
         kv: velocity per innovation.
-        knows_heading: 0: nothing tells the heading, and what moves it is not learnt.
+        knows_heading: 0: there is no heading reference; the states that move it are not learnt.
 
     Source: docs/filter.md Eq. (10), (17) - (19), (30).
     """
@@ -237,7 +237,7 @@ def use_constant_gain(
     tilt_n: float,
     tilt_e: float,
 ) -> None:
-    """The constant gain on tilt and velocity, and all corrections."""
+    """Applies the constant gain to tilt and velocity, and all corrections."""
     for i in range(4):
         s.dtilt_n[i] = s.dtilt_n[i] - kt * s.dvelocity_n[i]
         s.dvelocity_n[i] = s.dvelocity_n[i] - kv * s.dvelocity_n[i]

@@ -1,4 +1,4 @@
-"""What only measured velocities teach: bias of the accelerometer, latency of the fixes.
+"""States that only measured velocities observe: accelerometer bias, latency of the fixes.
 
 Source: docs/fixed-point.md Eq. (31), (32); docs/filter.md Eq. (33) to (39).
 """
@@ -25,12 +25,12 @@ Q26 = 26 << 8
 
 
 def predict_accel(s: State, g: Gains, r: list[I32]) -> None:
-    """Bias of the accelerometer over one frame.
+    """Propagates the bias of the accelerometer over one frame.
 
     Source: docs/filter.md Eq. (34), (35).
     """
     if s.accel_shows > 0:
-        # a tilt that a resting accelerometer shows is wrong by the accelerometer's bias
+        # a tilt taken from a resting accelerometer is wrong by its bias
         s.accel_shows = 0
         for i in range(2):
             s.dtilt_accel_n[i] = in_theta(r[i])
@@ -54,7 +54,7 @@ def predict_accel(s: State, g: Gains, r: list[I32]) -> None:
 
 
 def in_theta(part: I32) -> I32:
-    """What one unit of the accelerometer's bias is along an axis of n, Q28."""
+    """One unit of the accelerometer's bias along an axis of n, Q28."""
     return (part * 15625) >> 7
 
 
@@ -64,7 +64,7 @@ def in_force(bias: I32) -> I32:
 
 
 def carry_accel(dtilt: list[I32], dvelocity: list[I32], axis: I32, part: I32, time: I32) -> None:
-    """Sensitivity of a velocity to one bias of the accelerometer."""
+    """Propagates the sensitivity of a velocity to one bias of the accelerometer."""
     seen = limited(dtilt[axis] - in_theta(part), THETA_MOST)
     dvelocity[axis] = limited(dvelocity[axis] + (product(seen, time) >> 6), THETA_MOST)
 
@@ -114,12 +114,12 @@ def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
 
 
 def of_accel(s: State, i: I32, x: I32, y: I32) -> I32:
-    """Covariance of one of theta with what two numbers of 13 digits make of the bias, over 2^15."""
+    """Covariance of one of theta with the bias times two numbers of 13 digits, over 2^15."""
     return product(s.p_accel_x[i], x) + product(s.p_accel_y[i], y)
 
 
 def use_accel_gain(s: State, learns: I32) -> None:
-    """The accelerometer's part of a gain, after `use_gain`; what is not learnt stays uncertain.
+    """Applies the accelerometer's part of a gain, after `use_gain`; with `learns` 0 to covariances only.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (22).
     """
@@ -141,7 +141,7 @@ def use_accel_gain(s: State, learns: I32) -> None:
 
 
 def fade_accel(s: State) -> None:
-    """The constant gain moves the sensitivities to the accelerometer's bias.
+    """Applies the constant gain to the sensitivities to the accelerometer's bias.
 
     Source: docs/filter.md Eq. (17).
     """
@@ -151,7 +151,7 @@ def fade_accel(s: State) -> None:
 
 
 def apply_accel(s: State) -> None:
-    """Moves the accelerometer's bias, velocity and tilt by what the frame has found of it.
+    """Applies the frame's correction of the accelerometer's bias, and of velocity and tilt by it.
 
     Source: docs/filter.md Eq. (19).
     """
@@ -171,7 +171,7 @@ def apply_accel(s: State) -> None:
 
 
 def predict_lag(s: State, g: Gains) -> None:
-    """Latency of the fixes over one frame.
+    """Propagates the latency of the fixes over one frame.
 
     Source: docs/filter.md Eq. (38).
     """
@@ -186,7 +186,7 @@ def predict_lag(s: State, g: Gains) -> None:
 def find_fix_gain(
     s: State, row: list[I32], row_accel: list[I32], innovation: I32, accel: I32, axis: I32
 ) -> None:
-    """Gain for one part of a fix; what its latency adds is noise to theta.
+    """Finds the gain for one part of a fix; the error of its latency is noise to theta.
 
     Args:
         s: state.
@@ -208,7 +208,7 @@ def find_fix_gain(
 
 
 def use_lag_gain(s: State) -> None:
-    """The latency's part of a gain, after `use_gain`.
+    """Applies the latency's part of a gain, after `use_gain`.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (31).
     """
@@ -225,7 +225,7 @@ def use_lag_gain(s: State) -> None:
 
 
 def fade_lag(s: State) -> None:
-    """The constant gain moves the sensitivities to the latency.
+    """Applies the constant gain to the sensitivities to the latency.
 
     Source: docs/filter.md Eq. (38).
     """
@@ -241,7 +241,7 @@ def fade_lag(s: State) -> None:
 
 
 def apply_lag(s: State, g: Gains) -> None:
-    """Moves latency, velocity and tilt by what the frame has found of the latency.
+    """Applies the frame's correction of the latency, and of velocity and tilt by it.
 
     Source: docs/filter.md Eq. (19), (38).
     """

@@ -25,7 +25,7 @@ from .velocity import Q24, density, level_share, raised, select_set, square_of
 
 LOG_SECOND = 5102  # log2 of 1e6
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
-SUSPECT_TILT = 134217728  # 0.5 rad, Q28: refused fixes that need so large a tilt error
+SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
 
 
 def note_fix(s: State, sample: Sample) -> None:
@@ -46,7 +46,7 @@ def note_fix(s: State, sample: Sample) -> None:
 
 
 def judge_fix(s: State, g: Gains) -> I32:
-    """Gate and level for the fix that waits; returns bits.
+    """Applies gate and level to the waiting fix; returns bits.
 
     Source: docs/filter.md Eq. (15), (16), (30).
     """
@@ -67,7 +67,7 @@ def judge_fix(s: State, g: Gains) -> I32:
     log_square = logarithm(square | 1)
     if log_square > s.log_startup_inflation + g.log_fix_gate + logarithm(gate):
         s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MOST_REJECTED)
-        # the tilt that would explain it: y / (5 T), Q28
+        # the tilt error that would explain it: y / (5 T), Q28
         raise_tilt_sigma(s, power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8)))
         return 0
     s.fixes_rejected = 0
@@ -78,7 +78,7 @@ def judge_fix(s: State, g: Gains) -> I32:
 
 
 def choose_fix(s: State, g: Gains) -> None:
-    """Noise and gains for a fix that is accepted.
+    """Sets noise and gains for an accepted fix.
 
     Source: docs/filter.md Eq. (15), (16).
     """
@@ -99,7 +99,7 @@ def choose_fix(s: State, g: Gains) -> None:
 
 
 def accept_fixes(s: State) -> None:
-    """Nothing is known of the velocity yet, or the fixes agree in contradicting it."""
+    """Accepts fixes again: the velocity is unknown yet, or consistent fixes contradict it."""
     forget_velocity(s)
     s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MOST)
     s.velocity_e = limited(s.velocity_e + s.innovation_e, VELOCITY_MOST)
@@ -109,7 +109,7 @@ def accept_fixes(s: State) -> None:
 
 
 def set_fix_gains(s: State, g: Gains, period_us: I32) -> None:
-    """Gains of the set for the nearest period that gains were made for."""
+    """Sets the gains of the set for the nearest period of the gain file."""
     row = 0
     for i in range(PERIODS - 1):
         if period_us > g.fix_periods_us[i]:
@@ -124,7 +124,7 @@ def set_fix_gains(s: State, g: Gains, period_us: I32) -> None:
 
 
 def apply_fix(s: State) -> None:
-    """The constant gain for a measured velocity.
+    """Applies the constant gain for a measured velocity.
 
     Source: docs/filter.md Eq. (16).
     """

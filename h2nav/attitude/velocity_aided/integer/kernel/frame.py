@@ -1,4 +1,4 @@
-"""Second stage of the integer filter: one part of a frame with each of its samples.
+"""Second stage of the integer filter: one part of a frame per sample.
 
 Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 """
@@ -59,7 +59,7 @@ SETTLED_US = 30000000  # ten times the start-up time
 
 
 def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
-    """One of the sixteen parts of a frame; returns bits.
+    """Runs one of the sixteen parts of a frame; returns bits.
 
     Source: docs/fixed-point.md Eq. (20).
     """
@@ -73,7 +73,7 @@ def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
 
 
 def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
-    """Theta over the frame; levels, noise and gains for its velocity; returns bits."""
+    """Propagates theta over the frame; sets levels, noise and gains; returns bits."""
     if phase == 0:
         begin_frame(s, g, sample)
         predict_covariance(s, g, r)
@@ -92,7 +92,7 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
 
 
 def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
-    """Theta from the frame's velocity, or from rest in its place; returns bits."""
+    """Corrects theta by the frame's velocity, or by rest instead; returns bits."""
     if phase == 4:
         find_motion_gain(s, g, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
     elif phase == 6:
@@ -122,7 +122,7 @@ def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> 
 
 
 def rests(s: State, g: Gains) -> I32:
-    """1 when nothing has moved for long enough."""
+    """Returns 1 if nothing has moved for long enough."""
     if s.rest_us > 0 and s.rest_us >= g.rest_time_us:
         return 1
     return 0
@@ -131,7 +131,7 @@ def rests(s: State, g: Gains) -> I32:
 def find_motion_gain(
     s: State, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
 ) -> None:
-    """Gain for one part of the frame's innovation, or for an axis of the rate at rest.
+    """Finds the gain for one part of the frame's innovation, or for an axis of the rate at rest.
 
     Args:
         s: state.
@@ -152,9 +152,9 @@ def find_motion_gain(
 
 
 def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
-    """Uses the gain that `find_motion_gain` has found.
+    """Applies the gain of `find_motion_gain`.
 
-    A bounded velocity does not teach the heading, nor what moves it, once no field is there.
+    A bounded velocity does not correct the heading, nor what moves it, if there is no field.
     """
     if rests(s, g) > 0:
         use_gain(s)
@@ -162,7 +162,7 @@ def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
             use_accel_gain(s, 0)
     elif s.velocity_use == 2:
         use_gain(s)
-        # before the errors of the start have passed they would look like another's
+        # until the errors of the start have passed, they would be taken for another's
         if s.age_us > SETTLED_US:
             use_lag_gain(s)
             use_accel_gain(s, 1)
@@ -176,9 +176,9 @@ def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
 
 
 def use_field(s: State, g: Gains, phase: I32) -> I32:
-    """Theta from the heading of the newest field, if that is accepted; returns bits.
+    """Corrects theta by the heading of the newest field, if accepted; returns bits.
 
-    What it finds is applied with what the next frame's velocity finds.
+    The correction is applied with that by the next frame's velocity.
     """
     if phase == 10:
         s.mag_accepted = 0
@@ -198,7 +198,7 @@ def use_field(s: State, g: Gains, phase: I32) -> I32:
 
 
 def measure_heading(s: State, g: Gains, phase: I32) -> None:
-    """Theta from the heading that has been prepared, unless both are too far apart.
+    """Corrects theta by the prepared heading, unless it fails its gate.
 
     Source: docs/filter.md Eq. (25), (39), (57).
     """
@@ -219,7 +219,7 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
 
 
 def accept_field(s: State, g: Gains) -> I32:
-    """What is learnt from a field beside the heading; returns bits.
+    """Updates reference, latency and disturbance by a field; returns bits.
 
     Source: docs/filter.md Eq. (21), (23), (24).
     """
@@ -256,7 +256,7 @@ def begin_frame(s: State, g: Gains, sample: Sample) -> None:
 
 
 def close_jitter(s: State, g: Gains, share: I32) -> None:
-    """Level of what the samples of the rate do not resolve, which is noise of the frame's density.
+    """Updates the level of the rate's noise between its samples.
 
     Source: docs/filter.md Eq. (8).
     """
@@ -267,7 +267,7 @@ def close_jitter(s: State, g: Gains, share: I32) -> None:
 
 
 def judge_velocity(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
-    """Levels and gate for the innovation of the frame; returns bits."""
+    """Updates the levels by the frame's innovation, and gates it; returns bits."""
     if s.aided > 0:
         if s.fix_period_us > 0:
             return judge_fix(s, g)

@@ -1,7 +1,7 @@
 """Heading of the integer filter: the field, its latency, reference and disturbance.
 
-The reference is kept as horizontal and vertical part; its dip is compared by cross products, so
-that no angle but the heading is ever computed.
+The reference is kept as horizontal and vertical part; dips are compared by cross products, so that
+the heading is the only angle computed.
 
 Source: docs/fixed-point.md Eq. (27) to (29); docs/filter.md Eq. (21) to (26).
 """
@@ -25,7 +25,7 @@ from .functions import HALF_TURN_Q28, length, limited, logarithm, polar, power2,
 from .theta import add_heading, forget_sensitivities
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
-TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: most of a heading that is taken from one field
+TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
 LEAST_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
 ERROR_MOST = 4095
 LEAST_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
@@ -44,7 +44,7 @@ def take_field(s: State, sample: Sample, w: list[I32]) -> None:
     Source: docs/filter.md Eq. (21).
     """
     if s.mag_frame_us > 0:
-        # the one before is being worked on; this one's time will count with the next
+        # the one before is in use; the time of this one is added to that of the next
         return
     x = sample.mag[0]
     y = sample.mag[1]
@@ -54,7 +54,7 @@ def take_field(s: State, sample: Sample, w: list[I32]) -> None:
     s.mag_last[0] = x
     s.mag_last[1] = y
     s.mag_last[2] = z
-    # one that is not used before the next comes counts with it
+    # a field not used before the next one adds its time to that
     s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MOST_US)
     s.mag_age_us = 0
     s.heading_due = s.correction[2]
@@ -74,7 +74,7 @@ def turn_field(s: State) -> None:
     x = s.mag_last[0]
     y = s.mag_last[1]
     z = s.mag_last[2]
-    # what the rotation since the sample was taken has done to it
+    # undoes the rotation since the sample was taken
     change_x = (s.mag_gyro[1] * z - s.mag_gyro[2] * y) >> 15
     change_y = (s.mag_gyro[2] * x - s.mag_gyro[0] * z) >> 15
     change_z = (s.mag_gyro[0] * y - s.mag_gyro[1] * x) >> 15
@@ -89,7 +89,7 @@ def turn_field(s: State) -> None:
 
 
 def resolve_field(s: State, g: Gains) -> None:
-    """Undoes the latency of the field that waits; its horizontal part, length and heading.
+    """Undoes the latency of the waiting field; writes its horizontal part, length and heading.
 
     Source: docs/filter.md Eq. (21).
     """
@@ -99,7 +99,7 @@ def resolve_field(s: State, g: Gains) -> None:
     size = s.mag_ref_norm >> 14
     weight = limited((size * size) >> 9, 32767)
     prior = product(g.mag_lag_prior, weight)
-    # what a latency that is certain would have made of the numerator, with its 2^-11 and >> 3
+    # the numerator for a certain latency, with its 2^-11 and >> 3
     expected = product(prior, s.mag_lag_expected) << 1
     lag = ratio(
         clamp((s.mag_lag_num >> 3) + expected, 0, 1 << 30),
@@ -154,7 +154,7 @@ def crossed(s: State, horizontal: I32, down: I32) -> I32:
 
 
 def differs(s: State, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32, norm: I32) -> I32:
-    """1 when length or dip of the field that waits are outside the gates about a reference.
+    """Returns 1 if length or dip of the waiting field is outside the gates about a reference.
 
     Args:
         s: state.
@@ -177,7 +177,7 @@ def differs(s: State, norm_gate: I32, dip_gate: I32, horizontal: I32, down: I32,
 
 
 def renew_reference(s: State, g: Gains) -> I32:
-    """A field that contradicts the reference, but not itself, becomes the reference: 1.
+    """Makes a consistent field that contradicts the reference the new reference; returns 1 then.
 
     Source: docs/filter.md Eq. (26).
     """
@@ -242,7 +242,7 @@ def count_turn(s: State) -> None:
 
 
 def forget_heading(s: State, g: Gains) -> None:
-    """The heading is known no better than at the start, and not from the biases."""
+    """Resets the heading's variance to that of the start, without covariances."""
     s.p_xh = 0
     s.p_yh = 0
     s.p_zh = 0
@@ -256,7 +256,7 @@ def moved(reference: I32, part: I32, share: I32) -> I32:
 
 
 def learn_field(s: State, g: Gains, age: I32) -> None:
-    """Level of disturbance and reference from a field that is accepted.
+    """Updates level of disturbance and reference by an accepted field.
 
     Source: docs/filter.md Eq. (23), (24).
     """
@@ -265,7 +265,7 @@ def learn_field(s: State, g: Gains, age: I32) -> None:
     both = (s.mag_norm >> 2) * (expected >> 2)
     dip_error = ratio(abs(crossed(s, s.mag_ref_horizontal, s.mag_ref_down)), both + 1)
     shown = ((norm_error * norm_error) >> 1) + ((dip_error * dip_error) >> 1)
-    # over twice the dip's cosine squared; a little keeps it finite where the field is vertical
+    # over twice the dip's cosine squared; the addend keeps it finite in a vertical field
     norm = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
     flat = (s.mag_horizontal >> 2) * (s.mag_horizontal >> 2) + (norm >> 7) + 1
     log_shown = logarithm(shown + 1) + logarithm(norm) - logarithm(flat) - (4 << 8)
@@ -284,7 +284,7 @@ def learn_field(s: State, g: Gains, age: I32) -> None:
 
 
 def learn_latency(s: State, age: I32) -> None:
-    """Latency of the field from how its heading-free parts change with the rotation.
+    """Learns the field's latency by the change with rotation of its parts without heading.
 
     Source: docs/filter.md Eq. (21).
     """
@@ -323,7 +323,7 @@ def learn_latency(s: State, age: I32) -> None:
 
 
 def heading_error(s: State) -> I32:
-    """Heading that the field shows, less what was corrected since it came or will be, rad, Q28."""
+    """Innovation of the heading, less corrections since the field came or pending, rad, Q28."""
     error = s.declination - s.mag_heading
     if error > HALF_TURN_Q28:
         error -= 2 * HALF_TURN_Q28
@@ -333,12 +333,12 @@ def heading_error(s: State) -> I32:
 
 
 def turn_heading(s: State, g: Gains, angle: I32) -> None:
-    """Turns by an angle (rad, Q28) of which nothing was known but from the field.
+    """Turns an unknown heading by an angle (rad, Q28) from the field alone.
 
     Source: docs/filter.md Eq. (26).
     """
     add_heading(s, 2 * limited(angle, 1 << 28))
-    # velocity and sensitivities were in the frame that has turned
+    # velocity and sensitivities are in the frame that has turned
     forget_sensitivities(s)
     s.velocity_n = 0
     s.velocity_e = 0
@@ -347,7 +347,7 @@ def turn_heading(s: State, g: Gains, angle: I32) -> None:
 
 
 def prepare_heading(s: State, g: Gains) -> None:
-    """What an accepted field says of the heading, and how that depends on theta.
+    """Prepares the heading measurement of an accepted field, and its dependence on theta.
 
     Source: docs/filter.md Eq. (25).
     """
@@ -376,7 +376,7 @@ def prepare_heading(s: State, g: Gains) -> None:
         s.jacobian_accel[i] = limited(part, 1 << 25) << 4
     tilt = limited(power2(((s.log_gyro_noise + s.log_velocity_noise) >> 1) + (26 << 8)), 1 << 29)
     seen = limited(product(tilt, square), 1 << 22) << 7
-    # a disturbance in the heading counts besides
+    # plus the disturbance of the heading
     s.heading_noise = clamp(g.mag_noise + seen, 0, 1 << 28)
     s.mag_accepted = 2
 
@@ -390,7 +390,7 @@ def disturbed(s: State, g: Gains) -> I32:
 
 
 def judge_heading(s: State, g: Gains) -> None:
-    """Refuses a field whose heading is further off than both are expected to be.
+    """Rejects a field whose heading differs by more than both deviations allow.
 
     Source: docs/fixed-point.md Eq. (30); docs/filter.md Eq. (57).
     """
@@ -399,7 +399,7 @@ def judge_heading(s: State, g: Gains) -> None:
     if g.mag_heading_gate == 0 or s.log_startup_inflation > EASED:
         return
     if s.mag_ref_given == 0 and s.heading_witnessed == 0:
-        # a reference that was learnt may be the one that is wrong
+        # the learnt reference may be wrong instead
         return
     part = limited(s.heading_innovation >> 13, 46340)
     shift = clamp(43 - 2 * s.gain_scale - s.gain_fall, 0, 31)
@@ -413,13 +413,13 @@ def judge_heading(s: State, g: Gains) -> None:
         return
     s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MOST_US)
     if s.heading_rejected_us > g.mag_new_time_us:
-        # it has lasted: the heading is what is wrong
+        # it has lasted: the heading is wrong
         s.heading_rejected_us = 0
         s.heading_reset = 2
 
 
 def weigh_heading(s: State, g: Gains) -> None:
-    """Noise of the heading that a field shows.
+    """Sets the noise of the heading by a field.
 
     Source: docs/filter.md Eq. (25).
     """

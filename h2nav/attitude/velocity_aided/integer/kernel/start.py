@@ -1,4 +1,4 @@
-"""How the velocity-aided filter in integers finds its first attitude, forgets it, and begins anew.
+"""Alignment, restart and reset of the velocity-aided filter in integers.
 
 Source: docs/filter.md Eq. (14), (26), (30), (32).
 """
@@ -24,13 +24,13 @@ from .tilt import AIR_TILT_SIGMA, ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt,
 from .velocity import begin_frames
 
 FIELD_WAIT_US = 250000
-MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: most of a declination that the start takes
+MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: largest declination applied at the start
 
 
 def begin_anew(s: State, sample: Sample, r: list[I32]) -> None:
-    """Starts the tilt again, from a force where the tilt is worth nothing.
+    """Starts the tilt again, from a force if the tilt is unknown.
 
-    That is after clipped samples that may have hidden a turn, and when the low-passed force has
+    Called after clipped samples that may have hidden a turn, and when the low-passed force has
     contradicted the tilt. Source: docs/filter.md Eq. (30), (32).
     """
     x = in_force(s.accel_bias[0])
@@ -46,9 +46,9 @@ def begin_anew(s: State, sample: Sample, r: list[I32]) -> None:
 
 
 def align(s: State, g: Gains, sample: Sample) -> I32:
-    """Takes the attitude that one sample shows; returns bits.
+    """Takes the attitude from one sample; returns bits.
 
-    A field is waited for; without one the nose points north.
+    Waits for a field; without one the nose points north.
     """
     s.mag_age_us = clamp(s.mag_age_us + sample.dt_us, 0, FIELD_MOST_US)
     if sample.clipped > 0:
@@ -68,7 +68,7 @@ def align(s: State, g: Gains, sample: Sample) -> I32:
         return 0
     s.heading_reset = 1 - sample.has_mag
     if sample.has_mag == 0 and s.p_zz > g.vertical_bias_variance:
-        # nothing shows the drift of the heading: what is known beforehand decides
+        # the drift of the heading is not observable: its prior decides
         s.p_zz = g.vertical_bias_variance
         s.p_xz = 0
         s.p_yz = 0
@@ -85,8 +85,8 @@ def align(s: State, g: Gains, sample: Sample) -> I32:
 def resume(s: State, g: Gains, sample: Sample) -> I32:
     """Takes the first sample after a gap; returns bits.
 
-    On the ground the attitude is found anew. In the air a force says less of the tilt than the
-    attitude before the gap, which is kept and doubted, and the next field gives the heading.
+    On the ground the filter aligns again. In the air the attitude before the gap is a better guess
+    of the tilt than a force: it is kept and doubted, and the next field gives the heading.
     """
     if s.age_us < 0 or sample.rest_prior > 0:
         restart(s)
@@ -100,7 +100,7 @@ def resume(s: State, g: Gains, sample: Sample) -> I32:
 
 
 def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
-    """Everything but attitude, bias, its covariance, latency and references starts anew."""
+    """Resets everything except attitude, bias, its covariance, latency and references."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     rotation(s.q_nb, r)
     restart_tilt(s, sample, r)
@@ -136,7 +136,7 @@ def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
 
 
 def reset(s: State, g: Gains) -> None:
-    """Makes a filter of zeros: not aligned, and the biases known as badly as the gains say."""
+    """Makes a filter of zeros: not aligned, with the biases' initial variance of the gains."""
     s.q_nb[0] = Q_LIMIT - (1 << 19)
     s.p_xx = g.bias_variance
     s.p_yy = g.bias_variance

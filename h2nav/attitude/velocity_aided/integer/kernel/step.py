@@ -1,8 +1,8 @@
-"""The flight filter in 32-bit integers: all that the default filter does, without a division.
+"""The velocity-aided filter in 32-bit integers, without a division.
 
 The first stage runs with every sample. The second stage runs once per frame of sixteen samples, one
-part of it with each, so that no sample costs much more than another. Around it stands what finds
-the first attitude. Formats and the proof of the ranges: docs/fixed-point.md.
+part with each, so that all samples cost about the same. Formats and the proof of the ranges:
+docs/fixed-point.md.
 
 Source: docs/fixed-point.md Eq. (15) to (29); docs/filter.md.
 """
@@ -51,7 +51,7 @@ def update(s: State, g: Gains, sample: Sample) -> I32:
 
 
 def step(s: State, g: Gains, sample: Sample) -> I32:
-    """Takes one sample of an aligned filter; returns what it rested on, as bits."""
+    """Takes one sample of an aligned filter; returns bits."""
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     met = [0]
     bits = 0
@@ -79,7 +79,7 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
 
 
 def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
-    """Force, field and fix of one sample, and the frame's part that comes with it; returns bits."""
+    """Uses force, field and fix of one sample, and runs its part of the frame; returns bits."""
     w = [0, 0, 0]
     bits = 0
     if sample.aided != s.aided:
@@ -99,9 +99,9 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
 
 
 def rates(s: State, sample: Sample, w: list[I32]) -> None:
-    """Rate less bias, 1e6 2^-29 rad/s; its square joins the frame's mean, and that of its jitter.
+    """Writes rate less bias, 1e6 2^-29 rad/s; adds to the frame's mean squares of rate and jitter.
 
-    A rate that is held, as over the parts of a long sample, is not compared with itself.
+    A held rate, as over the parts of a long sample, is not compared with itself.
 
     Source: docs/filter.md Eq. (8).
     """
@@ -128,7 +128,7 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
 
 
 def drain(s: State, r: list[I32]) -> None:
-    """Hands the correction to come to the next turn, at most STEP_MOST of it.
+    """Moves the pending correction to the next turn, at most STEP_MOST of it.
 
     Source: docs/fixed-point.md Eq. (7).
     """

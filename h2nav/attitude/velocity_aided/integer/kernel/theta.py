@@ -26,7 +26,7 @@ PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
 
 
 def heading_turn(s: State, r: list[I32], turn: list[I32]) -> None:
-    """Writes the heading that one unit of each bias gives in the frame, Q22 of its unit."""
+    """Writes the heading change per unit of each bias over the frame, Q22 of its unit."""
     unit = (s.frame_time * 15625) >> 14
     for i in range(3):
         turn[i] = (unit * r[6 + i] + 16384) >> 15
@@ -67,14 +67,14 @@ def heading_of(a: I32, b: I32, c: I32, x: I32, y: I32, z: I32) -> I32:
 
 
 def grown(variance: I32, walk: I32, most: I32) -> I32:
-    """One variance of the bias, raised as long as it is below its start."""
+    """A variance of the bias, raised while it is below its initial value."""
     if variance < most:
         variance = clamp(variance + walk, VARIANCE_LEAST, THETA_MOST)
     return variance
 
 
 def predict_sensitivities(s: State, r: list[I32]) -> None:
-    """Sensitivities of velocity and tilt over one frame.
+    """Propagates the sensitivities of velocity and tilt over one frame.
 
     Source: docs/filter.md Eq. (6), (7).
     """
@@ -91,7 +91,7 @@ def predict_sensitivities(s: State, r: list[I32]) -> None:
 def carry(
     dtilt: list[I32], dvelocity: list[I32], axis: I32, time: I32, change: I32, turn: I32
 ) -> None:
-    """Sensitivities to one bias; they refer to the heading error where that is now."""
+    """Propagates the sensitivities to one bias; they refer to the present heading error."""
     tilt = dtilt[axis]
     velocity = dvelocity[axis] + (product(tilt, time) >> 6)
     velocity += product(dvelocity[3], turn) >> 7
@@ -101,13 +101,13 @@ def carry(
 
 
 def carry_heading(dtilt: list[I32], dvelocity: list[I32], time: I32) -> None:
-    """Sensitivity of a velocity to the heading error."""
+    """Propagates the sensitivity of a velocity to the heading error."""
     velocity = dvelocity[3] + (product(dtilt[3], time) >> 6)
     dvelocity[3] = limited(velocity, THETA_MOST)
 
 
 def size_of(a: I32) -> I32:
-    """Size of a number, or one less: as many binary digits as it."""
+    """Size of a number, or one less, with the same number of binary digits."""
     return known(a ^ (a >> 31), 0, 2147483647)
 
 
@@ -131,7 +131,7 @@ def find_gain(s: State, row: list[I32], innovation: I32, log_noise: I32) -> None
 
 
 def find_spread(s: State, row: list[I32]) -> I32:
-    """H = P a of a row a, and a H; returns what the correction so far explains of the innovation.
+    """Writes H = P a of a row a, and a H; returns the innovation that D already explains.
 
     Source: docs/fixed-point.md Eq. (21).
     """
@@ -164,7 +164,7 @@ def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
 
     Args:
         s: state.
-        y: innovation without what is explained already, Q24 of the measurement's unit.
+        y: unexplained innovation, Q24 of the measurement's unit.
         log_noise: of its variance without the error of theta.
 
     Source: docs/fixed-point.md Eq. (21), (22).
@@ -172,7 +172,7 @@ def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     scale = s.gain_scale
     fall = s.gain_fall
     log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
-    # noise that is too large for the unit of the variance: both in a larger one
+    # the noise is too large for the unit of the variance: both in a larger unit
     excess = 0
     if log_noise > MOST_NOISE:
         excess = (log_noise >> 8) - 28
@@ -189,7 +189,7 @@ def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     s.gain_inverse = inverse
     s.gain_y_scale = y_scale
     s.gain_innovation = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
-    # a step that would need a shift to the left is beyond what theta can be
+    # a step that needs a shift to the left is beyond the range of theta
     s.gain_theta_shift = clamp(lost + scale - 29 - y_scale, 0, 31)
     s.gain_p_shift = clamp(lost - fall - 16, 0, 31)
 
@@ -205,9 +205,9 @@ def row_times(row: list[I32], a: list[I32]) -> I32:
 
 
 def use_gain(s: State) -> None:
-    """Correction and covariance with the gain that was found: D += h e, P <- P - h h^T / S.
+    """Applies the gain to correction and covariance: D += h e, P <- P - h h^T / S.
 
-    What is taken from a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
+    The reduction of a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
     """
     h0 = s.gain_h[0]
     h1 = s.gain_h[1]
@@ -238,7 +238,7 @@ def use_gain(s: State) -> None:
 
 
 def use_level_gain(s: State, r: list[I32]) -> None:
-    """The same where nothing tells the heading: vertical bias and heading only count as uncertain.
+    """The same without a heading reference: vertical bias and heading only add uncertainty.
 
     With c = (vertical part of h, h_4) and k = h - c: D += k e, P <- P - (h h^T - c c^T) / S, in
     which h h^T - c c^T = k h^T + c k^T.
@@ -272,12 +272,12 @@ def use_level_gain(s: State, r: list[I32]) -> None:
 
 
 def lowered(covariance: I32, fall: I32) -> I32:
-    """A covariance from which something is taken."""
+    """A covariance, reduced."""
     return limited(covariance - fall, THETA_MOST)
 
 
 def lowered_variance(variance: I32, fall: I32) -> I32:
-    """A variance from which something is taken; it stays positive."""
+    """A variance, reduced; it stays positive."""
     rest = limited(variance - fall, THETA_MOST)
     if rest < VARIANCE_LEAST:
         rest = VARIANCE_LEAST
@@ -285,7 +285,7 @@ def lowered_variance(variance: I32, fall: I32) -> I32:
 
 
 def fade(s: State) -> None:
-    """The constant gain has worked on the sensitivities too.
+    """Applies the constant gain to the sensitivities.
 
     Source: docs/filter.md Eq. (17).
     """
@@ -304,7 +304,7 @@ def fade_one(s: State, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
 
 
 def apply_theta(s: State, g: Gains) -> I32:
-    """Moves bias, velocity and attitude by the correction D, which is forgotten.
+    """Corrects bias, velocity and attitude by D, and clears it.
 
     Returns SATURATED when the bias meets its limit, else 0.
 
@@ -352,7 +352,7 @@ def add_heading(s: State, angle: I32) -> None:
 
 
 def limit_heading(s: State, g: Gains) -> None:
-    """Keeps the heading's variance where theta is linear; correlations stay what they are."""
+    """Keeps the heading's variance where theta is linear; correlations are preserved."""
     most = g.heading_variance
     if s.heading_variance > most:
         keep = clamp(
@@ -365,7 +365,7 @@ def limit_heading(s: State, g: Gains) -> None:
 
 
 def forget_velocity(s: State) -> None:
-    """The velocity begins anew: no error of theta has worked on it yet."""
+    """Starts the velocity again: it does not depend on theta yet."""
     for i in range(4):
         s.dvelocity_n[i] = 0
         s.dvelocity_e[i] = 0
@@ -376,7 +376,7 @@ def forget_velocity(s: State) -> None:
 
 
 def forget_sensitivities(s: State) -> None:
-    """Tilt and velocity begin anew."""
+    """Clears the sensitivities of a new tilt and velocity."""
     forget_velocity(s)
     for i in range(4):
         s.dtilt_n[i] = 0
@@ -387,7 +387,7 @@ def forget_sensitivities(s: State) -> None:
 
 
 def fade_tilt_sigma(s: State) -> None:
-    """Doubt of the tilt fades at the speed of the loop's poles.
+    """Reduces the doubt of the tilt at the rate of the loop's poles.
 
     Source: docs/filter.md Eq. (30).
     """

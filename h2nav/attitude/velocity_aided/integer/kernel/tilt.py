@@ -1,4 +1,4 @@
-"""What the velocity-aided filter in integers does when its tilt is wrong by far, and at rest.
+"""Large errors of the tilt, and rest, in the velocity-aided filter in integers.
 
 Source: docs/filter.md Eq. (14), (20), (30) to (32).
 """
@@ -23,7 +23,7 @@ from .aiding import find_spread_of_all
 from .functions import bits_of, limited, logarithm, power2, product
 from .theta import find_spread, forget_sensitivities, limit_heading, weigh_gain
 
-MOST_CLIPPED = 53687091  # 0.2 rad, Q28: after clipped samples that may have hidden more, start anew
+MOST_CLIPPED = 53687091  # 0.2 rad, Q28: start again after clipped samples that may have hidden more
 ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
 LEVEL_SIGMA = 26843546  # 0.1 rad: of a tilt taken from the force alone
 AIR_TILT_SIGMA = 93702386  # 20 deg: of a tilt that was not followed for a while, in flight
@@ -33,7 +33,7 @@ GROUND_COSINE_2 = 31792  # square of 0.985: no steady acceleration on the ground
 REST_FLOOR = 3627000  # (0.1 deg/s)^2 in units of theta, Q28
 # of the bias where the rate stands still: a step of 1 mrad/s over the root of 3, as REST_FLOOR
 HIDDEN = 398950
-REST_SIGMAS_2 = 9  # a rate that is this far from the known bias is no bias
+REST_SIGMAS_2 = 9  # a rate this far from the known bias is not a bias
 ONE_Q26 = 1 << 26
 
 
@@ -60,7 +60,7 @@ def watch_rest(s: State, g: Gains, sample: Sample) -> None:
 
 
 def judge_rest(s: State, g: Gains, sample: Sample) -> None:
-    """How long nothing has been felt to move.
+    """Updates the time at rest.
 
     Source: docs/filter.md Eq. (20), (31).
     """
@@ -80,7 +80,7 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         return
     s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MOST_US)
     still = sample.rest_prior
-    # by the signals alone a slow turn looks like rest: the bias must not jump by it
+    # a slow turn looks like rest in these signals: the bias must not jump by it
     if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
         still = 0
     s.rest_us = clamp(s.rest_us + time_us, 0, AGE_MOST_US)
@@ -89,7 +89,7 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
 
 
 def doubt_steps(s: State) -> None:
-    """Keeps the bias as uncertain as the steps of a rate that stands still.
+    """Keeps the bias as uncertain as the resolution of a constant rate.
 
     Source: docs/filter.md Eq. (59).
     """
@@ -107,7 +107,7 @@ def bias_error(s: State, axis: I32) -> I32:
 
 
 def moves(s: State, axis: I32, variance: I32) -> I32:
-    """1 when the low-passed rate contradicts the bias as far as it is known."""
+    """Returns 1 if the low-passed rate contradicts the bias, within its deviation."""
     d = limited(bias_error(s, axis), 32767 << 10) >> 10
     known_to = limited(variance + REST_FLOOR, 119000000)
     if d * d > REST_SIGMAS_2 * known_to:
@@ -116,7 +116,7 @@ def moves(s: State, axis: I32, variance: I32) -> I32:
 
 
 def find_rest_gain(s: State, g: Gains) -> None:
-    """Gain for one axis of the low-passed rate taken as bias; the axes take turns.
+    """Finds the gain for one axis of the low-passed rate taken as bias; the axes take turns.
 
     Source: docs/filter.md Eq. (20).
     """
@@ -137,7 +137,7 @@ def find_rest_gain(s: State, g: Gains) -> None:
 
 
 def restart_tilt(s: State, sample: Sample, r: list[I32]) -> None:
-    """The tilt was wrong: find it anew, keep bias and heading.
+    """Starts the tilt again; keeps bias and heading.
 
     Source: docs/filter.md Eq. (14).
     """
@@ -156,7 +156,7 @@ def restart_tilt(s: State, sample: Sample, r: list[I32]) -> None:
 
 
 def doubt_rate(s: State, g: Gains, sample: Sample) -> None:
-    """A clipped rate is doubted by as much as it differs from the rates before it.
+    """Doubts a clipped rate by its difference from the rates before it.
 
     Source: docs/filter.md Eq. (30).
     """
@@ -181,7 +181,7 @@ def doubt_rate(s: State, g: Gains, sample: Sample) -> None:
 
 
 def raise_tilt_sigma(s: State, angle: I32) -> None:
-    """The tilt is known no better than this, rad, Q28."""
+    """Raises the deviation of the tilt to at least this, rad, Q28."""
     if angle > TILT_SIGMA_MOST:
         angle = TILT_SIGMA_MOST
     if angle > s.extra_tilt_sigma:
@@ -189,7 +189,7 @@ def raise_tilt_sigma(s: State, angle: I32) -> None:
 
 
 def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
-    """Notes when a low-passed force of size g denies the tilt, once something else does too.
+    """Notes a low-passed force of size g that contradicts the tilt, once another sign agrees.
 
     Source: docs/filter.md Eq. (31).
     """
@@ -220,7 +220,7 @@ def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
         x: specific force, body frame, any unit, below 2^30.
         y: the same.
         z: the same.
-        north: what shows north when gravity is taken away, body frame, Q14.
+        north: a vector whose horizontal part points north, body frame, Q14.
     """
     scale = bits_of(abs(x) | abs(y) | abs(z)) - 14
     if scale < -13:
@@ -248,14 +248,14 @@ def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     s.correction[0] = 0
     s.correction[1] = 0
     s.correction[2] = 0
-    # a field that waits was turned by another attitude
+    # a waiting field was rotated by another attitude
     s.mag_span_us = 0
     s.mag_frame_us = 0
     return 1
 
 
 def level(s: State, x: I32, y: I32, z: I32, r: list[I32]) -> None:
-    """Takes the tilt from a force, unless it shows along the nose; the heading is asked anew.
+    """Takes the tilt from a force, unless it is along the nose; the next field gives the heading.
 
     Source: docs/filter.md Eq. (32).
     """
@@ -263,5 +263,5 @@ def level(s: State, x: I32, y: I32, z: I32, r: list[I32]) -> None:
     for i in range(3):
         north[i] = known(r[i] >> 1, -VECTOR_LIMIT, VECTOR_LIMIT)
     if upright(s, x, y, z, north) > 0:
-        # the field was seen through the wrong tilt: the next gives the heading, as at the start
+        # the last heading rests on the wrong tilt: the next field gives it, as at the start
         s.heading_reset = 2

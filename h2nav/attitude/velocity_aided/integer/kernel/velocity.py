@@ -30,7 +30,7 @@ EASE_MOST = 21 << 8
 
 
 def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
-    """Velocity over one sample; what rounding leaves of force and acceleration comes next time.
+    """Propagates the velocity over one sample; remainders of rounding are carried to the next.
 
     Source: docs/filter.md Eq. (5), (13).
     """
@@ -54,7 +54,7 @@ def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
     s.velocity_n = limited(s.velocity_n + north, VELOCITY_MOST)
     s.velocity_e = limited(s.velocity_e + east, VELOCITY_MOST)
     if sample.aided > 0:
-        # only a measured velocity tells the heading: a bounded one is bounded in any direction
+        # only a measured velocity shows the heading: a bounded one is bounded in any direction
         s.dvelocity_n[3] = limited(s.dvelocity_n[3] - (east >> 1), THETA_MOST)
         s.dvelocity_e[3] = limited(s.dvelocity_e[3] + (north >> 1), THETA_MOST)
         s.gained_n = (s.gained_n + north) & GAINED_MASK
@@ -62,7 +62,7 @@ def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
 
 
 def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
-    """The velocity before and the one after have nothing to do with each other."""
+    """Switches between bounded and measured velocity, which are unrelated."""
     forget_velocity(s)
     s.dtilt_n[3] = 0
     s.dtilt_e[3] = 0
@@ -91,7 +91,7 @@ def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
 
 
 def begin_frames(s: State) -> None:
-    """No frame is complete yet, and no gain is known."""
+    """Starts the frames again: none is complete, and no gain is known."""
     s.phase = 1
     s.frame_us = 0
     s.frame_time = 0
@@ -107,7 +107,7 @@ def begin_frames(s: State) -> None:
 
 
 def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
-    """The constant gain for a velocity near zero, or near the forward speed along the nose.
+    """Applies the constant gain for a velocity near zero, or near the speed along the nose.
 
     Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (23).
     """
@@ -136,9 +136,9 @@ def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
 
 
 def judge_bounded(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
-    """Levels of the frame's innovation; restarts at impossible velocities.
+    """Updates the levels of the frame's innovation; restarts at impossible velocities.
 
-    Returns 1 when the tilt has started anew. Source: docs/filter.md Eq. (11), (14).
+    Returns 1 if the tilt has started again. Source: docs/filter.md Eq. (11), (14).
     """
     square = square_of(s.innovation_n, s.innovation_e)
     if square > g.impossible_velocity:
@@ -148,7 +148,7 @@ def judge_bounded(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     time_us = (s.frame_time * 15625) >> 11
     share = level_share(s, g, time_us)
     s.innovation_power = raised(s.innovation_power, square, share)
-    # an innovation that stays is a wrong bias rather than motion: it must not hide itself
+    # a lasting innovation is a bias error rather than motion, and must not raise its own noise
     slow = ratio(time_us, g.innovation_mean_time_us + time_us)
     north = s.innovation_n - s.innovation_mean_n
     east = s.innovation_e - s.innovation_mean_e
@@ -159,7 +159,7 @@ def judge_bounded(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
 
 
 def choose_bounded(s: State, g: Gains) -> None:
-    """Noise and gain set for the levels.
+    """Sets noise and gain set by the levels.
 
     Source: docs/filter.md Eq. (9), (11), (14).
     """
@@ -184,7 +184,7 @@ def square_of(north: I32, east: I32) -> I32:
 
 
 def level_share(s: State, g: Gains, time_us: I32) -> I32:
-    """Share that a time has in the levels, Q15; a young level is the mean so far."""
+    """Weight of a time in the levels, Q15; a young level is the mean so far."""
     span = g.level_time_us
     if s.age_us < span:
         span = s.age_us
@@ -209,7 +209,7 @@ def density(floor: I32, correlation: I32, ceiling: I32, level: I32) -> I32:
 
 
 def select_set(s: State, g: Gains) -> None:
-    """Gain set for the measured levels; sharper sets while the filter starts.
+    """Selects the gain set for the measured levels; stronger sets during start-up.
 
     Source: docs/filter.md Eq. (9), (14).
     """
@@ -228,7 +228,7 @@ def select_set(s: State, g: Gains) -> None:
 
 
 def set_frame_gains(s: State, g: Gains) -> None:
-    """Gains of the set for the time of a frame.
+    """Sets the gains of the set for the time of a frame.
 
     Source: docs/fixed-point.md Eq. (24).
     """
@@ -246,7 +246,7 @@ def set_frame_gains(s: State, g: Gains) -> None:
 
 
 def set_ease(s: State, g: Gains) -> None:
-    """Factor on all noises while the filter starts: the first tilt error is none of the bias.
+    """Sets the factor on all noises at start-up: the initial tilt error is not due to the bias.
 
     Source: docs/filter.md Eq. (14).
     """
