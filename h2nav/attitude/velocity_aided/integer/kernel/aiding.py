@@ -119,7 +119,7 @@ def of_accel(s: State, i: I32, x: I32, y: I32) -> I32:
 
 
 def use_accel_gain(s: State, learns: I32) -> None:
-    """Applies the accelerometer's part of a gain, after `use_gain`; with `learns` 0 to covariances only.
+    """Applies the gain to the accelerometer's bias, after `use_gain`; learns it if `learns` > 0.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (22).
     """
