@@ -1,7 +1,7 @@
-"""Offset and scale of accelerometers and gyros, where flights show them.
+"""Offset and scale of accelerometers and gyros, as far as flights observe them.
 
-An accelerometer by changes of the receiver's velocity, a gyro by the turns between attitudes. What
-both halves of the flights do not agree upon is none: a sensor that warms up, or was knocked.
+An accelerometer by changes of the receiver's velocity, a gyro by the turns between attitudes.
+A value is dropped if the halves of the flights disagree: the sensor warmed up, or was knocked.
 """
 
 from collections.abc import Sequence
@@ -35,25 +35,25 @@ FEWEST_WINDOWS = 40
 SURE = 5.0
 RELEVANT = np.repeat((0.1, 0.01), 3)
 RELEVANT_RAD_S = 0.3 * DEG
-# A flight shows a value that it knows to half of that.
+# A flight shows a value if its deviation is at most half of that.
 SHOWN = 0.5 * RELEVANT
-# Halves of a flight agree within so many deviations, or within so much of what they show.
+# Halves of a flight agree within so many deviations, or within this share of the value.
 AGREE, AGREE_SHARE = 3.0, 0.3
-# Beyond this a sensor is broken, and not wrongly calibrated: what a firmware takes for an offset.
+# A larger offset means a broken sensor; firmwares reject it.
 BROKEN_M_S2, UNFIT = 3.5, 0.4
 # In-run instability of such a gyro.
 NOISE_RAD_S, FEWEST_BIASES = 0.02 * DEG, 8
 
 
 class Tracks(NamedTuple):
-    """One IMU in several flights: each flight beside its samples."""
+    """One IMU in several flights: each flight with its samples."""
 
     imu: int
     pairs: tuple[tuple[Evidence, ImuTrack], ...]
 
 
 def tracks_of(flights: Sequence[Evidence], imu: int) -> Tracks:
-    """The flights in which it was recorded."""
+    """The flights in which an IMU was recorded."""
     return Tracks(imu, tuple((one, t) for one in flights for t in one.context.imus if t.imu == imu))
 
 
@@ -61,12 +61,12 @@ def tracks_of(flights: Sequence[Evidence], imu: int) -> Tracks:
 
 
 class Forces(NamedTuple):
-    """What flights show of an accelerometer.
+    """Calibration of an accelerometer.
 
     Attributes:
-        outcome: what can be set.
-        offset: (3,) to be added to its forces, in the axes of its samples: what is in the outcome.
-        sigma: the largest deviation of what is not in it, m/s^2.
+        outcome: parameters to set.
+        offset: (3,) m/s^2 to add to its forces, in the axes of its samples, as in the outcome.
+        sigma: the largest deviation of values not in the outcome, m/s^2.
     """
 
     outcome: Outcome
@@ -75,7 +75,7 @@ class Forces(NamedTuple):
 
 
 def calibrate_accelerometer(tracks: Tracks) -> Forces:
-    """Its offset and scale."""
+    """Calibrates offset and scale of an accelerometer."""
     name, unknown = (
         f"accelerometer {tracks.imu + 1}",
         Forces(Outcome(""), np.zeros(3), float(SIGMAS[0])),
@@ -122,7 +122,7 @@ def _motion(tracks: Tracks, settings: SensorSettings) -> MotionRows | None:
 
 
 def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
-    """(6,) which of offset and scale are to be set, and why others are not."""
+    """(6,) which of offset and scale to set, and reasons for the others."""
     halves = [fitted(half, np.ones(COUNT, dtype=bool)) for half in halves_of(rows)]
     value, sigma = full.values[:6], full.sigma[:6]
     apart = np.abs(halves[0].values - halves[1].values)[:6]
@@ -152,7 +152,7 @@ def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
 
 
 def _vertical(rows: MotionRows, full: MotionFit) -> tuple[str, ...]:
-    """What offset and scale of the axis that was vertical add together, where neither is known."""
+    """The sum of offset and scale error of the vertical axis, if neither is known by itself."""
     up = np.median(rows.offset[:, 2] / rows.length_s[:, None], axis=0)
     axis = int(np.argmax(np.abs(up)))
     row = np.zeros(COUNT)
@@ -169,13 +169,13 @@ def _vertical(rows: MotionRows, full: MotionFit) -> tuple[str, ...]:
 
 
 def _by(rows: MotionRows, values: Array) -> Array:
-    """(N, 3) what offset and scale add to the windows."""
+    """(N, 3) effect of offset and scale on the windows, m/s."""
     added: Array = rows.offset @ values[OFFSET] + rows.scale @ values[SCALE]
     return added
 
 
 def _rms_m_s(rows: MotionRows, fit: MotionFit) -> float:
-    """Of the windows that fit, as if every axis had been measured as well."""
+    """RMS of the fitting windows, with equal weight per axis."""
     weight = fit.weight @ (rows.share**2).mean(axis=1)
     return float(np.sqrt(fit.weight @ (fit.residual**2).mean(axis=1) / max(float(weight), 1e-9)))
 
@@ -280,7 +280,7 @@ class _Biases(NamedTuple):
 
 
 def _turned(number: int, evidence: Evidence, track: ImuTrack) -> _Biases:
-    """The windows in which the attitude was sure."""
+    """The windows with a certain attitude."""
     track = measuring(track, evidence.flight.findings)
     t_s, bias, rough = gyro_bias(track, evidence.attitude_of_tracks())
     good = ~rough & np.isfinite(bias).all(axis=1)
@@ -288,7 +288,7 @@ def _turned(number: int, evidence: Evidence, track: ImuTrack) -> _Biases:
 
 
 def _mean(rows: _Biases) -> tuple[Array, float, Array]:
-    """(3,) mean, its deviation, and (N,) how much each window counts."""
+    """(3,) mean, its deviation, and (N,) weights of the windows."""
     mean, flat = np.median(rows.bias, axis=0), np.ones(len(rows.t_s))
     for _ in range(ROUNDS):
         length = np.linalg.norm(rows.bias - mean, axis=1)

@@ -1,4 +1,4 @@
-"""How accelerometers, gyros and the board are calibrated, as the autopilots' parameters say it.
+"""Present calibration of accelerometers, gyros and the board, from the autopilots' parameters.
 
 ArduPilot: value = B (raw - offset) * scale, in the axes of its sensors, B of AHRS_ORIENTATION
 (`AP_InertialSensor_Backend::_rotate_and_correct_accel`). PX4: value = L R (raw - offset) * scale,
@@ -18,7 +18,7 @@ from h2nav.recordings.context import ImuTrack
 from h2nav.recordings.dataflash import Trim
 
 PX4_SLOTS = 4
-# A scale beyond these is none: it was never calibrated.
+# A scale beyond these was never calibrated.
 SCALES = 0.8, 1.2
 
 
@@ -43,7 +43,7 @@ class SensorSettings(NamedTuple):
 
 
 def sensor_settings(evidence: Evidence, track: ImuTrack, *, is_gyro: bool) -> SensorSettings | str:
-    """What is in use, or why that is not known."""
+    """The settings in use, or why they are unknown."""
     if not evidence.parameters:
         return "the recording does not say which parameters are in use (--parameters)"
     if track.source == "HIGHRES_IMU":
@@ -56,7 +56,7 @@ def sensor_settings(evidence: Evidence, track: ImuTrack, *, is_gyro: bool) -> Se
 
 
 def board_of(evidence: Evidence) -> Trim:
-    """From the axes of the board to those of its samples."""
+    """The rotation from the axes of the board to those of its samples."""
     if evidence.autopilot != PX4:
         return evidence.trim
     own = evidence.parameters

@@ -1,8 +1,7 @@
-"""How the board lies in a multirotor: in still air its thrust is vertical when the frame is level.
+"""Tilt of the board in a multirotor: the thrust is along an axis of the frame.
 
-The force that its IMU measures in flight is the thrust, along an axis of the frame, and the drag of
-the air that it moves through. The drag turns with the heading, or goes with the speed; what stays
-in the axes of the board is the board's own tilt.
+In flight the IMU measures thrust and drag. The drag varies with heading or speed; the part that is
+constant in the axes of the board is the board's tilt.
 """
 
 import math
@@ -38,18 +37,18 @@ FEWEST = 40
 SIGMAS = np.array((6.0 * DEG, 6.0 * DEG, 0.4, 2.0, 2.0))
 COUNT = len(SIGMAS)
 LEAST_NOISE_M_S2 = 0.05
-# Of a wind that changes as the vehicle turns, 0.25 m/s stay the board's: with a drag of 0.2 /s.
+# If the wind changes while the vehicle turns, 0.25 m/s count as tilt, with a drag of 0.2 /s.
 LEAST_SIGMA_RAD = 0.3 * DEG
-# One degree is a drift of 0.17 m/s^2 in a hover by attitude alone; halves that do not agree within
-# it show something else.
+# One degree is a drift of 0.17 m/s^2 in a hover by attitude alone; halves that differ by more show
+# something else.
 RELEVANT_RAD, SURE = 1.0 * DEG, 4.0
 NAMES = {True: ("SENS_BOARD_X_OFF", "SENS_BOARD_Y_OFF"), False: ("AHRS_TRIM_X", "AHRS_TRIM_Y")}
-# What firmwares take.
+# The firmwares' limit.
 MOST_RAD = 10.0 * DEG
 
 
 class _Rows(NamedTuple):
-    """Windows: (N,) flight and middle, (N, 2) level force, (N, 2, 5) of what it is made."""
+    """Windows: (N,) flight and middle, (N, 2) level force, (N, 2, 5) its derivatives."""
 
     flight: NDArray[np.int64]
     t_s: Array
@@ -58,11 +57,11 @@ class _Rows(NamedTuple):
 
 
 def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
-    """The board's level, by one IMU.
+    """Calibrates the board's level, by one IMU.
 
     Args:
         tracks: of the IMU.
-        forces: what is known of its accelerometer.
+        forces: calibration of its accelerometer.
     """
     last = tracks.pairs[-1][0]
     own = Outcome("level")
@@ -134,13 +133,13 @@ def _rows(number: int, evidence: Evidence, track: ImuTrack, added: Array) -> _Ro
     J[:, :, 2] = -v[:, :2]
     J[:, :, 3], J[:, :, 4] = level[0][:, :2], level[1][:, :2]
     good = in_air(evidence, edges) & np.isfinite(force.sum(axis=1) + J.sum(axis=(1, 2)))
-    # Nothing carries it but its motors.
+    # Only its motors carry it.
     good &= force[:, 2] < -0.5 * GRAVITY_M_S2
     return _Rows(np.full(int(good.sum()), number), t_s[good], force[good, :2], J[good])
 
 
 def in_air(evidence: Evidence, edges: Array) -> Mask:
-    """(M - 1,) windows that were in the air as a whole; none where nothing says so."""
+    """(M - 1,) windows entirely in the air; none if that is unknown."""
     airborne = evidence.context.airborne
     if airborne is None:
         return np.zeros(len(edges) - 1, dtype=bool)

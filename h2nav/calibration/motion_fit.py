@@ -1,9 +1,8 @@
-"""What an accelerometer and a receiver measure wrong, fitted to changes of the velocity in flight.
+"""Fits errors of an accelerometer and a receiver to changes of the velocity in flight.
 
-Where the vehicle turns, an offset turns with it, and an attitude that is off does not; where it
-pulls, a scale shows; in a turn, how late the velocity is, and where the antenna sits. All of it is
-linear. Deviations before the flight are those of data sheets and of vehicles, and what a flight
-does not show keeps them.
+In turns an offset rotates with the vehicle and an attitude error does not; load factors show the
+scale; turns show the velocity's delay and the antenna's position. All of it is linear. Prior
+deviations are those of data sheets and vehicles; unobserved values keep them.
 """
 
 from typing import NamedTuple
@@ -36,21 +35,21 @@ SIGMAS = np.repeat((0.6, 0.03, 0.1, 0.3), (3, 3, 1, 3))
 LEAST_SIGMA_RAD = 0.1 * DEG
 # The noise of the best receivers between two fixes, and of a vehicle that rests.
 LEAST_NOISE_M_S, REST_M_S = 0.02, 0.05
-# None of so many parts of the flights is the only one that shows something.
+# A value must not rest on a single one of so many parts of the flights.
 PARTS = 16
 
 
 class MotionFit(NamedTuple):
-    """What `fitted` found.
+    """The result of `fitted`.
 
     Attributes:
-        values: (10,) what has to be added to the force, m/s^2, and as a share of it; how much later
-            than assumed the velocity is, s; the antenna's place beside the IMU, m, in the body.
-        covariance: (10, 10) of these; 0 where one was not fitted.
-        lasting: (10,) the largest deviation without any one part of the windows: what a single
-            moment of a flight shows is large here.
+        values: (10,) force to add, m/s^2, and as a share of the force; delay of the velocity beyond
+            the assumed one, s; position of the antenna from the IMU, m, body.
+        covariance: (10, 10) of these; 0 for those not fitted.
+        lasting: (10,) the largest deviation without any one part of the windows: large for values
+            observed in a single moment.
         weight: (N,) 0 to 1; below a half, a window does not fit.
-        residual: (N, 3) of each axis that was measured, m/s.
+        residual: (N, 3) of each measured axis, m/s.
     """
 
     values: Array
@@ -67,11 +66,11 @@ class MotionFit(NamedTuple):
 
 
 def fitted(rows: MotionRows, free: Mask) -> MotionFit:
-    """What the windows say, and the attitude's error over time, which nobody asks for.
+    """Fits the values, and the attitude's error over time as nuisance states.
 
     Args:
         rows: at least one between fixes.
-        free: (10,) which values are fitted; the others are 0.
+        free: (10,) the values to fit; the others are 0.
     """
     tilt = Wander.of(rows.flight, rows.t_s, rows.sigma_tilt, LEAST_SIGMA_RAD)
     heading = Wander.of(rows.flight, rows.t_s, rows.sigma_heading, LEAST_SIGMA_RAD)

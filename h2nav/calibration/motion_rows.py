@@ -1,7 +1,7 @@
-"""Changes of the receiver's velocity beside those that an IMU makes of forces and the attitude.
+"""Changes of the receiver's velocity against those integrated from an IMU and the attitude.
 
-What is left of each is linear in what may be wrong: offset and scale of the accelerometer, the
-attitude, how late the velocity is, and how far the antenna is from the IMU.
+The differences are linear in the errors: offset and scale of the accelerometer, attitude, delay of
+the velocity, and position of the antenna.
 """
 
 import math
@@ -34,34 +34,34 @@ WINDOW_S = 1.0
 LONGEST = 3.0
 MOST_ROWS = 1500
 FEWEST = 20
-# Of a receiver whose delay no turn shows, as autopilots assume it.
+# The delay that autopilots assume, for a receiver whose delay no turn shows.
 USUAL_LAG_S = 0.15
-# In a quick turn an attitude that is 10 ms late is 1 deg off.
+# In a fast turn an attitude delayed by 10 ms is wrong by 1 deg.
 FASTEST_RAD_S = 120.0 * DEG
 SURE_TILT_RAD = 4.0 * DEG
 # Accelerations and rates at a fix are means around it.
 AROUND_S = 0.1
 # A vertical velocity is twice as noisy as a level one.
 DOWN_SHARE = 0.5
-# A fix is logged when it comes, within a loop of a busy autopilot; in telemetry it may be older by
-# half of its period. What that does to a velocity counts beside the noise of a receiver.
+# A fix is logged on arrival, within a loop of a busy autopilot; in telemetry it may be older by
+# half of its period. The effect on the velocity is added to the noise of the receiver.
 LOGGED_WITHIN_S, NOISE_M_S = 0.02, 0.1
 
 
 class MotionRows(NamedTuple):
-    """Windows between fixes, NED and m/s; the sensor's axes are those that it is calibrated in.
+    """Windows between fixes, NED and m/s; the sensor's axes are those of its calibration.
 
     Attributes:
         flight: (N,) number of the flight.
         t_s: (N,) increasing within each.
         length_s: (N,) of the windows.
-        apart: (N, 3) measured change of velocity less that of the IMU.
-        share: (N, 3) weight of each axis; 0 where nothing was measured.
-        offset: (N, 3, 3) what an offset adds, by axis of the sensor: in the last place.
-        scale: (N, 3, 3) what a scale adds, likewise.
+        apart: (N, 3) measured change of velocity minus that of the IMU.
+        share: (N, 3) weight of each axis; 0 if not measured.
+        offset: (N, 3, 3) derivative by the offset; the sensor's axis is the last.
+        scale: (N, 3, 3) derivative by the scale, likewise.
         force: (N, 3) change of velocity by the forces alone.
-        late: (N, 3) change of the acceleration, m/s^2.
-        arm: (N, 3, 3) change of the velocity of a point 1 m along each axis of the body.
+        late: (N, 3) derivative by the delay: change of the acceleration, m/s^2.
+        arm: (N, 3, 3) derivative by the antenna's position along each axis of the body.
         sigma_tilt: (N,) deviation of the attitude, rad.
         sigma_heading: (N,).
     """
@@ -85,8 +85,8 @@ class Motion(NamedTuple):
 
     Attributes:
         rows: windows between fixes.
-        lag_s: how late the velocities were taken to be.
-        is_lag_shown: the flight shows it; otherwise it is the usual one.
+        lag_s: assumed delay of the velocities.
+        is_lag_shown: the flight shows it; otherwise it is the usual delay.
     """
 
     rows: MotionRows
@@ -97,13 +97,13 @@ class Motion(NamedTuple):
 def motion_of(
     evidence: Evidence, track: ImuTrack, gps: GpsTrack, axes: Array, flight: int
 ) -> Motion | None:
-    """The windows of a flight in which the attitude was known and nothing turned quickly.
+    """The windows of a flight with a known attitude and no fast turn.
 
     Args:
         evidence: of the flight.
         track: samples of the IMU.
         gps: fixes of the receiver.
-        axes: (3, 3) that turns the axes in which it is calibrated into those of the track.
+        axes: (3, 3) from the axes of its calibration to those of the track.
         flight: its number, for the rows.
     """
     track = measuring(track, evidence.flight.findings)
@@ -128,7 +128,7 @@ def motion_of(
 
 
 def combined(motions: Sequence[Motion]) -> Motion:
-    """Of several flights, as if the velocities of all had been taken to be as late."""
+    """Joins several flights, with one assumed delay of the velocities."""
     shown = [one.lag_s for one in motions if one.is_lag_shown]
     lag_s = float(np.median(shown)) if shown else USUAL_LAG_S
     rows = [
@@ -139,14 +139,14 @@ def combined(motions: Sequence[Motion]) -> Motion:
 
 
 class _Windows(NamedTuple):
-    """Where something measured a change of velocity.
+    """Windows with a measured change of velocity.
 
     Attributes:
-        first_s: (M,) their beginnings.
-        last_s: (M,) their ends.
-        measured: (M, 3) the change.
+        first_s: (M,) beginnings.
+        last_s: (M,) ends.
+        measured: (M, 3) the change, NED, m/s.
         share: (M, 3) weights of the axes.
-        jitter_s: (M,) how much later or earlier it may have been.
+        jitter_s: (M,) uncertainty of the times.
     """
 
     first_s: Array
@@ -157,7 +157,7 @@ class _Windows(NamedTuple):
 
 
 def _windows(evidence: Evidence, track: ImuTrack, moves: Moves, lag_s: float) -> _Windows:
-    """Between fixes in flight; of a vehicle that rests, the vertical: its tilt is of the force."""
+    """Windows between fixes in flight; at rest the vertical only: the tilt is of the force."""
     flies = evidence.flying(moves.t_s)
     t_s, v_n = moves.t_s[flies], moves.v_n[flies]
     place = _spaced(t_s)
@@ -176,7 +176,7 @@ def _windows(evidence: Evidence, track: ImuTrack, moves: Moves, lag_s: float) ->
 
 
 def _spaced(t_s: Array) -> NDArray[np.intp]:
-    """Places of times that are at least a window apart."""
+    """Indices of times at least a window apart."""
     found: list[int] = []
     place = 0
     while place < len(t_s):
@@ -186,14 +186,14 @@ def _spaced(t_s: Array) -> NDArray[np.intp]:
 
 
 class _Sums(NamedTuple):
-    """What is integrated over the windows, and what is looked at where they begin and end.
+    """Integrals over the windows, and values at their ends.
 
     Attributes:
         t_s: (N,) of the samples.
-        integrals: (N, 22) of the force, of the sensor's axes, of its forces along them, NED; the
-            seconds in which nothing was known.
+        integrals: (N, 22) of the force, of the sensor's axes, of its forces along them, NED; and
+            the unknown time, s.
         moving: (N, 13) acceleration, velocities of the points 1 m along the body's axes, NED, and
-            the rate of turn.
+            the angular rate.
     """
 
     t_s: Array
@@ -202,7 +202,7 @@ class _Sums(NamedTuple):
 
     @classmethod
     def of(cls, track: ImuTrack, q_nb: Array, axes: Array) -> "_Sums":
-        """Of samples and their attitudes."""
+        """Integrates samples with their attitudes."""
         count = len(track.t_s)
         is_known = ~np.isnan(q_nb.sum(axis=1))
         q = np.where(is_known[:, None], q_nb, 0.0)
@@ -235,7 +235,7 @@ class _Sums(NamedTuple):
 
 
 def _rows(sums: _Sums, attitude: Attitudes, windows: _Windows) -> MotionRows:
-    """Of any windows; NaN where something is not known."""
+    """Rows of any windows; NaN if unknown."""
     first_s, last_s, measured, share, jitter_s = windows
     change = interpolated(last_s, sums.t_s, sums.integrals)
     change -= interpolated(first_s, sums.t_s, sums.integrals)

@@ -1,7 +1,7 @@
-"""A notch for the gyros' strongest family of lines, where samples are fast enough to show it.
+"""A notch for the gyros' strongest family of lines, if samples are fast enough to show it.
 
-ArduPilot's harmonic notch follows the motors: by their reported speed, or else by throttle, with
-which a propeller's speed goes as the square root. PX4 has two static ones, or follows the speed.
+ArduPilot's harmonic notch follows the motors' reported speed, or else the square root of the
+throttle. PX4 has two static notches, or follows the speed.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from h2nav.reviews.spectra import family_of, look_at_spectra
 from h2nav.reviews.tracks import Spectrum
 
 FIXED, THROTTLE, ESC = 0.0, 1.0, 3.0
-# Of flights, and of the gyros of one: lines within this share are one.
+# Lines of several flights or gyros within this share are the same line.
 ALIKE = 0.1
 LOWEST_HZ, HIGHEST_HZ = 20.0, 400.0
 LEAST_THROTTLE, MOST_THROTTLE = 0.1, 0.9
@@ -25,7 +25,7 @@ MOST_LINES = 2
 
 
 def calibrate_notch(flights: Sequence[Evidence]) -> Outcome:
-    """What the spectra of all gyros ask for."""
+    """Chooses a notch by the spectra of all gyros."""
     own, last = Outcome("notch"), flights[-1]
     gyros = [one for flight in flights for one in _gyros(flight)]
     if not gyros:
@@ -59,7 +59,7 @@ def calibrate_notch(flights: Sequence[Evidence]) -> Outcome:
 
 
 class Line(NamedTuple):
-    """What all gyros show: the fundamental, its harmonics as bits, the widest line."""
+    """The line of all gyros: the fundamental, its harmonics as bits, the largest width."""
 
     base_hz: float
     mask: int
@@ -67,7 +67,7 @@ class Line(NamedTuple):
 
     @property
     def harmonics(self) -> list[int]:
-        """Their numbers, from 1."""
+        """Numbers of the harmonics, from 1."""
         return [n + 1 for n in range(self.mask.bit_length()) if self.mask >> n & 1]
 
 

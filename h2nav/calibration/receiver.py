@@ -1,4 +1,4 @@
-"""How late a receiver's velocity is, and where its antenna sits: where turns show it."""
+"""Delay of a receiver's velocity and position of its antenna, observed in turns."""
 
 from typing import NamedTuple
 
@@ -12,12 +12,12 @@ from h2nav.calibration.outcome import Outcome, ParameterChange
 from h2nav.calibration.regression import halves_of
 
 SURE = 5.0
-# Without a value of its own ArduPilot takes 0.1 to 0.22 s, by the kind of receiver.
+# Without a value ArduPilot assumes 0.1 to 0.22 s, by the kind of receiver.
 USUAL_MS = 50.0, 250.0
 
 
 class _Quantity(NamedTuple):
-    """What can be set of a receiver.
+    """A parameter of a receiver.
 
     Attributes:
         what: in words.
@@ -25,8 +25,8 @@ class _Quantity(NamedTuple):
         names: of its parameter over the years; of a second receiver's.
         relative_to: a parameter that is added: where the IMU sits.
         unit: of the parameter, in s or m.
-        relevant: that it has to be apart from what is in use, in the same.
-        most: what a firmware takes, in the same.
+        relevant: least difference from the value in use, in that unit.
+        most: limit of the firmware, in that unit.
     """
 
     what: str
@@ -39,7 +39,7 @@ class _Quantity(NamedTuple):
 
 
 def _antenna(axis: str, make: str) -> _Quantity:
-    """By eye 15 cm wrong. Its height shows in tilting alone, as a receiver's smoothing does."""
+    """Measured by eye it is wrong by 15 cm. Height and smoothing both show in tilting only."""
     names: tuple[tuple[str, ...], tuple[str, ...]] = (
         (f"GPS1_POS_{axis}", f"GPS_POS1_{axis}"),
         (f"GPS2_POS_{axis}", f"GPS_POS2_{axis}"),
@@ -59,7 +59,7 @@ def _antenna(axis: str, make: str) -> _Quantity:
 
 
 def _quantities(make: str) -> tuple[_Quantity, ...]:
-    """Receivers of one kind differ by 20 ms between them."""
+    """Receivers of one kind differ by 20 ms."""
     names: tuple[tuple[str, ...], tuple[str, ...]] = (
         ("GPS1_DELAY_MS", "GPS_DELAY_MS"),
         ("GPS2_DELAY_MS", "GPS_DELAY_MS2"),
@@ -71,7 +71,7 @@ def _quantities(make: str) -> tuple[_Quantity, ...]:
 
 
 def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
-    """One receiver by one IMU.
+    """Calibrates one receiver by one IMU.
 
     Args:
         tracks: of the IMU.
@@ -110,7 +110,7 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
 
 
 def _of(quantity: _Quantity, motion: Motion, fit: MotionFit) -> tuple[float, float]:
-    """Value, and deviation without any one moment, in the unit of the parameter."""
+    """Value, and deviation without any single part of the flights, in the parameter's unit."""
     value = float(fit.values[quantity.place])
     value += motion.lag_s if quantity.place == LAG.start else 0.0
     return value / quantity.unit, float(fit.lasting[quantity.place]) / quantity.unit
@@ -119,13 +119,13 @@ def _of(quantity: _Quantity, motion: Motion, fit: MotionFit) -> tuple[float, flo
 def _change(
     quantity: _Quantity, last: Evidence, receiver: int, shown: tuple[float, float, float]
 ) -> ParameterChange | str:
-    """A parameter that is better, or why there is none.
+    """A better parameter, or why there is none.
 
     Args:
         quantity: what.
         last: flight, whose parameters are in use.
         receiver: its number, from 0.
-        shown: value, deviation, and how far the halves of the flights are apart.
+        shown: value, deviation, and difference between the halves of the flights.
     """
     value, sigma, apart = shown
     words = f"{quantity.what} {value:.3g} ± {sigma:.2g}"

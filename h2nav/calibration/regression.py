@@ -1,8 +1,8 @@
-"""What fits of a calibration share: errors that change slowly, robust weights, honest variances.
+"""Shared parts of the calibrations' fits: slow errors, robust weights, realistic variances.
 
-Rows weigh by how well they fit (Geman-McClure); covariances count how long residuals hold; what an
-attitude has wrong is an Ornstein-Uhlenbeck process at knots, as wide as its own deviation and no
-quicker than a gyro drifts.
+Rows are weighted by their residuals (Geman-McClure); covariances allow for correlated residuals;
+attitude errors are an Ornstein-Uhlenbeck process at knots, as wide as the attitude's own deviation
+and no faster than a gyro drifts.
 """
 
 import math
@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 Columns = TypeVar("Columns", bound=tuple[Any, ...])
 
-# Knots, how long an error of the attitude holds, and how fast a gyro whose bias was learnt drifts.
+# Knots, correlation time of the attitude's error, and drift of a gyro with estimated bias.
 KNOT_S, HOLDS_S, DRIFT_RAD_S = 10.0, 60.0, math.radians(0.15)
 LARGEST_SIGMA_RAD = math.pi / 2.0
-# From coarse to fine: how many times the noise does not weigh less.
+# From coarse to fine: factors on the scale of the robust weights.
 STARTS, ROUNDS, LAST_ROUNDS = (8.0, 4.0, 2.0), 2, 8
 OUTLIER = 3.0
-# Residuals hold for less than this long; no flight has so many blocks of it.
+# Residuals are correlated over less than this; no flight has so many blocks.
 BLOCK_S, BLOCKS = 30.0, 1_000_000
 SETTLED = 1e-4
 
 
 class Wander(NamedTuple):
-    """An angle by which an attitude may be off over time.
+    """A slowly changing error angle of an attitude.
 
     Attributes:
         hats: (N, K) share of each knot in each row.
@@ -44,13 +44,13 @@ class Wander(NamedTuple):
 
     @classmethod
     def of(cls, flights: NDArray[np.int64], t_s: Array, sigma_rad: Array, least: float) -> "Wander":
-        """Knots of each flight by itself.
+        """Places knots in each flight.
 
         Args:
             flights: (N,) number of each row's flight.
             t_s: (N,) increasing within each.
-            sigma_rad: (N,) deviation of the attitude; infinite where it is not known.
-            least: no attitude is surer than this, rad.
+            sigma_rad: (N,) deviation of the attitude; infinite if unknown.
+            least: lower limit of that, rad.
         """
         hats, blocks = [], []
         for flight in np.unique(flights):
@@ -71,7 +71,7 @@ class Wander(NamedTuple):
 
 
 def _process(sigma_rad: Array, step_s: float) -> Array:
-    """Information of knots so far apart."""
+    """Information matrix of knots at this distance."""
     hold = math.exp(-step_s / HOLDS_S)
     count = len(sigma_rad)
     # x / sigma is a stationary process: its first value, and each step.
@@ -85,13 +85,13 @@ def _process(sigma_rad: Array, step_s: float) -> Array:
 
 
 def together(rows: Sequence[Columns]) -> Columns:
-    """Rows of several flights, one after the other."""
+    """Concatenates the rows of several flights."""
     made: Columns = type(rows[0])(*(np.concatenate(each) for each in zip(*rows, strict=True)))
     return made
 
 
 def part_of(rows: Columns, wanted: NDArray[Any]) -> Columns:
-    """Some of the rows."""
+    """The selected rows."""
     made: Columns = type(rows)(*(column[wanted] for column in rows))
     return made
 
@@ -104,7 +104,7 @@ def halves_of(rows: Columns) -> tuple[Columns, Columns]:
 
 
 def block_diagonal(blocks: list[Array]) -> Array:
-    """One matrix of square ones."""
+    """Block-diagonal matrix of square blocks."""
     size = sum(map(len, blocks))
     found = np.zeros((size, size))
     first = 0
@@ -115,7 +115,7 @@ def block_diagonal(blocks: list[Array]) -> Array:
 
 
 def normal(J: Array, w: Array, r: Array) -> tuple[Array, Array]:
-    """(P, P) information and (P,) slope of weighted rows."""
+    """(P, P) information and (P,) gradient of weighted rows."""
     flat = J.reshape(-1, J.shape[2])
     weighted = (J * w).reshape(flat.shape)
     return weighted.T @ flat, weighted.T @ r.ravel()
@@ -130,7 +130,7 @@ def noise_of(length: Array, balance: Array) -> float:
 
 
 def robust(length: Array, noise: float | Array, start: float) -> Array:
-    """(N,) 0 to 1: how much rows with such residuals count."""
+    """(N,) weights, 0 to 1, of rows with these residuals."""
     weight: Array = (1.0 + (length / (OUTLIER * start * noise)) ** 2) ** -2
     return weight
 
@@ -138,10 +138,10 @@ def robust(length: Array, noise: float | Array, start: float) -> Array:
 def longer(
     flights: NDArray[np.int64], t_s: Array, residual: Array, weight: Array, count: int
 ) -> float:
-    """By how much residuals that hold for a while make the variance larger.
+    """Factor on the variance for correlated residuals.
 
-    Sums over blocks of the flight against what independent rows would sum up to, and against what
-    so many parameters took out of the sums.
+    Compares sums over blocks of the flight with those of independent rows, less the part absorbed
+    by the parameters.
     """
     block = np.floor(t_s / BLOCK_S).astype(np.int64) + BLOCKS * flights
     _, place = np.unique(block, return_inverse=True)
