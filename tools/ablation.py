@@ -41,7 +41,7 @@ class Idea(NamedTuple):
 
     Attributes:
         change: of the gains.
-        told: of what the filter is told besides the samples.
+        told: of the filter's other inputs.
         silent: class and method that then finds nothing.
     """
 
@@ -86,14 +86,14 @@ def put(name: str, value: float) -> Idea:
 
 
 def one_set(g: Gains) -> None:
-    """Always the set in the middle of what is used: omega0 = 0.25 rad/s."""
+    """Always uses the middle gain set: omega0 = 0.25 rad/s."""
     middle = 5
     g.k_tilt[:] = [g.k_tilt[middle]] * SETS
     g.k_velocity[:] = [g.k_velocity[middle]] * SETS
 
 
 def no_prior(told: FilterInput) -> FilterInput:
-    """The field is expected to be as late as the rate."""
+    """Expects the field to have the delay of the rate."""
     if isinstance(told.what, SensorDelays):
         return told._replace(what=told.what._replace(field_s=told.what.gyro_s))
     return told

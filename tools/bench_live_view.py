@@ -1,14 +1,14 @@
-"""What the live view costs the daemon: how late is ATTITUDE, what CPU and memory, by who looks on.
+"""Cost of the live view to the daemon, by its clients: delay of ATTITUDE, CPU time and memory.
 
 The same sender feeds each candidate over UDP loopback, as in `bench_live`:
 
 * no live view;
-* a viewer's process: nobody looks on; somebody with a Foxglove client that subscribes to
-  everything and with the page's stream; one who has both and never reads; ten who read; and
+* a viewer's process: without clients; with a Foxglove client that subscribes to everything and the
+  page's stream; with both, never read; with ten readers; and
 * the same viewer as a thread of the daemon, which was the alternative.
 
 Clients run as processes of their own, on the same machine and niced. Candidates take turns in
-every round, so that what else the machine does hits all of them.
+every round, so that other load on the machine affects them alike.
 
 On a machine that others use, ``--nice -10`` (as root) keeps them out of the figures.
 

@@ -1,7 +1,7 @@
 """How many times faster than real time recordings are played and reviewed, by processor time.
 
-Playing is the service alone: nobody looks on, and nothing is written down. A review is all of
-`h2nav review` but imports and page.
+Playing is the service alone, without a live view or a log. A review is all of `h2nav review` except
+imports and page.
 
 Run: python tools/bench_replay.py FLIGHT... [--rounds N]
 """

@@ -1,11 +1,11 @@
-"""Prints the tables of docs/calibrate.md: offsets that were told and found, and halves of flights.
+"""Prints the tables of docs/calibrate.md: offsets given and found, and halves of flights.
 
     python tools/calibration_table.py told DIR
     python tools/calibration_table.py halves FLIGHT...
 
-DIR holds the recordings of simulators that were told to be wrong. A half: offsets are fitted to the
-first half of a flight; residual and heading are those of the second half, against the simulator's
-truth where there is one, else against the attitude without a compass.
+DIR holds recordings of simulators with offsets set. A half: offsets are fitted to the first half of
+a flight; residual and heading are those of the second half, against the simulator's truth if there
+is one, else against the attitude without a compass.
 """
 
 import math
@@ -34,7 +34,7 @@ TOLD = ("hard_iron_from_boot", "compass_1_turned", "compass_1_hard_iron", "px4_h
 
 
 def told(folder: Path) -> None:
-    """What simulators were told stands in the README of the recordings."""
+    """The offsets set in simulators are in the README of the recordings."""
     for name in TOLD:
         parameters = {} if name.startswith("px4") else DEFAULTS
         flight = evidence_of(open_flight(folder / f"{name}.tlog"), Wishes(), parameters)

@@ -28,8 +28,8 @@ from h2nav.sim.personalities import ARDUPILOT, PX4
 from h2nav.sim.scenarios import SCENARIOS, scenario
 
 SUFFIXES = (".tlog", ".bytes", ".bin", ".log", ".ulg", ".mcap")
-# What the notes beside the recordings say, in the autopilot's time, s. Real flights come with no
-# such times for all of their troubles: whoever reads the table has to judge those.
+# Failures in the notes on the recordings, in the autopilot's time, s. Real flights have such times
+# for some of their troubles only: the reader of the table has to judge the others.
 DECLARED = RECORDINGS | {
     "bias_steps": (Failure("biases of gyros and accelerometers step", 90.0),),
     "compass_1_turned": (Failure("compass 1 turned by 90 deg", 0.0),),

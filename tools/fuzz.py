@@ -1,9 +1,9 @@
-"""Feeds made-up input to everything that takes input from outside, for as long as it is told.
+"""Feeds made-up input to all interfaces that take input from outside, for a given time.
 
 ``make fuzz MINUTES=60``, or ``python tools/fuzz.py explore --minutes 60 --targets service``. An
-input that breaks something is made small, written to ``out/fuzz/`` and shown with the command that
-repeats it. Once that is mended the file moves to ``tests/fuzz/corpus/TARGET/``, which every run of
-the tests repeats.
+input that breaks something is reduced, written to ``out/fuzz/`` and shown with the command that
+repeats it. Once fixed, move the file to ``tests/fuzz/corpus/TARGET/``, which every run of the tests
+repeats.
 """
 
 import argparse

@@ -55,7 +55,7 @@ ALARM_FLIGHT_S = 300.0
 EKF_LIMIT = 0.8
 ARDUPILOT_STATUS = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
 PX4_STATUS = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
-# What is told of every flight of this make is no answer to a fault.
+# A report in every flight of this make is not a reaction to a fault.
 ALWAYS_TOLD = "not independent"
 STATUSTEXT = mavlink.MAVLINK_MSG_ID_STATUSTEXT
 

@@ -1,13 +1,13 @@
-"""Reviews of flights whose events are known: how many events are told, how many of them falsely.
+"""Reviews flights with known events: how many events are reported, and how many falsely.
 
     python tools/real_flights.py FOLDER [-o REVIEWS] [--list] [--reviewed] [--jobs N]
 
 FOLDER holds recordings, ``events.csv`` (file, event, t_s, about: what happened) and ``labels.csv``
 (file, kind, source, severity, from_s, to_s, verdict, reason: findings of an earlier version, judged
-by hand). Every recording is reviewed, and the reviews are scored. A recording counts as one in
-which something did not happen where its events say so (``no_crash``, ``propeller``). The table also
-says in how many of the others a serious finding of the kind stands, which is not all false: not
-everything that happened was labelled.
+by hand). Every recording is reviewed, and the reviews are scored. An event did not happen in a
+recording only if its events say so (``no_crash``, ``propeller``). The table also gives the number
+of other recordings with a serious finding of the kind; not all of these are false, since not every
+event was labelled.
 """
 
 import argparse
@@ -44,15 +44,15 @@ ENDINGS = (".bin", ".log", ".ulg", ".tlog")
 
 
 class Score(NamedTuple):
-    """What reviews say of flights whose events are known.
+    """Scores of reviews of flights with known events.
 
     Attributes:
-        recall: event -> told, all.
-        false: kind -> recordings in which it is told though it did not happen, all such.
-        elsewhere: kind -> recordings without such an event in which it is told.
+        recall: event -> reported, all.
+        false: kind -> recordings that report it although it did not happen, all such.
+        elsewhere: kind -> recordings without such an event that report it.
         first: recordings with a crash whose first finding is the crash or what led to it, all.
         gone: findings judged false that are gone, all.
-        kept: findings judged true that are still told, all.
+        kept: findings judged true that are still reported, all.
         short: a line for each that falls short.
     """
 

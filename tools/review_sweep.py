@@ -1,10 +1,10 @@
-"""What the review says of known faults, put into recordings of which it says nothing.
+"""Reviews known faults, injected into recordings whose reviews have no finding.
 
-Each fault is put into each recording once, at a time and of a size that are drawn at random from
-the seed, and the flight is reviewed beside the one without it. A finding is *right* when it is of
-a kind that the fault has to be told as, names its sensor, and overlaps the fault's time without
-beginning more than 15 s before it. *Beside* it stand findings that name another sensor, or another
-time, and are not in the flight without the fault.
+Each fault is injected into each recording once, at a time and of a size drawn at random from the
+seed, and the review is compared with that of the unchanged flight. A finding is *right* if it is of
+a kind expected for the fault, names its sensor, and overlaps the fault's time without beginning
+more than 15 s before it. *Beside* counts findings that name another sensor, or another time, and
+are not in the unchanged flight.
 
 Run: python tools/review_sweep.py FLIGHT... [--simulated N] [--fault TEXT] [--only-first]
 [--seed N] [--json FILE]

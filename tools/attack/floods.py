@@ -1,4 +1,4 @@
-"""Attacks by mass: the vehicle's own UDP peer also sends what nobody should have to bear."""
+"""Attacks by volume: the vehicle's own UDP peer also sends floods of messages."""
 
 import itertools
 import multiprocessing

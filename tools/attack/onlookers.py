@@ -1,4 +1,4 @@
-"""Attacks on the ports of the live view: nobody there may cost the estimate anything."""
+"""Attacks on the ports of the live view: no client there may affect the estimate."""
 
 import base64
 import contextlib

@@ -78,7 +78,7 @@ def simulated_tlog(path: Path, name: str, imus: int, seconds: float, seed: int) 
 def write_tlog(
     recording: Recording, path: Path, fault: Fault | None, case: Case, *, only_first: bool
 ) -> None:
-    """Writes a recording with a fault, without what nobody reads.
+    """Writes a recording with a fault, without unused messages.
 
     Args:
         recording: telemetry of MAVLink 2.
