@@ -172,13 +172,13 @@ class _Flight:
         self._bag.write("/diagnostics", times, (*times.head(""), [status]))
 
     def _health(self, fields: dict[str, Any], times: "_Times") -> None:
-        """Once a second, all that goes on: who listens takes what is not repeated for stale."""
+        """Writes health and open findings once a second: subscribers take unrepeated ones for stale."""
         statuses = [_health_status(fields), *self._open.values()]
         self._bag.write("/diagnostics", times, (*times.head(""), statuses))
 
 
 class _Times(NamedTuple):
-    """When a message of the log arrived, and when it was made as far as that is known; UNIX ns."""
+    """Times of arrival and, as far as known, of creation of a message in the log; UNIX ns."""
 
     log_ns: int
     publish_ns: int

@@ -1,4 +1,4 @@
-"""What a user may choose about motion estimation; keys of the configuration's motion sections."""
+"""Settings of motion estimation: keys of the configuration's motion sections."""
 
 import math
 from dataclasses import dataclass

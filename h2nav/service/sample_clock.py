@@ -16,9 +16,9 @@ from enum import Enum
 MAX_GAP_US = 10_000_000
 LATE_US = 2_000_000
 AHEAD_US = 250_000
-"""How far a time stamp may run ahead of its arrival; arrivals vary by 160 ms."""
+"""The accepted lead of a time stamp over its arrival; arrivals vary by 160 ms."""
 ALIVE_NS = 200_000_000
-"""How long a time line is alive after its newest sample."""
+"""The life of a time line after its newest sample."""
 CONFIRMATIONS = 3
 BOOT_LIMIT_US = 60_000_000
 UINT32 = 1 << 32

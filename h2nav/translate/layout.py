@@ -1,4 +1,4 @@
-"""Where C declares a variable, which arguments are const, how long lines break."""
+"""Layout of the C: places of declarations, const arguments, breaks of long lines."""
 
 import ast
 from collections.abc import Iterator, Sequence

@@ -24,7 +24,7 @@ NS_PER_STAMP = 10_000
 STAMPS_PER_S = 100_000
 LARGEST_STAMP = 2**48 - 1
 NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
-"""How far a new stream may lag behind the local stamp: one minute."""
+"""The accepted lag of a new stream behind the local stamp: one minute."""
 MOST_STREAMS = 256
 SETUP_SIGNING_ID = 256
 

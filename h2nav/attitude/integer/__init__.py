@@ -1,1 +1,1 @@
-"""What the integer kernels of all filters share: turning an attitude, and finding one."""
+"""Shared parts of the integer kernels: rotating an attitude, and finding one."""

@@ -41,7 +41,7 @@ from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
 from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
 from h2nav.maths.units import DEG
 
-# After a longer gap the attitude is found anew; the bias is kept.
+# After a longer gap the filter aligns again; the bias is kept.
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 # Larger inputs are implausible.

@@ -1,5 +1,5 @@
 "use strict";
-// A click on a head sorts the rows by its column; a second one turns the order round.
+// A click on a header sorts the rows by its column; a second click reverses the order.
 (() => {
   const table = document.querySelector("table");
   const body = table.tBodies[0];

@@ -1,1 +1,1 @@
-"""What the watch over one IMU does with every sample, in the translatable subset."""
+"""The watch over one IMU, run with every sample, in the translatable subset."""

@@ -1,4 +1,4 @@
-// Elements of the page; whatever comes from an autopilot is set as text, never as markup.
+// Elements of the page; input from an autopilot is set as text, never as markup.
 
 export const at = (selector) => document.querySelector(selector);
 

@@ -1,4 +1,4 @@
-// The figures of samples, recording, link and process: a name, a text, and whether it is a worry.
+// Figures of samples, recording, link and process: name, text, and whether it is a warning.
 import { at, element } from "./elements.js";
 import { bytes, fixed, span } from "./words.js";
 

@@ -82,13 +82,13 @@ function showState() {
   document.title = `${word} · h2nav`;
 }
 
-// What is wrong besides the cause of the state, which is not said twice.
+// Faults other than the cause of the state, which is already shown.
 function troubles({ alarms, preflight = [] }, reason) {
   const onGround = preflight.map((text) => `before arming: ${text}`);
   return [...alarms.filter((text) => !reason.includes(text)), ...onGround];
 }
 
-// A text that stays is not set again: a screen reader would read it again.
+// An unchanged text is not set again: a screen reader would read it again.
 function setText(place, text) {
   if (place.textContent !== text) place.textContent = text;
 }
@@ -117,7 +117,7 @@ function showRatios(status) {
   at("#ratios").replaceChildren(...rows);
 }
 
-// Both with the ages that they have by now.
+// Both with their present ages.
 function showTold() {
   const since_s = (performance.now() - told.heard_ms) / 1e3;
   showFindings(told.findings, since_s);
@@ -186,7 +186,7 @@ function listen() {
 }
 
 listen();
-// A stream that was refused is not tried again by itself; one whose other end vanished may hang.
+// A refused stream does not reconnect by itself; one whose peer vanished may hang.
 setInterval(() => {
   showState();
   const isStuck = performance.now() - Math.max(heard_ms, opened_ms) > 5 * AWAY_MS;

@@ -5,7 +5,7 @@ const SHOWN_S = 120;
 const LIMIT = 3; // deviations
 const LONGEST_GAP_S = 2;
 
-// Points without a gap between them: nothing is drawn where nothing was heard.
+// Points without a gap between them: gaps in the data are not drawn.
 function runs(points) {
   const found = [];
   let last_s = -Infinity;
@@ -17,7 +17,7 @@ function runs(points) {
   return found;
 }
 
-// The difference of the last two minutes, in the band that is expected.
+// The difference of the last two minutes, with its expected band.
 export class Strip {
   constructor(part) {
     this.part = part;
@@ -61,7 +61,7 @@ export class Strip {
   draw(now_s) {
     const known = this.points.filter((point) => point.value !== null);
     const sure = known.filter((point) => point.sigma !== null);
-    // The band may become much wider than any difference; at its narrowest it is seen whole.
+    // The band may be much wider than any difference; at its narrowest it is fully visible.
     const narrowest = sure.length ? LIMIT * Math.min(...sure.map((point) => point.sigma)) : 0;
     const top = 1.15 * Math.max(1, narrowest, ...known.map((point) => Math.abs(point.value)));
     const low = this.part === "tilt" ? 0 : -top;

@@ -1,4 +1,4 @@
-// Draws the pictures of a review with uPlot, on one axis of time that all of them share.
+// Draws the pictures of a review with uPlot, on a shared time axis.
 (() => {
 "use strict";
 const review = JSON.parse(document.getElementById("review").textContent);
@@ -10,7 +10,7 @@ const timed = [], all = [];
 
 const bytes = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
 const floats = (text) => new Float32Array(bytes(text).buffer);
-// uPlot takes null, not NaN, for what is not there.
+// uPlot takes null, not NaN, for missing values.
 const known = (values) => values.some(Number.isNaN)
   ? Array.from(values, (value) => Number.isNaN(value) ? null : value) : values;
 const decoded = (text) => known(floats(text));
@@ -26,7 +26,7 @@ function times(points, [from, to] = [0, END]) {
   return grids.get(key);
 }
 
-// --- the axis of time ---------------------------------------------------------------------------
+// --- time axis ----------------------------------------------------------------------------------
 function show(from, to) {
   const least = Math.min(0.2, END);
   const width = Math.min(Math.max(to - from, least), END);
@@ -52,7 +52,7 @@ function followed(plot, key) {
   if (Math.abs(min - shown.from) + Math.abs(max - shown.to) > 1e-6) show(min, max);
 }
 
-// --- what is drawn by us ------------------------------------------------------------------------
+// --- our own drawing -----------------------------------------------------------------------------
 function inside(plot, draw) {
   const {ctx, bbox} = plot;
   ctx.save();
@@ -64,7 +64,7 @@ function inside(plot, draw) {
   ctx.restore();
 }
 
-// Text in a bar, as much of it as there is room for.
+// Text in a bar, cut to the available width.
 function written(ctx, text, left, right, middle, ratio) {
   const room = right - left - 6 * ratio;
   if (room < 14 * ratio) return;
@@ -215,7 +215,7 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
   return {made, data, bands};
 }
 
-// The edges of a band come and go with its line.
+// The edges of a band are shown with its line.
 function edges(plot, at, change) {
   if (change.show === undefined) return;
   plot.series.forEach((one, k) => {
@@ -223,7 +223,7 @@ function edges(plot, at, change) {
   });
 }
 
-// A legend tells values where something is pointed at, and only names elsewhere.
+// The legend shows values under the pointer, and only names elsewhere.
 function pointed(plot) {
   plot.root.classList.toggle("pointed", plot.cursor.idx !== null && plot.cursor.left >= 0);
 }
@@ -340,7 +340,7 @@ function rows(picture, lane) {
         ctx.fillStyle = colours[n];
         ctx.fillRect(left, top + 16 * ratio, Math.max(end - left, 2 * ratio), bar * ratio);
         ctx.fillStyle = TEXT;
-        // What is short may be named up to what follows it, and at the end before it.
+        // A short bar's name may extend to the next bar, and at the end to the left.
         const next = Math.min(n + 1 < spans.length ? Math.max(x(spans[n + 1][0]), end) : right, right);
         const width = ctx.measureText(name).width + 6 * ratio, middle = top + (16 + bar / 2) * ratio;
         const isLast = n + 1 === spans.length && next - left < width && end - left < 20 * ratio;
@@ -351,11 +351,11 @@ function rows(picture, lane) {
   });
   const named = (spans) => (plot, _, __, at) => {
     const t = at === null || at === undefined ? null : plot.data[0][at];
-    // What lasts no time is met within some pixels.
+    // A bar without duration is hit within some pixels.
     const near = t === null ? 0 : 4 * (plot.scales.x.max - plot.scales.x.min) / plot.bbox.width;
     return t === null ? "" : spans.filter(([from, to]) => from - near <= t && t <= to + near).map((span) => span[2]).join(", ");
   };
-  // A row without a label goes on with the one above it.
+  // A row without a label continues the one above it.
   const labelled = [];
   for (const [label, spans] of picture.rows)
     if (label) labelled.push([label, [...spans]]);
@@ -371,9 +371,9 @@ function rows(picture, lane) {
   return [options, [grid, ...labelled.map(() => nothing)]];
 }
 
-// --- fingers on a picture -----------------------------------------------------------------------
-// What is under a finger stays under it: one moves the axis of time, two stretch it.
-const fingers = new Map(); // by pointer: where it is, and the time that it holds, s
+// --- touch --------------------------------------------------------------------------------------
+// One finger moves the time axis, two stretch it; the picture follows the fingers.
+const fingers = new Map(); // by pointer: its position, and the time below it, s
 let touched = null, isDue = false;
 
 function timeUnder(x) {
@@ -439,7 +439,7 @@ function made(place) {
   }
   all.push({place, plot});
   place.classList.add("drawn", picture.kind);
-  // Lanes of the same lines need their names once, where room is scarce.
+  // On narrow screens lanes of the same lines show their names once.
   const names = (one) => one?.traces?.map((trace) => trace.label).join();
   const above = lane && !lane.isFirst && review.pictures[Number(place.dataset.picture) - 1];
   place.classList.toggle("same", Boolean(above) && names(above) === names(picture));
@@ -499,7 +499,7 @@ for (const choice of document.querySelectorAll("[data-colours]"))
     for (const key of document.querySelectorAll("[data-key]")) key.hidden = key.dataset.key !== choice.value;
   });
 
-// Rows that hold every word of a search.
+// Rows that contain every word of a search.
 for (const input of document.querySelectorAll("[data-search]"))
   input.addEventListener("input", () => {
     const words = input.value.toLowerCase().split(/\s+/);
@@ -509,7 +509,7 @@ for (const input of document.querySelectorAll("[data-search]"))
     }
   });
 
-// Paper is narrower than most windows, and no observer is asked between this event and the print.
+// Paper is narrower than most windows; no resize observer runs between this event and the print.
 const PAPER = 680;
 window.addEventListener("beforeprint", () => {
   for (const {plot} of all) plot.setSize({width: PAPER, height: plot.height});

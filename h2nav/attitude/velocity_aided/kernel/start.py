@@ -1,4 +1,4 @@
-"""How the velocity-aided filter begins; not translated, as it runs once.
+"""Start of the velocity-aided filter; not translated, as it runs once.
 
 Equations: docs/filter.md.
 """
