@@ -172,7 +172,7 @@ class _Flight:
         self._bag.write("/diagnostics", times, (*times.head(""), [status]))
 
     def _health(self, fields: dict[str, Any], times: "_Times") -> None:
-        """Writes health and open findings: subscribers take those not repeated each second for stale."""
+        """Writes health and open findings once a second: unrepeated ones count as stale."""
         statuses = [_health_status(fields), *self._open.values()]
         self._bag.write("/diagnostics", times, (*times.head(""), statuses))
 
