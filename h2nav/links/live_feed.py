@@ -29,7 +29,7 @@ LONGEST_WORD_BYTES = 2048
 LONGEST_TROUBLE = 200
 
 
-class Line(NamedTuple):
+class FeedLine(NamedTuple):
     """A line of the program's output, in place of a record.
 
     Attributes:
@@ -48,7 +48,7 @@ class FeedEntry(NamedTuple):
         topic: as in the log.
         unix_ns: host time.
         publish_ns: the source's own time on the UNIX scale, or the host time.
-        record: a NamedTuple of flat scalars, as in the log, or a `Line`.
+        record: a NamedTuple of flat scalars, as in the log, or a `FeedLine`.
     """
 
     topic: str
@@ -158,7 +158,7 @@ class LiveFeed:
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """Queues a line of the program's output."""
-        self.record(TEXT_TOPIC, Line(severity, text), unix_ns)
+        self.record(TEXT_TOPIC, FeedLine(severity, text), unix_ns)
 
     def flush(self) -> None:
         """Sends what was queued; called at the end of each turn."""

@@ -8,7 +8,7 @@ from foxglove import Channel, Context, Parameter, Schema
 from foxglove.websocket import Capability, ChannelView, ServerListener
 
 from h2nav.integrity.ratios import InnovationRatios
-from h2nav.links.live_feed import FAST_TOPICS, Line
+from h2nav.links.live_feed import FAST_TOPICS, FeedLine
 from h2nav.live.guard import Guard
 from h2nav.log.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
 from h2nav.log.schema import RecordFormat, record_format
@@ -92,7 +92,7 @@ class FoxgloveServer:
             raise RuntimeError("the Foxglove server has ended")
         if not 0 <= unix_ns <= LONGEST_NS:
             return
-        if isinstance(record, Line):
+        if isinstance(record, FeedLine):
             if self._has_readers(topic):
                 self._log(topic, log_message(unix_ns, record.severity, record.text), unix_ns)
             return

@@ -10,7 +10,7 @@ import traceback
 from pathlib import Path
 
 from h2nav.errors import BadInput
-from h2nav.links.live_feed import FeedReader, Greeting, Line, Word
+from h2nav.links.live_feed import FeedLine, FeedReader, Greeting, Word
 from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
@@ -100,7 +100,7 @@ async def _pass_on(
         await arrived.wait()
         arrived.clear()
         for topic, unix_ns, _, record in feed.entries():
-            if isinstance(record, Line):
+            if isinstance(record, FeedLine):
                 state.text(unix_ns, record.severity, record.text)
             else:
                 state.take(topic, unix_ns, record)

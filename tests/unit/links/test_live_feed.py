@@ -5,9 +5,9 @@ import pytest
 from h2nav.integrity.severity import Severity
 from h2nav.links.live_feed import (
     MOST_ENTRIES,
+    FeedLine,
     FeedReader,
     Greeting,
-    Line,
     LiveFeed,
     Word,
     feed_sockets,
@@ -46,7 +46,7 @@ def test_a_turn_arrives_whole_with_its_records(ends):
     (packet,) = arrived(reader)
     assert packet == [
         ("/imu", 5 * S, 4 * S, IMU),
-        ("/log", 5 * S, 5 * S, Line(Severity.WARNING, "GPS lost")),
+        ("/log", 5 * S, 5 * S, FeedLine(Severity.WARNING, "GPS lost")),
         ("/rejected", 5 * S, 5 * S, RejectionRecord("late", 3)),
     ]
     assert type(packet[0].record) is ImuRecord

@@ -11,7 +11,7 @@ from needs import need_package
 
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
-from h2nav.links.live_feed import Line
+from h2nav.links.live_feed import FeedLine
 from h2nav.log.foxglove_messages import flat_fields, protobuf_schemas
 from h2nav.log.schema import record_format
 from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord
@@ -73,7 +73,7 @@ def test_records_lines_and_the_attitude_arrive_with_their_times(server):
         await until(lambda: all(server._has_readers(topic) for topic in topics))
         server.show("/imu", T_NS, IMU)
         server.show("/estimate", T_NS + 1, ESTIMATE)
-        server.show("/log", T_NS + 2, Line(Severity.ERROR, "GPS lost"))
+        server.show("/log", T_NS + 2, FeedLine(Severity.ERROR, "GPS lost"))
         got = {
             topic: (t_ns, data) for topic, t_ns, data in [await client.message() for _ in topics]
         }
