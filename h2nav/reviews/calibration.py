@@ -19,7 +19,7 @@ def calibration_section(told: dict[str, Any]) -> str:
         return ""
     parts = [_sensor(sensor) for sensor in sensors]
     return (
-        '<section id="calibration"><h2>Calibration out of this flight</h2>'
+        '<section id="calibration"><h2>Calibration from this flight</h2>'
         f"{''.join(parts)}{_file(told)}</section>"
     )
 

@@ -331,7 +331,7 @@ def _texts(told: dict[str, Any]) -> str:
         )
     if not parts:
         return ""
-    return f'<section id="texts"><h2>What was said and skipped</h2>{"".join(parts)}</section>'
+    return f'<section id="texts"><h2>Texts and skipped data</h2>{"".join(parts)}</section>'
 
 
 def _rows(texts: list[dict[str, Any]]) -> list[tuple[str, str, str]]:

@@ -33,7 +33,7 @@ function refused({ health, refused: reasons }) {
 
 function held({ holding }) {
   const isAlone = holding.length === 0;
-  return ["attitude held by", isAlone ? "the gyro alone" : holding.join(", "), isAlone];
+  return ["attitude aided by", isAlone ? "the gyro alone" : holding.join(", "), isAlone];
 }
 
 function velocity({ velocity: last }) {

@@ -8,11 +8,11 @@ import { ago, degrees, fixed, span } from "./words.js";
 
 const STATES = {
   no_link: ["No link", "The link to the autopilot is down."],
-  no_autopilot: ["No autopilot", "No autopilot is heard on the link."],
-  no_imu: ["No samples", "No inertial samples come from the autopilot."],
-  aligning: ["Aligning", "The first attitude is being found."],
+  no_autopilot: ["No autopilot", "No autopilot sends heartbeats on the link."],
+  no_imu: ["No samples", "The autopilot sends no usable IMU samples."],
+  aligning: ["Aligning", "The first attitude is being determined."],
   active: ["Active", "The attitude is estimated and sent."],
-  degraded: ["Degraded", "The attitude that is sent cannot be trusted at present."],
+  degraded: ["Degraded", "The attitude that is sent cannot be trusted."],
 };
 const TESTS = {
   velocity_ratio: "velocity",
@@ -40,7 +40,7 @@ function showAttitudes(data) {
   const sigmas = mine ? sigmaTexts(mine) : [];
   ours.show(mine, sigmas, mine && mine.age_s < OLD_S ? "" : "no estimate");
   const other = data.autopilot;
-  theirs.show(other, [], other && other.age_s < OLD_S ? "" : "not told");
+  theirs.show(other, [], other && other.age_s < OLD_S ? "" : "no data");
   const message = other?.source === "AHRS2" ? "AHRS2" : "ATTITUDE";
   at("#theirs .source").textContent = other ? `(${message})` : "";
 }
@@ -55,7 +55,7 @@ function showState() {
   const header = at("#state");
   const away_ms = performance.now() - heard_ms;
   let state = overview?.status?.state ?? overview?.health?.state ?? "waiting";
-  let [word, sentence] = STATES[state] ?? ["Waiting", "Nothing has come from h2nav yet."];
+  let [word, sentence] = STATES[state] ?? ["Waiting", "No data from h2nav yet."];
   const reason = overview?.status?.reason ?? overview?.health?.reason ?? "";
   if (away_ms > AWAY_MS) {
     [state, word, sentence] = ["away", "No connection", "h2nav has not answered yet."];
@@ -138,7 +138,7 @@ function showFindings(findings, since_s) {
     );
     return item;
   });
-  if (!items.length) items.push(element("li", "Nothing was found so far."));
+  if (!items.length) items.push(element("li", "No findings so far."));
   at("#findings ol").replaceChildren(...items);
 }
 

@@ -48,7 +48,7 @@ export class Strip {
     this.box.classList.toggle("beyond", isBeyond);
     const shown = this.part === "tilt" ? degrees : signed; // a tilt has no sign
     this.box.querySelector("output").textContent = shown(value);
-    let words = "nothing to compare with just now";
+    let words = "no attitude to compare with";
     if (value !== null) {
       words = sigma === null ? "no deviation is known" : `one deviation is ${degrees(sigma)}: `;
       if (sigma !== null) words += isBeyond ? "beyond what is expected" : "within what is expected";

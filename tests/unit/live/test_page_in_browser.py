@@ -94,7 +94,7 @@ def test_it_says_what_is_wrong(browser, page):
     page.take("/status", status(state="degraded", reason=words, **alarms))
     page.take("/finding", finding())
     page.run(page.state.text, UNIX_NS, Severity.WARNING, f"degraded: {words}")
-    says(browser, "#sentence", f"cannot be trusted at present. Cause: {words}.")
+    says(browser, "#sentence", f"cannot be trusted. Cause: {words}.")
     says(browser, "#alarms", "compass off")
     assert words not in text_of(browser, "#alarms")  # said once is enough
     says(browser, "#findings", "differ by 5.0 m/s")
@@ -130,7 +130,7 @@ def test_the_difference_is_judged_by_its_deviation(browser, page):
         browser, "return document.querySelector('#tilt .curve').getAttribute('d').includes('L')"
     )
     page.take("/status", status(tilt_deg=None, heading_deg=None))
-    says(browser, "#tilt p", "nothing to compare with")
+    says(browser, "#tilt p", "no attitude to compare with")
 
 
 def test_nothing_is_drawn_where_nothing_was_heard(browser, page):
