@@ -129,6 +129,8 @@ def _rosbag2(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, An
 
     result = export_rosbag2(args.log, args.output, args.topic, progress)
     lines = [f"{topic}: {count} of {TYPES[topic]}" for topic, count in result.messages.items()]
+    if result.left_out:
+        lines.append(f"{result.left_out} records left out")
     return {**result._asdict(), "path": str(result.path)}, [f"{result.path}:", *lines]
 
 

@@ -5,6 +5,7 @@ is east-north-up, ``base_link`` is forward-left-up, and a specific force points 
 """
 
 import math
+import struct
 from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -59,10 +60,12 @@ class BagResult(NamedTuple):
     Attributes:
         path: the folder.
         messages: topic -> how many.
+        left_out: records with fields missing, as in logs of old versions, or times beyond 2038.
     """
 
     path: Path
     messages: dict[str, int]
+    left_out: int
 
 
 def export_rosbag2(
@@ -96,13 +99,14 @@ def export_rosbag2(
             flight.take(channel, stored)
     if not bag.messages:
         raise BadInput(f"{path}: no samples, attitudes or findings in it")
-    return BagResult(folder, bag.messages)
+    return BagResult(folder, bag.messages, flight.left_out)
 
 
 class _Flight:
     """Turns records of a log into messages."""
 
     def __init__(self, bag: "_Bag") -> None:
+        self.left_out = 0
         self._bag = bag
         self._takers = {
             "/imu": self._imu,
@@ -122,8 +126,8 @@ class _Flight:
             return
         try:
             taker(orjson.loads(stored.data), _Times(stored.log_ns, stored.publish_ns))
-        except (KeyError, TypeError, ValueError):
-            return
+        except (KeyError, TypeError, ValueError, struct.error):
+            self.left_out += 1
 
     def _imu(self, fields: dict[str, Any], times: "_Times") -> None:
         rate, force = (

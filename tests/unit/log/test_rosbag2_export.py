@@ -17,7 +17,13 @@ from h2nav.log.ros_messages import definition, full_name
 from h2nav.log.rosbag2_export import NOISE_SAMPLES, TYPES, export_rosbag2
 from h2nav.maths.quaternion import from_euler
 from h2nav.recordings.recording import open_recording
-from h2nav.service.records import AidingRecord, EstimateRecord, HealthRecord, ImuRecord
+from h2nav.service.records import (
+    AidingRecord,
+    EstimateRecord,
+    HealthRecord,
+    ImuRecord,
+    RejectionRecord,
+)
 
 START_NS = 1_795_260_679_000_000_000
 PERIOD_NS = 10_000_000
@@ -198,6 +204,15 @@ def test_definitions_are_those_of_ros(name: str) -> None:
     ours.register(typesys.get_types_from_msg(definition(name).decode(), full_name(name)))
     theirs = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     assert ours.hash_rihs01(full_name(name)) == theirs.hash_rihs01(full_name(name))
+
+
+def test_what_has_no_place_in_a_message_is_counted(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "log.mcap")
+    log.add_record("/imu", sample(), START_NS, START_NS)
+    log.add_record("/imu", sample(), START_NS, 2**31 * 10**9)
+    log.add_record("/estimate", RejectionRecord("late", 1), START_NS, START_NS)
+    result = export_rosbag2(log.close(), tmp_path / "bag")
+    assert (result.messages["/imu/data_raw"], result.left_out) == (1, 2)
 
 
 def test_topics_are_chosen_and_wrong_ones_named(
