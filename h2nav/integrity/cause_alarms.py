@@ -1,7 +1,5 @@
 """Alarms for the causes of a contradiction between attitude and velocity."""
 
-import math
-
 from h2nav.integrity.causes import Cause, Explained
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
@@ -20,12 +18,11 @@ def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: f
         since_s: its duration.
     """
     if decided is Cause.GYRO:
-        rate = math.hypot(*found.rate_b) / DEG
+        rate = found.step / DEG
         text, kind, about = f"gyro's zero is off by {rate:.1f} deg/s", Kind.GYRO_BIAS_STEP, imu
         size, unit = rate, "deg/s"
     elif decided is Cause.ACCELEROMETER:
-        force = math.hypot(*found.force_b)
-        text = f"accelerometer is off by {force:.1f} m/s^2"
+        force, text = found.step, f"accelerometer is off by {found.step:.1f} m/s^2"
         kind, about, size, unit = Kind.ACCELEROMETER_BIAS_STEP, imu, force, "m/s^2"
     elif decided is Cause.VELOCITY:
         text, kind = "GPS velocity is false and not used", Kind.GPS_VELOCITY

@@ -8,6 +8,7 @@ receiver explains, are kept from it; and a sensor proved wrong by a velocity is 
 """
 
 import math
+from collections import Counter
 from collections.abc import Collection
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.cause_alarms import cause_alarm
-from h2nav.integrity.causes import NOTHING, Cause, doubt_of, explain
+from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.memory import BEGUN, DUE, FIELD_FROZEN, KEPT, ROW, THIN_ROW
@@ -33,6 +34,7 @@ from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import Use, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import (
     GATE,
     LENGTHS_S,
@@ -50,9 +52,12 @@ OPEN_RATIO = 0.5
 OPEN_S = 10.0
 KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
 SURE_S = 2.0
-# From this ratio of a velocity on, a cause is searched at this interval.
+# From this ratio of a velocity on, a cause is searched.
 SUSPICIOUS_RATIO = 0.2
-EXPLAIN_US = 400_000
+# A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro.
+BLAME_US = 2_500_000
+# An undecided sensor is estimated anew after a suspicion of this duration.
+SUSPECTED_US = 700_000
 # A contradiction of this duration is reported, with its cause.
 CONTRADICTED_US = 1_000_000
 # Assumed velocities: on the ground, and vertically for any vehicle.
@@ -125,9 +130,12 @@ class Monitor:
         self._windows: list[Window] = []
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
-        self._explained, self._explained_us = NOTHING, 0
+        self._rows = VelocityRows()
+        self._explained = NOTHING
+        self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
-        self._verdict: Cause | None = None
+        self._decisions: Counter[Cause] = Counter()
+        self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._field_used_us: int | None = None
@@ -189,6 +197,7 @@ class Monitor:
             self._field.restart()
         if bits & BEGUN:
             self._velocity.restart()
+            self._rows.restart()
             self.ratios = InnovationRatios()
         if bits & ROW:
             self._field.end_row()
@@ -230,25 +239,42 @@ class Monitor:
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
+        mark = self._velocity.marks[-1]
+        is_row = self._rows.take(mark, errors)
         is_settled = t_us - self._unsettled_us > LONG_S * 1e6
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
             return None
-        if t_us - self._explained_us < EXPLAIN_US:
+        if not is_row:
             return None
-        self._explained_us = t_us
-        found = self._explained = explain(self._velocity.marks, errors)
-        if not found.is_contradiction:
-            self._contradicted_us = self._verdict = None
-            return doubt_of(found)
-        if self._contradicted_us is None:
+        known = Known(errors, mark.moment, self._rows.jitter_m_s)
+        found = self._explained = explain(self._rows.rows, known)
+        if found.is_contradiction and self._contradicted_us is None:
             self._contradicted_us = t_us
-        # A decision at the beginning stays: later windows no longer contain the beginning.
-        self._verdict = found.decided or self._verdict
+        if not found.is_suspicious:
+            self._forget_cause()
+            return None
+        self._suspected_us = self._suspected_us or t_us
+        if found.decided is not None:
+            self._decisions[found.decided] += 1
+            self._shown[found.decided] = found
+        elif t_us - self._suspected_us < SUSPECTED_US:
+            return None
         return None if self.velocity_is_false else doubt_of(found)
 
     def _forget_cause(self) -> None:
-        self._explained, self._contradicted_us, self._verdict = NOTHING, None, None
+        self._explained = NOTHING
+        self._suspected_us = self._contradicted_us = None
+        self._decisions.clear()
+        self._shown.clear()
+
+    @property
+    def _decided(self) -> Cause | None:
+        """The cause decided most often since the beginning, which later windows may miss."""
+        if not self._decisions or self._period_us >= SLOW_US:
+            return None
+        cause = self._decisions.most_common(1)[0][0]
+        return cause if cause is not Cause.VELOCITY or self.velocity_is_false else None
 
     @property
     def field_fits(self) -> bool | None:
@@ -282,6 +308,7 @@ class Monitor:
         """Forgets integrals; faults stay until they are seen to be resolved."""
         self._strapdown.restart()
         self._velocity.restart()
+        self._rows.restart()
         self._field.restart()
         self._windows = []
         self._forget_cause()
@@ -304,14 +331,19 @@ class Monitor:
         alone does not count against them, nor do forces sampled too slowly for the vehicle's
         vibration.
         """
-        is_decided = self._verdict is Cause.VELOCITY and not self.ratios.of_turn > OPEN_RATIO
-        return is_decided and self._field_holds and self._period_us < SLOW_US
+        t_us, since_us = self._strapdown.t_us, self._contradicted_us
+        if t_us is None or since_us is None or t_us - since_us < BLAME_US or not self._decisions:
+            return False
+        is_decided = self._decisions.most_common(1)[0][0] is Cause.VELOCITY
+        # Only a field can confirm the gyro.
+        is_decided &= self.ratios.of_turn < OPEN_RATIO and self._field_holds
+        return is_decided and self._period_us < SLOW_US
 
     def _open(self) -> None:
         """Updates the errors that measurements show."""
         ratios, field = self.ratios, self._field
         # An error that no sound sensor explains opens them at any ratio.
-        open_ratio = SUSPICIOUS_RATIO if self._explained.is_contradiction else OPEN_RATIO
+        open_ratio = OPEN_RATIO if self._contradicted_us is None else SUSPICIOUS_RATIO
         # The shortest window shows a large angle for a small velocity: it has to fail.
         tilts = [
             window.tilt_rad
@@ -368,10 +400,9 @@ class Monitor:
         if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
             return []
         since_s = (t_us - self._contradicted_us) * 1e-6
-        decided = self._verdict if self._period_us < SLOW_US else None
-        if decided is Cause.VELOCITY and not self.velocity_is_false:
-            decided = None
-        alarm = cause_alarm(self._explained, decided, self._imu, since_s)
+        decided = self._decided
+        shown = self._explained if decided is None else self._shown[decided]
+        alarm = cause_alarm(shown, decided, self._imu, since_s)
         return [] if alarm.kind in told else [alarm]
 
     def _velocity_alarm(self, since_s: float) -> Alarm:

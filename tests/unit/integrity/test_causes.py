@@ -2,14 +2,16 @@
 
 import math
 
+import numpy as np
 import pytest
 from needs import DEG
-from synthetic_imu import FIELD
+from synthetic_imu import FIELD, GRAVITY
 from velocity_flights import (
     FLYING,
     PERIOD,
     accelerating,
     new_filter,
+    surge,
     turning,
     with_noise,
     with_samples,
@@ -17,10 +19,13 @@ from velocity_flights import (
 
 from h2nav.attitude.samples import SensorErrors, VelocityFix
 from h2nav.integrity import causes
-from h2nav.integrity.causes import NOTHING, Cause, Explained, doubt_of
+from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
-from h2nav.integrity.velocity_windows import VelocityWindows
+from h2nav.integrity.strapdown import Moment
+from h2nav.integrity.velocity_rows import VelocityRows
+from h2nav.integrity.velocity_windows import Mark, VelocityWindows, change_of_velocity
+from h2nav.maths import quaternion
 
 FAULT_S = 40.0
 END_S = 60.0
@@ -39,16 +44,17 @@ def explained(change=lambda s: s, velocity_at=lambda t_s, v_n: v_n, seed=7, give
     filter_, monitor = new_filter(knows_field=True), Monitor(Sensor(SensorKind.IMU, 1), Speeds(9.0))
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
-    marks = VelocityWindows(monitor._strapdown)
+    marks, rows = VelocityWindows(monitor._strapdown), VelocityRows()
     found, alarms = [], []
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
         if i % PERIOD == 0:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
-            marks.take(fix)
-            if t_s > FAULT_S and marks.marks:
-                found.append(causes.explain(marks.marks, filter_.sensor_errors))
-            doubt = monitor.fix(fix, filter_.sensor_errors)
+            errors = filter_.sensor_errors
+            if marks.take(fix) and rows.take(marks.marks[-1], errors) and t_s > FAULT_S:
+                known = Known(errors, marks.marks[-1].moment, rows.jitter_m_s)
+                found.append(causes.explain(rows.rows, known))
+            doubt = monitor.fix(fix, errors)
             if doubt is not None and gives:
                 filter_.doubt(doubt)
             if not monitor.velocity_is_false:
@@ -114,7 +120,8 @@ def test_a_gyros_error_is_found_about_its_axes():
 
 def test_what_is_not_suspected_is_not_doubted():
     assert doubt_of(NOTHING) is None
-    suspected = Explained(6.0, ((Cause.GYRO, 0.25), (Cause.ACCELEROMETER, 0.0)), (0.02, 0.0, -0.01))
+    shares = ((Cause.GYRO, 0.25), (Cause.ACCELEROMETER, 0.0))
+    suspected = Explained(6.0, shares, rate_b=(0.02, 0.0, -0.01))
     doubt = doubt_of(suspected)
     assert doubt is not None
     assert doubt.rate_b == pytest.approx((0.01, 0.0, 0.005))
@@ -131,3 +138,99 @@ def test_a_doubt_opens_what_is_known_and_never_closes_it():
     assert state.p_xx == pytest.approx(1e-6)
     assert state.p_yy < 1e-7
     assert state.p_zz <= before[2]
+
+
+# --- signatures, beside an attitude that nobody corrects ----------------------------------------
+
+ERRORS = SensorErrors(((0.05 * DEG) ** 2,) * 3, force_variance=(0.01, 0.01), force_density=4e-6)
+LENGTH_S = 10.0
+
+
+def signature(
+    heading_rad=0.0, force_at=lambda t_s: (0.0, 0.0, 0.0), v_at=None, errors=ERRORS, seed=1
+):
+    """What 10 s show of a flight whose dead reckoning starts with this heading error."""
+    drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
+    q_ns = quaternion.from_euler(0.0, 0.0, heading_rad)
+    rng = np.random.default_rng(seed)
+    rows, gained, before = VelocityRows(), np.zeros(3), None
+    for i, q_nb in enumerate(drive.flight.q_nb):
+        t_s = 0.01 * i
+        if i % PERIOD == 0:
+            v_n = drive.v_n[i] if v_at is None else v_at(t_s, drive.v_n)
+            moment = Moment(
+                i * 10_000, tuple(gained), q_ns, 0.3 * DEG, 2.0 * DEG, 0.0, 0.0, 0.0, q_nb
+            )
+            accel_n = (0.0, 0.0)
+            if before is not None:
+                north, east, _ = change_of_velocity(before, moment)
+                accel_n = (north / 0.2, east / 0.2)
+            noise = rng.normal(0.0, 0.05, 2)
+            mark = Mark(moment, (v_n[0] + noise[0], v_n[1] + noise[1]), 0.1, accel_n)
+            rows.take(mark, errors)
+            before = moment
+        x, y, z = surge(t_s)
+        a, b, c = force_at(t_s)
+        north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
+        gained += 0.01 * np.array((north, east, down - GRAVITY))
+    return causes.explain(rows.rows, Known(errors, mark.moment, rows.jitter_m_s))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_sound_flight_has_no_cause(seed):
+    found = signature(seed=seed)
+    assert found.odds < 1.0
+    assert doubt_of(found) is None
+
+
+@pytest.mark.parametrize("heading_deg", [-40.0, 15.0, 30.0])
+def test_a_wrong_heading_turns_the_acceleration(heading_deg):
+    found = signature(heading_deg * DEG)
+    assert found.decided is Cause.HEADING
+
+
+def test_vibration_that_the_samples_show_is_named():
+    rng = np.random.default_rng(3)
+
+    def shaken(_t_s):
+        return tuple(rng.normal(0.0, 5.0, 3))
+
+    assert signature(force_at=shaken, errors=ERRORS._replace(force_density=5e-3)).decided is (
+        Cause.VIBRATION
+    )
+    # ... and is not accused where they show none.
+    assert signature(force_at=shaken).decided is None
+
+
+def test_a_late_receiver_is_not_a_false_velocity():
+    def late(t_s, v_n):
+        return v_n[max(round(100.0 * (t_s - (0.4 if t_s > 5.3 else 0.0))), 0)]
+
+    found = signature(v_at=late)
+    assert found.share(Cause.LATENCY) > found.share(Cause.VELOCITY)
+
+
+def test_an_accelerometer_is_named_only_where_it_was_seen_to_fail():
+    def since(begin_s):
+        return signature(force_at=lambda t_s: (0.7, -0.5, 0.0) if t_s >= begin_s else (0.0,) * 3)
+
+    found = since(4.0)
+    assert found.decided is Cause.ACCELEROMETER
+    assert found.step == pytest.approx(math.hypot(0.7, 0.5), abs=0.15)
+    # Off all the time: it may be what was learnt of it that is wrong.
+    found = since(0.0)
+    assert found.share(Cause.ACCELEROMETER) > 0.5
+    assert found.decided is None
+
+
+def test_a_broken_gyro_is_learnt_anew_only_where_it_is_decided():
+    sure = ((Cause.GYRO, 0.9999), (Cause.VELOCITY, 1e-5))
+    unsure = ((Cause.GYRO, 0.6), (Cause.VELOCITY, 0.4))
+    for shares, least in ((sure, 9.0 * DEG), (unsure, 0.0)):
+        doubt = doubt_of(Explained(50.0, shares, rate_b=(10.0 * DEG, 0.0, 0.0)))
+        assert doubt is not None
+        assert least <= doubt.rate_b[0] <= 1.2 * least
+    # A small error is, by its probability; what may as well be a false velocity counts for less.
+    doubt = doubt_of(Explained(50.0, unsure, rate_b=(1.0 * DEG, 0.0, 0.0)))
+    assert doubt is not None
+    assert 0.5 * DEG < doubt.rate_b[0] < 0.7 * DEG

@@ -1,0 +1,292 @@
+"""Effects of sensor errors on a velocity, in rows of some tenths of a second.
+
+Each row integrates the turn caused by a bias or a scale error of the gyro, the effect of that turn
+on the force, and the directions of the accelerometer's axes. All of it is in the fixed axes s of
+the strapdown and begins anew with each row: a window of any rows is composed of them without
+integrating again, and so is an error that begins with any row.
+
+Equations: docs/integrity.md, section 5.
+"""
+
+import math
+import statistics
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from h2nav.attitude.samples import SensorErrors, Vec3
+from h2nav.integrity.velocity_windows import STALE_US, Level, Mark
+from h2nav.maths.quaternion import Quat, conjugate, multiply, rotate
+
+# Velocities closer in time share the receiver's error.
+ROW_S = 0.35
+LENGTH_S = 10.0
+# Turns in order: the gyro's bias and its scale (three axes each), the bias that was used.
+TURNS = 7
+USED = 6
+# Most that rare deviations count, in usual ones.
+SELDOM = 3.0
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+NOTHING: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Row(NamedTuple):
+    """The time between two marks, ROW_S or more apart; vectors in axes s.
+
+    Attributes:
+        begun: the mark at its beginning.
+        ended: the mark at its end.
+        errors: the filter's knowledge of its sensors at the beginning.
+        length_s: from mark to mark.
+        gained: integral of the specific force, m/s.
+        turned: negative angle of each of TURNS, per unit.
+        bent: effect of these turns on the gained velocity, per the same units.
+        pushed: minus the integral of the body's axes x and y, s.
+        late: effect of latency on the change of velocity, per s and per half s^2; north and east,
+            axes n.
+        began_late: the same if the latency begins with the row.
+    """
+
+    begun: Mark
+    ended: Mark
+    errors: SensorErrors
+    length_s: float
+    gained: Vec3
+    turned: tuple[Vec3, ...]
+    bent: tuple[Vec3, ...]
+    pushed: tuple[Vec3, Vec3]
+    late: tuple[Level, Level]
+    began_late: tuple[Level, Level]
+
+
+class _OpenRow:
+    """The current row."""
+
+    def __init__(self, begun: Mark, jerk_n: Level, errors: SensorErrors) -> None:
+        self.begun, self.jerk_n, self.errors = begun, jerk_n, errors
+        self._length_s = 0.0
+        self._gained = NOTHING
+        self._turned = [NOTHING] * TURNS
+        self._bent = [NOTHING] * TURNS
+        self._pushed = [NOTHING] * 2
+
+    def add(self, before: Mark, mark: Mark, jerk_n: Level) -> Row | None:
+        """Advances to the next mark, with its jerk, m/s^3; the row, once it is long enough."""
+        a, b = before.moment, mark.moment
+        dt_s = 1e-6 * (b.t_us - a.t_us)
+        force = (
+            b.gained_s[0] - a.gained_s[0],
+            b.gained_s[1] - a.gained_s[1],
+            b.gained_s[2] - a.gained_s[2],
+        )
+        turn = multiply(conjugate(a.q_sb), b.q_sb)
+        sign = 2.0 if turn[0] > 0.0 else -2.0
+        angle = (sign * turn[1], sign * turn[2], sign * turn[3])
+        axes = _axes(a.q_sb, angle)
+        used = NOTHING
+        for j, axis in enumerate(axes):
+            self._turn(j, -dt_s, axis)
+            self._turn(3 + j, -angle[j], axis)
+            used = _plus(used, -0.5 * dt_s * (a.bias_b[j] + b.bias_b[j]), axis)
+        self._turn(USED, 1.0, used)
+        for j in range(TURNS):
+            self._bent[j] = _plus(self._bent[j], 1.0, cross(self._turned[j], force))
+        self._pushed = [
+            _plus(sum_, -dt_s, axis) for sum_, axis in zip(self._pushed, axes[:2], strict=True)
+        ]
+        self._gained = _plus(self._gained, 1.0, force)
+        self._length_s += dt_s
+        return self._row(mark, jerk_n) if self._length_s >= ROW_S else None
+
+    def _turn(self, j: int, size: float, axis: Vec3) -> None:
+        self._turned[j] = _plus(self._turned[j], size, axis)
+
+    def _row(self, ended: Mark, jerk_n: Level) -> Row:
+        (x, y), a, b = self._pushed, self.begun.accel_n, ended.accel_n
+        bent = (jerk_n[0] - self.jerk_n[0], jerk_n[1] - self.jerk_n[1])
+        return Row(
+            self.begun,
+            ended,
+            self.errors,
+            self._length_s,
+            self._gained,
+            tuple(self._turned),
+            tuple(self._bent),
+            (x, y),
+            ((a[0] - b[0], a[1] - b[1]), bent),
+            ((-b[0], -b[1]), jerk_n),
+        )
+
+
+class VelocityRows:
+    """Follows the marks.
+
+    Attributes:
+        rows: of the last LENGTH_S, in order.
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Begins anew, as the strapdown does."""
+        self.rows: list[Row] = []
+        self._open: _OpenRow | None = None
+        self._last: Mark | None = None
+        self._step: tuple[float, float] | None = None
+        self._bends: list[tuple[int, float]] = []
+
+    def take(self, mark: Mark, errors: SensorErrors) -> bool:
+        """Takes a mark and the filter's knowledge of its sensors; whether it ends a row."""
+        if self._last is not None and mark.moment.t_us - self._last.moment.t_us > STALE_US:
+            self.restart()
+        before, self._last = self._last, mark
+        if before is None or self._open is None:
+            self._open = _OpenRow(mark, (0.0, 0.0), errors)
+            return False
+        self._see_bend(before, mark)
+        dt_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
+        (a, b), (u, v) = before.accel_n, mark.accel_n
+        jerk_n = ((u - a) / dt_s, (v - b) / dt_s)
+        row = self._open.add(before, mark, jerk_n)
+        if row is None:
+            return False
+        self._open = _OpenRow(mark, jerk_n, errors)
+        self.rows.append(row)
+        oldest_us = mark.moment.t_us - round(1.02e6 * LENGTH_S)
+        while self.rows[0].begun.moment.t_us < oldest_us:
+            del self.rows[0]
+        while self._bends and self._bends[0][0] < oldest_us:
+            del self._bends[0]
+        return True
+
+    @property
+    def jitter_m_s(self) -> float:
+        """Noise of single velocities, by their second differences.
+
+        Rare larger ones count, but must not hide a jump of the velocity.
+        """
+        if not self._bends:
+            return 0.0
+        bends = [bend for _, bend in self._bends]
+        # A normal deviation is 1.48 medians; a second difference has six times the variance.
+        usual = 1.48 * statistics.median(bends)
+        rms = math.sqrt(sum(bend * bend for bend in bends) / len(bends))
+        return min(max(usual, rms), SELDOM * usual) / math.sqrt(6.0)
+
+    def _see_bend(self, before: Mark, mark: Mark) -> None:
+        dt_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
+        step = (
+            mark.v_n[0] - before.v_n[0] - mark.accel_n[0] * dt_s,
+            mark.v_n[1] - before.v_n[1] - mark.accel_n[1] * dt_s,
+        )
+        if self._step is not None:
+            self._bends += [
+                (mark.moment.t_us, abs(b - a)) for a, b in zip(self._step, step, strict=True)
+            ]
+        self._step = step
+
+
+class Columns(NamedTuple):
+    """A window of rows as a linear model: north of each row, then east of each.
+
+    Attributes:
+        left: measured minus predicted change of velocity, m/s.
+        of: effect of each unknown on it.
+        gained: of the rows, NED, m/s.
+        turned: from the beginning of the window to that of each row, by a bias of each axis of the
+            gyro, per unit, NED.
+    """
+
+    left: list[float]
+    of: list[list[float]]
+    gained: list[Vec3]
+    turned: list[tuple[Vec3, Vec3, Vec3]]
+
+    def from_row(self, begun: int, j: int) -> list[float]:
+        """The column of a bias of one gyro axis that begins with a row, from there on."""
+        (north, east, down), count = self.turned[begun][j], len(self.gained)
+        column, gained = self.of[3 + j], self.gained[begun:]
+        norths, easts = column[begun:count], column[count + begun :]
+        return [
+            *(x - east * g[2] + down * g[1] for x, g in zip(norths, gained, strict=True)),
+            *(x - down * g[0] + north * g[2] for x, g in zip(easts, gained, strict=True)),
+        ]
+
+
+def columns(rows: Sequence[Row]) -> Columns:
+    """Effects of tilt north and east, heading, rate (3), scale (3), force (2) and latency (2).
+
+    Dead reckoning uses the attitude, the gyro's and the accelerometer's bias at the beginning of
+    the first row: later estimates of these already contain the velocities in question.
+    """
+    first = rows[0]
+    q_ns, bias_b = first.begun.moment.q_ns, first.begun.moment.bias_b
+    force_b = first.errors.force_bias_b
+    to_n = tuple(rotate(conjugate(q_ns), axis) for axis in AXES)
+    turned = [NOTHING] * TURNS
+    levels: tuple[list[tuple[float, ...]], list[tuple[float, ...]]] = ([], [])
+    gained, turns = [], []
+    for row in rows:
+        g = _in_n(to_n, row.gained)
+        bent = [
+            _level(to_n, _sum(b, cross(t, row.gained)))
+            for b, t in zip(row.bent, turned, strict=True)
+        ]
+        pushed = [_level(to_n, axis) for axis in row.pushed]
+        tilts = ((0.0, g[2], -g[1]), (-g[2], 0.0, g[0]))
+        for i, into in enumerate(levels):
+            known = sum(bias_b[j] * bent[j][i] for j in range(3)) - bent[USED][i]
+            known += force_b[0] * pushed[0][i] + force_b[1] * pushed[1][i]
+            into.append(
+                (
+                    row.ended.v_n[i] - row.begun.v_n[i] - g[i] - known,
+                    *tilts[i],
+                    *(part[i] for part in bent[:USED]),
+                    pushed[0][i],
+                    pushed[1][i],
+                    row.late[0][i],
+                    row.late[1][i],
+                )
+            )
+        gained.append(g)
+        x, y, z = turned[:3]
+        turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
+        turned = [_sum(t, more) for t, more in zip(turned, row.turned, strict=True)]
+    left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
+    return Columns(left, of, gained, turns)
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Cross product."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def _plus(a: Vec3, size: float, b: Vec3) -> Vec3:
+    return (a[0] + size * b[0], a[1] + size * b[1], a[2] + size * b[2])
+
+
+def _sum(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def _level(to_n: Sequence[Vec3], v: Vec3) -> tuple[float, float]:
+    (a, b, c), (d, e, f) = to_n[0], to_n[1]
+    return a * v[0] + b * v[1] + c * v[2], d * v[0] + e * v[1] + f * v[2]
+
+
+def _in_n(to_n: Sequence[Vec3], v: Vec3) -> Vec3:
+    (a, b, c), (d, e, f), (g, h, i) = to_n
+    x, y, z = v
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def _axes(q_sb: Quat, turned: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+    """The body's axes in s in the middle of a step."""
+    w, x, y, z = multiply(q_sb, (1.0, 0.25 * turned[0], 0.25 * turned[1], 0.25 * turned[2]))
+    size = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    q = (size * w, size * x, size * y, size * z)
+    return rotate(q, AXES[0]), rotate(q, AXES[1]), rotate(q, AXES[2])
