@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _surprises(path: Path, chosen: Configuration) -> list[str]:
-    """What is valid but, on this computer, unlikely to be meant."""
+    """Warnings of a valid configuration that is probably wrong on this computer."""
     link = parse_link_url(chosen.link.url)
     found = []
     if not plain_yaml.read_mapping(path):

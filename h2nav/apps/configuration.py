@@ -426,7 +426,7 @@ def warnings(configuration: Configuration) -> list[str]:
 
 
 def left_out(settings: FilterSettings) -> str:
-    """What the default filter in integers does without; empty for others."""
+    """Features missing in the default filter in integers; empty for others."""
     if settings.name == "constant_gain" or settings.arithmetic == "float":
         return ""
     return "without hard iron learnt in flight, without repair of clipped rates"

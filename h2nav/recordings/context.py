@@ -60,7 +60,7 @@ class ImuTrack(NamedTuple):
         f_b: (N, 3) specific force, m/s^2.
         m_b_ut: (N, 3) field of the compass of the same number, microtesla; NaN where a sample has
             no new one.
-        device_ids: of accelerometer and gyro as the parameters name them; 0 where it is not said.
+        device_ids: of accelerometer and gyro, as in the parameters; 0 if unknown.
     """
 
     imu: int

@@ -199,7 +199,7 @@ class Means(NamedTuple):
         source: the topic.
         samples: with the times at which the means end.
         length_us: (N,) averaging time of each.
-        device_ids: of accelerometer and gyro; 0 where it is not said.
+        device_ids: of accelerometer and gyro; 0 if unknown.
     """
 
     imu: int
@@ -266,7 +266,7 @@ def _delta(rows: Rows) -> Means:
 
 
 def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
-    """Of accelerometer and gyro, where they are the same all the time."""
+    """Device ids of accelerometer and gyro, if constant in the log."""
     if rows is None or not all(name in rows.table for name in names):
         return (0, 0)
     accelerometer, gyro = (np.unique(rows.table.integers(name)).tolist() for name in names)

@@ -195,7 +195,7 @@ def _stands_still(track: ImuTrack, edges: Array) -> Mask:
     shape = (len(edges) - 1, STILL_PARTS, 3)
     force = means(track.t_s, track.f_b, inner).reshape(shape)
     field = means(track.t_s[has_field], track.m_b_ut[has_field], inner).reshape(shape)
-    with np.errstate(invalid="ignore"):  # nothing is no direction
+    with np.errstate(invalid="ignore"):  # zero has no direction
         down = force / np.linalg.norm(force, axis=2, keepdims=True)
     level = field - (field * down).sum(axis=2, keepdims=True) * down
     level /= np.linalg.norm(level, axis=2, keepdims=True)

@@ -267,7 +267,7 @@ def _order(peak: Peak) -> str:
 
 
 class Family(NamedTuple):
-    """Lines that a notch can be set for.
+    """A family of lines for a notch.
 
     Attributes:
         base_hz: the fundamental.
@@ -281,7 +281,7 @@ class Family(NamedTuple):
 
 
 def family_of(spectrum: Spectrum) -> Family | None:
-    """The strongest lines of a gyro; None where the samples cannot say where they are."""
+    """The strongest lines of a gyro; None if the samples do not show their frequencies."""
     strong = [peak for peak in spectrum.peaks if peak.rms >= GYRO_LINE_RAD_S]
     if not strong or spectrum.rate_hz < ADVISED_FROM_HZ:
         return None
@@ -293,7 +293,7 @@ def family_of(spectrum: Spectrum) -> Family | None:
 
 
 def _notch(spectrum: Spectrum) -> str:
-    """Parameters of a notch, where the samples can say where the line is."""
+    """Parameters of a notch, if the samples show the line's frequency."""
     if spectrum.rate_hz < ADVISED_FROM_HZ:
         return "no notch can be advised: record bursts (INS_LOG_BAT_MASK) or the raw gyro"
     family = family_of(spectrum)

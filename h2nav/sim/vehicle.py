@@ -239,7 +239,7 @@ class Vehicle:
         return Estimate(roll + error[0], pitch + error[1], turned, self.motion.w_b)
 
     def _compass_error_rad(self) -> float:
-        """Error of a heading that follows the first compass."""
+        """Error of a heading taken from the first compass, rad."""
         field = self.imu(0).m_b_ut
         if field is None:
             return 0.0
@@ -258,7 +258,7 @@ class Vehicle:
 
     @property
     def current_a(self) -> float | None:
-        """Of the battery; None where motors disturb nothing."""
+        """Current of the battery, A; None if the motors disturb no compass."""
         return None if self._wrong.motor_field_mg == ZERO else FULL_CURRENT_A * self.throttle
 
     @property

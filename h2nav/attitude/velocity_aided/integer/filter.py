@@ -135,10 +135,10 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
 
 
 class ForceNoise:
-    """Density of the force's noise, which the kernel in integers does not work out.
+    """Density of the force's noise, which the kernel in integers does not compute.
 
     Args:
-        time_s: over which it is a mean.
+        time_s: averaging time.
 
     Source: docs/filter.md Eq. (8).
     """
@@ -268,7 +268,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     def _heading(self) -> HeadingState:
         s = self._state
-        # followed with every fix, long before half of the counter's range has been turned
+        # updated with every fix, long before the counter moves by half of its range
         self._turned += _signed(s.heading_turned - self._turned)
         turned = self._turned * 2.0**-18
         return HeadingState(s.age_us * 1e-6, turned, s.heading_variance * _HEADING_UNIT)
@@ -462,7 +462,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         self._confirmed_rad = min(self._confirmed_rad or math.pi, shown_rad)
 
     def _doubt_field(self) -> None:
-        """Its offset is not learnt: until velocities show another heading nothing is done."""
+        """Does nothing: this filter does not learn the field's offset."""
 
     def _limit_heading(self, sigma_rad: float) -> None:
         s = self._state
@@ -475,7 +475,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s, u = self._state, self._sample
         s.q_nb[:] = [round(part * _UNIT_Q29) for part in found.q_nb]
         s.turn_carry[:] = s.correction[:] = [0, 0, 0]
-        # a field that waits was seen with another attitude
+        # a waiting field belongs to another attitude
         s.mag_span_us = s.mag_frame_us = 0
         r_nb = [0] * 9
         rotation(s.q_nb, r_nb)

@@ -34,7 +34,7 @@ HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
 def take_field(s: State, sample: Sample, w: list[I32]) -> None:
-    """Keeps a new field for its part of the frame, with attitude and rate; a repeated one is none.
+    """Keeps a new field, with attitude and rate, for its part of the frame; skips a repeated one.
 
     Args:
         s: state.
@@ -65,7 +65,7 @@ def take_field(s: State, sample: Sample, w: list[I32]) -> None:
 
 
 def turn_field(s: State) -> None:
-    """Turns the field that waits to n, and its change by the rotation.
+    """Turns the waiting field to n, with its change by the rotation.
 
     Source: docs/filter.md Eq. (21).
     """
