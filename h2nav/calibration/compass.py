@@ -128,7 +128,7 @@ def calibrate_compass(
     name = f"compass {compass + 1}"
     subject = _subject(flights, compass)
     if subject is None:
-        return Outcome(name, left=("no field in flight beside a vertical and a field model",))
+        return Outcome(name, left=("no field in flight with a certain tilt and a field model",))
     device = f"{subject.settings.device_id}" if subject.settings.device_id else ""
     reason = _unusable(subject.rows)
     if reason:
@@ -165,7 +165,7 @@ def _settings(evidence: Evidence, compass: int, device_id: int) -> CompassSettin
 def _unusable(rows: FieldRows) -> str:
     """Why nothing can be fitted; empty if it can."""
     if len(rows.t_s) < FEWEST_ROWS:
-        return f"only {len(rows.t_s) * ROW_S:.0f} s of flight in which it can be judged"
+        return f"only {len(rows.t_s) * ROW_S:.0f} s of usable flight"
     moved, measured = _spread(rows.earth_ut), _spread(rows.raw_ut)
     gap = widest_gap_deg(headings_flown(rows))
     if moved > MOVES_UT and measured < FOLLOWS * moved:
@@ -357,7 +357,7 @@ def _left(fit: FieldFit, norm: float) -> str:
             "are left"
         )
     if unfit > UNFIT:
-        return f"{unfit:.0%} of the flight fit no one calibration: a magnet that came or went"
+        return f"{unfit:.0%} of the flight fit no single calibration: a magnet came or went"
     return ""
 
 
@@ -417,13 +417,13 @@ def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outco
     is_better = size > RELEVANT * told.figures["field_mg"] / MG_PER_UT
     is_better &= _is_sure(change, covariance, OFFSET)
     if model == Model() and not told.notes and not is_better:
-        return told._replace(left=(f"no better offset: {size * MG_PER_UT:.0f} mG are too few",))
+        return told._replace(left=(f"no change: {size * MG_PER_UT:.0f} mG are insignificant",))
     if not subject.parameters:
         x, y, z = change[OFFSET] * MG_PER_UT
         a, b, c = np.sqrt(np.diag(covariance))[OFFSET] * MG_PER_UT
         note = (
             f"add ({x:+.0f} ± {a:.0f}, {y:+.0f} ± {b:.0f}, {z:+.0f} ± {c:.0f}) mG to its offset; "
-            "the recording does not say which parameters are in use (--parameters)"
+            "the parameters in use are not in the recording (--parameters)"
         )
         added = {"add_x_mg": float(x), "add_y_mg": float(y), "add_z_mg": float(z)}
         return told._replace(notes=(*told.notes, note), figures={**told.figures, **added})

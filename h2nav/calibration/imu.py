@@ -86,12 +86,12 @@ def calibrate_accelerometer(tracks: Tracks) -> Forces:
     own = Outcome(name, settings.device)
     rows = _motion(tracks, settings)
     if rows is None:
-        why = "too little of a flight with a receiver's velocity and a vertical"
+        why = "too little flight time with a receiver's velocity and a certain tilt"
         return unknown._replace(outcome=own._replace(left=(why,)))
     free = np.zeros(COUNT, dtype=bool)
     before, full = fitted(rows, free), fitted(rows, ~free)
     if np.abs(full.values[OFFSET]).max() > BROKEN_M_S2 or (full.weight < 0.5).mean() > UNFIT:
-        why = "its forces are not those of the flight: no calibration explains them"
+        why = "its forces contradict the flight: no calibration explains them"
         return unknown._replace(outcome=own._replace(left=(why,)))
     wanted, left = _significant(rows, full)
     chosen = np.where(wanted, full.values[:6], 0.0)
@@ -146,7 +146,7 @@ def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
         x, y, z = value[OFFSET]
         share = 100.0 * np.abs(value[SCALE]).max()
         left.append(
-            f"no better ones: ({x:+.2f}, {y:+.2f}, {z:+.2f}) m/s^2 and {share:.1f} % are too little"
+            f"no change: ({x:+.2f}, {y:+.2f}, {z:+.2f}) m/s^2 and {share:.1f} % are insignificant"
         )
     return wanted, left
 
@@ -164,7 +164,7 @@ def _vertical(rows: MotionRows, full: MotionFit) -> tuple[str, ...]:
     much = "much" if size > 0.0 else "little"
     return (
         f"{abs(size):.2f} ± {sigma:.2f} m/s^2 too {much} at 1 g: offset or scale of "
-        f"{'xyz'[axis]}, which these flights do not tell apart; calibrate it in six positions",
+        f"{'xyz'[axis]}, inseparable in these flights; calibrate it in six positions",
     )
 
 
@@ -231,7 +231,7 @@ def calibrate_gyro(tracks: Tracks) -> Outcome:
     found = [_turned(number, *pair) for number, pair in enumerate(tracks.pairs)]
     rows = together(found)
     if len(rows.t_s) < FEWEST_BIASES:
-        return own._replace(left=("too little of a flight in which the attitude is sure",))
+        return own._replace(left=("too little flight time with a certain attitude",))
     mean, sigma, weight = _mean(rows)
     halves = [_mean(half) for half in halves_of(rows)]
     apart = np.abs(halves[0][0] - halves[1][0])
@@ -244,15 +244,15 @@ def calibrate_gyro(tracks: Tracks) -> Outcome:
     own = own._replace(figures=figures | {"bias_deg_s_sigma": sigma / DEG})
     size = float(np.linalg.norm(bias)) / DEG
     if size < RELEVANT_RAD_S / DEG or (np.abs(bias) < SURE * sigma).all():
-        why = f"no better offset: {size:.2f} ± {sigma / DEG:.2f} deg/s are too little"
+        why = f"no change: {size:.2f} ± {sigma / DEG:.2f} deg/s are insignificant"
         return own._replace(left=(why,))
     if not agree.all():
         why = f"its bias changed by {float(np.linalg.norm(apart)) / DEG:.2f} deg/s in flight"
         return own._replace(left=(why,))
     if tracks.pairs[-1][0].parameters.get("INS_GYR_CAL") == 1.0:
         why = (
-            f"{size:.2f} deg/s are left, but the autopilot learns its offset anew at every start "
-            "(INS_GYR_CAL 1): keep it still then, and warm"
+            f"{size:.2f} deg/s remain, but the autopilot learns the offset again at every start "
+            "(INS_GYR_CAL 1): keep it still and warm then"
         )
         return own._replace(left=(why,))
     wanted = (np.abs(bias) > RELEVANT_RAD_S / 3.0) & (np.abs(bias) > SURE * sigma)

@@ -45,13 +45,13 @@ class SensorSettings(NamedTuple):
 def sensor_settings(evidence: Evidence, track: ImuTrack, *, is_gyro: bool) -> SensorSettings | str:
     """The settings in use, or why they are unknown."""
     if not evidence.parameters:
-        return "the recording does not say which parameters are in use (--parameters)"
+        return "the parameters in use are not in the recording (--parameters)"
     if track.source == "HIGHRES_IMU":
-        return "HIGHRES_IMU does not say which of the sensors it is of"
+        return "HIGHRES_IMU does not identify its sensor"
     if evidence.autopilot != PX4:
         return _ardupilot(evidence, track, is_gyro)
     if track.source == "sensor_gyro":
-        return "raw values alone were logged"
+        return "only raw values were logged"
     return _px4(evidence, track, is_gyro)
 
 
@@ -86,7 +86,7 @@ def _px4(evidence: Evidence, track: ImuTrack, is_gyro: bool) -> SensorSettings |
         if device and own.get(f"CAL_{kind}{slot}_ID") == device
     ]
     if not names:
-        return "the recording does not say which of the sensors it is of"
+        return "the recording does not identify its sensor"
     name = names[0]
     turned = own.get(name + "ROT", -1.0)
     number = turned if turned >= 0.0 else own.get("SENS_BOARD_ROT", 0.0)

@@ -66,14 +66,14 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
     last = tracks.pairs[-1][0]
     own = Outcome("level")
     if last.context.vehicle_type not in MULTIROTORS:
-        return own._replace(left=("only of a multirotor a flight shows it",))
+        return own._replace(left=("observable in flights of a multirotor only",))
     names = NAMES[last.autopilot == PX4]
     if any(name not in last.parameters for name in names):
-        return own._replace(left=("the recording does not say how it is set (--parameters)",))
+        return own._replace(left=("its parameters are not in the recording (--parameters)",))
     found = [_rows(number, *pair, forces.offset) for number, pair in enumerate(tracks.pairs)]
     rows = together(found)
     if len(rows.t_s) < FEWEST:
-        return own._replace(left=("too little in the air, or nothing says when it was",))
+        return own._replace(left=("too little time in the air, or that time is unknown",))
     angles, sigma = _tilt(rows, forces.sigma)
     roll, pitch = angles.tolist()
     roll_sigma, pitch_sigma = sigma.tolist()
@@ -93,7 +93,7 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
     )
     wanted = (change > RELEVANT_RAD) & (change > SURE * sigma)
     if not wanted.any():  # one axis or both: they are one rotation
-        return own._replace(left=(f"roll and pitch by the thrust are {words}",))
+        return own._replace(left=(f"no change: roll and pitch by the thrust are {words}",))
     one, other = (_tilt(half, 0.0)[0] for half in halves_of(rows))
     if np.abs(one - other).max() > RELEVANT_RAD or np.abs(new).max() > MOST_RAD:
         return own._replace(left=(f"the halves of the flight do not agree on {words}",))

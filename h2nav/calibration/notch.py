@@ -33,7 +33,7 @@ def calibrate_notch(flights: Sequence[Evidence]) -> Outcome:
     found = [family for one in gyros if (family := family_of(one)) is not None]
     if not found:
         fastest = max(one.rate_hz for one in gyros)
-        why = f"no line that matters, as far as samples at {fastest:.0f} Hz can say where one is"
+        why = f"no line that matters, as far as samples at {fastest:.0f} Hz show one"
         return own._replace(left=(why,))
     bases = np.array([family.base_hz for family in found])
     base = float(np.median(bases))
@@ -92,7 +92,7 @@ def _ardupilot(flights: Sequence[Evidence], line: Line) -> dict[str, float] | st
     if "INS_HNTCH_ENABLE" not in own:
         return "its firmware's notch is not known (--parameters)"
     if own["INS_HNTCH_ENABLE"]:
-        return "a notch is in use: look at it first"
+        return "a notch is in use: check it first"
     values = {
         "INS_HNTCH_ENABLE": 1.0,
         "INS_HNTCH_FREQ": round(line.base_hz),
@@ -111,14 +111,14 @@ def _ardupilot(flights: Sequence[Evidence], line: Line) -> dict[str, float] | st
     turning = np.concatenate([each[each > LEAST_THROTTLE] for each in throttle] or [np.zeros(0)])
     middle = float(np.median(turning)) if len(turning) else 0.0
     if not LEAST_THROTTLE < middle < MOST_THROTTLE:
-        return "no throttle that it goes with"
+        return "no usable throttle to follow"
     return values | {"INS_HNTCH_MODE": THROTTLE, "INS_HNTCH_REF": round(middle, 3)}
 
 
 def _px4(flights: Sequence[Evidence], line: Line) -> dict[str, float] | str:
     own = flights[-1].parameters
     if own.get("IMU_GYRO_DNF_EN") or any(own.get(f"IMU_GYRO_NF{i}_FRQ") for i in range(MOST_LINES)):
-        return "a notch is in use: look at it first"
+        return "a notch is in use: check it first"
     if _has_speeds(flights) and "IMU_GYRO_DNF_EN" in own:
         return {"IMU_GYRO_DNF_EN": 1.0}
     values: dict[str, float] = {}

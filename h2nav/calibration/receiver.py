@@ -80,7 +80,7 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
     own = Outcome(f"receiver {receiver + 1}")
     last = tracks.pairs[-1][0]
     if not last.is_log:
-        return own._replace(left=("telemetry does not say when its fixes came",))
+        return own._replace(left=("telemetry lacks the times of its fixes",))
     found = [
         motion
         for number, (evidence, track) in enumerate(tracks.pairs)
@@ -89,12 +89,12 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
         and (motion := motion_of(evidence, track, gps, np.eye(3), number)) is not None
     ]
     if not found or sum((one.rows.share[:, 0] > 0.0).sum() for one in found) < FEWEST_WINDOWS:
-        return own._replace(left=("too little of a flight with its velocity",))
+        return own._replace(left=("too little flight time with its velocity",))
     motion = combined(found)
     every = np.ones(COUNT, dtype=bool)
     fit = fitted(motion.rows, every)
     if (fit.weight < 0.5).mean() > UNFIT:
-        return own._replace(left=("its velocities are not those of the flight",))
+        return own._replace(left=("its velocities contradict the flight",))
     halves = [fitted(half, every) for half in halves_of(motion.rows)]
     figures: dict[str, float] = {}
     changes, left = [], []
@@ -132,18 +132,18 @@ def _change(
     known = quantity.names[receiver] if receiver < len(quantity.names) else ()
     names = [name for name in known if name in last.parameters]
     if sigma > 0.25 * quantity.relevant:
-        return f"{words}: the flight shows no more of it"
+        return f"{words}: too uncertain"
     if apart > quantity.relevant:
-        return f"{words}: the halves of the flight do not agree"
+        return f"{words}: the halves of the flight disagree"
     if not names:
-        return f"{words}: the recording does not say how it is set (--parameters)"
+        return f"{words}: its parameters are not in the recording (--parameters)"
     old = last.parameters[names[0]]
     new = value + last.parameters.get(quantity.relative_to, 0.0)
     is_automatic = quantity.place == LAG.start and old == 0.0 and last.autopilot != PX4
     if is_automatic and USUAL_MS[0] < new < USUAL_MS[1]:
-        return f"{words}: what the autopilot takes by itself"
+        return f"{words}: the autopilot's default"
     if abs(new - old) < max(quantity.relevant, SURE * sigma):
-        return f"{words}: as it is set"
+        return f"{words}: as set"
     if abs(new) > quantity.most or (quantity.place == LAG.start and new < 0.0):
-        return f"{words}: more than the firmware takes"
+        return f"{words}: beyond the firmware's limit"
     return ParameterChange(names[0], old, new, sigma)
