@@ -72,7 +72,7 @@ def test_px4_finds_the_sensor_by_its_id():
         (ARDUPILOT, TRACK._replace(source="HIGHRES_IMU"), "tlog", "HIGHRES_IMU"),
         (ARDUPILOT | {"AHRS_ORIENTATION": 101.0}, TRACK, "dataflash", "AHRS_ORIENTATION 101"),
         (ARDUPILOT | {"INS_ACCSCAL_X": 0.0}, TRACK, "dataflash", "never calibrated"),
-        (PX4, TRACK._replace(device_ids=(5, 5)), "ulog", "which of the sensors"),
+        (PX4, TRACK._replace(device_ids=(5, 5)), "ulog", "identify its sensor"),
         (PX4, TRACK._replace(source="sensor_gyro"), "ulog", "raw values"),
     ],
 )
