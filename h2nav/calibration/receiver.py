@@ -66,7 +66,8 @@ def _quantities(make: str) -> tuple[_Quantity, ...]:
     )
     if make == PX4:
         names = (("EKF2_GPS_DELAY",), ())
-    delay = _Quantity("delay_ms", LAG.start, names, "", 1e-3, 50.0, 250.0)
+    most_ms = 300.0 if make == PX4 else 250.0
+    delay = _Quantity("delay_ms", LAG.start, names, "", 1e-3, 50.0, most_ms)
     return (delay, _antenna("X", make), _antenna("Y", make))
 
 
