@@ -38,7 +38,7 @@ class Evidence(NamedTuple):
 
     @property
     def is_log(self) -> bool:
-        """Whether the autopilot wrote it itself, with every fix when it came."""
+        """Whether the autopilot wrote it itself, with the arrival time of each fix."""
         return self.flight.kind in ("dataflash", "ulog")
 
     @property

@@ -76,10 +76,8 @@ class Forces(NamedTuple):
 
 def calibrate_accelerometer(tracks: Tracks) -> Forces:
     """Calibrates offset and scale of an accelerometer."""
-    name, unknown = (
-        f"accelerometer {tracks.imu + 1}",
-        Forces(Outcome(""), np.zeros(3), float(SIGMAS[0])),
-    )
+    name = f"accelerometer {tracks.imu + 1}"
+    unknown = Forces(Outcome(name), np.zeros(3), float(SIGMAS[0]))
     settings = sensor_settings(*tracks.pairs[-1], is_gyro=False)
     if isinstance(settings, str):
         return unknown._replace(outcome=Outcome(name, left=(settings,)))
@@ -90,8 +88,8 @@ def calibrate_accelerometer(tracks: Tracks) -> Forces:
         return unknown._replace(outcome=own._replace(left=(why,)))
     free = np.zeros(COUNT, dtype=bool)
     before, full = fitted(rows, free), fitted(rows, ~free)
-    if np.abs(full.values[OFFSET]).max() > BROKEN_M_S2 or (full.weight < 0.5).mean() > UNFIT:
-        why = "its forces contradict the flight: no calibration explains them"
+    why = _unusable(full)
+    if why:
         return unknown._replace(outcome=own._replace(left=(why,)))
     wanted, left = _significant(rows, full)
     chosen = np.where(wanted, full.values[:6], 0.0)
@@ -107,6 +105,15 @@ def calibrate_accelerometer(tracks: Tracks) -> Forces:
         )
     hidden = np.where(wanted[:3], 0.0, np.abs(full.values[OFFSET])) + full.sigma[OFFSET]
     return Forces(own, settings.axes @ chosen[OFFSET], float(hidden[:2].max()))
+
+
+def _unusable(full: MotionFit) -> str:
+    """Why the best fit is none; empty where it is one."""
+    unfit = float((full.weight < 0.5).mean())
+    if unfit > UNFIT:
+        return f"force, attitude and receiver contradict each other in {unfit:.0%} of the windows"
+    off = float(np.abs(full.values[OFFSET]).max())
+    return f"{off:.1f} m/s^2 off: it is broken" if off > BROKEN_M_S2 else ""
 
 
 def _motion(tracks: Tracks, settings: SensorSettings) -> MotionRows | None:

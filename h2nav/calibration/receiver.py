@@ -95,7 +95,7 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
     every = np.ones(COUNT, dtype=bool)
     fit = fitted(motion.rows, every)
     if (fit.weight < 0.5).mean() > UNFIT:
-        return own._replace(left=("its velocities contradict the flight",))
+        return own._replace(left=("velocities, forces and attitude contradict each other",))
     halves = [fitted(half, every) for half in halves_of(motion.rows)]
     figures: dict[str, float] = {}
     changes, left = [], []
