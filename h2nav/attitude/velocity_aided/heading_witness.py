@@ -90,6 +90,10 @@ class HeadingWitness:
         self._noise = 0.0
         self._weight = 0.0
 
+    def interrupt(self) -> None:
+        """The velocity gained starts again: the next fix is only where the following ones begin."""
+        self._fixes = 0
+
     def take(
         self,
         v_n: Sequence[float],

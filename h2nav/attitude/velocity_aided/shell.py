@@ -386,7 +386,11 @@ class VelocityAidedShell(ABC):
 
     def _take_fix(self, t_us: int) -> TimedFix | None:
         """The pending fix, if it may be used; adopts the heading that it shows."""
-        fix = self._aiding.take(t_us, self._gained() or (0.0, 0.0))
+        gained = self._gained()
+        if gained is None:
+            # The velocity gained starts again at zero.
+            self._witness.interrupt()
+        fix = self._aiding.take(t_us, gained or (0.0, 0.0))
         if fix is not None:
             self._ask_velocity(fix)
         return fix

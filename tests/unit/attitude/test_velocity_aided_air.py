@@ -156,6 +156,24 @@ def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(
             assert estimate.sigma_heading_rad < 3.0 * DEG
 
 
+@both_arithmetics
+def test_fixes_that_were_missing_at_speed_do_not_silence_the_velocities(make: Maker) -> None:
+    """At 24 m/s no fix comes for 5 s; the velocity gained then begins anew, at zero."""
+
+    def force(t: float) -> Vec3:
+        return (2.0, math.cos(0.7 * t), 0.0) if t < 12.0 else NO_BIAS
+
+    drive = accelerating(26.0, 51, force, sway, bias_b=NO_BIAS)
+    filter_ = make()
+    for i, sample in enumerate(drive.flight.samples):
+        if i % 20 == 0 and not 1500 < i < 2000:
+            north, east, _ = drive.v_n[i]
+            filter_.use_velocity(VelocityFix(sample.t_us, (north, east, math.nan), 0.1))
+        filter_.update(sample)
+        if i in (1490, 2500):
+            assert filter_.kernel_state.heading_witnessed == 1
+
+
 # --- memory -------------------------------------------------------------------------------------
 
 
