@@ -18,9 +18,9 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorDoubt, SensorErrors, Vec3
-from h2nav.integrity.likelihood import Fit, Model, mean
+from h2nav.integrity.likelihood import HypothesisFit, LinearModel, mean
 from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import LENGTH_S, Columns, Row, columns
+from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA
 from h2nav.maths.units import DEG
 
@@ -166,7 +166,7 @@ class Known(NamedTuple):
     jitter_m_s: float
 
 
-def explain(rows: Sequence[Row], known: Known) -> Explained:
+def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
     """Compares the causes over a window.
 
     Args:
@@ -188,14 +188,14 @@ class _Variant(NamedTuple):
     """
 
     cause: Cause
-    fit: Fit
+    fit: HypothesisFit
     own: int = 0
 
 
 class _Comparison:
     """The likelihoods of the causes over one window."""
 
-    def __init__(self, rows: Sequence[Row], known: Known) -> None:
+    def __init__(self, rows: Sequence[VelocityRow], known: Known) -> None:
         self._rows, self._known = rows, known
         first, last = rows[0].begun.moment, rows[-1].ended.moment
         length_s = 1e-6 * (last.t_us - first.t_us)
@@ -208,13 +208,13 @@ class _Comparison:
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
         self._wander = WANDERS * WANDERS * stated / LENGTH_S
         self._noise_m_s = max(NOISE_M_S, known.jitter_m_s)
-        self._columns: Columns = columns(rows)
+        self._columns: VelocityColumns = columns(rows)
         self._model = self._with_noise(self._force_density)
         self._sound = self._sigmas(length_s)
 
-    def _with_noise(self, force_density: float) -> Model:
+    def _with_noise(self, force_density: float) -> LinearModel:
         found, noise = self._columns, (self._noise_m_s, force_density + self._wander)
-        return Model(self._lengths_s, found.left, found.of, noise)
+        return LinearModel(self._lengths_s, found.left, found.of, noise)
 
     def explained(self) -> Explained:
         """The result."""
@@ -277,7 +277,7 @@ class _Comparison:
         count = len(self._rows)
         return [count - age for age in ONSETS if age < count]
 
-    def _from_before(self, none: Fit, bent: Sequence[float]) -> list[_Variant]:
+    def _from_before(self, none: HypothesisFit, bent: Sequence[float]) -> list[_Variant]:
         """Faults of the whole window."""
         model, count = self._model, len(self._rows)
         broken = _failed(self._sound, _TILT, 2, BROKEN_TILT_RAD)
@@ -296,7 +296,7 @@ class _Comparison:
             _Variant(Cause.VELOCITY, since.fit(model.fit(bent), (1, 2), RAMP_M_S2), 2),
         ]
 
-    def _from_row(self, begun: int, bases: tuple[Fit, Fit]) -> list[_Variant]:
+    def _from_row(self, begun: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
         """Faults that begin with a row; a drift of the velocity may also begin within it."""
         count, (none, bent) = len(self._rows) - begun, bases
         late = [self._later(_LAG + j, begun) for j in (0, 1)]
@@ -322,12 +322,12 @@ class _Comparison:
             _Variant(Cause.LATENCY, since.fit(none, (9, 10), FAILED_LAG_S), 2),
         ]
 
-    def _jump(self, row: int, bases: tuple[Fit, Fit]) -> list[_Variant]:
+    def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
         """A jump of the velocity in a row."""
         since = self._model.since(row, _jumps(len(self._rows) - row))
         return [_Variant(Cause.VELOCITY, since.fit(base, (0, 1), JUMP_M_S), 2) for base in bases]
 
-    def _jumps(self, none: Fit) -> list[int]:
+    def _jumps(self, none: HypothesisFit) -> list[int]:
         """The rows with the largest residuals of a sound vehicle."""
         size = self._model.misfits(none)
         return sorted(range(len(size)), key=lambda i: -size[i])[:JUMPS]

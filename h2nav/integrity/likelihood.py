@@ -13,7 +13,7 @@ from operator import mul
 from typing import NamedTuple
 
 
-class Fit(NamedTuple):
+class HypothesisFit(NamedTuple):
     """The fit of a hypothesis.
 
     Attributes:
@@ -42,7 +42,7 @@ class Fit(NamedTuple):
         return [sigma * part for sigma, part in zip(self.sigmas, found, strict=True)]
 
 
-class Model:
+class LinearModel:
     """Whitened columns, and their normal equations.
 
     Args:
@@ -74,7 +74,7 @@ class Model:
         self.square = dot(self._left, self._left)
         self.level = 2.0 * sum(math.log(scale) for scale, _ in self._factors) - 0.5 * self.square
 
-    def fit(self, sigmas: Sequence[float]) -> Fit:
+    def fit(self, sigmas: Sequence[float]) -> HypothesisFit:
         """Integrates the unknowns out, given their prior deviations.
 
         Source: docs/integrity.md Eq. (5).
@@ -89,7 +89,7 @@ class Model:
             root.append((*row, pivot))
             forward.append(solved)
             likelihood += 0.5 * solved * solved - math.log(pivot)
-        return Fit(tuple(root), tuple(forward), likelihood, tuple(sigmas))
+        return HypothesisFit(tuple(root), tuple(forward), likelihood, tuple(sigmas))
 
     def since(self, begun: int, shapes: Sequence[Sequence[float]]) -> "Since":
         """Further unknowns that begin with a row, by their columns from there on."""
@@ -98,7 +98,7 @@ class Model:
         crossed = [[float(sum(map(mul, one, other))) for other in known] for one in white]
         return Since(white, crossed, [dot(one, left) for one in white])
 
-    def misfits(self, fit: Fit) -> list[float]:
+    def misfits(self, fit: HypothesisFit) -> list[float]:
         """Square of each row's residuals with the most probable unknowns, whitened."""
         left = self._left
         for unknown, column in zip(fit.unknowns(), self._columns, strict=True):
@@ -132,7 +132,7 @@ class Since:
         self._white, self._crossed, self._right = white, crossed, right
         self._solved: dict[tuple[int, int], list[float]] = {}
 
-    def fit(self, base: Fit, places: Sequence[int], sigma: float) -> Fit:
+    def fit(self, base: HypothesisFit, places: Sequence[int], sigma: float) -> HypothesisFit:
         """Extends a fit of the model's own unknowns by some of these, with one prior deviation.
 
         Source: docs/integrity.md Eq. (5).
@@ -151,9 +151,9 @@ class Since:
             forward.append(solved)
             likelihood += 0.5 * solved * solved - math.log(pivot)
         sigmas = (*base.sigmas, *[sigma] * len(places))
-        return Fit(tuple(root), tuple(forward), likelihood, sigmas)
+        return HypothesisFit(tuple(root), tuple(forward), likelihood, sigmas)
 
-    def _own(self, base: Fit, place: int) -> list[float]:
+    def _own(self, base: HypothesisFit, place: int) -> list[float]:
         """The part of a column that the model's own unknowns explain, in the axes of the root."""
         found = self._solved.get((id(base), place))
         if found is None:

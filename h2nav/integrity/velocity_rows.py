@@ -2,7 +2,7 @@
 
 Each row integrates the turn caused by a bias or a scale error of the gyro, the effect of that turn
 on the force, and the directions of the accelerometer's axes. All of it is in the fixed axes s of
-the strapdown and begins anew with each row: a window of any rows is composed of them without
+the strapdown and restarts with each row: a window of any rows is composed of them without
 integrating again, and so is an error that begins with any row.
 
 Equations: docs/integrity.md, section 5.
@@ -29,7 +29,7 @@ AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
 
-class Row(NamedTuple):
+class VelocityRow(NamedTuple):
     """The time between two marks, ROW_S or more apart; vectors in axes s.
 
     Attributes:
@@ -69,7 +69,7 @@ class _OpenRow:
         self._bent = [NOTHING] * TURNS
         self._pushed = [NOTHING] * 2
 
-    def add(self, before: Mark, mark: Mark, jerk_n: Level) -> Row | None:
+    def add(self, before: Mark, mark: Mark, jerk_n: Level) -> VelocityRow | None:
         """Advances to the next mark, with its jerk, m/s^3; the row, once it is long enough."""
         a, b = before.moment, mark.moment
         dt_s = 1e-6 * (b.t_us - a.t_us)
@@ -100,10 +100,10 @@ class _OpenRow:
     def _turn(self, j: int, size: float, axis: Vec3) -> None:
         self._turned[j] = _plus(self._turned[j], size, axis)
 
-    def _row(self, ended: Mark, jerk_n: Level) -> Row:
+    def _row(self, ended: Mark, jerk_n: Level) -> VelocityRow:
         (x, y), a, b = self._pushed, self.begun.accel_n, ended.accel_n
         bent = (jerk_n[0] - self.jerk_n[0], jerk_n[1] - self.jerk_n[1])
-        return Row(
+        return VelocityRow(
             self.begun,
             ended,
             self.errors,
@@ -128,8 +128,8 @@ class VelocityRows:
         self.restart()
 
     def restart(self) -> None:
-        """Begins anew, as the strapdown does."""
-        self.rows: list[Row] = []
+        """Restarts, as the strapdown does."""
+        self.rows: list[VelocityRow] = []
         self._open: _OpenRow | None = None
         self._last: Mark | None = None
         self._step: tuple[float, float] | None = None
@@ -186,7 +186,7 @@ class VelocityRows:
         self._step = step
 
 
-class Columns(NamedTuple):
+class VelocityColumns(NamedTuple):
     """A window of rows as a linear model: north of each row, then east of each.
 
     Attributes:
@@ -213,7 +213,7 @@ class Columns(NamedTuple):
         ]
 
 
-def columns(rows: Sequence[Row]) -> Columns:
+def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     """Effects of tilt north and east, heading, rate (3), scale (3), force (2) and latency (2).
 
     Dead reckoning uses the attitude, the gyro's and the accelerometer's bias at the beginning of
@@ -253,7 +253,7 @@ def columns(rows: Sequence[Row]) -> Columns:
         turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
         turned = [_sum(t, more) for t, more in zip(turned, row.turned, strict=True)]
     left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
-    return Columns(left, of, gained, turns)
+    return VelocityColumns(left, of, gained, turns)
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
