@@ -106,6 +106,7 @@ CASES = (
     Case("hard iron 60 uT", "hard-iron=60"),
     Case("GPS velocity ramp 3 m/s^2", "gps-ramp=3"),
     Case("GPS velocity ramp 0.5 m/s^2", "gps-ramp=0.5"),
+    Case("GPS velocity ramp 0.3 m/s^2", "gps-ramp=0.3"),
     Case("GPS velocity step 5 m/s", "gps-step=5"),
     Case("GPS lag 400 ms", "gps-lag=0.4"),
     Case("GPS lost", "gps-lost"),

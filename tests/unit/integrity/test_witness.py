@@ -259,6 +259,21 @@ def test_the_velocity_shows_whose_tilt_is_wrong(wrong):
     assert flight.verdicts.heading is VelocityVerdict.UNDECIDED
 
 
+def test_gps_and_autopilot_together_degrade_our_attitude_and_neither_does_alone():
+    tilted = from_euler(5.0 * DEG, 0.0, 0.0)
+    for ours, theirs, degrades in (
+        (yaw(-12.0), RIGHT, True),
+        (tilted, RIGHT, True),
+        (RIGHT, yaw(12.0), False),
+        (RIGHT, tilted, False),
+    ):
+        alarms = Flight(ours, theirs, to_and_fro, swinging).witness.alarms()
+        assert [alarm.degrades for alarm in alarms] == [degrades]
+    # A receiver that is of no help leaves it at a difference.
+    alarms = Flight(yaw(-20.0), RIGHT, to_and_fro, swinging, noise_m_s=4.0).witness.alarms()
+    assert not any(alarm.degrades for alarm in alarms)
+
+
 def test_a_smaller_error_is_told_where_the_velocity_proves_it():
     """4 deg are less than three deviations of ours."""
     assert Flight(RIGHT, yaw(4.0), to_and_fro, swinging).witness.alarms()
