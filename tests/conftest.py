@@ -4,6 +4,11 @@ import os
 
 import pytest
 
+# Before numpy is imported: its matrices are small here, and threads that wait for each other beside
+# the other workers take several times the processor time of the work itself.
+for library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
