@@ -58,6 +58,9 @@ SUSPICIOUS_RATIO = 0.2
 BLAME_US = 2_500_000
 # An undecided sensor is estimated anew after a suspicion of this duration.
 SUSPECTED_US = 700_000
+# An older contradiction is explained at this interval only.
+OLD_US = 4_000_000
+OLD_SPACING_US = 1_000_000
 # A contradiction of this duration is reported, with its cause.
 CONTRADICTED_US = 1_000_000
 # Assumed velocities: on the ground, and vertically for any vehicle.
@@ -131,7 +134,7 @@ class Monitor:
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
         self._rows = VelocityRows()
-        self._explained = NOTHING
+        self._explained, self._explained_us = NOTHING, 0
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
         self._decisions: Counter[Cause] = Counter()
@@ -245,8 +248,9 @@ class Monitor:
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
             return None
-        if not is_row:
+        if not is_row or t_us - self._explained_us < self._spacing_us(t_us):
             return None
+        self._explained_us = t_us
         known = Known(errors, mark.moment, self._rows.jitter_m_s)
         found = self._explained = explain(self._rows.rows, known)
         if found.is_contradiction and self._contradicted_us is None:
@@ -261,6 +265,11 @@ class Monitor:
         elif t_us - self._suspected_us < SUSPECTED_US:
             return None
         return None if self.velocity_is_false else doubt_of(found)
+
+    def _spacing_us(self, t_us: int) -> int:
+        """Least time between explanations: the beginning of a contradiction needs the most."""
+        since_us = self._contradicted_us
+        return OLD_SPACING_US if since_us is not None and t_us - since_us > OLD_US else 0
 
     def _forget_cause(self) -> None:
         self._explained = NOTHING
