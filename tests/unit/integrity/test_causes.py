@@ -234,3 +234,25 @@ def test_a_broken_gyro_is_learnt_anew_only_where_it_is_decided():
     doubt = doubt_of(Explained(50.0, unsure, rate_b=(1.0 * DEG, 0.0, 0.0)))
     assert doubt is not None
     assert 0.5 * DEG < doubt.rate_b[0] < 0.7 * DEG
+
+
+def test_rows_begin_anew_after_a_gap_of_the_receiver():
+    rows = VelocityRows()
+    times_s = [0.2 * i for i in range(30)] + [66.0 + 0.2 * i for i in range(10)]
+    for t_s in times_s:
+        still = Moment(
+            round(1e6 * t_s),
+            (0.0, 0.0, -GRAVITY * t_s),
+            (1.0, 0.0, 0.0, 0.0),
+            0.1,
+            0.1,
+            0.0,
+            0.0,
+            0.0,
+        )
+        rows.take(Mark(still, (0.0, 0.0), 0.1, (0.0, 0.0)), ERRORS)
+    assert len(rows.rows) == 4
+    assert all(row.begun.moment.t_us >= 66_000_000 for row in rows.rows)
+    assert all(0.35 < row.length_s < 0.45 for row in rows.rows)
+    # Too few of them to be compared.
+    assert causes.explain(rows.rows, Known(ERRORS, still, rows.jitter_m_s)) == NOTHING
