@@ -14,7 +14,6 @@ from h2nav.service.health import ServiceState
 # The socket of the systemd unit.
 USUAL_SOCKET = Path("/run/h2nav/events")
 PATIENCE_S = 5.0
-PIECE_BYTES = 65536
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

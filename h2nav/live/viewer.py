@@ -21,7 +21,6 @@ MOST_FILES = 512
 MOST_MEMORY_BYTES = 256 * 1024 * 1024
 FIRST_VICTIM = "1000"
 # Packets between two turns of the event loop.
-MOST_PACKETS = 64
 
 
 def view(end: socket.socket) -> int:

@@ -30,7 +30,7 @@ from h2nav.wire.imu import MOST_IMUS
 MOST_OUTPUTS = 16
 HIGHEST_M = 50_000.0
 # Widths of the ranges in which old logs stored volts without a unit.
-MOST_VOLTS, MOST_BOARD_VOLTS = 100.0, 10.0
+MOST_BOARD_VOLTS = 10.0
 # Counters, which change by themselves.
 COUNTERS = "STAT_"
 OCCURRENCES = {

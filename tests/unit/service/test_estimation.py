@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.attitude.samples import VehicleState
+from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState
+from h2nav.recordings.listener import Listener
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.estimation import Estimation
@@ -259,3 +260,39 @@ def test_a_lane_that_recovers_takes_the_attitude_and_keeps_its_own_bias():
     assert abs(first.heading_apart_deg) < 1.0
     lane = flight.estimation._lanes[0]
     assert lane.estimate.bias_b[0] == pytest.approx(0.021, abs=0.004)
+
+
+def test_what_was_known_before_reaches_the_filters_of_a_vehicle_that_comes_later():
+    listener = Listener()
+    estimation = Estimation(
+        listener.filter_for, AutopilotSettings(), BeforeArming(Notices(as_status_text=False).tell)
+    )
+    field, vehicle = EarthField(50.0, 1.0, 0.1), VehicleState(on_ground=True)
+    estimation.use_field(field)
+    estimation.use_vehicle(vehicle)
+    estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+    filters = [listener, *listener.others]
+    assert len(filters) == 3
+    for each in filters:
+        told = [one.what for one in each.stretches[-1].told]
+        assert field in told
+        assert vehicle in told
+
+
+def test_a_filter_is_told_how_late_its_samples_are_once_their_period_is_known():
+    listener = Listener(FILTERS.filter_for)
+    flight = Flight(1, (HIGHRES,))
+    flight.estimation = Estimation(
+        listener.filter_for,
+        AutopilotSettings(lanes=1),
+        BeforeArming(Notices(as_status_text=False).tell),
+    )
+    flight.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+    flight.run(1.0)
+    told = [one for one in listener.stretches[-1].told if isinstance(one.what, SensorDelays)]
+    assert [one.row for one in told] == [1], "with the second sample, and never again"
+    gyro_s, field_s = told[0].what
+    assert gyro_s == pytest.approx(0.01125 - 0.005, abs=1e-4)
+    assert field_s == pytest.approx(0.05)
+    unled, estimate = flight.outcomes[-1].unled, flight.outcomes[-1].estimate
+    assert estimate.q_nb != unled.q_nb, "the attitude is led to the time of its sample"

@@ -34,3 +34,13 @@ def test_the_old_value_or_a_third_begins_the_wait_anew():
 def test_two_words_a_second_apart_are_not_enough():
     steady = Steady("a", hold_ns=SECOND_NS)
     assert [steady.hears(i * 10 * SECOND_NS, "b") for i in range(3)] == [False, False, True]
+
+
+def test_the_next_event_may_happen_when_the_limit_says():
+    limit = RateLimit(10.0, burst=2)
+    assert limit.next_ns == 0
+    assert limit.allows(SECOND_NS)
+    assert limit.allows(SECOND_NS)
+    assert not limit.allows(limit.next_ns - 1)
+    assert limit.next_ns == SECOND_NS + SECOND_NS // 10
+    assert limit.allows(limit.next_ns)
