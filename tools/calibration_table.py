@@ -2,6 +2,7 @@
 
     python tools/calibration_table.py told DIR
     python tools/calibration_table.py halves FLIGHT...
+    python tools/calibration_table.py sound FLIGHT...
 
 DIR holds recordings of simulators with offsets set. A half: offsets are fitted to the first half of
 a flight; residual and heading are those of the second half, against the simulator's truth if there
@@ -19,6 +20,8 @@ from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.evidence import Evidence
 from h2nav.calibration.field_fit import COUNT, OFFSET, FieldCorrection, FieldRows, fitted
 from h2nav.calibration.field_rows import earth_at, field_rows
+from h2nav.calibration.imu import calibrate_accelerometer, calibrate_gyro, tracks_of
+from h2nav.calibration.level import calibrate_level
 from h2nav.calibration.regression import part_of
 from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
 from h2nav.calibration.vehicle import calibrate
@@ -30,6 +33,11 @@ MG_PER_UT = 10.0
 # As every ArduPilot simulator starts.
 DEFAULTS = {"COMPASS_OFS_X": 5.0, "COMPASS_OFS_Y": 13.0, "COMPASS_OFS_Z": -18.0}
 DEFAULTS |= {"COMPASS_EXTERNAL": 1.0, "COMPASS_ORIENT": 0.0}
+# Of a simulator whose accelerometers, gyros and board are sound.
+SOUND = {f"INS_ACC2OFFS_{axis}": 0.0 for axis in "XYZ"}
+SOUND |= {f"INS_ACC2SCAL_{axis}": 1.0 for axis in "XYZ"}
+SOUND |= {f"INS_GYR2OFFS_{axis}": 0.0 for axis in "XYZ"}
+SOUND |= {f"AHRS_TRIM_{axis}": 0.0 for axis in "XYZ"}
 TOLD = ("hard_iron_from_boot", "compass_1_turned", "compass_1_hard_iron", "px4_hard_iron")
 
 
@@ -69,6 +77,23 @@ def halves(path: Path) -> None:
         print(f"{path.stem} compass {track.compass + 1}: {shown}")
 
 
+def sound(path: Path) -> None:
+    """Accelerometer, gyro and level by the second IMU of a simulator, which has no error."""
+    flight = evidence_of(open_flight(path), Wishes(), SOUND)
+    tracks = tracks_of([flight], 1)
+    if not tracks.pairs:
+        return
+    forces = calibrate_accelerometer(tracks)
+    for found in (forces.outcome, calibrate_gyro(tracks), calibrate_level(tracks, forces)):
+        values = ", ".join(f"{name} {value:.3f}" for name, value in found.figures.items())
+        words = "; ".join((*found.left, *found.notes))
+        changes = ", ".join(f"{c.name} {c.new:.4g}" for c in found.changes)
+        print(
+            f"{path.stem} {found.sensor}: {changes or 'nothing to change'} ({words}) {values}",
+            flush=True,
+        )
+
+
 def _scored(flight: Evidence, rows: FieldRows, correction: FieldCorrection) -> str:
     """Rms of the residual and of the heading that the compass shows."""
     truth, earth_n = flight.context.truth, earth_at(flight.flight.earth, rows.t_s)
@@ -92,4 +117,4 @@ if __name__ == "__main__":
         told(Path(sys.argv[2]))
     else:
         for name in sys.argv[2:]:
-            halves(Path(name))
+            {"halves": halves, "sound": sound}[sys.argv[1]](Path(name))

@@ -4,6 +4,7 @@ An accelerometer by changes of the receiver's velocity, a gyro by the turns betw
 A value is dropped if the halves of the flights disagree: the sensor warmed up, or was knocked.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from h2nav.calibration.regression import (
     halves_of,
     longer,
     noise_of,
+    part_of,
     robust,
     together,
 )
@@ -37,8 +39,8 @@ RELEVANT = np.repeat((0.1, 0.01), 3)
 RELEVANT_RAD_S = 0.3 * DEG
 # A flight shows a value if its deviation is at most half of that.
 SHOWN = 0.5 * RELEVANT
-# Halves of a flight agree within so many deviations, or within this share of the value.
-AGREE, AGREE_SHARE = 3.0, 0.3
+# Parts of a flight agree within so many deviations, or within this share of the value.
+AGREE, AGREE_SHARE, QUARTERS = 4.0, 0.3, 4
 # A larger offset means a broken sensor; firmwares reject it.
 BROKEN_M_S2, UNFIT = 3.5, 0.4
 # In-run instability of such a gyro.
@@ -130,25 +132,22 @@ def _motion(tracks: Tracks, settings: SensorSettings) -> MotionRows | None:
 
 def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
     """(6,) which of offset and scale to set, and reasons for the others."""
-    halves = [fitted(half, np.ones(COUNT, dtype=bool)) for half in halves_of(rows)]
     value, sigma = full.values[:6], full.sigma[:6]
-    apart = np.abs(halves[0].values - halves[1].values)[:6]
-    spread = np.hypot(halves[0].sigma, halves[1].sigma)[:6]
-    agree = apart < np.maximum(AGREE * spread, AGREE_SHARE * np.abs(value))
     shown = full.lasting[:6] < SHOWN
     wanted = shown & (np.abs(value) > np.maximum(RELEVANT, SURE * sigma))
     left = []
-    moved = wanted & ~agree
-    for place in np.flatnonzero(moved):
-        what = ("offset", "scale")[place // 3]
-        one, other = (half.values[place] for half in halves)
-        left.append(f"the {what} of {'xyz'[place % 3]} changed in flight: {one:+.2g}, {other:+.2g}")
+    changed = wanted & ~_constant(rows, value)
+    if changed.any():
+        names = [
+            f"{('offset', 'scale')[i // 3]} of {'xyz'[i % 3]}" for i in np.flatnonzero(changed)
+        ]
+        left.append(f"{', '.join(names)} changed in flight")
+        wanted[:] = False  # the attitude relies on an accelerometer that does not change
     for what, part in (("offset", OFFSET), ("scale", SCALE)):
         hidden = [axis for axis, is_shown in zip("xyz", shown[part], strict=True) if not is_shown]
         if hidden:
             known = ", ".join(f"{most:.2g}" for most in full.lasting[part])
             left.append(f"{what} of {', '.join(hidden)}: known to ± ({known}) from this flight")
-    wanted &= agree
     if not wanted.any() and not left:
         x, y, z = value[OFFSET]
         share = 100.0 * np.abs(value[SCALE]).max()
@@ -156,6 +155,18 @@ def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
             f"no change: ({x:+.2f}, {y:+.2f}, {z:+.2f}) m/s^2 and {share:.1f} % are insignificant"
         )
     return wanted, left
+
+
+def _constant(rows: MotionRows, value: Array) -> Mask:
+    """(6,) values on which the quarters of the flights agree."""
+    parts = [part_of(rows, part) for part in np.array_split(np.arange(len(rows.t_s)), QUARTERS)]
+    fits = [fitted(part, np.ones(COUNT, dtype=bool)) for part in parts]
+    agree = np.ones(6, dtype=bool)
+    for one, other in itertools.combinations(fits, 2):
+        apart = np.abs(one.values - other.values)[:6]
+        spread = np.hypot(one.sigma, other.sigma)[:6]
+        agree &= apart < np.maximum(AGREE * spread, AGREE_SHARE * np.abs(value))
+    return agree
 
 
 def _vertical(rows: MotionRows, full: MotionFit) -> tuple[str, ...]:
