@@ -1,6 +1,6 @@
 """Puts small faults into h2nav, one at a time, and shows those that no test notices.
 
-``make mutants ROOMS=service,io N=300 SEED=1``. Lines of the rooms are drawn at random, and one
+``make mutants ROOMS=service,wire N=300 SEED=1``. Lines of the rooms are drawn at random, and one
 mutant of each. It faces the tests that run its line, in a copy of the repository; golden files and
 processes are no judges here: what only they notice is not stated by any test. Verdicts are kept in
 ``.mutants/`` and reused until the module (for a survivor: the tests) changes, so a run that was
@@ -57,6 +57,7 @@ ROOMS = {
     "links": Room(("h2nav/links/**/*.py",), ("tests/unit/links", "tests/wire", "tests/unit/apps")),
     "log": Room(("h2nav/log/**/*.py",), ("tests/unit/log", "tests/unit/apps")),
     "recordings": Room(("h2nav/recordings/**/*.py",), ("tests/unit/recordings", "tests/unit/apps")),
+    "reviews": Room(("h2nav/reviews/**/*.py",), ("tests/unit/reviews",)),
     "motion": Room(
         ("h2nav/motion/**/*.py",),
         (
