@@ -1,5 +1,6 @@
 """``h2nav setup`` with autopilots that run: on serial lines, and two of them at once."""
 
+import socket
 import subprocess
 from contextlib import ExitStack
 from pathlib import Path
@@ -40,12 +41,21 @@ def test_two_autopilots_on_two_lines_are_shown_and_the_user_says_which(tmp_path:
     assert url.startswith(f"serial:{lines[1]}:")
 
 
+def await_datagram(port: int) -> None:
+    """Until the autopilot runs."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", port))
+        ear.settimeout(60.0)
+        ear.recv(1)
+
+
 @pytest.mark.parametrize("system_id", [1, 2])
 def test_of_two_autopilots_on_one_link_the_system_id_decides(
     tmp_path: Path, system_id: int
 ) -> None:
     url = f"udpin:127.0.0.1:{(port := free_udp_port())}"
     with fake_autopilot(f"udpout:127.0.0.1:{port}", "--fault", "second-autopilot@0"):
+        await_datagram(port)
         undecided = set_up(tmp_path, "--connect", url)
         assert "--system-id" in undecided.stderr
         absent = set_up(tmp_path, "--connect", url, "--system-id", "7")
