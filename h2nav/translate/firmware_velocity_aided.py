@@ -11,9 +11,9 @@ from h2nav.attitude.velocity_aided.shell import LONGEST_GAP_US
 from h2nav.translate.firmware import IntegerForm, Row
 
 _ABOUT = """\
-The velocity-aided filter: the kernel of h2nav's filter.arithmetic fixed, to the bit. Not in it is
-what surrounds a kernel (heading and attitude from velocities), nor what only the floats do (hard
-iron learnt in flight, repair of clipped rates): docs/fixed-point.md.
+The velocity-aided filter: the kernel of h2nav's filter.arithmetic fixed, to the bit. Not in it
+are what surrounds a kernel (heading and attitude from velocities) and what only the floats do
+(hard iron learnt in flight, repair of clipped rates): docs/fixed-point.md.
 Body axes: forward, right, down. Attitude: body to true north-east-down.
 No division, no float, no library call, no product wider than 32 bits. Velocities are velocities
 over gravity, in seconds: 1 s = 9.80665 m/s."""

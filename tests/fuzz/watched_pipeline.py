@@ -35,7 +35,8 @@ UNIX_S = 1_795_000_000.0
 # Attitude, quaternion and odometry for a sample; three parameters for a question; an answer.
 MOST_SENT_PER_INPUT = 8
 MOST_TOLD_PER_INPUT = 8
-MOST_GROWTH_BYTES = 200_000
+# The windows of up to three lanes fill.
+MOST_GROWTH_BYTES = 300_000
 FASTEST_RAD_S = 1e4
 # Counts of what only a fault of ours can cause.
 GUARDS = ("handler_error", "filter_error", "non_finite_estimate", "odometry_not_finite")

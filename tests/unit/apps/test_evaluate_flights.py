@@ -83,7 +83,7 @@ def test_what_cannot_be_scored_is_left_out_and_the_others_are_not(tmp_path, caps
     assert list(result["flights"]) == ["good"]
     assert set(result["left_out"]) == {"blind", "broken"}
     assert "no truth" in result["left_out"]["blind"]
-    assert "no recording" in result["left_out"]["broken"]
+    assert "not a recording" in result["left_out"]["broken"]
 
 
 def test_the_table_is_of_all_estimators(tmp_path, capsys):

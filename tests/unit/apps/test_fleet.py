@@ -22,7 +22,7 @@ def test_a_fleet_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert "2 flights, dashboard http://127.0.0.1:" in told.err
     document = json.loads(told.out)
     assert (document["flights"], document["failed"], document["done_before"]) == (2, 1, 0)
-    assert document["errors"][0]["error"].startswith("garbage.bin: no recording")
+    assert document["errors"][0]["error"].startswith("garbage.bin: not a recording")
     broken, flown = parquet.read_table(output / "flights.parquet").to_pylist()
     assert broken["error"]
     assert (flown["kind"], flown["error"]) == ("tlog", "")
