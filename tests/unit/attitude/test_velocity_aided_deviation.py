@@ -1,0 +1,56 @@
+"""The tilt's predicted deviation is matched to the innovations of measured velocities, Eq. (63)."""
+
+import math
+
+import pytest
+from needs import DEG
+from velocity_flights import Drive, accelerating, follow, new_filter, part, tilt_errors, turning
+
+from h2nav.attitude.samples import SensorDoubt
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    """Turns that show the accelerometer's bias, and velocities without errors."""
+    return accelerating(120.0, 5, law=turning)
+
+
+def wandering(drive: Drive, size_m_s: float) -> Drive:
+    """The same flight with a receiver whose velocity swings slowly, within its accuracy."""
+    turns = [2.0 * math.pi * i / 2000.0 for i in range(len(drive.v_n))]
+    v_n = [
+        (v[0] + size_m_s * math.sin(a), v[1] + size_m_s * math.cos(a), v[2])
+        for v, a in zip(drive.v_n, turns, strict=True)
+    ]
+    return drive._replace(v_n=v_n)
+
+
+def flown(drive: Drive) -> tuple[VelocityAidedFilter, list[float]]:
+    """The filter after a flight, and its deviations of the tilt from 60 s on."""
+    filter_ = new_filter(knows_field=True)
+    found = follow(filter_, drive)
+    sigma = [estimate.sigma_tilt_rad for estimate in found[6000:] if estimate is not None]
+    errors = tilt_errors(drive, found, 6000)
+    assert max(e / s for e, s in zip(errors, sigma, strict=True)) < 3.0
+    return filter_, sigma
+
+
+def test_the_deviation_is_lower_where_innovations_are_smaller_than_predicted(drive: Drive) -> None:
+    sound, low = flown(drive)
+    swings, high = flown(wandering(drive, 1.0))
+    assert sound.kernel_state.unused_variance > 0.5
+    assert swings.kernel_state.unused_variance < 0.5 * sound.kernel_state.unused_variance
+    assert low[-1] < 0.8 * high[-1]
+
+
+@pytest.mark.parametrize("what", ["doubt", "jump"])
+def test_what_is_unexpected_raises_it_at_once(drive: Drive, what: str) -> None:
+    begun, rest = part(drive, 0, 9000), part(drive, 9000, 9040)
+    filter_, _ = flown(begun)
+    assert filter_.kernel_state.unused_variance > 0.5
+    if what == "doubt":
+        filter_.doubt(SensorDoubt(rate_b=(1.0 * DEG,) * 3))
+    else:
+        follow(filter_, rest._replace(v_n=[(v[0] + 20.0, v[1], v[2]) for v in rest.v_n]))
+    assert filter_.kernel_state.unused_variance == 0.0
