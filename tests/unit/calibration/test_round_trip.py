@@ -137,6 +137,7 @@ def test_motors_that_disturb_the_compass_are_compensated(motct, tmp_path):
         change = changes[f"COMPASS_MOT_{axis}"]
         assert abs(full * change.new + field) < full * 3.0 * change.sigma + 5.0
     after = flown(tmp_path / "after.tlog", replace(options, parameters=values))
+    assert before.heading_error_deg > 5.0 * after.heading_error_deg
     # Noise and latency of the compass and the estimator's own error: those of a sound compass.
     almost = Miscalibration((0.1, 0.0, 0.0))
     sound = flown(tmp_path / "sound.tlog", replace(options, wrong=almost, parameters={}))
