@@ -12,16 +12,11 @@ if TYPE_CHECKING:
 
 
 class Algorithm(NamedTuple):
-    """A filter.
+    """A filter."""
 
-    Attributes:
-        gain_kind: of its gain files.
-        gains_by_class: they are shipped per vehicle class; else per sensor.
-        makers: arithmetic -> maker from a gain file; the default arithmetic first.
-    """
-
-    gain_kind: str
-    gains_by_class: bool
+    gain_kind: str  # of its gain files
+    gains_by_class: bool  # they are shipped per vehicle class; else per sensor
+    # arithmetic -> maker from a gain file; the default arithmetic first
     makers: dict[str, Callable[[GainFile], AttitudeFilter]]
 
 

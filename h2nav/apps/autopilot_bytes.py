@@ -12,14 +12,10 @@ LONGEST_CATCH_UP_NS = 500_000_000
 
 
 class AutopilotSigning(NamedTuple):
-    """MAVLink 2 signing of the vehicle's links.
+    """MAVLink 2 signing of the vehicle's links."""
 
-    Attributes:
-        signer: signs everything that the vehicle sends.
-        checker: checks incoming frames; rejected ones are neither obeyed nor forwarded.
-    """
-
-    signer: Signer
+    signer: Signer  # signs everything that the vehicle sends
+    # checks incoming frames; rejected ones are neither obeyed nor forwarded
     checker: SignatureChecker
 
 

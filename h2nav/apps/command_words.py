@@ -21,45 +21,27 @@ class WordKind(Enum):
 
 
 class Value(NamedTuple):
-    """The value of an option or argument.
-
-    Attributes:
-        kind: of it.
-        words: to choose from.
-    """
+    """The value of an option or argument."""
 
     kind: WordKind
-    words: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()  # to choose from
 
 
 class Option(NamedTuple):
-    """An option of a command.
+    """An option of a command."""
 
-    Attributes:
-        names: such as ``-c`` and ``--config``.
-        value: of the option; None = it takes none.
-        summary: one line of help.
-    """
-
-    names: tuple[str, ...]
-    value: Value | None
-    summary: str
+    names: tuple[str, ...]  # such as ``-c`` and ``--config``
+    value: Value | None  # of the option; None = it takes none
+    summary: str  # one line of help
 
 
 class CommandWords(NamedTuple):
-    """A command line.
+    """A command line."""
 
-    Attributes:
-        command: its words, such as ``log info``; empty = before any command.
-        summary: one line of help.
-        options: of it.
-        argument: words without an option.
-    """
-
-    command: str
-    summary: str
+    command: str  # its words, such as ``log info``; empty = before any command
+    summary: str  # one line of help
     options: tuple[Option, ...]
-    argument: Value
+    argument: Value  # words without an option
 
 
 # Values that the parser leaves open, because the command itself checks them or accepts more.

@@ -358,19 +358,12 @@ def _live_complaints(settings: LiveSettings) -> list[str]:
 
 
 class LinkLoad(NamedTuple):
-    """The load that the configuration puts on the link to the autopilot, bytes/s.
+    """The load that the configuration puts on the link to the autopilot, bytes/s."""
 
-    Attributes:
-        imu_frame: bytes of one IMU message; the longest where the choice is open.
-        besides: requested from the autopilot besides its IMU.
-        inbound: everything requested from the autopilot.
-        outbound: sent by h2nav.
-    """
-
-    imu_frame: int
-    besides: float
-    inbound: float
-    outbound: float
+    imu_frame: int  # bytes of one IMU message; the longest where the choice is open
+    besides: float  # requested from the autopilot besides its IMU
+    inbound: float  # everything requested from the autopilot
+    outbound: float  # sent by h2nav
 
 
 def link_load(configuration: Configuration) -> LinkLoad:

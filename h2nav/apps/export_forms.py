@@ -23,49 +23,30 @@ from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED
 
 
 class Image(NamedTuple):
-    """A gain file in the form of an integer filter.
+    """A gain file in the form of an integer filter."""
 
-    Attributes:
-        gains: of the kernel, a record.
-        rounding_error: largest relative change of a gain.
-        constants: for the interface in C.
-    """
-
-    gains: Any
-    rounding_error: float
-    constants: tuple[Row, ...]
+    gains: Any  # of the kernel, a record
+    rounding_error: float  # largest relative change of a gain
+    constants: tuple[Row, ...]  # for the interface in C
 
 
 class Vectors(NamedTuple):
-    """Test vectors of an exported filter, made by the same filter in Python.
+    """Test vectors of an exported filter, made by the same filter in Python."""
 
-    Attributes:
-        samples: numbers of each sample.
-        bits: result of each step.
-        final: numbers of the memory at the end.
-    """
-
-    samples: list[list[int]]
-    bits: list[int]
-    final: list[int]
+    samples: list[list[int]]  # numbers of each sample
+    bits: list[int]  # result of each step
+    final: list[int]  # numbers of the memory at the end
 
 
 class ExportedForm(NamedTuple):
-    """An integer filter with everything for its export.
+    """An integer filter with everything for its export."""
 
-    Attributes:
-        text: its C text.
-        former_name: earlier name on the command line.
-        kinds: of suitable gain files; the first form of a kind is its default.
-        image: integers of a gain file; raises BadInput if they do not fit their formats.
-        vectors: test vectors with these gains.
-    """
-
-    text: IntegerForm
-    former_name: str
-    kinds: tuple[str, ...]
+    text: IntegerForm  # its C text
+    former_name: str  # earlier name on the command line
+    kinds: tuple[str, ...]  # of suitable gain files; the first form of a kind is its default
+    # integers of a gain file; raises BadInput if they do not fit their formats
     image: Callable[[GainFile, str], Image]
-    vectors: Callable[[Any], Vectors]
+    vectors: Callable[[Any], Vectors]  # test vectors with these gains
 
 
 def _constant_gain_image(file: GainFile, place: str) -> Image:

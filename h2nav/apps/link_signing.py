@@ -76,19 +76,12 @@ class SigningRecord(NamedTuple):
 
 
 class Sorted(NamedTuple):
-    """Frames of one arrival, sorted.
+    """Frames of one arrival, sorted."""
 
-    Attributes:
-        admitted: frames to process, in order.
-        received: their bytes for the recording, without signatures.
-        refused: bytes of the rejected frames to record.
-        notices: for the operator.
-    """
-
-    admitted: list[Frame]
-    received: bytes
-    refused: bytes
-    notices: list[Notice]
+    admitted: list[Frame]  # frames to process, in order
+    received: bytes  # their bytes for the recording, without signatures
+    refused: bytes  # bytes of the rejected frames to record
+    notices: list[Notice]  # for the operator
 
 
 class LinkSigning:

@@ -89,19 +89,12 @@ def _readable(value: Any) -> Any:
 
 
 class RecordedInputs(NamedTuple):
-    """The inputs of the run that made a log.
+    """The inputs of the run that made a log."""
 
-    Attributes:
-        configuration: in force during the run.
-        gain_files: attached gain files, by name.
-        unix_s: the date that the run used.
-        remark: the replacement for a filter that no longer exists; empty for the original.
-    """
-
-    configuration: Configuration
-    gain_files: dict[str, bytes]
-    unix_s: float
-    remark: str = ""
+    configuration: Configuration  # in force during the run
+    gain_files: dict[str, bytes]  # attached gain files, by name
+    unix_s: float  # the date that the run used
+    remark: str = ""  # the replacement for a filter that no longer exists; empty for the original
 
 
 def inputs_of(recording: "Recording") -> RecordedInputs | None:

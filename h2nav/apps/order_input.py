@@ -16,13 +16,9 @@ QUIT = "quit"  # the order that ends a program
 
 
 class OrderInput(Protocol):
-    """A source of orders.
+    """A source of orders."""
 
-    Attributes:
-        has_keys: it may be a user at a terminal.
-    """
-
-    has_keys: bool
+    has_keys: bool  # it may be a user at a terminal
 
     def fileno(self) -> int | None:
         """The descriptor to wait on; None while there is no input."""

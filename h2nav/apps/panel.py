@@ -16,31 +16,19 @@ BACKED = {"h2nav": "h2nav", "autopilot": "the autopilot"}
 
 
 class LogSight(NamedTuple):
-    """State of the recording.
+    """State of the recording."""
 
-    Attributes:
-        path: of the current file; None before the first.
-        trouble: why recording is stopped; None while it works.
-        counters: of the recorder.
-    """
-
-    path: Path | None
-    trouble: str | None
-    counters: RecorderRecord
+    path: Path | None  # of the current file; None before the first
+    trouble: str | None  # why recording is stopped; None while it works
+    counters: RecorderRecord  # of the recorder
 
 
 class Sight(NamedTuple):
-    """Everything displayed at one time.
+    """Everything displayed at one time."""
 
-    Attributes:
-        health: state and counts.
-        status: comparison and alarms.
-        log: None without one.
-    """
-
-    health: HealthRecord
-    status: StatusRecord
-    log: LogSight | None
+    health: HealthRecord  # state and counts
+    status: StatusRecord  # comparison and alarms
+    log: LogSight | None  # None without one
 
 
 def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:

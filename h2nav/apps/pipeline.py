@@ -38,13 +38,9 @@ HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 class Watcher(Protocol):
-    """Observes frames and estimates: the status line, the error table of a replay.
+    """Observes frames and estimates: the status line, the error table of a replay."""
 
-    Attributes:
-        message_ids: the messages that it observes.
-    """
-
-    message_ids: frozenset[int]
+    message_ids: frozenset[int]  # the messages that it observes
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Called with a good frame of `message_ids`."""
@@ -71,25 +67,17 @@ Beside = Callable[[int, int, Service], Sequence[Notice]]
 
 
 class Outlets(NamedTuple):
-    """The destinations of effects.
+    """The destinations of effects."""
 
-    Attributes:
-        unix_ns: converts monotonic to UNIX time by one constant per run, so that the monotonic
-            times can be recovered exactly from a log.
-        send: puts a frame on the link; None in a replay.
-        recorder: the log; None without one.
-        watcher: observes frames and estimates.
-        observer: observes all records; None = not needed.
-        live: the live view's feed; None without one.
-        finding: called with each report of a finding; None = not needed.
-    """
-
+    # converts monotonic to UNIX time by one constant per run, so that the monotonic times can
+    # be recovered exactly from a log
     unix_ns: Callable[[int], int]
-    send: Callable[[bytes], object] | None
-    recorder: Recorder | None
-    watcher: Watcher
-    observer: Observer | None = None
-    live: "LiveFeed | None" = None
+    send: Callable[[bytes], object] | None  # puts a frame on the link; None in a replay
+    recorder: Recorder | None  # the log; None without one
+    watcher: Watcher  # observes frames and estimates
+    observer: Observer | None = None  # observes all records; None = not needed
+    live: "LiveFeed | None" = None  # the live view's feed; None without one
+    # called with each report of a finding; None = not needed
     finding: Callable[[int, Phase, Finding], object] | None = None
 
 

@@ -34,21 +34,13 @@ SILENCE_NS = 60_000_000_000
 
 
 class Wishes(NamedTuple):
-    """The user's changes to the recording's own inputs; None = unchanged.
+    """The user's changes to the recording's own inputs; None = unchanged."""
 
-    Attributes:
-        config: configuration file.
-        filter_name: filter to run.
-        vehicle_class: instead of the heartbeat's.
-        gps_velocity: fuse the GPS velocity.
-        calibrates: a review also reports what could be calibrated better.
-    """
-
-    config: Path | None = None
-    filter_name: str | None = None
-    vehicle_class: str | None = None
-    gps_velocity: bool | None = None
-    calibrates: bool = False
+    config: Path | None = None  # configuration file
+    filter_name: str | None = None  # filter to run
+    vehicle_class: str | None = None  # instead of the heartbeat's
+    gps_velocity: bool | None = None  # fuse the GPS velocity
+    calibrates: bool = False  # a review also reports what could be calibrated better
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,20 +71,13 @@ def wishes(args: argparse.Namespace) -> Wishes:
 
 
 class Inputs(NamedTuple):
-    """The inputs of a playback.
+    """The inputs of a playback."""
 
-    Attributes:
-        configuration: in force.
-        filters: creates the filter.
-        unix_s: the date of the run.
-        is_original: nothing differs from the run that made the recording.
-        whole_frames: the run verified signatures: its recording holds exactly the admitted frames.
-    """
-
-    configuration: Configuration
-    filters: FilterFactory
-    unix_s: float
-    is_original: bool
+    configuration: Configuration  # in force
+    filters: FilterFactory  # creates the filter
+    unix_s: float  # the date of the run
+    is_original: bool  # nothing differs from the run that made the recording
+    # the run verified signatures: its recording holds exactly the admitted frames
     whole_frames: bool
 
 

@@ -31,15 +31,10 @@ Progress = Callable[[int, int], object]
 
 
 class Reviewed(NamedTuple):
-    """The parts of a review.
+    """The parts of a review."""
 
-    Attributes:
-        flight: as played.
-        analysis: of the whole flight.
-    """
-
-    flight: Flight
-    analysis: Analysis
+    flight: Flight  # as played
+    analysis: Analysis  # of the whole flight
 
 
 def review(
@@ -115,17 +110,11 @@ def evidence_of(
 
 
 class _Heard(NamedTuple):
-    """The parts of a played flight that its smoother needs.
+    """The parts of a played flight that its smoother needs."""
 
-    Attributes:
-        listener: the inputs of the most trusted IMU's filter.
-        filters: creates such a filter.
-        start_ns: host time of the recording's first arrival.
-    """
-
-    listener: Listener
-    filters: FilterFactory
-    start_ns: int
+    listener: Listener  # the inputs of the most trusted IMU's filter
+    filters: FilterFactory  # creates such a filter
+    start_ns: int  # host time of the recording's first arrival
 
 
 def _played(source: Source, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:

@@ -72,15 +72,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class Choice(NamedTuple):
-    """An autopilot and its link.
+    """An autopilot and its link."""
 
-    Attributes:
-        hearing: the scan that detected it.
-        speaker: the autopilot.
-    """
-
-    hearing: Hearing
-    speaker: Speaker
+    hearing: Hearing  # the scan that detected it
+    speaker: Speaker  # the autopilot
 
 
 def run(args: argparse.Namespace) -> int:

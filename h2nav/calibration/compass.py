@@ -77,15 +77,10 @@ FAR_SIGMA_RAD = 20.0 * DEG
 
 
 class Model(NamedTuple):
-    """The parameters to fit.
+    """The parameters to fit."""
 
-    Attributes:
-        has_matrix: scale and soft iron.
-        lever: of the motors.
-    """
-
-    has_matrix: bool = False
-    lever: Lever = Lever.NONE
+    has_matrix: bool = False  # scale and soft iron
+    lever: Lever = Lever.NONE  # of the motors
 
     @property
     def free(self) -> Mask:
@@ -98,20 +93,13 @@ class Model(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """A compass to calibrate.
+    """A compass to calibrate."""
 
-    Attributes:
-        name: such as ``compass 1``.
-        rows: of all flights.
-        settings: in use; those of a raw one if unknown.
-        parameters: of the autopilot; empty if unknown.
-        values: converts settings to parameters.
-    """
-
-    name: str
-    rows: FieldRows
-    settings: CompassSettings
-    parameters: Parameters
+    name: str  # such as ``compass 1``
+    rows: FieldRows  # of all flights
+    settings: CompassSettings  # in use; those of a raw one if unknown
+    parameters: Parameters  # of the autopilot; empty if unknown
+    # converts settings to parameters
     values: Callable[[CompassSettings, Parameters], dict[str, float]]
 
 

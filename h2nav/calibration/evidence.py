@@ -13,17 +13,11 @@ PX4, ARDUPILOT = "PX4", "ArduPilot"
 
 
 class Evidence(NamedTuple):
-    """One flight.
+    """One flight."""
 
-    Attributes:
-        flight: as played and reviewed.
-        free: the smoothed attitude of gyro, gravity and the receiver's velocity alone.
-        parameters: of the autopilot: the recording's, or those given by the user.
-    """
-
-    flight: Flight
-    free: Estimates
-    parameters: dict[str, float]
+    flight: Flight  # as played and reviewed
+    free: Estimates  # the smoothed attitude of gyro, gravity and the receiver's velocity alone
+    parameters: dict[str, float]  # of the autopilot: the recording's, or those given by the user
 
     @property
     def context(self) -> Context:

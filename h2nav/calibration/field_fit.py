@@ -50,45 +50,26 @@ FULL_ROWS, DIRECTIONS = 50, 4.0
 
 
 class FieldRows(NamedTuple):
-    """Means of the raw field over short times, with the expected field.
+    """Means of the raw field over short times, with the expected field."""
 
-    Attributes:
-        flight: (N,) number of the flight.
-        t_s: (N,) increasing within each.
-        raw_ut: (N, 3) as the sensor measured it, in the axes of the board.
-        earth_ut: (N, 3) of the model by the attitude, in the same axes.
-        slope_ut: (N, 3) its rate of change, microtesla per second.
-        down: (N, 3) direction of gravity, in the same axes.
-        heading_rad: (N,) of the vehicle.
-        sigma_rad: (N,) deviation of the attitude's heading.
-        throttle: (N,) 0 to 1; NaN if unknown.
-        current_a: (N,) NaN if unknown.
-    """
-
-    flight: NDArray[np.int64]
-    t_s: Array
-    raw_ut: Array
-    earth_ut: Array
-    slope_ut: Array
-    down: Array
-    heading_rad: Array
-    sigma_rad: Array
-    throttle: Array
-    current_a: Array
+    flight: NDArray[np.int64]  # (N,) number of the flight
+    t_s: Array  # (N,) increasing within each
+    raw_ut: Array  # (N, 3) as the sensor measured it, in the axes of the board
+    earth_ut: Array  # (N, 3) of the model by the attitude, in the same axes
+    slope_ut: Array  # (N, 3) its rate of change, microtesla per second
+    down: Array  # (N, 3) direction of gravity, in the same axes
+    heading_rad: Array  # (N,) of the vehicle
+    sigma_rad: Array  # (N,) deviation of the attitude's heading
+    throttle: Array  # (N,) 0 to 1; NaN if unknown
+    current_a: Array  # (N,) NaN if unknown
 
 
 class FieldCorrection(NamedTuple):
-    """The correction from a raw field to the earth's.
+    """The correction from a raw field to the earth's."""
 
-    Attributes:
-        offset_ut: (3,) o.
-        matrix: (3, 3) S, symmetric.
-        motor_ut: (3,) k, by lever.
-    """
-
-    offset_ut: Array
-    matrix: Array
-    motor_ut: Array
+    offset_ut: Array  # (3,) o
+    matrix: Array  # (3, 3) S, symmetric
+    motor_ut: Array  # (3,) k, by lever
 
     def corrected(self, raw_ut: Array, lever: Array) -> Array:
         """(N, 3) of (N, 3) raw fields and an (N,) lever."""
@@ -118,23 +99,14 @@ NONE = FieldCorrection(np.zeros(3), np.eye(3), np.zeros(3))
 
 
 class FieldFit(NamedTuple):
-    """The result of `fitted`.
+    """The result of `fitted`."""
 
-    Attributes:
-        correction: of the raw field.
-        covariance: (12, 12) of its values; 0 for those not fitted.
-        heading_error_rad: (N,) of the attitude, positive clockwise.
-        weight: (N,) 0 to 1; below a half, a row does not fit.
-        residual_ut: (N, 3) corrected minus expected.
-        cost: of all residuals and priors.
-    """
-
-    correction: FieldCorrection
-    covariance: Array
-    heading_error_rad: Array
-    weight: Array
-    residual_ut: Array
-    cost: float
+    correction: FieldCorrection  # of the raw field
+    covariance: Array  # (12, 12) of its values; 0 for those not fitted
+    heading_error_rad: Array  # (N,) of the attitude, positive clockwise
+    weight: Array  # (N,) 0 to 1; below a half, a row does not fit
+    residual_ut: Array  # (N, 3) corrected minus expected
+    cost: float  # of all residuals and priors
 
     def rms_ut(self) -> float:
         """RMS of the fitting residuals, with equal weight per direction."""

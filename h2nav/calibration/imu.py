@@ -63,17 +63,11 @@ def tracks_of(flights: Sequence[Evidence], imu: int) -> Tracks:
 
 
 class Forces(NamedTuple):
-    """Calibration of an accelerometer.
+    """Calibration of an accelerometer."""
 
-    Attributes:
-        outcome: parameters to set.
-        offset: (3,) m/s^2 to add to its forces, in the axes of its samples, as in the outcome.
-        sigma: the largest deviation of values not in the outcome, m/s^2.
-    """
-
-    outcome: Outcome
-    offset: Array
-    sigma: float
+    outcome: Outcome  # parameters to set
+    offset: Array  # (3,) m/s^2 to add to its forces, in the axes of its samples, as in the outcome
+    sigma: float  # the largest deviation of values not in the outcome, m/s^2
 
 
 def calibrate_accelerometer(tracks: Tracks) -> Forces:

@@ -23,23 +23,14 @@ SCALES = 0.8, 1.2
 
 
 class SensorSettings(NamedTuple):
-    """An accelerometer, or a gyro.
+    """An accelerometer, or a gyro."""
 
-    Attributes:
-        device: its id, or empty.
-        offset_name: of its parameters, with %s for the axis.
-        scale_name: the same; empty where it has no scale.
-        offset: in use.
-        scale: in use.
-        axes: (3, 3) that turns the axes in which it is calibrated into those of its samples.
-    """
-
-    device: str
-    offset_name: str
-    scale_name: str
-    offset: Array
-    scale: Array
-    axes: Array
+    device: str  # its id, or empty
+    offset_name: str  # of its parameters, with %s for the axis
+    scale_name: str  # the same; empty where it has no scale
+    offset: Array  # in use
+    scale: Array  # in use
+    axes: Array  # (3, 3) that turns the axes in which it is calibrated into those of its samples
 
 
 def sensor_settings(evidence: Evidence, track: ImuTrack, *, is_gyro: bool) -> SensorSettings | str:

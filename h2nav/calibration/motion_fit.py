@@ -40,23 +40,17 @@ PARTS = 16
 
 
 class MotionFit(NamedTuple):
-    """The result of `fitted`.
+    """The result of `fitted`."""
 
-    Attributes:
-        values: (10,) force to add, m/s^2, and as a share of the force; delay of the velocity beyond
-            the assumed one, s; position of the antenna from the IMU, m, body.
-        covariance: (10, 10) of these; 0 for those not fitted.
-        lasting: (10,) the largest deviation without any one part of the windows: large for values
-            observed in a single moment.
-        weight: (N,) 0 to 1; below a half, a window does not fit.
-        residual: (N, 3) of each measured axis, m/s.
-    """
-
+    # (10,) force to add, m/s^2, and as a share of the force; delay of the velocity beyond the
+    # assumed one, s; position of the antenna from the IMU, m, body
     values: Array
-    covariance: Array
+    covariance: Array  # (10, 10) of these; 0 for those not fitted
+    # (10,) the largest deviation without any one part of the windows: large for values
+    # observed in a single moment
     lasting: Array
-    weight: Array
-    residual: Array
+    weight: Array  # (N,) 0 to 1; below a half, a window does not fit
+    residual: Array  # (N, 3) of each measured axis, m/s
 
     @property
     def sigma(self) -> Array:

@@ -49,49 +49,28 @@ LOGGED_WITHIN_S, NOISE_M_S = 0.02, 0.1
 
 
 class MotionRows(NamedTuple):
-    """Windows between fixes, NED and m/s; the sensor's axes are those of its calibration.
+    """Windows between fixes, NED and m/s; the sensor's axes are those of its calibration."""
 
-    Attributes:
-        flight: (N,) number of the flight.
-        t_s: (N,) increasing within each.
-        length_s: (N,) of the windows.
-        apart: (N, 3) measured change of velocity minus that of the IMU.
-        share: (N, 3) weight of each axis; 0 if not measured.
-        offset: (N, 3, 3) derivative by the offset; the sensor's axis is the last.
-        scale: (N, 3, 3) derivative by the scale, likewise.
-        force: (N, 3) change of velocity by the forces alone.
-        late: (N, 3) derivative by the delay: change of the acceleration, m/s^2.
-        arm: (N, 3, 3) derivative by the antenna's position along each axis of the body.
-        sigma_tilt: (N,) deviation of the attitude, rad.
-        sigma_heading: (N,).
-    """
-
-    flight: NDArray[np.int64]
-    t_s: Array
-    length_s: Array
-    apart: Array
-    share: Array
-    offset: Array
-    scale: Array
-    force: Array
-    late: Array
-    arm: Array
-    sigma_tilt: Array
-    sigma_heading: Array
+    flight: NDArray[np.int64]  # (N,) number of the flight
+    t_s: Array  # (N,) increasing within each
+    length_s: Array  # (N,) of the windows
+    apart: Array  # (N, 3) measured change of velocity minus that of the IMU
+    share: Array  # (N, 3) weight of each axis; 0 if not measured
+    offset: Array  # (N, 3, 3) derivative by the offset; the sensor's axis is the last
+    scale: Array  # (N, 3, 3) derivative by the scale, likewise
+    force: Array  # (N, 3) change of velocity by the forces alone
+    late: Array  # (N, 3) derivative by the delay: change of the acceleration, m/s^2
+    arm: Array  # (N, 3, 3) derivative by the antenna's position along each axis of the body
+    sigma_tilt: Array  # (N,) deviation of the attitude, rad
+    sigma_heading: Array  # (N,)
 
 
 class Motion(NamedTuple):
-    """An IMU in a flight.
+    """An IMU in a flight."""
 
-    Attributes:
-        rows: windows between fixes.
-        lag_s: assumed delay of the velocities.
-        is_lag_shown: the flight shows it; otherwise it is the usual delay.
-    """
-
-    rows: MotionRows
-    lag_s: float
-    is_lag_shown: bool
+    rows: MotionRows  # windows between fixes
+    lag_s: float  # assumed delay of the velocities
+    is_lag_shown: bool  # the flight shows it; otherwise it is the usual delay
 
 
 def motion_of(
@@ -139,21 +118,13 @@ def combined(motions: Sequence[Motion]) -> Motion:
 
 
 class _Windows(NamedTuple):
-    """Windows with a measured change of velocity.
+    """Windows with a measured change of velocity."""
 
-    Attributes:
-        first_s: (M,) beginnings.
-        last_s: (M,) ends.
-        measured: (M, 3) the change, NED, m/s.
-        share: (M, 3) weights of the axes.
-        jitter_s: (M,) uncertainty of the times.
-    """
-
-    first_s: Array
-    last_s: Array
-    measured: Array
-    share: Array
-    jitter_s: Array
+    first_s: Array  # (M,) beginnings
+    last_s: Array  # (M,) ends
+    measured: Array  # (M, 3) the change, NED, m/s
+    share: Array  # (M, 3) weights of the axes
+    jitter_s: Array  # (M,) uncertainty of the times
 
 
 def _windows(evidence: Evidence, track: ImuTrack, moves: Moves, lag_s: float) -> _Windows:
@@ -186,18 +157,14 @@ def _spaced(t_s: Array) -> NDArray[np.intp]:
 
 
 class _Sums(NamedTuple):
-    """Integrals over the windows, and values at their ends.
+    """Integrals over the windows, and values at their ends."""
 
-    Attributes:
-        t_s: (N,) of the samples.
-        integrals: (N, 22) of the force, of the sensor's axes, of its forces along them, NED; and
-            the unknown time, s.
-        moving: (N, 13) acceleration, velocities of the points 1 m along the body's axes, NED, and
-            the angular rate.
-    """
-
-    t_s: Array
+    t_s: Array  # (N,) of the samples
+    # (N, 22) of the force, of the sensor's axes, of its forces along them, NED; and the
+    # unknown time, s
     integrals: Array
+    # (N, 13) acceleration, velocities of the points 1 m along the body's axes, NED, and the
+    # angular rate
     moving: Array
 
     @classmethod

@@ -6,57 +6,35 @@ from typing import NamedTuple
 
 
 class ParameterChange(NamedTuple):
-    """A changed parameter.
+    """A changed parameter."""
 
-    Attributes:
-        name: of the autopilot.
-        old: value in use; NaN where the recording does not say.
-        new: better value.
-        sigma: deviation of the new one; NaN for a choice.
-    """
-
-    name: str
-    old: float
-    new: float
-    sigma: float = math.nan
+    name: str  # of the autopilot
+    old: float  # value in use; NaN where the recording does not say
+    new: float  # better value
+    sigma: float = math.nan  # deviation of the new one; NaN for a choice
 
 
 class Outcome(NamedTuple):
-    """The result for one sensor.
+    """The result for one sensor."""
 
-    Attributes:
-        sensor: such as ``compass 1``.
-        device: its id, or empty.
-        changes: what is significantly better; empty where nothing is.
-        left: what is not from these flights, and why, one phrase each.
-        notes: what to know of the changes, one phrase each.
-        shown: how it was shown: what is left before and after.
-        figures: by name with unit: residuals before and after, what they rest on.
-    """
-
-    sensor: str
-    device: str = ""
+    sensor: str  # such as ``compass 1``
+    device: str = ""  # its id, or empty
+    # what is significantly better; empty where nothing is
     changes: tuple[ParameterChange, ...] = ()
-    left: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    shown: str = ""
+    left: tuple[str, ...] = ()  # what is not from these flights, and why, one phrase each
+    notes: tuple[str, ...] = ()  # what to know of the changes, one phrase each
+    shown: str = ""  # how it was shown: what is left before and after
+    # by name with unit: residuals before and after, what they rest on
     figures: Mapping[str, float] = {}
 
 
 class Calibration(NamedTuple):
-    """The result for one vehicle.
+    """The result for one vehicle."""
 
-    Attributes:
-        autopilot: its make.
-        firmware: as reported by itself.
-        flights: names of the recordings.
-        outcomes: one per sensor.
-    """
-
-    autopilot: str
-    firmware: str
-    flights: tuple[str, ...]
-    outcomes: tuple[Outcome, ...]
+    autopilot: str  # its make
+    firmware: str  # as reported by itself
+    flights: tuple[str, ...]  # names of the recordings
+    outcomes: tuple[Outcome, ...]  # one per sensor
 
     @property
     def changes(self) -> tuple[ParameterChange, ...]:

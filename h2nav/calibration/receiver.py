@@ -17,25 +17,16 @@ USUAL_MS = 50.0, 250.0
 
 
 class _Quantity(NamedTuple):
-    """A parameter of a receiver.
+    """A parameter of a receiver."""
 
-    Attributes:
-        what: in words.
-        place: in the fit.
-        names: of its parameter over the years; of a second receiver's.
-        relative_to: a parameter that is added: where the IMU sits.
-        unit: of the parameter, in s or m.
-        relevant: least difference from the value in use, in that unit.
-        most: limit of the firmware, in that unit.
-    """
-
-    what: str
-    place: int
+    what: str  # in words
+    place: int  # in the fit
+    # of its parameter over the years; of a second receiver's
     names: tuple[tuple[str, ...], tuple[str, ...]]
-    relative_to: str
-    unit: float
-    relevant: float
-    most: float
+    relative_to: str  # a parameter that is added: where the IMU sits
+    unit: float  # of the parameter, in s or m
+    relevant: float  # least difference from the value in use, in that unit
+    most: float  # limit of the firmware, in that unit
 
 
 def _antenna(axis: str, make: str) -> _Quantity:

@@ -27,15 +27,10 @@ SETTLED = 1e-4
 
 
 class Wander(NamedTuple):
-    """A slowly changing error angle of an attitude.
+    """A slowly changing error angle of an attitude."""
 
-    Attributes:
-        hats: (N, K) share of each knot in each row.
-        information: (K, K) of the knots, rad^-2.
-    """
-
-    hats: Array
-    information: Array
+    hats: Array  # (N, K) share of each knot in each row
+    information: Array  # (K, K) of the knots, rad^-2
 
     @property
     def knots(self) -> int:

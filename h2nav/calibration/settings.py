@@ -34,25 +34,15 @@ class Lever(IntEnum):
 
 
 class CompassSettings(NamedTuple):
-    """One compass.
+    """One compass."""
 
-    Attributes:
-        slot: number of its parameters, from 0.
-        device_id: 0 if the parameters have none.
-        correction: of the raw field in the axes of the board.
-        lever: of its motors' field.
-        rotation: its number; None if unknown.
-        can_turn: its rotation is a parameter of its own: it is external.
-        can_shape: its firmware supports off-diagonals.
-    """
-
-    slot: int
-    device_id: int
-    correction: FieldCorrection = NONE
-    lever: Lever = Lever.NONE
-    rotation: int | None = 0
-    can_turn: bool = False
-    can_shape: bool = True
+    slot: int  # number of its parameters, from 0
+    device_id: int  # 0 if the parameters have none
+    correction: FieldCorrection = NONE  # of the raw field in the axes of the board
+    lever: Lever = Lever.NONE  # of its motors' field
+    rotation: int | None = 0  # its number; None if unknown
+    can_turn: bool = False  # its rotation is a parameter of its own: it is external
+    can_shape: bool = True  # its firmware supports off-diagonals
 
 
 # --- ArduPilot --------------------------------------------------------------------------------

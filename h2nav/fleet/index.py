@@ -21,17 +21,11 @@ _MOST_TOLD = 4
 
 
 class _Cell(NamedTuple):
-    """A cell of the table.
+    """A cell of the table."""
 
-    Attributes:
-        html: its content.
-        key: sort key; None = its text.
-        look: CSS class.
-    """
-
-    html: str
-    key: float | None = None
-    look: str = ""
+    html: str  # its content
+    key: float | None = None  # sort key; None = its text
+    look: str = ""  # CSS class
 
 
 def write_index(rows: Sequence[TableRow], store: Store) -> None:

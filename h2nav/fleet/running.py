@@ -33,30 +33,19 @@ Told = Callable[[Task, Mapping[str, Any]], object]
 
 
 class Work(NamedTuple):
-    """What to do with each flight.
+    """What to do with each flight."""
 
-    Attributes:
-        review: the function; importable on the workers.
-        version: changes when its results would: digest of the program, and options.
-        limits: per flight.
-    """
-
-    review: Review
-    version: str
-    limits: Limits
+    review: Review  # the function; importable on the workers
+    version: str  # changes when its results would: digest of the program, and options
+    limits: Limits  # per flight
 
 
 class TaskOutcome(NamedTuple):
-    """The result of a fleet run.
+    """The result of a fleet run."""
 
-    Attributes:
-        rows: one per flight, in the order of their addresses.
-        done_before: flights whose results existed already.
-        costs: ``wall_s``, ``cpu_s`` and ``peak_mib`` of the flights done in this run.
-    """
-
-    rows: list[TableRow]
-    done_before: int
+    rows: list[TableRow]  # one per flight, in the order of their addresses
+    done_before: int  # flights whose results existed already
+    # ``wall_s``, ``cpu_s`` and ``peak_mib`` of the flights done in this run
     costs: list[dict[str, float]]
 
 

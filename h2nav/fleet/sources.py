@@ -20,17 +20,11 @@ _STAMPS = (
 
 
 class FlightSource(NamedTuple):
-    """A recording.
+    """A recording."""
 
-    Attributes:
-        address: a path on this machine, or a URL of fsspec.
-        size: bytes.
-        stamp: changes with the file: its tag or its time of modification.
-    """
-
-    address: str
-    size: int
-    stamp: str
+    address: str  # a path on this machine, or a URL of fsspec
+    size: int  # bytes
+    stamp: str  # changes with the file: its tag or its time of modification
 
     @property
     def name(self) -> str:

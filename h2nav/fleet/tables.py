@@ -67,15 +67,10 @@ _FINDING_COLUMNS = {
 
 
 class TableRow(NamedTuple):
-    """A flight in the index.
+    """A flight in the index."""
 
-    Attributes:
-        values: columns of the table of flights by name.
-        findings: texts of the findings, the worst first.
-    """
-
-    values: dict[str, Any]
-    findings: tuple[str, ...]
+    values: dict[str, Any]  # columns of the table of flights by name
+    findings: tuple[str, ...]  # texts of the findings, the worst first
 
 
 def write_tables(

@@ -46,29 +46,18 @@ Returns a mapping: columns of `tables.FLIGHT_COLUMNS` by name, ``findings`` (map
 
 
 class Limits(NamedTuple):
-    """Limits of one flight.
+    """Limits of one flight."""
 
-    Attributes:
-        time_s: from the first byte to the result.
-        memory_mib: of the worker's process.
-    """
-
-    time_s: float
-    memory_mib: int
+    time_s: float  # from the first byte to the result
+    memory_mib: int  # of the worker's process
 
 
 class Task(NamedTuple):
-    """One flight to review.
+    """One flight to review."""
 
-    Attributes:
-        source: the recording.
-        key: of its results.
-        run: identifies this run of the fleet.
-    """
-
-    source: FlightSource
-    key: str
-    run: str
+    source: FlightSource  # the recording
+    key: str  # of its results
+    run: str  # identifies this run of the fleet
 
     @property
     def result_name(self) -> str:

@@ -89,15 +89,10 @@ class Guard:
 
 
 class _Leg(asyncio.Protocol):
-    """One of two connections; data received on it are sent on the other.
+    """One of two connections; data received on it are sent on the other."""
 
-    Attributes:
-        transport: of this connection.
-        other: the other connection, once it exists.
-    """
-
-    transport: asyncio.Transport
-    other: "_Leg | None" = None
+    transport: asyncio.Transport  # of this connection
+    other: "_Leg | None" = None  # the other connection, once it exists
 
     def data_received(self, data: bytes) -> None:
         if self.other is not None:

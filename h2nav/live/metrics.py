@@ -17,21 +17,13 @@ from h2nav.service.health import ServiceState
 
 
 class _Row(NamedTuple):
-    """A field of a record that becomes a metric.
+    """A field of a record that becomes a metric."""
 
-    Attributes:
-        name: of the metric, without ``h2nav_`` and ``_total``.
-        help: its help text.
-        topic: of the record.
-        field: of the record.
-        scale: from the field's unit to the metric's.
-    """
-
-    name: str
-    help: str
-    topic: str
-    field: str
-    scale: float = 1.0
+    name: str  # of the metric, without ``h2nav_`` and ``_total``
+    help: str  # its help text
+    topic: str  # of the record
+    field: str  # of the record
+    scale: float = 1.0  # from the field's unit to the metric's
 
 
 _COUNTERS = (

@@ -129,19 +129,12 @@ class _LimitedServer(HTTPServer):
 
 
 class _Shared(NamedTuple):
-    """What the handlers share.
+    """What the handlers share."""
 
-    Attributes:
-        state: the source.
-        broadcast: of its events.
-        assets: the files of the page by name.
-        is_private: the port is reachable from this computer only.
-    """
-
-    state: LiveState
-    broadcast: Broadcast
-    assets: dict[str, bytes]
-    is_private: bool
+    state: LiveState  # the source
+    broadcast: Broadcast  # of its events
+    assets: dict[str, bytes]  # the files of the page by name
+    is_private: bool  # the port is reachable from this computer only
 
 
 class _Handler(RequestHandler):

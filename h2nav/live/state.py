@@ -28,41 +28,25 @@ NS = 1e-9
 
 
 class Seen(NamedTuple):
-    """A record and its time of arrival.
+    """A record and its time of arrival."""
 
-    Attributes:
-        heard_ns: on the clock of the state.
-        record: a NamedTuple.
-    """
-
-    heard_ns: int
-    record: Any
+    heard_ns: int  # on the clock of the state
+    record: Any  # a NamedTuple
 
 
 class LiveReport(NamedTuple):
-    """A finding and its beginning.
+    """A finding and its beginning."""
 
-    Attributes:
-        began_ns: on the clock of the state.
-        finding: its latest record.
-    """
-
-    began_ns: int
-    finding: FindingRecord
+    began_ns: int  # on the clock of the state
+    finding: FindingRecord  # its latest record
 
 
 class LiveText(NamedTuple):
-    """A line of the program's output and its time of arrival.
+    """A line of the program's output and its time of arrival."""
 
-    Attributes:
-        heard_ns: on the clock of the state.
-        severity: of the line.
-        text: the line.
-    """
-
-    heard_ns: int
-    severity: Severity
-    text: str
+    heard_ns: int  # on the clock of the state
+    severity: Severity  # of the line
+    text: str  # the line
 
 
 class _Counters:

@@ -19,27 +19,18 @@ SOLVERS = ("qr", "svd", "ridge", "min-norm", "normal")
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A solution of A x = b with its quality.
+    """A solution of A x = b with its quality."""
 
-    Attributes:
-        x: (n,) the parameters.
-        solver: one of `SOLVERS`.
-        rank: numerical rank of A (singular values above `rcond` of the largest).
-        condition: largest over smallest singular value; inf for a rank-deficient A.
-        residuals: (m,) b - A x.
-        covariance: (n, n) of x from the residuals; NaN where m <= rank leaves no residual. In
-            directions that the data do not observe it is infinite and not part of this matrix:
-            `notes` says so.
-        notes: sentences for the user; empty for a unique, well-conditioned answer.
-    """
-
-    x: Array
-    solver: str
-    rank: int
-    condition: float
-    residuals: Array
+    x: Array  # (n,) the parameters
+    solver: str  # one of `SOLVERS`
+    rank: int  # numerical rank of A (singular values above `rcond` of the largest)
+    condition: float  # largest over smallest singular value; inf for a rank-deficient A
+    residuals: Array  # (m,) b - A x
+    # (n, n) of x from the residuals; NaN where m <= rank leaves no residual. In directions
+    # that the data do not observe it is infinite and not part of this matrix: `notes` says
+    # so.
     covariance: Array
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # sentences for the user; empty for a unique, well-conditioned answer
 
 
 def solve(

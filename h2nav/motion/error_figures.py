@@ -15,19 +15,12 @@ FLOOR = 1e-4
 
 
 class Innovations(NamedTuple):
-    """Running statistics of one channel's errors against the measured pose.
+    """Running statistics of one channel's errors against the measured pose."""
 
-    Attributes:
-        mean_square: per axis, of the error less its running mean.
-        mean: running mean, which is the error that has not yet converged.
-        step_s: running mean of the time between poses.
-        poses: number of poses so far.
-    """
-
-    mean_square: float = 0.0
-    mean: Vec3 = (0.0, 0.0, 0.0)
-    step_s: float = 0.0
-    poses: int = 0
+    mean_square: float = 0.0  # per axis, of the error less its running mean
+    mean: Vec3 = (0.0, 0.0, 0.0)  # running mean, which is the error that has not yet converged
+    step_s: float = 0.0  # running mean of the time between poses
+    poses: int = 0  # number of poses so far
 
     def seen(self, e: Vec3, step_s: float) -> "Innovations":
         """Updates the statistics with the error `e`, `step_s` after the previous one."""

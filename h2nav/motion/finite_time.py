@@ -14,29 +14,18 @@ TINY = 1e-150
 
 
 class Correction(NamedTuple):
-    """The effect of a step of length T on an error of length u.
+    """The effect of a step of length T on an error of length u."""
 
-    Attributes:
-        remaining: the error's length after the step.
-        bias_step: how far the bias estimate moves along the error.
-    """
-
-    remaining: float
-    bias_step: float
+    remaining: float  # the error's length after the step
+    bias_step: float  # how far the bias estimate moves along the error
 
 
 class FiniteTimeGains(NamedTuple):
-    """Gains and exponent of the error system.
+    """Gains and exponent of the error system."""
 
-    Attributes:
-        k1: of the error, 1/s for a1 = 1.
-        k2: of the bias, 1/s^2 for a1 = 1.
-        a1: exponent, 1/2 < a1 <= 1; 1 is the linear observer.
-    """
-
-    k1: float
-    k2: float
-    a1: float
+    k1: float  # of the error, 1/s for a1 = 1
+    k2: float  # of the bias, 1/s^2 for a1 = 1
+    a1: float  # exponent, 1/2 < a1 <= 1; 1 is the linear observer
 
     @property
     def a2(self) -> float:

@@ -46,19 +46,12 @@ class Rates(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """The last pose that was used.
+    """The last pose that was used."""
 
-    Attributes:
-        t_us: its time.
-        p_o: position estimate right after it.
-        turn: rotation in ``o`` from the estimated to the measured attitude.
-        poses: used since the start, 1 or 2; the second one sets the velocity.
-    """
-
-    t_us: int
-    p_o: Vec3
-    turn: Quat
-    poses: int
+    t_us: int  # its time
+    p_o: Vec3  # position estimate right after it
+    turn: Quat  # rotation in ``o`` from the estimated to the measured attitude
+    poses: int  # used since the start, 1 or 2; the second one sets the velocity
 
 
 class ObserverState(NamedTuple):

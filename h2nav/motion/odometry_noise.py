@@ -12,15 +12,10 @@ ZERO3: Matrix3 = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 class Slip(NamedTuple):
-    """Random slip; variances grow with the distance, so the sum does not depend on the steps.
+    """Random slip; variances grow with the distance, so the sum does not depend on the steps."""
 
-    Attributes:
-        wheel_m_rtm: one sigma of each wheel's distance after 1 m, m / sqrt(m).
-        side_m_rtm: one sigma of the sideways shift after 1 m, m / sqrt(m).
-    """
-
-    wheel_m_rtm: float
-    side_m_rtm: float
+    wheel_m_rtm: float  # one sigma of each wheel's distance after 1 m, m / sqrt(m)
+    side_m_rtm: float  # one sigma of the sideways shift after 1 m, m / sqrt(m)
 
     def covariance(self, chassis: Chassis, ways: Sequence[float]) -> Matrix3:
         """Covariance of the body increment for the wheels' distances.

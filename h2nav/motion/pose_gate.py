@@ -29,27 +29,17 @@ class PoseVerdict(StrEnum):
 
 
 class PoseError(NamedTuple):
-    """Estimate minus measured pose, in the measured body frame.
+    """Estimate minus measured pose, in the measured body frame."""
 
-    Attributes:
-        e_r: rotation vector, rad.
-        e_p: position, m.
-    """
-
-    e_r: Vec3
-    e_p: Vec3
+    e_r: Vec3  # rotation vector, rad
+    e_p: Vec3  # position, m
 
 
 class JumpStreak(NamedTuple):
-    """Consecutive poses beyond the gate that agree with each other.
+    """Consecutive poses beyond the gate that agree with each other."""
 
-    Attributes:
-        poses: their number.
-        last: the error of the latest.
-    """
-
-    poses: int = 0
-    last: PoseError = PoseError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    poses: int = 0  # their number
+    last: PoseError = PoseError((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # the error of the latest
 
     def and_then(self, error: PoseError, gate_rad: float, gate_m: float) -> "JumpStreak":
         """The streak with another pose; one that disagrees with the last begins a new streak."""

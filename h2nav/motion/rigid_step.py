@@ -11,19 +11,12 @@ SMALL_ANGLE_SQUARED = 1e-4
 
 
 class RigidState(NamedTuple):
-    """Position, attitude and velocity of the body.
+    """Position, attitude and velocity of the body."""
 
-    Attributes:
-        t_us: time.
-        q_ob: attitude, body to the fixed frame.
-        p_o: position, m.
-        v_b: velocity in the body, m/s.
-    """
-
-    t_us: int
-    q_ob: Quat
-    p_o: Vec3
-    v_b: Vec3
+    t_us: int  # time
+    q_ob: Quat  # attitude, body to the fixed frame
+    p_o: Vec3  # position, m
+    v_b: Vec3  # velocity in the body, m/s
 
 
 def left_jacobian_times(phi: Vec3, v: Vec3) -> Vec3:

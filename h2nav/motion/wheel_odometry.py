@@ -33,23 +33,14 @@ class WheelEvent(StrEnum):
 
 
 class WheelEstimate(NamedTuple):
-    """Planar pose and motion at the time of a reading.
+    """Planar pose and motion at the time of a reading."""
 
-    Attributes:
-        t_us: time of the reading.
-        pose: (x, y, heading), m and rad, from the start.
-        twist: (ahead, left, turn rate), m/s and rad/s, mean since the previous reading.
-        covariance: (3, 3) of `pose`.
-        twist_covariance: (3, 3) of `twist`.
-        reset_counter: number of losses of motion (counter jump, new epoch); not wrapped.
-    """
-
-    t_us: int
-    pose: Planar
-    twist: Planar
-    covariance: Matrix3
-    twist_covariance: Matrix3
-    reset_counter: int
+    t_us: int  # time of the reading
+    pose: Planar  # (x, y, heading), m and rad, from the start
+    twist: Planar  # (ahead, left, turn rate), m/s and rad/s, mean since the previous reading
+    covariance: Matrix3  # (3, 3) of `pose`
+    twist_covariance: Matrix3  # (3, 3) of `twist`
+    reset_counter: int  # number of losses of motion (counter jump, new epoch); not wrapped
 
 
 class WheelState(NamedTuple):

@@ -34,14 +34,11 @@ class Chassis(Protocol):
 class DifferentialDrive:
     """Two driven wheels on one axle; wheels are ordered left, right.
 
-    Attributes:
-        track_m: distance of the wheels' contact points (twice the d of the source).
-
     Raises:
         BadInput: a track that is not a finite number above 0.
     """
 
-    track_m: float
+    track_m: float  # distance of the wheels' contact points (twice the d of the source)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.track_m) and self.track_m > 0.0):
@@ -77,17 +74,14 @@ class DifferentialDrive:
 class OmniDrive:
     """Three omni wheels at the rim of a chassis.
 
-    Attributes:
-        wheel_angles_rad: positions of the wheels, counter-clockwise from straight ahead. A wheel
-            drives along the rim; counter-clockwise distances are positive.
-        arm_m: distance of the wheels from the centre.
-
     Raises:
         BadInput: a singular layout, or values that are not finite or not above 0.
     """
 
+    # positions of the wheels, counter-clockwise from straight ahead. A wheel drives along the
+    # rim; counter-clockwise distances are positive.
     wheel_angles_rad: tuple[float, float, float]
-    arm_m: float
+    arm_m: float  # distance of the wheels from the centre
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.arm_m) and self.arm_m > 0.0):
@@ -149,15 +143,10 @@ class OmniDrive:
 
 @dataclass(frozen=True, slots=True)
 class CorrectedChassis:
-    """A chassis whose body increments are multiplied by a matrix from calibration.
+    """A chassis whose body increments are multiplied by a matrix from calibration."""
 
-    Attributes:
-        nominal: the chassis as designed.
-        correction: (3, 3) on (ahead, left, turn).
-    """
-
-    nominal: Chassis
-    correction: Matrix3
+    nominal: Chassis  # the chassis as designed
+    correction: Matrix3  # (3, 3) on (ahead, left, turn)
 
     @property
     def wheel_count(self) -> int:

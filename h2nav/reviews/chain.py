@@ -118,15 +118,10 @@ BRINGS_DOWN = (*LOSES_CONTROL, Kind.BATTERY)
 
 
 class Chain(NamedTuple):
-    """The findings of a review in the order of presentation.
+    """The findings of a review in the order of presentation."""
 
-    Attributes:
-        findings: crashes first, then worst first; each with the id of its cause.
-        own: ids of those about h2nav's own attitude.
-    """
-
-    findings: tuple[Finding, ...]
-    own: frozenset[str]
+    findings: tuple[Finding, ...]  # crashes first, then worst first; each with the id of its cause
+    own: frozenset[str]  # ids of those about h2nav's own attitude
 
 
 def chain(flight: Flight, analysis: Analysis) -> Chain:

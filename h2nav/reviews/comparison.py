@@ -12,25 +12,15 @@ from h2nav.reviews.inertial import Attitudes, best_attitude
 
 
 class Difference(NamedTuple):
-    """Another attitude minus ours.
+    """Another attitude minus ours."""
 
-    Attributes:
-        name: of the other attitude.
-        is_truth: from a simulator, so that the difference is our error.
-        t_s: (N,).
-        tilt_rad: (N,) angle between the verticals; NaN where we have no estimate.
-        heading_rad: (N,) the other heading minus ours, -pi to pi.
-        tilt_limit_rad: (N,) three deviations of both together; NaN if ours is unknown.
-        heading_limit_rad: (N,) the same.
-    """
-
-    name: str
-    is_truth: bool
-    t_s: Array
-    tilt_rad: Array
-    heading_rad: Array
-    tilt_limit_rad: Array
-    heading_limit_rad: Array
+    name: str  # of the other attitude
+    is_truth: bool  # from a simulator, so that the difference is our error
+    t_s: Array  # (N,)
+    tilt_rad: Array  # (N,) angle between the verticals; NaN where we have no estimate
+    heading_rad: Array  # (N,) the other heading minus ours, -pi to pi
+    tilt_limit_rad: Array  # (N,) three deviations of both together; NaN if ours is unknown
+    heading_limit_rad: Array  # (N,) the same
 
 
 def differences(flight: Flight) -> tuple[Difference, ...]:

@@ -67,33 +67,19 @@ MG_PER_UT = 10.0
 
 
 class SentFields(NamedTuple):
-    """Means of the field over short times, with the expected field.
+    """Means of the field over short times, with the expected field."""
 
-    Attributes:
-        t_s: (N,).
-        m_b_ut: (N, 3) measured, body frame.
-        earth_b_ut: (N, 3) of the model by the attitude, body frame.
-        down_b: (N, 3) direction of gravity, body frame.
-        heading_rad: (N,) of the vehicle, 0 to 2 pi.
-        error_rad: (N,) of the measured direction about the vertical, positive clockwise.
-        norm_ut: (N,) of the model.
-        dip_rad: (N,) of the model.
-        throttle: (N,) NaN if unknown.
-        sigma_rad: (N,) predicted deviation of the attitude's heading.
-        flying: (N,) whether the motors may turn.
-    """
-
-    t_s: Array
-    m_b_ut: Array
-    earth_b_ut: Array
-    down_b: Array
-    heading_rad: Array
-    error_rad: Array
-    norm_ut: Array
-    dip_rad: Array
-    throttle: Array
-    sigma_rad: Array
-    flying: Mask
+    t_s: Array  # (N,)
+    m_b_ut: Array  # (N, 3) measured, body frame
+    earth_b_ut: Array  # (N, 3) of the model by the attitude, body frame
+    down_b: Array  # (N, 3) direction of gravity, body frame
+    heading_rad: Array  # (N,) of the vehicle, 0 to 2 pi
+    error_rad: Array  # (N,) of the measured direction about the vertical, positive clockwise
+    norm_ut: Array  # (N,) of the model
+    dip_rad: Array  # (N,) of the model
+    throttle: Array  # (N,) NaN if unknown
+    sigma_rad: Array  # (N,) predicted deviation of the attitude's heading
+    flying: Mask  # (N,) whether the motors may turn
 
     def part(self, places: Mask | NDArray[np.intp]) -> "SentFields":
         """A selection of the rows."""
@@ -101,22 +87,15 @@ class SentFields(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The field besides the earth's, see `fitted`.
+    """The field besides the earth's, see `fitted`."""
 
-    Attributes:
-        x: (9,) offset, scale, soft iron (a, b), motor: microtesla in the body frame, per full
-            throttle or ampere.
-        covariance: (9, 9) of them.
-        has_motor: the throttle changed enough to observe the motors.
-        before_ut: weighted rms of the heading-free residuals without the fit.
-        after_ut: the same with it.
-    """
-
+    # (9,) offset, scale, soft iron (a, b), motor: microtesla in the body frame, per full
+    # throttle or ampere
     x: Array
-    covariance: Array
-    has_motor: bool
-    before_ut: float
-    after_ut: float
+    covariance: Array  # (9, 9) of them
+    has_motor: bool  # the throttle changed enough to observe the motors
+    before_ut: float  # weighted rms of the heading-free residuals without the fit
+    after_ut: float  # the same with it
 
     def is_sure(self, first: int, after: int, around: float = 0.0) -> bool:
         """Whether some of the parameters differ significantly from their usual values."""

@@ -29,25 +29,15 @@ WITHOUT_ATTITUDE = ("ACRO", "FLIP", "MANUAL", "RATTITUDE", "THROW", "STAB_ACRO")
 
 
 class ControlErrors(NamedTuple):
-    """Attitude minus demand.
+    """Attitude minus demand."""
 
-    Attributes:
-        t_s: (N,) a grid.
-        roll_rad: (N,) of the autopilot.
-        pitch_rad: (N,) of the autopilot.
-        roll_asked_rad: (N,).
-        pitch_asked_rad: (N,).
-        size_rad: (N,) angle between both verticals; NaN without a demand.
-        flies: (N,) armed, driven, and in a mode that asks for attitudes.
-    """
-
-    t_s: Array
-    roll_rad: Array
-    pitch_rad: Array
-    roll_asked_rad: Array
-    pitch_asked_rad: Array
-    size_rad: Array
-    flies: Mask
+    t_s: Array  # (N,) a grid
+    roll_rad: Array  # (N,) of the autopilot
+    pitch_rad: Array  # (N,) of the autopilot
+    roll_asked_rad: Array  # (N,)
+    pitch_asked_rad: Array  # (N,)
+    size_rad: Array  # (N,) angle between both verticals; NaN without a demand
+    flies: Mask  # (N,) armed, driven, and in a mode that asks for attitudes
 
 
 def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:

@@ -144,19 +144,12 @@ def _jumps(
 
 
 class _Half(NamedTuple):
-    """Means over half a window.
+    """Means over half a window."""
 
-    Attributes:
-        extra_n: (M, 3) acceleration of the force minus that of the receiver, NED, m/s^2.
-        axes_n: (M, 3, 3) the body's axes as columns, NED.
-        moved_n: (M, 3) acceleration of the receiver.
-        variance: (M,) of the force, from slow samples of a vibration.
-    """
-
-    extra_n: Array
-    axes_n: Array
-    moved_n: Array
-    variance: Array
+    extra_n: Array  # (M, 3) acceleration of the force minus that of the receiver, NED, m/s^2
+    axes_n: Array  # (M, 3, 3) the body's axes as columns, NED
+    moved_n: Array  # (M, 3) acceleration of the receiver
+    variance: Array  # (M,) of the force, from slow samples of a vibration
 
 
 def _sums(track: ImuTrack, q_s: Array) -> Array:

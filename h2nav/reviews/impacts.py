@@ -56,51 +56,30 @@ AFTER_S = 3.0
 
 
 class Impact(NamedTuple):
-    """A blow that ended a flight.
+    """A blow that ended a flight."""
 
-    Attributes:
-        t_s: of the impact.
-        to_s: end of the armed time.
-        peak_g: largest force.
-        peak_rad_s: largest rate.
-        tilt_rad: final tilt relative to the position before take-off; NaN if unknown.
-        turned_rad: rotation in the two seconds before.
-        turned_s: time of half a right angle.
-        is_crash: it ended on its side or back, or had turned over before; otherwise a hard landing.
-    """
-
-    t_s: float
-    to_s: float
-    peak_g: float
-    peak_rad_s: float
-    tilt_rad: float
-    turned_rad: float
-    turned_s: float
+    t_s: float  # of the impact
+    to_s: float  # end of the armed time
+    peak_g: float  # largest force
+    peak_rad_s: float  # largest rate
+    tilt_rad: float  # final tilt relative to the position before take-off; NaN if unknown
+    turned_rad: float  # rotation in the two seconds before
+    turned_s: float  # time of half a right angle
+    # it ended on its side or back, or had turned over before; otherwise a hard landing
     is_crash: bool
 
 
 class Bins(NamedTuple):
-    """Samples of one IMU in short bins.
+    """Samples of one IMU in short bins."""
 
-    Attributes:
-        t_s: (N,) their beginnings.
-        f_b: (N, 3) mean force, m/s^2.
-        w_b: (N, 3) mean rate, rad/s.
-        peak_g: (N,) largest force.
-        peak_rad_s: (N,) largest rate.
-        driven: (N,) share of the motors' range, or of the throttle's; NaN if unknown.
-        flying: least share in flight.
-        idle: share below which it does not fly.
-    """
-
-    t_s: Array
-    f_b: Array
-    w_b: Array
-    peak_g: Array
-    peak_rad_s: Array
-    driven: Array
-    flying: float = FLYING_SHARE
-    idle: float = IDLE_SHARE
+    t_s: Array  # (N,) their beginnings
+    f_b: Array  # (N, 3) mean force, m/s^2
+    w_b: Array  # (N, 3) mean rate, rad/s
+    peak_g: Array  # (N,) largest force
+    peak_rad_s: Array  # (N,) largest rate
+    driven: Array  # (N,) share of the motors' range, or of the throttle's; NaN if unknown
+    flying: float = FLYING_SHARE  # least share in flight
+    idle: float = IDLE_SHARE  # share below which it does not fly
 
     def part(self, wanted: Mask) -> "Bins":
         """A selection of the bins."""

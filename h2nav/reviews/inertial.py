@@ -23,19 +23,12 @@ SLOWED_HZ = 100.0
 
 
 class Attitudes(NamedTuple):
-    """Attitudes over time; sigma is infinite where unknown.
+    """Attitudes over time; sigma is infinite where unknown."""
 
-    Attributes:
-        t_s: (N,) increasing.
-        q_nb: (N, 4) continuous in sign.
-        sigma_tilt_rad: (N,).
-        sigma_heading_rad: (N,).
-    """
-
-    t_s: Array
-    q_nb: Array
-    sigma_tilt_rad: Array
-    sigma_heading_rad: Array
+    t_s: Array  # (N,) increasing
+    q_nb: Array  # (N, 4) continuous in sign
+    sigma_tilt_rad: Array  # (N,)
+    sigma_heading_rad: Array  # (N,)
 
     def at(self, t_s: Array) -> Array:
         """(M, 4) attitudes at other times; NaN beyond the ends and in gaps."""
@@ -172,15 +165,11 @@ def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
 
 
 class VelocityTrack(NamedTuple):
-    """The integral of the acceleration, whose constant is unknown.
+    """The integral of the acceleration, whose constant is unknown."""
 
-    Attributes:
-        t_s: (N,) of the samples.
-        values: (N, 5) NED, m/s; time until then without sample or attitude, s; variance added by
-            slow samples of a vibration, (m/s)^2.
-    """
-
-    t_s: Array
+    t_s: Array  # (N,) of the samples
+    # (N, 5) NED, m/s; time until then without sample or attitude, s; variance added by slow
+    # samples of a vibration, (m/s)^2
     values: Array
 
     def between(self, from_s: Array, to_s: Array) -> Array:

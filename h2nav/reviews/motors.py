@@ -38,19 +38,12 @@ MOTOR_FUNCTIONS = {*range(33, 41), *range(82, 86), *range(101, 113)}
 
 
 class MotorOutputs(NamedTuple):
-    """The motors' outputs at the times of bins.
+    """The motors' outputs at the times of bins."""
 
-    Attributes:
-        bins: of an IMU.
-        pwm_us: (N, k) outputs.
-        share: (N, k) 0 to 1 of their range.
-        flies: (N,) the motors carry it, before any impact.
-    """
-
-    bins: Bins
-    pwm_us: Array
-    share: Array
-    flies: Mask
+    bins: Bins  # of an IMU
+    pwm_us: Array  # (N, k) outputs
+    share: Array  # (N, k) 0 to 1 of their range
+    flies: Mask  # (N,) the motors carry it, before any impact
 
 
 def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:

@@ -48,21 +48,13 @@ class Moves(NamedTuple):
 
 
 class _Lined(NamedTuple):
-    """The data of the fit, in a frame carried by the gyro alone.
+    """The data of the fit, in a frame carried by the gyro alone."""
 
-    Attributes:
-        t_s: (N,) of the fixes, minus their delay.
-        v_s: (N, 3) integral of the force.
-        v_n: (N, 3) measured velocity minus that of gravity.
-        up_s: (N, 3) our vertical.
-        tilt_rad: (N,) its possible error.
-    """
-
-    t_s: Array
-    v_s: Array
-    v_n: Array
-    up_s: Array
-    tilt_rad: Array
+    t_s: Array  # (N,) of the fixes, minus their delay
+    v_s: Array  # (N, 3) integral of the force
+    v_n: Array  # (N, 3) measured velocity minus that of gravity
+    up_s: Array  # (N, 3) our vertical
+    tilt_rad: Array  # (N,) its possible error
 
 
 def fits(

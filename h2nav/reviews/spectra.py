@@ -267,17 +267,11 @@ def _order(peak: Peak) -> str:
 
 
 class Family(NamedTuple):
-    """A family of lines for a notch.
+    """A family of lines for a notch."""
 
-    Attributes:
-        base_hz: the fundamental.
-        mask: bit 0 for the fundamental, bit 1 for twice as much, and so on.
-        lines: the peaks, by harmonic.
-    """
-
-    base_hz: float
-    mask: int
-    lines: tuple[Peak, ...]
+    base_hz: float  # the fundamental
+    mask: int  # bit 0 for the fundamental, bit 1 for twice as much, and so on
+    lines: tuple[Peak, ...]  # the peaks, by harmonic
 
 
 def family_of(spectrum: Spectrum) -> Family | None:

@@ -32,17 +32,11 @@ SCALE_SHARE = 0.10
 
 
 class Rest(NamedTuple):
-    """Windows at rest, of one IMU.
+    """Windows at rest, of one IMU."""
 
-    Attributes:
-        t_s: (N,) their beginnings.
-        f_b: (N, 3) mean force, m/s^2.
-        w_b: (N, 3) mean rate, rad/s.
-    """
-
-    t_s: Array
-    f_b: Array
-    w_b: Array
+    t_s: Array  # (N,) their beginnings
+    f_b: Array  # (N, 3) mean force, m/s^2
+    w_b: Array  # (N, 3) mean rate, rad/s
 
     def part(self, wanted: Mask) -> "Rest":
         """A selection of the windows."""

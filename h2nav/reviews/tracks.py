@@ -12,178 +12,102 @@ from h2nav.recordings.context import Array
 
 
 class Peak(NamedTuple):
-    """A line of a spectrum.
+    """A line of a spectrum."""
 
-    Attributes:
-        frequency_hz: its centre.
-        width_hz: between the points of half its power.
-        rms: of the line over all three axes, in the spectrum's unit.
-        harmonic: its number among the harmonics, 1 = the fundamental; 0 = of no family.
-    """
-
-    frequency_hz: float
-    width_hz: float
-    rms: float
-    harmonic: int
+    frequency_hz: float  # its centre
+    width_hz: float  # between the points of half its power
+    rms: float  # of the line over all three axes, in the spectrum's unit
+    harmonic: int  # its number among the harmonics, 1 = the fundamental; 0 = of no family
 
 
 class Spectrum(NamedTuple):
-    """Vibration of one sensor while the motors turned: the mean spectrum and its change over time.
+    """Vibration of one sensor while the motors turned: the mean spectrum and its change."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        sensor: ``gyro`` or ``accelerometer``.
-        unit: of the values: ``rad/s`` or ``m/s^2``.
-        rate_hz: of the samples; frequencies above its half appear mirrored below.
-        is_burst: from bursts at the sensor's own rate; otherwise from the samples as recorded.
-        frequency_hz: (F,) at most 256.
-        density: (F, 3) amplitude per root of bandwidth, unit / sqrt(Hz), body axes.
-        peaks: prominent lines, strongest first.
-        t_s: (T,) centres of the spectrogram's columns, at most 300.
-        levels: (T, F) the same density over all axes; float32.
-    """
-
-    imu: int
-    sensor: str
-    unit: str
-    rate_hz: float
-    is_burst: bool
-    frequency_hz: Array
-    density: Array
-    peaks: tuple[Peak, ...]
-    t_s: Array
-    levels: NDArray[np.float32]
+    imu: int  # number of the IMU, from 0
+    sensor: str  # ``gyro`` or ``accelerometer``
+    unit: str  # of the values: ``rad/s`` or ``m/s^2``
+    rate_hz: float  # of the samples; frequencies above its half appear mirrored below
+    is_burst: bool  # from bursts at the sensor's own rate; otherwise from the samples as recorded
+    frequency_hz: Array  # (F,) at most 256
+    density: Array  # (F, 3) amplitude per root of bandwidth, unit / sqrt(Hz), body axes
+    peaks: tuple[Peak, ...]  # prominent lines, strongest first
+    t_s: Array  # (T,) centres of the spectrogram's columns, at most 300
+    levels: NDArray[np.float32]  # (T, F) the same density over all axes; float32
 
 
 class Vibrations(NamedTuple):
-    """Vibration of one accelerometer as ArduPilot's VIBE messages define it.
+    """Vibration of one accelerometer as ArduPilot's VIBE messages define it."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        t_s: (N,) at most 2000.
-        level: (N, 3) m/s^2, body axes.
-        limit: above which estimators suffer, m/s^2.
-        clipped: samples at the end of the range, over the whole recording.
-    """
-
-    imu: int
-    t_s: Array
-    level: Array
-    limit: float
-    clipped: int
+    imu: int  # number of the IMU, from 0
+    t_s: Array  # (N,) at most 2000
+    level: Array  # (N, 3) m/s^2, body axes
+    limit: float  # above which estimators suffer, m/s^2
+    clipped: int  # samples at the end of the range, over the whole recording
 
 
 class FieldTrack(NamedTuple):
-    """The field of one compass and the World Magnetic Model; at most 2000 points.
+    """The field of one compass and the World Magnetic Model; at most 2000 points."""
 
-    Attributes:
-        compass: number, from 0.
-        t_s: (N,).
-        norm_ut: (N,) measured.
-        dip_rad: (N,) measured, by the best attitude's vertical.
-        heading_rad: (N,) error of the field's direction about the vertical by the best attitude,
-            positive clockwise from above.
-        model_norm_ut: (N,) of the model.
-        model_dip_rad: (N,) of the model.
-    """
-
-    compass: int
-    t_s: Array
-    norm_ut: Array
-    dip_rad: Array
+    compass: int  # number, from 0
+    t_s: Array  # (N,)
+    norm_ut: Array  # (N,) measured
+    dip_rad: Array  # (N,) measured, by the best attitude's vertical
+    # (N,) error of the field's direction about the vertical by the best attitude, positive
+    # clockwise from above
     heading_rad: Array
-    model_norm_ut: Array
-    model_dip_rad: Array
+    model_norm_ut: Array  # (N,) of the model
+    model_dip_rad: Array  # (N,) of the model
 
 
 class CompassFit(NamedTuple):
-    """Residuals between one compass and the earth's field, and their explanation.
+    """Residuals between one compass and the earth's field, and their explanation."""
 
-    Attributes:
-        compass: number, from 0.
-        heading_rad: (S,) centres of the sectors of the vehicle's heading, 0 to 2 pi.
-        residual_ut: (S,) rms of measured minus expected field per sector.
-        fitted_ut: (S,) the same after the fit below.
-        heading_error_rad: (S,) resulting mean heading error.
-        offset_b_ut: hard iron, body frame: measured = scale * true + offset; NaN if not determined.
-        scale: of the norm; NaN if not determined.
-        throttle: (K,) centres of the bins of throttle; empty where it was not recorded.
-        motor_ut: (K,) rms of the field's change with throttle, microtesla.
-        motor_b_ut: (3,) change of the field from no throttle to full, body frame.
-    """
-
-    compass: int
-    heading_rad: Array
-    residual_ut: Array
-    fitted_ut: Array
-    heading_error_rad: Array
+    compass: int  # number, from 0
+    heading_rad: Array  # (S,) centres of the sectors of the vehicle's heading, 0 to 2 pi
+    residual_ut: Array  # (S,) rms of measured minus expected field per sector
+    fitted_ut: Array  # (S,) the same after the fit below
+    heading_error_rad: Array  # (S,) resulting mean heading error
+    # hard iron, body frame: measured = scale * true + offset; NaN if not determined
     offset_b_ut: Array
-    scale: float
-    throttle: Array
-    motor_ut: Array
-    motor_b_ut: Array
+    scale: float  # of the norm; NaN if not determined
+    throttle: Array  # (K,) centres of the bins of throttle; empty where it was not recorded
+    motor_ut: Array  # (K,) rms of the field's change with throttle, microtesla
+    motor_b_ut: Array  # (3,) change of the field from no throttle to full, body frame
 
 
 class Bias(NamedTuple):
-    """Bias of one gyro and one accelerometer; at most 2000 points.
+    """Bias of one gyro and one accelerometer; at most 2000 points."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        t_s: (N,).
-        gyro_b: (N, 3) rad/s, body frame.
-        gyro_limit: of a data sheet, rad/s.
-        force_t_s: (M,) times at rest.
-        force_norm: (M,) norm of the specific force at rest, m/s^2.
-        force_limit: of its difference to gravity by a data sheet, m/s^2.
-    """
-
-    imu: int
-    t_s: Array
-    gyro_b: Array
-    gyro_limit: float
-    force_t_s: Array
-    force_norm: Array
-    force_limit: float
+    imu: int  # number of the IMU, from 0
+    t_s: Array  # (N,)
+    gyro_b: Array  # (N, 3) rad/s, body frame
+    gyro_limit: float  # of a data sheet, rad/s
+    force_t_s: Array  # (M,) times at rest
+    force_norm: Array  # (M,) norm of the specific force at rest, m/s^2
+    force_limit: float  # of its difference to gravity by a data sheet, m/s^2
 
 
 class TimingTrack(NamedTuple):
-    """Samples of one IMU over time; at most 1000 columns.
+    """Samples of one IMU over time; at most 1000 columns."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        source: their message.
-        t_s: (N,) centres of columns.
-        rate_hz: (N,) samples per second.
-        longest_s: (N,) longest time between two samples.
-        lateness_s: (N,) largest delay of arrivals against the autopilot's stamps; NaN if both
-            clocks are the same.
-    """
-
-    imu: int
-    source: str
-    t_s: Array
-    rate_hz: Array
-    longest_s: Array
+    imu: int  # number of the IMU, from 0
+    source: str  # their message
+    t_s: Array  # (N,) centres of columns
+    rate_hz: Array  # (N,) samples per second
+    longest_s: Array  # (N,) longest time between two samples
+    # (N,) largest delay of arrivals against the autopilot's stamps; NaN if both clocks are
+    # the same
     lateness_s: Array
 
 
 class Receiver(NamedTuple):
-    """Velocity of one receiver and inertial motion over short windows; at most 2000 points.
+    """Velocity of one receiver and inertial motion over short windows; at most 2000 points."""
 
-    Attributes:
-        receiver: number, from 0.
-        t_s: (N,) ends of the windows.
-        difference_n: (N, 3) change of velocity over the window, receiver minus inertial, NED, m/s.
-        position_m: (N,) distance between the change of position and the integrated velocity.
-        sigma_m_s: (N,) accuracy stated by the receiver.
-        satellites: (N,).
-        lag_s: of the receiver's velocity against the IMU; NaN where not determined.
-    """
-
-    receiver: int
-    t_s: Array
+    receiver: int  # number, from 0
+    t_s: Array  # (N,) ends of the windows
+    # (N, 3) change of velocity over the window, receiver minus inertial, NED, m/s
     difference_n: Array
-    position_m: Array
-    sigma_m_s: Array
-    satellites: Array
-    lag_s: float
+    position_m: Array  # (N,) distance between the change of position and the integrated velocity
+    sigma_m_s: Array  # (N,) accuracy stated by the receiver
+    satellites: Array  # (N,)
+    lag_s: float  # of the receiver's velocity against the IMU; NaN where not determined

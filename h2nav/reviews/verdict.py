@@ -103,17 +103,11 @@ PHRASES: dict[Kind, str] = {
 
 
 class FlightVerdict(NamedTuple):
-    """The verdict and its basis.
+    """The verdict and its basis."""
 
-    Attributes:
-        text: one to four sentences.
-        looked_at: checked subjects, one phrase each.
-        missing: subjects that could not be checked.
-    """
-
-    text: str
-    looked_at: tuple[str, ...]
-    missing: tuple[str, ...]
+    text: str  # one to four sentences
+    looked_at: tuple[str, ...]  # checked subjects, one phrase each
+    missing: tuple[str, ...]  # subjects that could not be checked
 
 
 def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:

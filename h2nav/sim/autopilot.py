@@ -37,51 +37,29 @@ _FRAME_OVERHEAD = 12
 
 @dataclass(frozen=True, slots=True)
 class AutopilotOptions:
-    """Options of a fake autopilot.
+    """Options of a fake autopilot."""
 
-    Attributes:
-        scenario: the flight.
-        personality: ArduPilot or PX4.
-        seed: of all random numbers.
-        faults: the scheduled faults.
-        sensor: the kind of IMU on board.
-        imus: number of IMUs, each with a compass.
-        extra_streams: forwarded messages of other components.
-        boot_text: send the text of a serial port at power-on.
-        line_bytes_per_s: capacity of a serial line; None = no limit.
-        wrong: calibration of the first IMU and its compass.
-        parameters: set before it is switched on.
-        asks_to_arm: requests an authorization before it arms.
-    """
-
-    scenario: Scenario
-    personality: Personality = ARDUPILOT
-    seed: int = 0
-    faults: tuple[Fault, ...] = ()
-    sensor: ImuParameters = MPU_9250
-    imus: int = 1
-    extra_streams: tuple[Stream, ...] = ()
-    boot_text: bool = False
-    line_bytes_per_s: float | None = None
-    wrong: Miscalibration = SOUND
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    asks_to_arm: bool = False
+    scenario: Scenario  # the flight
+    personality: Personality = ARDUPILOT  # ArduPilot or PX4
+    seed: int = 0  # of all random numbers
+    faults: tuple[Fault, ...] = ()  # the scheduled faults
+    sensor: ImuParameters = MPU_9250  # the kind of IMU on board
+    imus: int = 1  # number of IMUs, each with a compass
+    extra_streams: tuple[Stream, ...] = ()  # forwarded messages of other components
+    boot_text: bool = False  # send the text of a serial port at power-on
+    line_bytes_per_s: float | None = None  # capacity of a serial line; None = no limit
+    wrong: Miscalibration = SOUND  # calibration of the first IMU and its compass
+    parameters: Mapping[str, float] = field(default_factory=dict)  # set before it is switched on
+    asks_to_arm: bool = False  # requests an authorization before it arms
 
 
 class Outgoing(NamedTuple):
-    """A message for the link.
+    """A message for the link."""
 
-    Attributes:
-        t_ns: host time of sending.
-        sysid: system id of the sender.
-        compid: component id of the sender.
-        message: a message of pymavlink's dialect, or bytes that are not a frame.
-    """
-
-    t_ns: int
-    sysid: int
-    compid: int
-    message: Any
+    t_ns: int  # host time of sending
+    sysid: int  # system id of the sender
+    compid: int  # component id of the sender
+    message: Any  # a message of pymavlink's dialect, or bytes that are not a frame
 
 
 class FakeAutopilot:

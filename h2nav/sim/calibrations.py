@@ -24,27 +24,16 @@ SCALES = 0.7, 1.3
 
 
 class Miscalibration(NamedTuple):
-    """Errors of the first IMU and its compass.
+    """Errors of the first IMU and its compass."""
 
-    Attributes:
-        compass_offset_mg: field of the vehicle's own parts, body axes.
-        compass_turned_deg: rotation of the compass about the vertical.
-        compass_scale: scale factor per axis.
-        motor_field_mg: field of the motors at full throttle, body axes.
-        accelerometer_scale: scale factor per axis.
-        accelerometer_offset_m_s2: output at zero force, per axis.
-        gyro_offset_deg_s: added to the gyro's own bias, per axis.
-        board_deg: roll and pitch of the board in the frame.
-    """
-
-    compass_offset_mg: Vec3 = ZERO
-    compass_turned_deg: float = 0.0
-    compass_scale: Vec3 = ONE
-    motor_field_mg: Vec3 = ZERO
-    accelerometer_scale: Vec3 = ONE
-    accelerometer_offset_m_s2: Vec3 = ZERO
-    gyro_offset_deg_s: Vec3 = ZERO
-    board_deg: tuple[float, float] = (0.0, 0.0)
+    compass_offset_mg: Vec3 = ZERO  # field of the vehicle's own parts, body axes
+    compass_turned_deg: float = 0.0  # rotation of the compass about the vertical
+    compass_scale: Vec3 = ONE  # scale factor per axis
+    motor_field_mg: Vec3 = ZERO  # field of the motors at full throttle, body axes
+    accelerometer_scale: Vec3 = ONE  # scale factor per axis
+    accelerometer_offset_m_s2: Vec3 = ZERO  # output at zero force, per axis
+    gyro_offset_deg_s: Vec3 = ZERO  # added to the gyro's own bias, per axis
+    board_deg: tuple[float, float] = (0.0, 0.0)  # roll and pitch of the board in the frame
 
     def shown(self, sample: ImuSample, throttle: float, own: Mapping[str, float]) -> ImuSample:
         """Applies the errors and the correction by parameters to a sample of sound sensors."""

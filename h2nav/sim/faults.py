@@ -20,24 +20,16 @@ _UNTIMED = re.compile(r"(?P<name>[a-z-]+)(=(?P<value>[^@/]+))?(/(?P<imu>[1-3]))?
 
 
 class FaultKind(NamedTuple):
-    """A fault that can be requested.
+    """A fault that can be requested."""
 
-    Attributes:
-        summary: one line of help.
-        default: argument if none is given, "" if there is no choice; None = required, the name of
-            a message.
-        choices: the words allowed as argument; empty = a number.
-        low: smallest number.
-        high: largest number.
-        of_imu: it affects one IMU or its compass, by default the first.
-    """
-
-    summary: str
+    summary: str  # one line of help
+    # argument if none is given, "" if there is no choice; None = required, the name of a
+    # message
     default: float | str | None = None
-    choices: tuple[str, ...] = ()
-    low: float = 0.0
-    high: float = 1e6
-    of_imu: bool = False
+    choices: tuple[str, ...] = ()  # the words allowed as argument; empty = a number
+    low: float = 0.0  # smallest number
+    high: float = 1e6  # largest number
+    of_imu: bool = False  # it affects one IMU or its compass, by default the first
 
 
 def _of_imu(

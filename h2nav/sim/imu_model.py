@@ -40,41 +40,23 @@ class GyroSampling(Enum):
 
 
 class ImuParameters(NamedTuple):
-    """Errors of a sensor; per axis, body frame.
+    """Errors of a sensor; per axis, body frame."""
 
-    Attributes:
-        name: of the part.
-        gyro_noise_deg_s_rthz: one-sided density.
-        gyro_walk_deg_s_rts: the bias walks by this much in one second.
-        gyro_bias_deg_s: bias at the start.
-        gyro_range_deg_s: largest value.
-        gyro_step_deg_s: smallest step.
-        accel_noise_ug_rthz: one-sided density.
-        accel_bias_mg: constant.
-        accel_range_g: largest value.
-        accel_step_mg: smallest step.
-        mag_noise_ut: rms of every sample, whatever the rate.
-        mag_range_ut: largest value.
-        mag_step_ut: smallest step.
-        hard_iron_ut: constant field of the vehicle itself.
-        gyro_sampling: what a gyro sample is.
-    """
-
-    name: str
-    gyro_noise_deg_s_rthz: float
-    gyro_walk_deg_s_rts: float
-    gyro_bias_deg_s: Vec3
-    gyro_range_deg_s: float
-    gyro_step_deg_s: float
-    accel_noise_ug_rthz: float
-    accel_bias_mg: Vec3
-    accel_range_g: float
-    accel_step_mg: float
-    mag_noise_ut: float
-    mag_range_ut: float
-    mag_step_ut: float
-    hard_iron_ut: Vec3 = NO_OFFSET
-    gyro_sampling: GyroSampling = GyroSampling.MEAN
+    name: str  # of the part
+    gyro_noise_deg_s_rthz: float  # one-sided density
+    gyro_walk_deg_s_rts: float  # the bias walks by this much in one second
+    gyro_bias_deg_s: Vec3  # bias at the start
+    gyro_range_deg_s: float  # largest value
+    gyro_step_deg_s: float  # smallest step
+    accel_noise_ug_rthz: float  # one-sided density
+    accel_bias_mg: Vec3  # constant
+    accel_range_g: float  # largest value
+    accel_step_mg: float  # smallest step
+    mag_noise_ut: float  # rms of every sample, whatever the rate
+    mag_range_ut: float  # largest value
+    mag_step_ut: float  # smallest step
+    hard_iron_ut: Vec3 = NO_OFFSET  # constant field of the vehicle itself
+    gyro_sampling: GyroSampling = GyroSampling.MEAN  # what a gyro sample is
 
 
 # InvenSense MPU-9250 product specification PS-MPU-9250A-01 rev. 1.1, tables 1-3: 0.01 deg/s/rtHz,
@@ -99,52 +81,34 @@ MPU_9250 = ImuParameters(
 
 
 class Disturbance(NamedTuple):
-    """Effects of the surroundings on one sample, before the sensor's range limits it.
+    """Effects of the surroundings on one sample, before the sensor's range limits it."""
 
-    Attributes:
-        hard_iron_ut: field added in the body frame, microtesla.
-        vibration_m_s2: amplitude of a vibration of the sensor, m/s^2, near 87 Hz.
-    """
-
-    hard_iron_ut: Vec3 = NO_OFFSET
-    vibration_m_s2: float = 0.0
+    hard_iron_ut: Vec3 = NO_OFFSET  # field added in the body frame, microtesla
+    vibration_m_s2: float = 0.0  # amplitude of a vibration of the sensor, m/s^2, near 87 Hz
 
 
 CALM = Disturbance()
 
 
 class SensorReadings(NamedTuple):
-    """Readings of ideal sensors over a whole flight: arrays with one row per sample.
+    """Readings of ideal sensors over a whole flight: arrays with one row per sample."""
 
-    Attributes:
-        t_us: (N,) int64, time stamps.
-        w_b: (N, 3) angular rate, rad/s, as `GyroSampling` says.
-        f_b: (N, 3) specific force, m/s^2.
-        m_b_ut: (N, 3) magnetic field, microtesla.
-        q_nb: (N, 4) true attitude.
-    """
-
-    t_us: NDArray[np.int64]
-    w_b: Floats
-    f_b: Floats
-    m_b_ut: Floats
-    q_nb: Floats
+    t_us: NDArray[np.int64]  # (N,) int64, time stamps
+    w_b: Floats  # (N, 3) angular rate, rad/s, as `GyroSampling` says
+    f_b: Floats  # (N, 3) specific force, m/s^2
+    m_b_ut: Floats  # (N, 3) magnetic field, microtesla
+    q_nb: Floats  # (N, 4) true attitude
 
 
 class ImuBatch(NamedTuple):
-    """Readings of real sensors over a whole flight; shapes and units as in `SensorReadings`.
-
-    Attributes:
-        gyro_bias: (N, 3) the true bias in each sample, rad/s.
-        clipped: (N,) bool.
-    """
+    """Readings of real sensors over a whole flight; shapes and units as in `SensorReadings`."""
 
     t_us: NDArray[np.int64]
     w_b: Floats
     f_b: Floats
     m_b_ut: Floats
-    gyro_bias: Floats
-    clipped: NDArray[np.bool_]
+    gyro_bias: Floats  # (N, 3) the true bias in each sample, rad/s
+    clipped: NDArray[np.bool_]  # (N,) bool
 
 
 def field_vector(field: EarthField) -> Vec3:

@@ -38,43 +38,27 @@ PLANE_LOOP_HZ = 50
 
 
 class Personality(NamedTuple):
-    """The behaviour of one make of autopilot.
+    """The behaviour of one make of autopilot."""
 
-    Attributes:
-        name: as on the command line.
-        autopilot: MAV_AUTOPILOT of its heartbeat.
-        base_mode: of its heartbeat while disarmed.
-        custom_modes: of its heartbeat on the ground and in the air.
-        flight_sw_version: of AUTOPILOT_VERSION: major, minor, patch, kind of release.
-        streams: that it can send.
-        interval_ns: requested interval -> the one it uses, ns; None = it refuses.
-        refusal: MAV_RESULT for a refused or unknown stream.
-        too_fast_text: STATUSTEXT on a refused rate, with {} for the message id; empty = none.
-        unknown_text: the same about an unknown message.
-        takes_data_streams: whether it obeys REQUEST_DATA_STREAM.
-        stamp_jitter_us: the largest delay between an IMU sample and its time stamp.
-        ages: how old the content of its messages is at their time stamp.
-        parameters: values by name.
-        boot_text: text of a serial port at power-on, before and after the first heartbeats.
-        mav_type: MAV_TYPE of its heartbeat; None = that of the scenario's vehicle.
-    """
-
-    name: str
-    autopilot: int
-    base_mode: int
-    custom_modes: tuple[int, int]
+    name: str  # as on the command line
+    autopilot: int  # MAV_AUTOPILOT of its heartbeat
+    base_mode: int  # of its heartbeat while disarmed
+    custom_modes: tuple[int, int]  # of its heartbeat on the ground and in the air
+    # of AUTOPILOT_VERSION: major, minor, patch, kind of release
     flight_sw_version: tuple[int, int, int, int]
-    streams: tuple[Stream, ...]
+    streams: tuple[Stream, ...]  # that it can send
+    # requested interval -> the one it uses, ns; None = it refuses
     interval_ns: Callable[[int], int | None]
-    refusal: int
-    too_fast_text: str
-    unknown_text: str
-    takes_data_streams: bool
-    stamp_jitter_us: int
-    ages: SimulatedAges
-    parameters: dict[str, float]
+    refusal: int  # MAV_RESULT for a refused or unknown stream
+    too_fast_text: str  # STATUSTEXT on a refused rate, with {} for the message id; empty = none
+    unknown_text: str  # the same about an unknown message
+    takes_data_streams: bool  # whether it obeys REQUEST_DATA_STREAM
+    stamp_jitter_us: int  # the largest delay between an IMU sample and its time stamp
+    ages: SimulatedAges  # how old the content of its messages is at their time stamp
+    parameters: dict[str, float]  # values by name
+    # text of a serial port at power-on, before and after the first heartbeats
     boot_text: tuple[bytes, ...]
-    mav_type: int | None = None
+    mav_type: int | None = None  # MAV_TYPE of its heartbeat; None = that of the scenario's vehicle
 
 
 def _ardupilot_interval(loop_hz: int) -> Callable[[int], int | None]:

@@ -12,21 +12,13 @@ ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 
 class RigidMotion(NamedTuple):
-    """Position and motion of a vehicle at one instant.
+    """Position and motion of a vehicle at one instant."""
 
-    Attributes:
-        q_nb: attitude, body (FRD) to NED with true north.
-        w_b: angular rate of the body, rad/s.
-        a_n: acceleration, NED, m/s^2, without gravity.
-        v_n: velocity, NED, m/s.
-        p_n: position, NED, m from the start of the scenario.
-    """
-
-    q_nb: Quat
-    w_b: Vec3
-    a_n: Vec3
-    v_n: Vec3
-    p_n: Vec3
+    q_nb: Quat  # attitude, body (FRD) to NED with true north
+    w_b: Vec3  # angular rate of the body, rad/s
+    a_n: Vec3  # acceleration, NED, m/s^2, without gravity
+    v_n: Vec3  # velocity, NED, m/s
+    p_n: Vec3  # position, NED, m from the start of the scenario
 
 
 class EulerAngles(NamedTuple):

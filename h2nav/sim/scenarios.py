@@ -29,26 +29,16 @@ QUADROTOR, ROVER = 2, 10
 
 
 class Scenario(NamedTuple):
-    """One named flight.
+    """One named flight."""
 
-    Attributes:
-        name: as on the command line.
-        summary: one line of help.
-        duration_s: length that shows all of it.
-        motion_at: the truth at t seconds after the start.
-        armed_s: when the motors are armed; None = never.
-        airborne_s: when the vehicle takes off, or a rover starts; None = never.
-        mav_type: MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover.
-        wheels_at: distance of the left and right wheel, m, at t seconds; None without wheels.
-    """
-
-    name: str
-    summary: str
-    duration_s: float
-    motion_at: Callable[[float], RigidMotion]
-    armed_s: float | None = 0.0
-    airborne_s: float | None = 0.0
-    mav_type: int = QUADROTOR
+    name: str  # as on the command line
+    summary: str  # one line of help
+    duration_s: float  # length that shows all of it
+    motion_at: Callable[[float], RigidMotion]  # the truth at t seconds after the start
+    armed_s: float | None = 0.0  # when the motors are armed; None = never
+    airborne_s: float | None = 0.0  # when the vehicle takes off, or a rover starts; None = never
+    mav_type: int = QUADROTOR  # MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover
+    # distance of the left and right wheel, m, at t seconds; None without wheels
     wheels_at: WheelsAt | None = None
 
     def motion(self, t_s: float) -> RigidMotion:

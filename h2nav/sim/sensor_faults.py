@@ -112,17 +112,11 @@ class SensorFaults:
 
 
 class GpsReading(NamedTuple):
-    """A receiver's measurement.
+    """A receiver's measurement."""
 
-    Attributes:
-        has_fix: whether it has a fix.
-        p_n: position, NED, m from the start of the scenario.
-        v_n: velocity, NED, m/s.
-    """
-
-    has_fix: bool
-    p_n: Vec3
-    v_n: Vec3
+    has_fix: bool  # whether it has a fix
+    p_n: Vec3  # position, NED, m from the start of the scenario
+    v_n: Vec3  # velocity, NED, m/s
 
 
 def faulty_gps(schedule: FaultSchedule, t_s: float, reading: GpsReading) -> GpsReading:

@@ -21,20 +21,13 @@ AUTOPILOT_COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 
 class Stream(NamedTuple):
-    """A message that an autopilot sends at a rate.
+    """A message that an autopilot sends at a rate."""
 
-    Attributes:
-        make: the message at the vehicle's present instant.
-        message: pymavlink's class of it.
-        default_hz: its rate without a request; 0 = not sent.
-        group: its MAV_DATA_STREAM for REQUEST_DATA_STREAM; None = in none.
-        compid: the sender; the autopilot forwards messages of other components.
-    """
-
-    make: Callable[[Vehicle], Any | None]
-    message: type[Any]
-    default_hz: float = 0.0
-    group: int | None = None
+    make: Callable[[Vehicle], Any | None]  # the message at the vehicle's present instant
+    message: type[Any]  # pymavlink's class of it
+    default_hz: float = 0.0  # its rate without a request; 0 = not sent
+    group: int | None = None  # its MAV_DATA_STREAM for REQUEST_DATA_STREAM; None = in none
+    # the sender; the autopilot forwards messages of other components
     compid: int = AUTOPILOT_COMPONENT
 
     @property

@@ -54,15 +54,10 @@ SECOND_ERROR: Vec3 = (0.4 * DEG, 0.4 * DEG, 1.2 * DEG)
 
 
 class SimulatedAges(NamedTuple):
-    """Age of the content of the autopilot's messages at their time stamp, s.
+    """Age of the content of the autopilot's messages at their time stamp, s."""
 
-    Attributes:
-        rates_s: rates and forces, which have passed a low-pass.
-        field_s: the field, which is read less often.
-    """
-
-    rates_s: float
-    field_s: float
+    rates_s: float  # rates and forces, which have passed a low-pass
+    field_s: float  # the field, which is read less often
 
 
 class Estimate(NamedTuple):

@@ -19,23 +19,14 @@ VELOCITY_SIGMA_M_S = 0.02
 
 
 class VisionOptions(NamedTuple):
-    """A source of poses.
+    """A source of poses."""
 
-    Attributes:
-        message: odometry, vision_position_estimate or att_pos_mocap.
-        rate_hz: poses per second.
-        delay_s: from the exposure, whose time the message carries, to its arrival.
-        drop_out: share of the poses that are missing.
-        attitude_sigma_rad: one-sigma noise per axis.
-        position_sigma_m: one-sigma noise per axis.
-    """
-
-    message: str = "odometry"
-    rate_hz: float = 30.0
-    delay_s: float = 0.0
-    drop_out: float = 0.0
-    attitude_sigma_rad: float = 2e-3
-    position_sigma_m: float = 5e-3
+    message: str = "odometry"  # odometry, vision_position_estimate or att_pos_mocap
+    rate_hz: float = 30.0  # poses per second
+    delay_s: float = 0.0  # from the exposure, whose time the message carries, to its arrival
+    drop_out: float = 0.0  # share of the poses that are missing
+    attitude_sigma_rad: float = 2e-3  # one-sigma noise per axis
+    position_sigma_m: float = 5e-3  # one-sigma noise per axis
 
 
 class _Pose(NamedTuple):

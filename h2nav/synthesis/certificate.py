@@ -30,29 +30,20 @@ class CertificateError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class LoopCertificate:
-    """The proof for one closed loop.
+    """The proof for one closed loop."""
 
-    Attributes:
-        spectral_abscissa_per_s: largest real part of the error dynamics' eigenvalues; for a
-            discrete loop log(spectral radius)/step. Negative: the error decays.
-        spectral_radius: of a discrete loop; None for a continuous one.
-        h2_norm: by the Lyapunov equation; the rms of C_z e in its own unit.
-        h2_bound: sqrt(trace Q), the bound that X and Q prove.
-        lmi_margin: smallest eigenvalue of both normalised matrix inequalities, > 0.
-        optimality_residual: relative distance of the gain from the optimal gain for its own error
-            covariance; 0 exactly at the optimum.
-        X: (n, n) the matrix of the inequalities, an inverse covariance.
-        Q: (k, k) bound on the covariance of C_z e.
-    """
-
+    # largest real part of the error dynamics' eigenvalues; for a discrete loop log(spectral
+    # radius)/step. Negative: the error decays.
     spectral_abscissa_per_s: float
-    spectral_radius: float | None
-    h2_norm: float
-    h2_bound: float
-    lmi_margin: float
+    spectral_radius: float | None  # of a discrete loop; None for a continuous one
+    h2_norm: float  # by the Lyapunov equation; the rms of C_z e in its own unit
+    h2_bound: float  # sqrt(trace Q), the bound that X and Q prove
+    lmi_margin: float  # smallest eigenvalue of both normalised matrix inequalities, > 0
+    # relative distance of the gain from the optimal gain for its own error covariance; 0
+    # exactly at the optimum
     optimality_residual: float
-    X: Matrix
-    Q: Matrix
+    X: Matrix  # (n, n) the matrix of the inequalities, an inverse covariance
+    Q: Matrix  # (k, k) bound on the covariance of C_z e
 
 
 def prove(plant: Plant, L: Matrix) -> LoopCertificate:

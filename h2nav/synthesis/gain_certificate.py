@@ -32,21 +32,14 @@ REPEATABLE_GAIN = 1e-8
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """One closed loop that a gain file certifies.
+    """One closed loop that a gain file certifies."""
 
-    Attributes:
-        name: key in the certificate.
-        plant: rebuilt from the model.
-        L: (n, p) the gain that the filter applies, in the plant's terms.
-        optimality_limit: as for `certificate.verify`.
-        design: the gain given by the model, where a rule and not the optimum of `plant` defines
-            it; the filter's gain must equal it.
-    """
-
-    name: str
-    plant: Plant
-    L: Matrix
-    optimality_limit: float = OPTIMAL
+    name: str  # key in the certificate
+    plant: Plant  # rebuilt from the model
+    L: Matrix  # (n, p) the gain that the filter applies, in the plant's terms
+    optimality_limit: float = OPTIMAL  # as for `certificate.verify`
+    # the gain given by the model, where a rule and not the optimum of `plant` defines it; the
+    # filter's gain must equal it
     design: Matrix | None = None
 
     def problems(self, proof: LoopCertificate) -> list[str]:
@@ -60,17 +53,12 @@ class Loop:
 
 
 class CertificateVerdict(NamedTuple):
-    """The result of checking a gain file.
+    """The result of checking a gain file."""
 
-    Attributes:
-        problems: everything that is wrong; empty if the certificate holds.
-        spectral_abscissa_per_s: recomputed, the worst of all loops; None when a loop has no proof.
-        h2_norm: recomputed, of the first loop.
-    """
-
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  # everything that is wrong; empty if the certificate holds
+    # recomputed, the worst of all loops; None when a loop has no proof
     spectral_abscissa_per_s: float | None
-    h2_norm: float | None
+    h2_norm: float | None  # recomputed, of the first loop
 
 
 def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, object]) -> GainFile:

@@ -9,14 +9,10 @@ from h2nav.synthesis.gain_certificate import CertificateVerdict, Loop, checked
 
 
 class GainKind(NamedTuple):
-    """How to check a kind of gain file; both functions take the file and its place, for errors.
+    """How to check a kind of gain file; both functions take the file and its place, for errors."""
 
-    Attributes:
-        loops: of its certificate.
-        fixed_point: the section of its integer image, from its gains.
-    """
-
-    loops: Callable[[GainFile, str], list[Loop]]
+    loops: Callable[[GainFile, str], list[Loop]]  # of its certificate
+    # the section of its integer image, from its gains
     fixed_point: Callable[[GainFile, str], Mapping[str, object]]
 
 

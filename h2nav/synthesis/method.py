@@ -9,21 +9,13 @@ from h2nav.synthesis.plant import Matrix
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A gain that a method claims to be optimal; a certificate proves it.
+    """A gain that a method claims to be optimal; a certificate proves it."""
 
-    Attributes:
-        method: "lmi_clarabel", "lmi_scs", "riccati" or "closed_form".
-        L: (n, p) observer gain, per second (continuous plant) or per step (discrete plant).
-        claimed_h2_norm: the norm that the method reports.
-        status: the solver's status.
-        wall_time_s: duration; None if not measured.
-    """
-
-    method: str
-    L: Matrix
-    claimed_h2_norm: float
-    status: str = "solved"
-    wall_time_s: float | None = None
+    method: str  # "lmi_clarabel", "lmi_scs", "riccati" or "closed_form"
+    L: Matrix  # (n, p) observer gain, per second (continuous plant) or per step (discrete plant)
+    claimed_h2_norm: float  # the norm that the method reports
+    status: str = "solved"  # the solver's status
+    wall_time_s: float | None = None  # duration; None if not measured
 
 
 class SynthesisError(Exception):

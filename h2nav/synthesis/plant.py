@@ -21,35 +21,21 @@ Matrix = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """A linear time-invariant plant with noise inputs.
+    """A linear time-invariant plant with noise inputs."""
 
-    Attributes:
-        A: (n, n) state matrix; per second (continuous) or per step (discrete).
-        B_w: (n, m) noise into the states.
-        C_y: (p, n) measurement.
-        D_w: (p, m) noise into the measurements; D_w D_w^T must be invertible.
-        C_z: (k, n) the outputs whose error is minimised.
-        dt_s: step of a discrete plant, 0.0 for a continuous one.
-    """
-
-    A: Matrix
-    B_w: Matrix
-    C_y: Matrix
-    D_w: Matrix
-    C_z: Matrix
-    dt_s: float = 0.0
+    A: Matrix  # (n, n) state matrix; per second (continuous) or per step (discrete)
+    B_w: Matrix  # (n, m) noise into the states
+    C_y: Matrix  # (p, n) measurement
+    D_w: Matrix  # (p, m) noise into the measurements; D_w D_w^T must be invertible
+    C_z: Matrix  # (k, n) the outputs whose error is minimised
+    dt_s: float = 0.0  # step of a discrete plant, 0.0 for a continuous one
 
 
 class VectorSensor(NamedTuple):
-    """A sensor of a direction known in the inertial frame.
+    """A sensor of a direction known in the inertial frame."""
 
-    Attributes:
-        v_n: the vector in NED, in the sensor's unit, as `y = R^T v`.
-        density: noise density per axis, sensor's unit per sqrt(Hz).
-    """
-
-    v_n: tuple[float, float, float]
-    density: float
+    v_n: tuple[float, float, float]  # the vector in NED, in the sensor's unit, as `y = R^T v`
+    density: float  # noise density per axis, sensor's unit per sqrt(Hz)
 
 
 def cross_matrix(v: Sequence[float]) -> Matrix:

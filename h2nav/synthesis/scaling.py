@@ -32,19 +32,12 @@ class DeltaPlant:
 
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """How to undo the scaling: ``L = state * L' @ output / sqrt(time)``, per second.
+    """How to undo the scaling: ``L = state * L' @ output / sqrt(time)``, per second."""
 
-    Attributes:
-        state: (n,) sizes of the states.
-        output: (p, p) whitening matrix of the measurements.
-        time_s: unit of time.
-        z: size of the minimised output.
-    """
-
-    state: Matrix
-    output: Matrix
-    time_s: float
-    z: float
+    state: Matrix  # (n,) sizes of the states
+    output: Matrix  # (p, p) whitening matrix of the measurements
+    time_s: float  # unit of time
+    z: float  # size of the minimised output
 
 
 def delta_form(plant: Plant) -> DeltaPlant:

@@ -51,15 +51,10 @@ _DIGITS = 12
 
 
 class SensorSynthesis(NamedTuple):
-    """A gain file and figures that are not written into it.
+    """A gain file and figures that are not written into it."""
 
-    Attributes:
-        file: certified.
-        wall_time_s: per plant, time and method that measures it.
-    """
-
-    file: GainFile
-    wall_time_s: dict[str, float]
+    file: GainFile  # certified
+    wall_time_s: dict[str, float]  # per plant, time and method that measures it
 
 
 class _Problem(NamedTuple):

@@ -45,15 +45,10 @@ _MODEL_KEYS = ("kind", "name", "source", "vehicle_class", "disturbance")
 
 
 class Synthesis(NamedTuple):
-    """A gain file and figures that are not written into it.
+    """A gain file and figures that are not written into it."""
 
-    Attributes:
-        file: certified.
-        wall_time_s: time in the solvers, per method.
-    """
-
-    file: GainFile
-    wall_time_s: dict[str, float]
+    file: GainFile  # certified
+    wall_time_s: dict[str, float]  # time in the solvers, per method
 
 
 def tilt_plant(gyro_density: float, velocity_density: float) -> Plant:

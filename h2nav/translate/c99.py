@@ -35,17 +35,11 @@ from h2nav.translate.source import (
 
 
 class Translation(NamedTuple):
-    """C text of a kernel: every function static, to be followed by an interface that calls them.
+    """C text of a kernel: every function static, to be followed by an interface that calls them."""
 
-    Attributes:
-        code: constants, tables, operations and functions.
-        kernel: what was translated.
-        facts: what was proved.
-    """
-
-    code: str
-    kernel: Kernel
-    facts: Facts
+    code: str  # constants, tables, operations and functions
+    kernel: Kernel  # what was translated
+    facts: Facts  # what was proved
 
 
 def translate(

@@ -16,33 +16,20 @@ Scalar = Interval | Float
 
 
 class Array(NamedTuple):
-    """A flat array: an argument, a local list or a constant table.
+    """A flat array: an argument, a local list or a constant table."""
 
-    Attributes:
-        key: number of its memory.
-        is_float: elements are doubles, else 32-bit integers.
-        length: number of elements; None for an argument of undeclared length.
-        writable: False for constant tables.
-    """
-
-    key: int
-    is_float: bool
-    length: int | None
-    writable: bool
+    key: int  # number of its memory
+    is_float: bool  # elements are doubles, else 32-bit integers
+    length: int | None  # number of elements; None for an argument of undeclared length
+    writable: bool  # False for constant tables
 
 
 class Structure(NamedTuple):
-    """A record that is an argument; a single number is an array of one element.
+    """A record that is an argument; a single number is an array of one element."""
 
-    Attributes:
-        type_name: class of the record.
-        members: its fields by name.
-        numbers: names of those that are single numbers.
-    """
-
-    type_name: str
-    members: dict[str, Array]
-    numbers: frozenset[str]
+    type_name: str  # class of the record
+    members: dict[str, Array]  # its fields by name
+    numbers: frozenset[str]  # names of those that are single numbers
 
 
 @dataclass(slots=True)
@@ -91,31 +78,22 @@ def join_states(a: ScopeState | None, b: ScopeState | None) -> ScopeState | None
 
 @dataclass(slots=True)
 class FunctionFacts:
-    """The proven facts of one function over all its calls.
+    """The proven facts of one function over all its calls."""
 
-    Attributes:
-        scalars: hull of every scalar variable, arguments included.
-        arrays: every array variable, arguments included.
-        structures: the arguments that are records.
-        result: hull of the returned values; None when nothing is returned.
-    """
-
+    # hull of every scalar variable, arguments included
     scalars: dict[str, Scalar] = field(default_factory=dict)
+    # every array variable, arguments included
     arrays: dict[str, Array] = field(default_factory=dict)
-    structures: dict[str, Structure] = field(default_factory=dict)
-    result: Scalar | None = None
+    structures: dict[str, Structure] = field(default_factory=dict)  # the arguments that are records
+    result: Scalar | None = None  # hull of the returned values; None when nothing is returned
 
 
 @dataclass(slots=True)
 class Facts:
-    """The result of the analysis, which determines the C types.
+    """The result of the analysis, which determines the C types."""
 
-    Attributes:
-        nodes: hull of every expression over all visits.
-        functions: in an order in which callees come before their callers.
-        constants: names of the module constants that are used.
-    """
-
+    # hull of every expression over all visits
     nodes: dict[ast.expr, Scalar] = field(default_factory=dict)
+    # in an order in which callees come before their callers
     functions: dict[str, FunctionFacts] = field(default_factory=dict)
-    constants: set[str] = field(default_factory=set)
+    constants: set[str] = field(default_factory=set)  # names of the module constants that are used

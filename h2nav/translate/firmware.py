@@ -19,25 +19,15 @@ STRUCT_NAMES = {"State": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2na
 
 
 class IntegerForm(NamedTuple):
-    """The C form of one integer filter.
+    """The C form of one integer filter."""
 
-    Attributes:
-        kernel: its files; the entry is called from outside.
-        more_entries: other kernel functions that the interface calls.
-        bits: of a step's result.
-        about: paragraphs of the header's first comment.
-        prototypes: of the interface with comments, and what they need.
-        interface: its functions; the gains are the constant ``GAINS``.
-        example: a program around them.
-    """
-
-    kernel: KernelFiles
-    more_entries: tuple[str, ...]
-    bits: tuple[Row, ...]
-    about: str
-    prototypes: str
-    interface: str
-    example: str
+    kernel: KernelFiles  # its files; the entry is called from outside
+    more_entries: tuple[str, ...]  # other kernel functions that the interface calls
+    bits: tuple[Row, ...]  # of a step's result
+    about: str  # paragraphs of the header's first comment
+    prototypes: str  # of the interface with comments, and what they need
+    interface: str  # its functions; the gains are the constant ``GAINS``
+    example: str  # a program around them
 
     @property
     def name(self) -> str:
@@ -46,21 +36,13 @@ class IntegerForm(NamedTuple):
 
 
 class ExportedFirmware(NamedTuple):
-    """Identity of one exported filter.
+    """Identity of one exported filter."""
 
-    Attributes:
-        version: of h2nav.
-        gains: name of the gain file.
-        gain_hash: SHA-256 of the gain file's contents.
-        numbers: the kernel's gains, in the order of the record.
-        constants: more numbers that the interface takes from the gain file.
-    """
-
-    version: str
-    gains: str
-    gain_hash: str
-    numbers: Sequence[Number]
-    constants: tuple[Row, ...] = ()
+    version: str  # of h2nav
+    gains: str  # name of the gain file
+    gain_hash: str  # SHA-256 of the gain file's contents
+    numbers: Sequence[Number]  # the kernel's gains, in the order of the record
+    constants: tuple[Row, ...] = ()  # more numbers that the interface takes from the gain file
 
 
 def header(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[KernelSource]) -> str:

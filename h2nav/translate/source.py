@@ -31,15 +31,10 @@ ROW_MAKERS: dict[str, Callable[..., Any]] = {
 
 
 class KernelSource(NamedTuple):
-    """Text of one kernel module.
+    """Text of one kernel module."""
 
-    Attributes:
-        path: how errors name the file.
-        text: the Python source.
-    """
-
-    path: str
-    text: str
+    path: str  # how errors name the file
+    text: str  # the Python source
 
 
 class Untranslatable(BadInput):
@@ -75,17 +70,11 @@ class Function:
 
 
 class RecordSource(NamedTuple):
-    """A record of `h2nav.attitude.record`, as declared in its module.
+    """A record of `h2nav.attitude.record`, as declared in its module."""
 
-    Attributes:
-        name: of the class, which annotates arguments.
-        about: first paragraph of its docstring.
-        rows: its fields in order.
-    """
-
-    name: str
-    about: str
-    rows: tuple[Row, ...]
+    name: str  # of the class, which annotates arguments
+    about: str  # first paragraph of its docstring
+    rows: tuple[Row, ...]  # its fields in order
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,28 +26,18 @@ READINGS = ("twist", "displacement")
 
 @dataclass(frozen=True, slots=True)
 class WheelCalibration:
-    """The result of one calibration.
+    """The result of one calibration."""
 
-    Attributes:
-        model: `diff`, `omni` or `matrix`.
-        reading: how the reference increments were read: as constant `twist` (arc length, 0,
-            turn) or as end `displacement` in the frame of the start.
-        names: of the parameters.
-        values: (k,) parameters; NaN where the data say nothing.
-        covariance: (k, k).
-        solution: the first least-squares problem: rank, condition, solver.
-        residuals: (m, 3) reference less model: ahead m, left m, turn rad.
-        notes: warnings for the user; empty for a plain, well-determined result.
-    """
-
-    model: str
+    model: str  # `diff`, `omni` or `matrix`
+    # how the reference increments were read: as constant `twist` (arc length, 0, turn) or as
+    # end `displacement` in the frame of the start
     reading: str
-    names: tuple[str, ...]
-    values: Array
-    covariance: Array
-    solution: Solution
-    residuals: Array
-    notes: tuple[str, ...]
+    names: tuple[str, ...]  # of the parameters
+    values: Array  # (k,) parameters; NaN where the data say nothing
+    covariance: Array  # (k, k)
+    solution: Solution  # the first least-squares problem: rank, condition, solver
+    residuals: Array  # (m, 3) reference less model: ahead m, left m, turn rad
+    notes: tuple[str, ...]  # warnings for the user; empty for a plain, well-determined result
 
     @property
     def determined(self) -> bool:
@@ -181,15 +171,10 @@ def _omni(phi: Array, twist: Array, rows: Array, solver: str, reading: str) -> W
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """The second step: a factor between the first step's prediction and a second reference.
+    """The second step: a factor between the first step's prediction and a second reference."""
 
-    Attributes:
-        value: the factor; NaN when the prediction is zero throughout.
-        covariance: of the first step's parameters and the factor together.
-    """
-
-    value: float
-    covariance: Array
+    value: float  # the factor; NaN when the prediction is zero throughout
+    covariance: Array  # of the first step's parameters and the factor together
 
 
 def _fit_scale(c: Array, c_D_x: Array, reference: Array, first: Solution) -> _Scale:

@@ -39,35 +39,21 @@ class PoseTrack(NamedTuple):
 
 
 class Increments(NamedTuple):
-    """Increments to calibrate from.
+    """Increments to calibrate from."""
 
-    Attributes:
-        model: `diff`, `omni` or `matrix`.
-        readings: (m, 2 or 3) of the wheels or of the odometry.
-        motion: (m, 3) reference: ahead m, left m, turn rad.
-        source: what they were read from, for the user.
-        track: the whole drive, where the source has it.
-    """
-
-    model: str
-    readings: Array
-    motion: Array
-    source: str
-    track: PoseTrack | None = None
+    model: str  # `diff`, `omni` or `matrix`
+    readings: Array  # (m, 2 or 3) of the wheels or of the odometry
+    motion: Array  # (m, 3) reference: ahead m, left m, turn rad
+    source: str  # what they were read from, for the user
+    track: PoseTrack | None = None  # the whole drive, where the source has it
 
 
 class Drive(NamedTuple):
-    """The calibrated odometry driven through a whole track.
+    """The calibrated odometry driven through a whole track."""
 
-    Attributes:
-        length_m: way of the body.
-        end_error_m: distance of the last odometry pose from the reference.
-        end_error_sigmas: the same in units of the propagated covariance (Mahalanobis).
-    """
-
-    length_m: float
-    end_error_m: float
-    end_error_sigmas: float
+    length_m: float  # way of the body
+    end_error_m: float  # distance of the last odometry pose from the reference
+    end_error_sigmas: float  # the same in units of the propagated covariance (Mahalanobis)
 
 
 def of_track(track: PoseTrack, model: str, source: str) -> Increments:

@@ -41,40 +41,26 @@ _FRD = np.array(frames.frd_from_flu((1.0, 1.0, 1.0)))
 
 
 class Conditions(NamedTuple):
-    """Inputs of the filters besides the samples.
+    """Inputs of the filters besides the samples."""
 
-    Attributes:
-        vehicle_class: selects the gains of the velocity-aided filter.
-        use_gps: the default filter uses GPS velocities.
-        declination_deg: of the truth's north, by which the courses of gps rows are rotated.
-        cruise_speed_m_s: replaces the class's pseudo-velocity along the nose; None keeps it.
-        shows_insides: also record gain set and gate.
-    """
-
-    vehicle_class: str
-    use_gps: bool = False
+    vehicle_class: str  # selects the gains of the velocity-aided filter
+    use_gps: bool = False  # the default filter uses GPS velocities
+    # of the truth's north, by which the courses of gps rows are rotated
     declination_deg: float = 0.0
+    # replaces the class's pseudo-velocity along the nose; None keeps it
     cruise_speed_m_s: float | None = None
-    shows_insides: bool = False
+    shows_insides: bool = False  # also record gain set and gate
 
 
 class FilterTrack(NamedTuple):
-    """The result of a filter on a trial.
+    """The result of a filter on a trial."""
 
-    Attributes:
-        q_es: (N, 4) attitude, sensor to east-north-up.
-        us_per_sample: processor time of the filter's calls.
-        backend: native; native, called per sample; or python.
-        bias: (N, 3) gyro bias, rad/s; None if the filter has none.
-        gain_set: (N,) number of the gain set in use; None for other filters.
-        field_used: (N,) whether the sample's field passed the gate; None for other filters.
-    """
-
-    q_es: Array
-    us_per_sample: float
-    backend: str
-    bias: Array | None = None
-    gain_set: Array | None = None
+    q_es: Array  # (N, 4) attitude, sensor to east-north-up
+    us_per_sample: float  # processor time of the filter's calls
+    backend: str  # native; native, called per sample; or python
+    bias: Array | None = None  # (N, 3) gyro bias, rad/s; None if the filter has none
+    gain_set: Array | None = None  # (N,) number of the gain set in use; None for other filters
+    # (N,) whether the sample's field passed the gate; None for other filters
     field_used: npt.NDArray[np.bool_] | None = None
 
 

@@ -16,47 +16,27 @@ _TRUTH = "key q of an .npz, or SIMSTATE or ATTITUDE in a recording"
 
 
 class TrialTask(NamedTuple):
-    """One filter on one trial; self-contained, for another process.
+    """One filter on one trial; self-contained, for another process."""
 
-    Attributes:
-        path: the trial's file.
-        read: reads it.
-        trial: name of the trial.
-        filter_name: one of `peers.installed`.
-        conditions: inputs of the filter.
-        plots: folder for a picture of the run; None = no picture.
-    """
-
-    path: Path
-    read: Callable[[Path], Trial]
-    trial: str
-    filter_name: str
-    conditions: Conditions
-    plots: Path | None = None
+    path: Path  # the trial's file
+    read: Callable[[Path], Trial]  # reads it
+    trial: str  # name of the trial
+    filter_name: str  # one of `peers.installed`
+    conditions: Conditions  # inputs of the filter
+    plots: Path | None = None  # folder for a picture of the run; None = no picture
 
 
 class TrialScore(NamedTuple):
-    """The result of a task.
+    """The result of a task."""
 
-    Attributes:
-        trial: name of the trial.
-        filter_name: name of the filter.
-        rms_deg: total, heading, inclination. None when the task was not possible.
-        us_per_sample: processor time of the filter's calls.
-        backend: see `Track`.
-        remark: why there is no result.
-        is_bad_input: the file is the reason.
-        notes: of the trial.
-    """
-
-    trial: str
-    filter_name: str
-    rms_deg: Rms | None = None
-    us_per_sample: float = 0.0
-    backend: str = ""
-    remark: str = ""
-    is_bad_input: bool = False
-    notes: tuple[str, ...] = ()
+    trial: str  # name of the trial
+    filter_name: str  # name of the filter
+    rms_deg: Rms | None = None  # total, heading, inclination. None when the task was not possible.
+    us_per_sample: float = 0.0  # processor time of the filter's calls
+    backend: str = ""  # see `Track`
+    remark: str = ""  # why there is no result
+    is_bad_input: bool = False  # the file is the reason
+    notes: tuple[str, ...] = ()  # of the trial
 
 
 def score_task(task: TrialTask) -> TrialScore:

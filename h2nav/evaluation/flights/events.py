@@ -16,29 +16,18 @@ PHASE = "PHASE "
 
 
 class Event(NamedTuple):
-    """One line.
+    """One line."""
 
-    Attributes:
-        boot_s: the autopilot's time, s.
-        text: what happened.
-    """
-
-    boot_s: float
-    text: str
+    boot_s: float  # the autopilot's time, s
+    text: str  # what happened
 
 
 class FlightPhase(NamedTuple):
-    """A part of a flight.
+    """A part of a flight."""
 
-    Attributes:
-        name: phases of the same name are scored together.
-        from_s: its beginning, s.
-        to_s: its end, s; infinite for the last one.
-    """
-
-    name: str
-    from_s: float
-    to_s: float
+    name: str  # phases of the same name are scored together
+    from_s: float  # its beginning, s
+    to_s: float  # its end, s; infinite for the last one
 
 
 def events_path(recording: Path) -> Path | None:

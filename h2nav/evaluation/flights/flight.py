@@ -20,49 +20,30 @@ MOST = 0.98  # of the estimates; where fewer have a truth, that is noted
 
 
 class FlightTask(NamedTuple):
-    """One flight; self-contained, for another process.
+    """One flight; self-contained, for another process."""
 
-    Attributes:
-        path: the recording.
-        name: of the flight.
-        play: plays the recording through the service.
-        phases: in the autopilot's time, instead of those in the file of events; None = those.
-        plots: folder for a picture; None = no picture.
-    """
-
-    path: Path
-    name: str
-    play: Callable[[Path], HeardFlight]
+    path: Path  # the recording
+    name: str  # of the flight
+    play: Callable[[Path], HeardFlight]  # plays the recording through the service
+    # in the autopilot's time, instead of those in the file of events; None = those
     phases: tuple[FlightPhase, ...] | None = None
-    plots: Path | None = None
+    plots: Path | None = None  # folder for a picture; None = no picture
 
 
 class PlayedFlight(NamedTuple):
-    """A flight with everything for its figures and its picture.
+    """A flight with everything for its figures and its picture."""
 
-    Attributes:
-        name: of the flight.
-        truth: its source.
-        duration_s: of the recording.
-        tracks: estimator -> errors, ours first.
-        airborne: stretches of time in the air, s since the recording's start; None = unknown.
-        phases: s since the recording's start.
-        events: s since the recording's start.
-        runs: our estimators -> output of the service.
-        start_us: of the recording, on the clock of the runs.
-        notes: remarks for readers of the figures.
-    """
-
-    name: str
-    truth: str
-    duration_s: float
-    tracks: dict[str, ErrorTrack]
+    name: str  # of the flight
+    truth: str  # its source
+    duration_s: float  # of the recording
+    tracks: dict[str, ErrorTrack]  # estimator -> errors, ours first
+    # stretches of time in the air, s since the recording's start; None = unknown
     airborne: tuple[tuple[float, float], ...] | None
-    phases: tuple[FlightPhase, ...]
-    events: tuple[Event, ...]
-    runs: dict[str, FromService]
-    start_us: int
-    notes: tuple[str, ...]
+    phases: tuple[FlightPhase, ...]  # s since the recording's start
+    events: tuple[Event, ...]  # s since the recording's start
+    runs: dict[str, FromService]  # our estimators -> output of the service
+    start_us: int  # of the recording, on the clock of the runs
+    notes: tuple[str, ...]  # remarks for readers of the figures
 
 
 def flight_of(task: FlightTask) -> PlayedFlight:

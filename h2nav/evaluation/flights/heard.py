@@ -24,21 +24,13 @@ REBOOT_US = 1_000_000
 
 
 class HeardEstimates(NamedTuple):
-    """All estimates of one estimator.
+    """All estimates of one estimator."""
 
-    Attributes:
-        arrived_us: (N,) host time of arrival of their inputs.
-        boot_us: (N,) their autopilot time.
-        q_nb: (N, 4) attitudes, body to NED.
-        sigma_tilt_deg: (N,) predicted deviation of the tilt.
-        sigma_heading_deg: (N,) of the heading; NaN if not predicted.
-    """
-
-    arrived_us: NDArray[np.int64]
-    boot_us: NDArray[np.int64]
-    q_nb: Array
-    sigma_tilt_deg: Array
-    sigma_heading_deg: Array
+    arrived_us: NDArray[np.int64]  # (N,) host time of arrival of their inputs
+    boot_us: NDArray[np.int64]  # (N,) their autopilot time
+    q_nb: Array  # (N, 4) attitudes, body to NED
+    sigma_tilt_deg: Array  # (N,) predicted deviation of the tilt
+    sigma_heading_deg: Array  # (N,) of the heading; NaN if not predicted
 
 
 class FromAutopilot:
@@ -174,12 +166,7 @@ class FromService:
 
 
 class HeardFlight(NamedTuple):
-    """Everything recorded of a flight.
+    """Everything recorded of a flight."""
 
-    Attributes:
-        autopilot: its messages.
-        runs: name of an estimator of h2nav -> its run.
-    """
-
-    autopilot: FromAutopilot
-    runs: dict[str, FromService]
+    autopilot: FromAutopilot  # its messages
+    runs: dict[str, FromService]  # name of an estimator of h2nav -> its run

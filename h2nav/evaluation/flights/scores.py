@@ -19,17 +19,11 @@ Document = dict[str, Any]
 
 
 class FlightScore(NamedTuple):
-    """The result of a task.
+    """The result of a task."""
 
-    Attributes:
-        name: of the flight.
-        document: its figures; empty when it was left out.
-        remark: why it was left out.
-    """
-
-    name: str
-    document: Document
-    remark: str = ""
+    name: str  # of the flight
+    document: Document  # its figures; empty when it was left out
+    remark: str = ""  # why it was left out
 
 
 def flight_paths(place: Path) -> list[Path]:

@@ -15,23 +15,14 @@ Mask = NDArray[np.bool_]
 
 
 class ErrorTrack(NamedTuple):
-    """Errors of one estimator, all of the same length and in the order of time.
+    """Errors of one estimator, all of the same length and in the order of time."""
 
-    Attributes:
-        t_s: since the recording's start.
-        total: angle of the whole error rotation, deg.
-        heading: with sign, deg.
-        tilt: of the vertical, deg; `inclination` elsewhere.
-        sigma_tilt: predicted deviation, deg; None without.
-        sigma_heading: the same for the heading.
-    """
-
-    t_s: Array
-    total: Array
-    heading: Array
-    tilt: Array
-    sigma_tilt: Array | None = None
-    sigma_heading: Array | None = None
+    t_s: Array  # since the recording's start
+    total: Array  # angle of the whole error rotation, deg
+    heading: Array  # with sign, deg
+    tilt: Array  # of the vertical, deg; `inclination` elsewhere
+    sigma_tilt: Array | None = None  # predicted deviation, deg; None without
+    sigma_heading: Array | None = None  # the same for the heading
 
 
 def track_of(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> ErrorTrack:

@@ -25,35 +25,23 @@ EPOCH_US = 10**14
 
 
 class Truth(NamedTuple):
-    """The true attitude over time.
+    """The true attitude over time."""
 
-    Attributes:
-        name: its source.
-        t_us: (M,) arrival, or the autopilot's time, see `is_by_arrival`.
-        q_nb: (M, 4) body to NED.
-        is_by_arrival: meaning of `t_us`; the autopilot's time has `EPOCH_US` added for each boot.
-        ekf_nb: (M, 4) the autopilot's own estimate, NaN where it has none; None without any.
-    """
-
-    name: str
-    t_us: NDArray[np.int64]
-    q_nb: Array
+    name: str  # its source
+    t_us: NDArray[np.int64]  # (M,) arrival, or the autopilot's time, see `is_by_arrival`
+    q_nb: Array  # (M, 4) body to NED
+    # meaning of `t_us`; the autopilot's time has `EPOCH_US` added for each boot
     is_by_arrival: bool
+    # (M, 4) the autopilot's own estimate, NaN where it has none; None without any
     ekf_nb: Array | None = None
 
 
 class TruthFile(NamedTuple):
-    """A CSV file of one boot.
+    """A CSV file of one boot."""
 
-    Attributes:
-        t_us: (M,) the autopilot's time, increasing.
-        q_nb: (M, 4) true attitude.
-        ekf_nb: (M, 4) the autopilot's estimate, NaN where it has none.
-    """
-
-    t_us: NDArray[np.int64]
-    q_nb: Array
-    ekf_nb: Array
+    t_us: NDArray[np.int64]  # (M,) the autopilot's time, increasing
+    q_nb: Array  # (M, 4) true attitude
+    ekf_nb: Array  # (M, 4) the autopilot's estimate, NaN where it has none
 
 
 def truth_paths(recording: Path) -> list[Path]:
@@ -140,15 +128,10 @@ def read_truth(path: Path) -> TruthFile:
 
 
 class TruthPairs(NamedTuple):
-    """Estimates with the true attitude at their times.
+    """Estimates with the true attitude at their times."""
 
-    Attributes:
-        rows: (K,) numbers of the estimates.
-        q_nb: (K, 4) the truth.
-    """
-
-    rows: NDArray[np.int64]
-    q_nb: Array
+    rows: NDArray[np.int64]  # (K,) numbers of the estimates
+    q_nb: Array  # (K, 4) the truth
 
 
 def pairs(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> TruthPairs:

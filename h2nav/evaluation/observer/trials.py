@@ -33,55 +33,31 @@ START_OFF_M = 3.0
 
 @dataclass(frozen=True, slots=True)
 class ObserverTrial:
-    """One simulated run.
+    """One simulated run."""
 
-    Attributes:
-        gains: of the observer.
-        seconds: length.
-        imu_hz: rate of the twist samples.
-        imu_per_pose: IMU samples for each pose; 1 = a pose with every sample.
-        delay_samples: IMU samples by which poses arrive late.
-        drop_share: share of the poses that is lost.
-        sigma_r_rad: noise of the poses' attitude per axis.
-        sigma_p_m: noise of the poses' position per axis.
-        starts_off: start 170 deg and 3 m off; otherwise from the first pose.
-        seed: of noise and losses.
-    """
-
-    gains: FiniteTimeGains
-    seconds: float
-    imu_hz: float = 400.0
-    imu_per_pose: int = 1
-    delay_samples: int = 0
-    drop_share: float = 0.0
-    sigma_r_rad: float = 0.0
-    sigma_p_m: float = 0.0
-    starts_off: bool = True
-    seed: int = 0
+    gains: FiniteTimeGains  # of the observer
+    seconds: float  # length
+    imu_hz: float = 400.0  # rate of the twist samples
+    imu_per_pose: int = 1  # IMU samples for each pose; 1 = a pose with every sample
+    delay_samples: int = 0  # IMU samples by which poses arrive late
+    drop_share: float = 0.0  # share of the poses that is lost
+    sigma_r_rad: float = 0.0  # noise of the poses' attitude per axis
+    sigma_p_m: float = 0.0  # noise of the poses' position per axis
+    starts_off: bool = True  # start 170 deg and 3 m off; otherwise from the first pose
+    seed: int = 0  # of noise and losses
 
 
 class Course(NamedTuple):
-    """Errors over one trial, one row per IMU sample.
+    """Errors over one trial, one row per IMU sample."""
 
-    Attributes:
-        t_s: (n,) time.
-        bias: (n,) length of the bias error, all six axes, rad/s and m/s alike.
-        bias_w: (n,) of the gyro's part, rad/s.
-        bias_v: (n,) of the velocity's part, m/s.
-        attitude: (n,) rad.
-        position: (n,) m.
-        energy: (n,) Lyapunov function.
-        stated: (n, 4) one-sigma figures per axis: attitude, position, rate, velocity.
-    """
-
-    t_s: Array
-    bias: Array
-    bias_w: Array
-    bias_v: Array
-    attitude: Array
-    position: Array
-    energy: Array
-    stated: Array
+    t_s: Array  # (n,) time
+    bias: Array  # (n,) length of the bias error, all six axes, rad/s and m/s alike
+    bias_w: Array  # (n,) of the gyro's part, rad/s
+    bias_v: Array  # (n,) of the velocity's part, m/s
+    attitude: Array  # (n,) rad
+    position: Array  # (n,) m
+    energy: Array  # (n,) Lyapunov function
+    stated: Array  # (n, 4) one-sigma figures per axis: attitude, position, rate, velocity
 
 
 def twist(t_s: float) -> tuple[Vec3, Vec3]:

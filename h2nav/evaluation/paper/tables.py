@@ -50,17 +50,11 @@ SLIDES: dict[str, dict[str, SlidesRow]] = {
 
 
 class PaperRow(NamedTuple):
-    """One row of our tables, degrees: roll, pitch, yaw.
+    """One row of our tables, degrees: roll, pitch, yaw."""
 
-    Attributes:
-        rms_deg: over all runs.
-        rms_second_half_deg: the same without the first half of the case.
-        min_max_deg: extremes of a typical run: the mean of the runs' extremes.
-    """
-
-    rms_deg: list[float]
-    rms_second_half_deg: list[float]
-    min_max_deg: list[list[float]]
+    rms_deg: list[float]  # over all runs
+    rms_second_half_deg: list[float]  # the same without the first half of the case
+    min_max_deg: list[list[float]]  # extremes of a typical run: the mean of the runs' extremes
 
 
 Tables = dict[str, dict[str, PaperRow]]  # case -> filter -> figures

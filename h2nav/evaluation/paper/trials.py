@@ -40,17 +40,11 @@ DT_S = 1.0 / RATE_HZ
 
 
 class Assumptions(NamedTuple):
-    """Assumptions where the slides give no value.
+    """Assumptions where the slides give no value."""
 
-    Attributes:
-        dip_deg: of the earth's field.
-        norm_ut: of the earth's field.
-        run_in_s: length of the motion before the case begins; not scored.
-    """
-
-    dip_deg: float = 42.0
-    norm_ut: float = 50.0
-    run_in_s: float = 150.0
+    dip_deg: float = 42.0  # of the earth's field
+    norm_ut: float = 50.0  # of the earth's field
+    run_in_s: float = 150.0  # length of the motion before the case begins; not scored
 
     @property
     def field(self) -> EarthField:
@@ -69,19 +63,12 @@ class Assumptions(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One of the slides' cases.
+    """One of the slides' cases."""
 
-    Attributes:
-        key: in the JSON result.
-        scenario: name of the motion.
-        duration_s: scored length.
-        averaged: adjacent gyro samples are averaged for our filters and the tuned EKF.
-    """
-
-    key: str
-    scenario: str
-    duration_s: float
-    averaged: bool
+    key: str  # in the JSON result
+    scenario: str  # name of the motion
+    duration_s: float  # scored length
+    averaged: bool  # adjacent gyro samples are averaged for our filters and the tuned EKF
 
 
 CASES = (
@@ -92,27 +79,16 @@ CASES = (
 
 
 class Trials(NamedTuple):
-    """Sensor data of many seeds along one true motion; N samples, S seeds.
+    """Sensor data of many seeds along one true motion; N samples, S seeds."""
 
-    Attributes:
-        t_us: (N,) times.
-        rate: (S, N, 3) gyro as sampled, rad/s.
-        own_rate: (S, N, 3) the gyro samples for our filters.
-        force: (S, N, 3) specific force, m/s^2.
-        field: (S, N, 3) magnetic field, microtesla.
-        truth: (N, 3) roll, pitch, yaw, rad.
-        scored: index of the first sample that counts.
-        assumptions: behind the data.
-    """
-
-    t_us: Matrix
-    rate: Matrix
-    own_rate: Matrix
-    force: Matrix
-    field: Matrix
-    truth: Matrix
-    scored: int
-    assumptions: Assumptions
+    t_us: Matrix  # (N,) times
+    rate: Matrix  # (S, N, 3) gyro as sampled, rad/s
+    own_rate: Matrix  # (S, N, 3) the gyro samples for our filters
+    force: Matrix  # (S, N, 3) specific force, m/s^2
+    field: Matrix  # (S, N, 3) magnetic field, microtesla
+    truth: Matrix  # (N, 3) roll, pitch, yaw, rad
+    scored: int  # index of the first sample that counts
+    assumptions: Assumptions  # behind the data
 
     @property
     def measured(self) -> Matrix:

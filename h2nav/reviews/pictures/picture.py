@@ -12,151 +12,87 @@ Points = NDArray[np.float32]
 
 
 class Trace(NamedTuple):
-    """One line.
+    """One line."""
 
-    Attributes:
-        label: its name in the legend; plain text.
-        colour: of the line.
-        values: (N,) in the picture's unit; NaN where there is none.
-        low: (N,) lower edge of a band around it; None without.
-        high: (N,) upper edge of it.
-        is_dashed: how it is drawn.
-        sets_range: the axis has room for all of it; not for limits, which may be anywhere.
-    """
-
-    label: str
-    colour: str
-    values: Points
-    low: Points | None = None
-    high: Points | None = None
-    is_dashed: bool = False
+    label: str  # its name in the legend; plain text
+    colour: str  # of the line
+    values: Points  # (N,) in the picture's unit; NaN where there is none
+    low: Points | None = None  # (N,) lower edge of a band around it; None without
+    high: Points | None = None  # (N,) upper edge of it
+    is_dashed: bool = False  # how it is drawn
+    # the axis has room for all of it; not for limits, which may be anywhere
     sets_range: bool = True
 
 
 class PictureMark(NamedTuple):
-    """A labelled value, such as a limit.
+    """A labelled value, such as a limit."""
 
-    Attributes:
-        value: in the unit of its axis.
-        text: its meaning.
-    """
-
-    value: float
-    text: str
+    value: float  # in the unit of its axis
+    text: str  # its meaning
 
 
 class Lines(NamedTuple):
-    """Values over time.
+    """Values over time."""
 
-    Attributes:
-        title: of the picture.
-        about: what it shows and how it is read, for pilots.
-        unit: of the values.
-        traces: all on the points of equal `Columns`.
-        limits: drawn across.
-        digits: behind the decimal point.
-        at_least: a range that is always shown; None without.
-        goes_round: the values are directions, of which any 360 deg may be shown.
-        window_s: fixed range of time, from and to; None if it moves with the other pictures.
-    """
-
-    title: str
-    about: str
-    unit: str
-    traces: tuple[Trace, ...]
-    limits: tuple[PictureMark, ...] = ()
-    digits: int = 1
-    at_least: tuple[float, float] | None = None
-    goes_round: bool = False
+    title: str  # of the picture
+    about: str  # what it shows and how it is read, for pilots
+    unit: str  # of the values
+    traces: tuple[Trace, ...]  # all on the points of equal `Columns`
+    limits: tuple[PictureMark, ...] = ()  # drawn across
+    digits: int = 1  # behind the decimal point
+    at_least: tuple[float, float] | None = None  # a range that is always shown; None without
+    goes_round: bool = False  # the values are directions, of which any 360 deg may be shown
+    # fixed range of time, from and to; None if it moves with the other pictures
     window_s: tuple[float, float] | None = None
 
 
 class Curves(NamedTuple):
-    """Values over a quantity other than time.
+    """Values over a quantity other than time."""
 
-    Attributes:
-        title: see `Lines`.
-        about: see `Lines`.
-        unit: see `Lines`.
-        x_text: label of the other axis, with its unit.
-        x: (N,).
-        traces: with (N,) values.
-        marks: on the other axis.
-        digits: see `Lines`.
-        is_logarithmic: the axis of the values.
-    """
-
-    title: str
-    about: str
-    unit: str
-    x_text: str
-    x: Array
-    traces: tuple[Trace, ...]
-    marks: tuple[PictureMark, ...] = ()
-    digits: int = 1
-    is_logarithmic: bool = False
+    title: str  # see `Lines`
+    about: str  # see `Lines`
+    unit: str  # see `Lines`
+    x_text: str  # label of the other axis, with its unit
+    x: Array  # (N,)
+    traces: tuple[Trace, ...]  # with (N,) values
+    marks: tuple[PictureMark, ...] = ()  # on the other axis
+    digits: int = 1  # see `Lines`
+    is_logarithmic: bool = False  # the axis of the values
 
 
 class Heat(NamedTuple):
-    """A density over time and frequency.
+    """A density over time and frequency."""
 
-    Attributes:
-        title: see `Lines`.
-        about: see `Lines`.
-        t_s: (T,) centres of its columns.
-        to_hz: upper end of its rows, which are equal and begin at 0.
-        levels: (T, F) 0 = nothing, 255 = the most.
-    """
-
-    title: str
-    about: str
-    t_s: Array
-    to_hz: float
-    levels: NDArray[np.uint8]
+    title: str  # see `Lines`
+    about: str  # see `Lines`
+    t_s: Array  # (T,) centres of its columns
+    to_hz: float  # upper end of its rows, which are equal and begin at 0
+    levels: NDArray[np.uint8]  # (T, F) 0 = nothing, 255 = the most
 
 
 class PictureRow(NamedTuple):
-    """A row of spans.
+    """A row of spans."""
 
-    Attributes:
-        label: of the row; empty if it continues the one above.
-        spans: in order.
-        colours: of each of them.
-    """
-
-    label: str
-    spans: tuple[Span, ...]
-    colours: tuple[str, ...]
+    label: str  # of the row; empty if it continues the one above
+    spans: tuple[Span, ...]  # in order
+    colours: tuple[str, ...]  # of each of them
 
 
 class PictureRows(NamedTuple):
-    """Rows of spans over time.
+    """Rows of spans over time."""
 
-    Attributes:
-        title: see `Lines`.
-        about: see `Lines`.
-        rows: from above.
-        window_s: see `Lines`.
-    """
-
-    title: str
-    about: str
-    rows: tuple[PictureRow, ...]
-    window_s: tuple[float, float] | None = None
+    title: str  # see `Lines`
+    about: str  # see `Lines`
+    rows: tuple[PictureRow, ...]  # from above
+    window_s: tuple[float, float] | None = None  # see `Lines`
 
 
 class Stack(NamedTuple):
-    """Pictures over the same time, directly below each other: one event.
+    """Pictures over the same time, directly below each other: one event."""
 
-    Attributes:
-        title: see `Lines`.
-        about: see `Lines`.
-        lanes: from above, each with its title at the side.
-    """
-
-    title: str
-    about: str
-    lanes: tuple[Lines | PictureRows, ...]
+    title: str  # see `Lines`
+    about: str  # see `Lines`
+    lanes: tuple[Lines | PictureRows, ...]  # from above, each with its title at the side
 
 
 Picture = Lines | Curves | Heat | PictureRows
@@ -164,23 +100,14 @@ Shown = Picture | Stack
 
 
 class Section(NamedTuple):
-    """Pictures of one subject.
+    """Pictures of one subject."""
 
-    Attributes:
-        name: of its place in the page.
-        title: of it.
-        pictures: the first ones.
-        html: below them, with everything escaped.
-        further: pictures shown on demand.
-        further_title: their title.
-    """
-
-    name: str
+    name: str  # of its place in the page
     title: str
-    pictures: tuple[Shown, ...]
-    html: str = ""
-    further: tuple[Shown, ...] = ()
-    further_title: str = "the other sensors"
+    pictures: tuple[Shown, ...]  # the first ones
+    html: str = ""  # below them, with everything escaped
+    further: tuple[Shown, ...] = ()  # pictures shown on demand
+    further_title: str = "the other sensors"  # their title
 
 
 def for_script(picture: Picture) -> dict[str, object]:
