@@ -56,8 +56,6 @@ def command_words(command: str, summary: str, parser: argparse.ArgumentParser) -
     """Extracts the words accepted after a command.
 
     Args:
-        command: its words.
-        summary: one line of help.
         parser: with all its arguments declared.
     """
     options, argument = [], Value(WordKind.NOTHING)

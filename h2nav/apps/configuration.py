@@ -227,7 +227,6 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
     """The configuration with `~` and `~user` in its paths replaced by home folders.
 
     Args:
-        configuration: as written.
         place: its source, for errors.
 
     Raises:

@@ -79,9 +79,7 @@ class Console:
         """Returns what a new client has missed: program, status, open findings.
 
         Args:
-            t_ns: host time.
             sight: the current display; its status also carries the panel's lines.
-            findings: the open ones.
         """
         status = {**_status(sight), "panel": panel_lines(sight, self._fresh(t_ns))}
         return [
@@ -97,7 +95,6 @@ class Console:
         """Redraws the panel a few times a second; as JSON, writes an event each second.
 
         Args:
-            t_ns: host time.
             look: returns the display at a time; called only if it is shown.
         """
         is_event = bool(self._sinks) and t_ns - self._event_ns >= EVENT_NS

@@ -39,8 +39,6 @@ def require_installed(extra: str, asker: str, *packages: str) -> None:
     """Checks for packages that another process will import.
 
     Args:
-        extra: of `pyproject.toml`.
-        asker: the command or option that needs it, as typed.
         packages: by their import names.
 
     Raises:

@@ -126,12 +126,7 @@ class LinkSigning:
         return self._refuse(t_ns, frame, self._checker.objection(frame) or Denial.UNSIGNED)
 
     def sort(self, t_ns: int, frames: list[Frame]) -> Sorted:
-        """Sorts frames into admitted and rejected ones.
-
-        Args:
-            t_ns: host monotonic time of their arrival.
-            frames: from the deframer of the link.
-        """
+        """Sorts frames into admitted and rejected ones."""
         admitted: list[Frame] = []
         refused: list[bytes] = []
         notices: list[Notice] = []

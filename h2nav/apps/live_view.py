@@ -97,13 +97,7 @@ class LiveView:
         self._trouble = ""
 
     def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:
-        """Does what is due; returns notices.
-
-        Args:
-            t_ns: host time.
-            unix_ns: the same on the UNIX scale.
-            service: whose status is displayed.
-        """
+        """Does what is due; returns notices."""
         if t_ns < self._look_ns:
             return []
         self._look_ns = t_ns + LOOK_NS

@@ -58,8 +58,6 @@ def attach_inputs(
     """Writes configuration, gains and provenance at the beginning of a log.
 
     Args:
-        recorder: of the log.
-        chosen: the configuration in force.
         filters: holds the gain files.
         unix_s: the date that the run uses.
     """

@@ -35,7 +35,6 @@ def panel_lines(sight: Sight, ours: EstimateRecord | None) -> list[str]:
     """The lines of the panel, with the most important at the left, for narrow terminals.
 
     Args:
-        sight: what to display.
         ours: the newest estimate; None if it is stale.
     """
     health, status, log = sight

@@ -25,7 +25,6 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
     """Parses parameters in any of these forms.
 
     Args:
-        lines: of the file.
         name: of the file, for errors.
 
     Raises:

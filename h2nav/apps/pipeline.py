@@ -85,8 +85,6 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
     """Passes a frame of `Service.message_ids` through the wire boundary; returns effects.
 
     Args:
-        service: the behaviour.
-        frame: a good frame.
         t_ns: host time of its arrival.
         now_ns: host time now.
     """
@@ -97,13 +95,7 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
 
 
 def read(service: Service, envelope: Envelope, payload: bytes) -> list[Effect]:
-    """Reads a message that the service uses; returns effects.
-
-    Args:
-        service: the behaviour.
-        envelope: of the message.
-        payload: of the frame.
-    """
+    """Reads a message that the service uses; returns effects."""
     message_id = envelope.message_id
     try:
         message = READERS[message_id](codec.DECODERS[message_id](payload))
@@ -193,7 +185,6 @@ class Pipeline:
 
         Args:
             t_ns: host time of its arrival.
-            data: the bytes.
             now_ns: host time now, if they have been delayed.
         """
         now_ns = t_ns if now_ns is None else now_ns

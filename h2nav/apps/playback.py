@@ -158,11 +158,7 @@ def pipeline_for(
 
     Args:
         recording: whose times the log uses.
-        inputs: of the playback.
-        recorder: the log; None = no log.
-        watcher: observes frames and estimates.
         filter_for: creates the filter instead of the inputs.
-        observer: observes all records.
     """
     offset_ns = recording.unix_offset_ns
     settings = inputs.configuration.service
@@ -210,7 +206,6 @@ class Playback:
         """Plays everything through all pipelines.
 
         Args:
-            pipelines: to play through.
             before: called with the time (ns) of each message and timer before a pipeline is.
 
         Yields:

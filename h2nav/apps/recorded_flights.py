@@ -13,10 +13,6 @@ ESTIMATORS = {"h2nav": True, "h2nav_no_gps": False}
 def play(path: Path, wished: Wishes) -> HeardFlight:
     """Plays a recording through one service per estimator, in one pass over the file.
 
-    Args:
-        path: the recording.
-        wished: configuration, filter and vehicle class.
-
     Raises:
         BadInput: the recording or the configuration cannot be used.
     """

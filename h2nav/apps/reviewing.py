@@ -48,7 +48,6 @@ def review(
 
     Args:
         source: the recording; unless the caller holds it, it is freed before the smoother runs.
-        wished: configuration, filter and vehicle class.
         smooths: runs the filter backward as well.
         progress: called with the bytes done and the total.
 
@@ -93,10 +92,7 @@ def evidence_of(
     """The evidence for a calibration: the flight, and its attitude without any compass.
 
     Args:
-        source: the recording.
-        wished: see `review`.
         parameters: of the autopilot, which override those in the recording.
-        progress: see `review`.
 
     Raises:
         BadInput: the recording gives no attitude, or the configuration is not usable.
@@ -155,9 +151,6 @@ def write_review(
         path: of any kind that `open_flight` accepts.
         folder: existing folder.
         name: of the files, without suffix.
-        wished: see `review`.
-        smooths: see `review`.
-        progress: see `review`.
 
     Returns:
         The JSON document.

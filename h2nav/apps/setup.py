@@ -272,7 +272,6 @@ def configuration_text(chosen: Choice, is_shared: bool) -> str:
     """The example for this kind of link, with this link's URL.
 
     Args:
-        chosen: the autopilot and its link.
         is_shared: other autopilots are on the same link, so that this one has to be named.
     """
     target = parse_link_url(chosen.hearing.url)

@@ -109,9 +109,7 @@ def calibrate_compass(
     """Calibrates one compass.
 
     Args:
-        flights: of one vehicle.
         compass: its number, from 0.
-        levers: to be tried.
     """
     name = f"compass {compass + 1}"
     subject = _subject(flights, compass)
@@ -393,9 +391,6 @@ def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outco
     """The significant improvements, as parameters.
 
     Args:
-        subject: as fitted.
-        model: the fitted one.
-        fit: its result.
         told: known so far: figures, and a rotation.
     """
     old = subject.settings

@@ -29,8 +29,6 @@ def field_rows(
     """Means of 0.2 s in flight, without quick turns and where the vertical is known.
 
     Args:
-        evidence: of the flight.
-        track: of the compass.
         settings: in use; None if unknown: the field counts as raw.
         flight: its number, for the rows.
     """

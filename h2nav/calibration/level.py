@@ -60,7 +60,6 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
     """Calibrates the board's level, by one IMU.
 
     Args:
-        tracks: of the IMU.
         forces: calibration of its accelerometer.
     """
     last = tracks.pairs[-1][0]

@@ -79,9 +79,6 @@ def motion_of(
     """The windows of a flight with a known attitude and no fast turn.
 
     Args:
-        evidence: of the flight.
-        track: samples of the IMU.
-        gps: fixes of the receiver.
         axes: (3, 3) from the axes of its calibration to those of the track.
         flight: its number, for the rows.
     """

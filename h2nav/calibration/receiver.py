@@ -66,7 +66,6 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
     """Calibrates one receiver by one IMU.
 
     Args:
-        tracks: of the IMU.
         receiver: its number, from 0.
     """
     own = Outcome(f"receiver {receiver + 1}")
@@ -114,7 +113,6 @@ def _change(
     """A better parameter, or why there is none.
 
     Args:
-        quantity: what.
         last: flight, whose parameters are in use.
         receiver: its number, from 0.
         shown: value, deviation, and difference between the halves of the flights.

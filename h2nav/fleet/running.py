@@ -103,9 +103,7 @@ def run_fleet(
     """Reviews every flight without a result, and writes tables and index of all flights.
 
     Args:
-        client: of the cluster.
         sources: in the order of their addresses.
-        work: what to do with each.
         store: receives the results; the workers must be able to write to it.
         told: called with each finished flight, earlier ones first.
 

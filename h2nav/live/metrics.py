@@ -59,12 +59,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 
 def metrics_text(state: LiveState, viewers: int) -> bytes:
-    """The exposition format of Prometheus.
-
-    Args:
-        state: the source.
-        viewers: of the page.
-    """
+    """The exposition format of Prometheus."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Snapshot(state, viewers))
     return generate_latest(registry)

@@ -95,7 +95,6 @@ class LiveState:
 
         Args:
             topic: such as ``/estimate``.
-            unix_ns: its host time.
             record: a NamedTuple of flat scalars.
         """
         now_ns = self._heard_ns = self._clock()
@@ -111,13 +110,7 @@ class LiveState:
             self._take_estimate(now_ns, record)
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
-        """Adds a line of the program's output.
-
-        Args:
-            unix_ns: its host time.
-            severity: of the line.
-            text: the line.
-        """
+        """Adds a line of the program's output."""
         self._heard_ns = self._clock()
         # A path in it may hold bytes that are not text.
         readable = text.encode(errors="replace").decode()

@@ -22,12 +22,7 @@ class LiveTrack:
         self._points: deque[tuple[int, Quat]] = deque(maxlen=MOST)
 
     def add(self, t_ns: int, q_nb: Quat) -> None:
-        """Adds the newest attitude.
-
-        Args:
-            t_ns: its time of arrival.
-            q_nb: body to NED.
-        """
+        """Adds the newest attitude."""
         self._points.append((t_ns, q_nb))
         while t_ns - self._points[0][0] > LENGTH_NS:
             self._points.popleft()

@@ -80,8 +80,6 @@ def honesty(name: str, error_deg: Array, sigma_deg: Array) -> dict[str, float | 
     (27)), so the expected square of the whole angle is its square, as for the heading.
 
     Args:
-        name: of the error.
-        error_deg: (N,) errors.
         sigma_deg: (N,) predicted deviations; NaN where there is none.
     """
     is_told = np.isfinite(sigma_deg) & (sigma_deg > 0.0)

@@ -32,8 +32,6 @@ def to_fixed(value: float, fraction_bits: int, lo: int, hi: int) -> int:
     Args:
         value: any float; infinities go to the limit of their sign, NaN is refused.
         fraction_bits: bits after the binary point; negative for coarse units.
-        lo: lowest result.
-        hi: highest result.
 
     Raises:
         ValueError: `value` is not a number.

@@ -59,7 +59,6 @@ def with_acceleration(state: RigidState, t_us: int, w_b: Vec3, a_b: Vec3) -> Rig
     Exact in attitude and velocity; the position is exact to third order in the step.
 
     Args:
-        state: start.
         t_us: end of the step.
         w_b: angular rate, rad/s.
         a_b: acceleration of the body (specific force plus gravity), m/s^2.

@@ -9,11 +9,7 @@ HEADS = ("parameter", "in use", "better", "deviation")
 
 
 def calibration_section(told: dict[str, Any]) -> str:
-    """The section; empty if nothing was examined.
-
-    Args:
-        told: the ``calibration`` of the document.
-    """
+    """The section; empty if nothing was examined."""
     sensors = told.get("sensors", [])
     if not sensors:
         return ""

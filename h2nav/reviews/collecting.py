@@ -173,7 +173,6 @@ def most_trusted(findings: Sequence[Finding], sent_s: Mapping[int, float]) -> in
     """Number of the IMU, from 0 in the order of the lanes, with the fewest faults.
 
     Args:
-        findings: of the flight.
         sent_s: how long each IMU was sent, by its number from 1; among equals, the one sent longest
             wins.
     """

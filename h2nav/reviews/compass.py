@@ -119,8 +119,6 @@ def look_at_compass(
 
     Args:
         track: of the IMU whose samples carry it.
-        best: the attitude.
-        earth: the model.
         context: throttle, armed state, parameters.
         is_raw: the message carries the field without the autopilot's calibration.
     """
@@ -340,7 +338,6 @@ def fitted(rows: SentFields, lever: Array | None) -> Fit:
     Gauss-Newton; every sector of heading has the same weight.
 
     Args:
-        rows: of the field.
         lever: (N,) throttle or current; None = without the motors.
     """
     norm = float(np.median(rows.norm_ut))

@@ -114,7 +114,6 @@ def look_at_estimators(
     Args:
         context: its attitudes, lanes and armed state.
         track: samples with whose gyro the attitudes are compared; None without any.
-        best: our attitude; None without one.
         told: findings in flight, which are not repeated.
         rest: windows at rest, in which gravity decides.
     """
@@ -391,9 +390,7 @@ def misjudged(
     Args:
         context: its attitudes and receivers.
         imu: samples with which velocities are compared.
-        best: our attitude.
         rest: windows at rest, in which gravity decides.
-        told: findings in flight.
     """
     if best is None or not context.attitudes:
         return ()

@@ -65,10 +65,7 @@ def look_at_force_steps(
 
     Args:
         tracks: IMUs, each with at least two samples.
-        biases: of their gyros.
-        moves: what the receiver measured.
         lag_s: delay of the receiver; NaN if unknown.
-        best: the attitude.
         armed: while the motors could turn; only then there is an acceleration to compare.
     """
     if len(moves.t_s) < FEWEST_FIXES:

@@ -43,7 +43,6 @@ def data_block(name: str, value: object) -> str:
     """A JSON document for the page's scripts; its content cannot end the block.
 
     Args:
-        name: id of the element.
         value: anything that `json` can write, without NaN.
     """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -151,7 +151,6 @@ def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
     """(N,) whether the motors carry it and it moves as nothing on the ground does.
 
     Args:
-        bins: of an IMU.
         context: armed state, and the autopilot's airborne state.
         impacts: crashes, each of which ends a flight.
     """
@@ -400,7 +399,6 @@ def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> l
 
     Args:
         bins: of the soundest IMU.
-        context: what the autopilot reported.
         blows: crashes and hard landings.
     """
     checks = [fault.t_s for fault in context.faults if _is_check(fault)]

@@ -142,7 +142,6 @@ def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
     """(M - 1, 4) turn of the body between successive times, by the gyro alone.
 
     Args:
-        t_s: (N,) times of the samples.
         w_b: (N, 3) rad/s; each sample is the mean rate since the previous one.
         edges_s: (M,) increasing times, rounded down to samples.
     """

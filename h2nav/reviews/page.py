@@ -40,11 +40,6 @@ _KINDS = {
 def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     """Renders the review as HTML.
 
-    Args:
-        flight: recording and service output.
-        analysis: of the whole flight.
-        told: their `document`.
-
     Returns:
         A file that opens without a network: findings, uncertainty, pictures.
     """

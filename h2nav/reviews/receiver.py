@@ -80,10 +80,8 @@ def look_at_receiver(
         gps: its fixes, in order of time.
         context: armed state and parameters.
         track: samples for comparison; None without any.
-        best: the attitude; None without one.
         is_polled: its fixes come in a stream at a rhythm of its own, so that they may be older by a
             period than at the receiver.
-        rest: windows at rest.
     """
     sensor = Sensor(SensorKind.GPS, None if gps.receiver == 0 else gps.receiver + 1)
     found = [*_lost(sensor, gps, context), *_quality(sensor, gps, context)]

@@ -64,11 +64,7 @@ def fits(
 
     Args:
         one: the finding that blames it.
-        moves: its velocities.
-        track: samples.
-        best: our attitude.
         bias_b: of the gyro, as far as known, rad/s.
-        lag_s: delay of the velocity.
     """
     lined = _lined(moves, track, best, bias_b, lag_s)
     inside = (lined.t_s >= one.from_s - lag_s) & (lined.t_s <= one.to_s - lag_s)

@@ -91,7 +91,6 @@ def look_at_biases(
 
     Args:
         tracks: samples, in order, all finite.
-        best: the attitude.
         armed: while the motors could turn.
         told: findings in flight; a sensor without measurements has no bias.
     """

@@ -312,7 +312,6 @@ def look_at_vibration(
     """The level of one accelerometer, and its clipped samples.
 
     Args:
-        track: the samples.
         armed: while the motors could turn.
         is_told: a check in flight has reported this IMU's vibration already.
     """

@@ -88,7 +88,6 @@ def look_at_timing(
     """Analyses rate, gaps and lateness of one IMU.
 
     Args:
-        track: its samples.
         armed: periods in which gaps matter.
         paused: periods without any record, see `pauses`.
     """
@@ -277,7 +276,6 @@ def look_at_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
     """Samples of an autopilot's own log that alias a vibration, so that integrated rates are wrong.
 
     Args:
-        track: samples.
         context: parameters, for the advised setting.
     """
     steps = np.diff(track.stamp_us)

@@ -114,8 +114,6 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     """Composes the verdict on a flight.
 
     Args:
-        flight: the recording.
-        analysis: of the whole flight.
         links: the findings, causes before consequences.
     """
     looked, missing = _looked_at(flight, analysis)

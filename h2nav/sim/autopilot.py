@@ -141,7 +141,6 @@ class FakeAutopilot:
 
         Args:
             t_ns: host time, never earlier than in the call before.
-            faults: of the schedule.
         """
         self._run_until(t_ns)
         ended = list(faults)
@@ -155,7 +154,6 @@ class FakeAutopilot:
 
         Args:
             t_ns: host time, never earlier than in the call before.
-            scenario: to be flown.
         """
         self._run_until(t_ns)
         self.options = replace(self.options, scenario=scenario)
@@ -174,8 +172,6 @@ class FakeAutopilot:
         Args:
             t_ns: never earlier than in the call before.
             sysid: of the sender; a sender with this autopilot's id is ignored.
-            compid: of the sender.
-            msg_id: of the message.
             fields: its fields as attributes.
         """
         self._run_until(t_ns)

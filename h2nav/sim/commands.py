@@ -49,10 +49,7 @@ class CommandServer:
         """Obeys one message and returns the replies; other messages give none.
 
         Args:
-            t_ns: host time.
             sender: system and component id, to which the COMMAND_ACK is addressed.
-            msg_id: of the message.
-            fields: its fields.
         """
         if msg_id == mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM:
             self._data_stream(t_ns, fields)

@@ -137,9 +137,7 @@ def parse_untimed_fault(text: str, start_s: float, length_s: float = math.inf) -
     """Reads ``NAME[=ARGUMENT][/IMU]``, such as ``gyro-scale=1.05/2``.
 
     Args:
-        text: in this form.
         start_s: beginning, in seconds since the simulator started.
-        length_s: duration.
 
     Raises:
         BadInput: wrong form, or unknown fault or argument.
@@ -214,7 +212,6 @@ class FaultSchedule:
 
         Args:
             t_s: seconds since the simulator started.
-            ended: faults of this schedule.
         """
         gone = set(ended)
         self._replace(fault for fault in self if not (fault in gone and fault.acts(t_s)))

@@ -130,9 +130,6 @@ def readings(
     """Readings of ideal sensors on a flight, for `ImuModel.batch` with many seeds.
 
     Args:
-        motion_at: the truth at t seconds.
-        t_us: increasing times.
-        field: the earth's field.
         gyro_sampling: what a gyro sample is; the first one is always instantaneous.
     """
     ideal = _IdealImu(gyro_sampling, field)
@@ -191,8 +188,6 @@ class ImuModel:
 
         Args:
             t_us: time stamp, later than that of the sample before.
-            motion: the truth for rates and forces.
-            disturbance: of the surroundings.
             field_q_nb: the attitude for the field; None = that of `motion`.
         """
         dt_s = self._first_dt_s

@@ -119,7 +119,6 @@ class Vehicle:
         """Makes the first IMU and its compass wrong, corrected by the current parameters.
 
         Args:
-            wrong: their errors.
             parameters: of the autopilot; they may change.
         """
         self._wrong, self._parameters = wrong, parameters

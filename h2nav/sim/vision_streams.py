@@ -83,7 +83,6 @@ def vision_stream(options: VisionOptions, seed: int) -> Stream:
     """The stream of poses, sent without a request.
 
     Args:
-        options: of the source.
         seed: of noise and drop-outs.
 
     Raises:

@@ -66,7 +66,6 @@ def certified(file: GainFile, loops: Sequence[Loop], fixed_point: Mapping[str, o
 
     Args:
         file: complete except for the two sections.
-        loops: to certify.
         fixed_point: the section of its integer image.
 
     Raises:
@@ -95,7 +94,6 @@ def checked(
     """Checks a file's certificate against its loops, without trusting any of it.
 
     Args:
-        file: of any kind.
         loops: rebuilt from its model.
         fixed_point: the section of its integer image, computed anew from its gains.
     """

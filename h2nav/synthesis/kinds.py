@@ -26,7 +26,6 @@ def check(file: GainFile, place: str) -> CertificateVerdict:
     """Checks a gain file's certificate.
 
     Args:
-        file: of any kind.
         place: its path, for errors.
 
     Raises:

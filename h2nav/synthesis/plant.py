@@ -61,7 +61,6 @@ def attitude_plant(gyro_density: float, sensors: Sequence[VectorSensor]) -> Plan
 
     Args:
         gyro_density: rad/s/sqrt(Hz).
-        sensors: the measured vectors.
 
     Source: docs/derivation.md Eq. (4.2) without its bias states.
     """
@@ -84,7 +83,6 @@ def attitude_bias_plant(
     Args:
         gyro_density: rad/s/sqrt(Hz).
         bias_walk_density: rad/s/sqrt(s).
-        sensors: the measured vectors.
 
     Source: docs/derivation.md Eq. (4.2).
     """
@@ -113,7 +111,6 @@ def discretise(plant: Plant, dt_s: float) -> Plant:
     most 2 (A A = 0), which every plant of h2nav has, and B_w D_w^T = 0.
 
     Args:
-        plant: a continuous plant.
         dt_s: the step, > 0.
 
     Raises:

@@ -59,7 +59,6 @@ def scale(plant: Plant, P: Matrix) -> tuple[DeltaPlant, Scaling]:
     """The plant in delta form and in natural units, and how to undo them.
 
     Args:
-        plant: to be scaled.
         P: (n, n) rough error covariance; its diagonal sets the units of the states. It affects only
             the conditioning, never the result.
 

@@ -104,11 +104,6 @@ def enumeration(comment: str, rows: Sequence[Row]) -> str:
 def source(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[KernelSource]) -> str:
     """Text of ``h2nav_filter.c``.
 
-    Args:
-        form: of the filter.
-        firmware: which one.
-        kernels: the modules of the form.
-
     Raises:
         Refused: the kernel cannot be translated, or its ranges cannot be proved.
     """

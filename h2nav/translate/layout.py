@@ -56,7 +56,6 @@ def written_arguments(function: ast.FunctionDef, writers: dict[str, list[bool]])
     """Names of the arrays and records that a function writes, itself or through those it calls.
 
     Args:
-        function: the function.
         writers: for each function already seen, which of its arguments it writes.
     """
     written = set()

@@ -36,7 +36,6 @@ def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] 
     """Runs every entry point from all possible inputs.
 
     Args:
-        kernel: the translated modules.
         entries: functions that find and leave every record inside its declared ranges.
         initialisers: functions that find a first argument of zeros, and leave it in its ranges.
 

@@ -8,13 +8,7 @@ from h2nav.translate.layout import broken, comment_lines
 
 
 def struct_text(about: str, rows: Sequence[Row], name: str) -> str:
-    """The definition of a struct, its members in the order of the record.
-
-    Args:
-        about: what it is.
-        rows: its fields.
-        name: of the C type.
-    """
+    """The definition of a struct, its members in the order of the record."""
     members = [f"    {_declaration(row)};" for row in rows]
     width = max(map(len, members))
     lines = [*comment_lines(about, ""), "typedef struct {"]
@@ -35,7 +29,6 @@ def constant_text(rows: Sequence[Row], values: Sequence[Number], declaration: st
     """The definition of a constant struct.
 
     Args:
-        rows: its fields.
         values: all numbers, in the order of the record.
         declaration: what stands before the ``=``.
     """

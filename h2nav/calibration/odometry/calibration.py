@@ -116,7 +116,6 @@ def configuration(
     """The daemon's section `odometry`; None when the data do not determine it.
 
     Args:
-        result: of the calibration.
         angles_rad: of the wheels, for an omni layout.
         fed_radius_m: the radius that the autopilot turns wheel angles into distances with.
     """

@@ -36,7 +36,6 @@ def read_increments(path: Path, model: str | None) -> Increments:
     ``way_3_m``) and the reference ``x_m,y_m,heading_rad`` (y left, counter-clockwise).
 
     Args:
-        path: the file.
         model: which columns to take; None = the model whose columns the header has.
 
     Raises:

@@ -23,8 +23,6 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
 
     Args:
         path: the recording, for names and messages.
-        listener: the inputs of the filter.
-        reference: the attitude in the recording.
 
     Raises:
         BadInput: the service passed no samples.

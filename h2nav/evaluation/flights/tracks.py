@@ -79,10 +79,6 @@ def _since_start_s(heard: FromAutopilot, t_us: NDArray[np.int64]) -> Array:
 def figures(track: ErrorTrack, mask: Mask) -> dict[str, Any] | None:
     """RMS and worst errors, deg, over a part, and the consistency of the predicted deviations.
 
-    Args:
-        track: of an estimator.
-        mask: (N,) the part.
-
     Returns:
         None for an empty part. ``nees_*`` is the mean of (error / predicted deviation) squared: 1
         for a consistent prediction, more for an optimistic one; ``*_beyond_3_sigma`` is a share of

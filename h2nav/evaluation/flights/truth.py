@@ -60,10 +60,6 @@ def truth_paths(recording: Path) -> list[Path]:
 def truth_of(recording: Path, heard: FromAutopilot) -> tuple[Truth, list[str]]:
     """The truth of a flight, and remarks.
 
-    Args:
-        recording: the file.
-        heard: the autopilot's messages.
-
     Raises:
         BadInput: there is none, or a file is not usable.
     """
@@ -135,13 +131,7 @@ class TruthPairs(NamedTuple):
 
 
 def pairs(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> TruthPairs:
-    """Pairs each estimate with the truth at its time, where one is near.
-
-    Args:
-        truth: of the flight.
-        heard: the autopilot's messages.
-        estimates: of one estimator.
-    """
+    """Pairs each estimate with the truth at its time, where one is near."""
     t_us = estimates.arrived_us
     if not truth.is_by_arrival:
         t_us = estimates.boot_us + EPOCH_US * heard.epochs(estimates.arrived_us)

@@ -50,8 +50,6 @@ def attitude_lines(
     """Roll, pitch and heading.
 
     Args:
-        flight: as played.
-        columns: of the pictures.
         window_s: the part of the flight to show; None for all of it. A part leaves out the smoothed
             attitude, which uses later samples than anything in flight.
     """

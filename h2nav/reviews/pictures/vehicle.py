@@ -21,8 +21,6 @@ def demand(context: Context, columns: Columns, angle: str, cut_rad: float = 0.0)
     """Demanded roll, pitch or heading; none if unknown.
 
     Args:
-        context: of the recording.
-        columns: of the picture.
         angle: ``roll``, ``pitch`` or ``heading``.
         cut_rad: the end of the picture's range of headings.
     """
