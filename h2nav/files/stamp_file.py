@@ -67,15 +67,10 @@ class StampFile:
 
 
 class StampNotice(NamedTuple):
-    """An event of the file, to be reported once.
+    """An event of the file, to be reported once."""
 
-    Attributes:
-        is_error: the stamp is not safe on disk.
-        text: one line.
-    """
-
-    is_error: bool
-    text: str
+    is_error: bool  # the stamp is not safe on disk
+    text: str  # one line
 
 
 class StampKeeper:

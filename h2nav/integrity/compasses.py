@@ -38,17 +38,11 @@ AGREE = 0.7
 
 
 class Level(NamedTuple):
-    """The attitude that levels the fields.
+    """The attitude that levels the fields."""
 
-    Attributes:
-        q_nb: attitude, body to NED.
-        rate_rad_s: of its turn.
-        is_shown: velocities have confirmed its heading.
-    """
-
-    q_nb: Quat
-    rate_rad_s: float
-    is_shown: bool
+    q_nb: Quat  # attitude, body to NED
+    rate_rad_s: float  # of its turn
+    is_shown: bool  # velocities have confirmed its heading
 
 
 class _Compass:

@@ -39,31 +39,18 @@ LARGEST_LEAN_RAD = 15.0 * DEG
 
 
 class FieldRow(NamedTuple):
-    """Means of one second.
+    """Means of one second."""
 
-    Attributes:
-        t_us: its end.
-        field_s: direction of the field, strapdown's frame.
-        norm_ut: of the field.
-        force_s: specific force, m/s in this second, strapdown's frame.
-        heading_rad: of the field by the attitude, minus its declination.
-        dip_rad: of the field by the attitude.
-        sigma_tilt_rad: of the attitude.
-        sigma_heading_rad: of the attitude.
-        path_rad: angle turned through until its end.
-        turn_variance: of that turn, rad^2, from motion missed between slow samples.
-    """
-
-    t_us: int
-    field_s: Vec3
-    norm_ut: float
-    force_s: Vec3
-    heading_rad: float
-    dip_rad: float
-    sigma_tilt_rad: float
-    sigma_heading_rad: float
-    path_rad: float
-    turn_variance: float
+    t_us: int  # its end
+    field_s: Vec3  # direction of the field, strapdown's frame
+    norm_ut: float  # of the field
+    force_s: Vec3  # specific force, m/s in this second, strapdown's frame
+    heading_rad: float  # of the field by the attitude, minus its declination
+    dip_rad: float  # of the field by the attitude
+    sigma_tilt_rad: float  # of the attitude
+    sigma_heading_rad: float  # of the attitude
+    path_rad: float  # angle turned through until its end
+    turn_variance: float  # of that turn, rad^2, from motion missed between slow samples
 
     @property
     def force_angle_rad(self) -> float:

@@ -27,17 +27,13 @@ _NAMES = {SensorKind.IMU: "IMU", SensorKind.GPS: "GPS", SensorKind.AHRS2: "AHRS2
 
 
 class Sensor(NamedTuple):
-    """The subject of a finding.
+    """The subject of a finding."""
 
-    Attributes:
-        kind: of the sensor.
-        number: from 1 if there are several; None if there is one, or if it is unknown which.
-        others: more of the same kind. With a number, they show the same; without one, it is one of
-            these.
-    """
-
-    kind: SensorKind
+    kind: SensorKind  # of the sensor
+    # from 1 if there are several; None if there is one, or if it is unknown which
     number: int | None = None
+    # more of the same kind. With a number, they show the same; without one, it is one of
+    # these.
     others: tuple[int, ...] = ()
 
     @property
@@ -56,33 +52,19 @@ class Sensor(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """A present fault; its check has already waited until it lasted.
+    """A present fault; its check has already waited until it lasted."""
 
-    Attributes:
-        kind: of the fault.
-        sensor: its subject.
-        severity: of the fault.
-        size: of the fault, in `unit`.
-        unit: of the size; empty for a mere number.
-        text: for people, one line of at most 42 characters if possible.
-        evidence: the figures that show it.
-        degrades: the attitude that is sent cannot be trusted meanwhile.
-        since_s: its duration, s.
-        is_decided: the evidence shows the subject.
-        part: of the sensor, such as ``gyro z``; empty for the whole.
-    """
-
-    kind: Kind
-    sensor: Sensor
-    severity: Severity
-    size: float
-    unit: str
-    text: str
-    evidence: str
-    degrades: bool = False
-    since_s: float = 0.0
-    is_decided: bool = False
-    part: str = ""
+    kind: Kind  # of the fault
+    sensor: Sensor  # its subject
+    severity: Severity  # of the fault
+    size: float  # of the fault, in `unit`
+    unit: str  # of the size; empty for a mere number
+    text: str  # for people, one line of at most 42 characters if possible
+    evidence: str  # the figures that show it
+    degrades: bool = False  # the attitude that is sent cannot be trusted meanwhile
+    since_s: float = 0.0  # its duration, s
+    is_decided: bool = False  # the evidence shows the subject
+    part: str = ""  # of the sensor, such as ``gyro z``; empty for the whole
 
     @property
     def told(self) -> str:
@@ -97,35 +79,20 @@ class Alarm(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """An alarm with its beginning and end, or a finding of the whole flight.
+    """An alarm with its beginning and end, or a finding of the whole flight."""
 
-    Attributes:
-        kind: see `Alarm`.
-        sensor: see `Alarm`.
-        severity: the worst so far.
-        from_s: its beginning, s after the start of the run.
-        to_s: when it last held.
-        size: the largest, in `unit`.
-        unit: see `Alarm`.
-        text: see `Alarm`, of the most decided and largest state.
-        evidence: see `Alarm`, of the same time.
-        id: stable within a run; empty before it has been given.
-        is_open: it has not ended.
-        cause: `id` of the finding that it follows from; None if none.
-    """
-
-    kind: Kind
-    sensor: Sensor
-    severity: Severity
-    from_s: float
-    to_s: float
-    size: float
-    unit: str
-    text: str
-    evidence: str
-    id: str = ""
-    is_open: bool = False
-    cause: str | None = None
+    kind: Kind  # see `Alarm`
+    sensor: Sensor  # see `Alarm`
+    severity: Severity  # the worst so far
+    from_s: float  # its beginning, s after the start of the run
+    to_s: float  # when it last held
+    size: float  # the largest, in `unit`
+    unit: str  # see `Alarm`
+    text: str  # see `Alarm`, of the most decided and largest state
+    evidence: str  # see `Alarm`, of the same time
+    id: str = ""  # stable within a run; empty before it has been given
+    is_open: bool = False  # it has not ended
+    cause: str | None = None  # `id` of the finding that it follows from; None if none
 
     @property
     def source(self) -> str:
@@ -142,15 +109,10 @@ class Phase(StrEnum):
 
 
 class Change(NamedTuple):
-    """Changes since the previous update.
+    """Changes since the previous update."""
 
-    Attributes:
-        begun: alarms that are new.
-        news: findings to report, in the order of their beginning.
-    """
-
-    begun: list[Alarm]
-    news: list[tuple[Phase, Finding]]
+    begun: list[Alarm]  # alarms that are new
+    news: list[tuple[Phase, Finding]]  # findings to report, in the order of their beginning
 
 
 class _Entry:

@@ -100,22 +100,15 @@ class Kind(StrEnum):
 
 
 class Meaning(NamedTuple):
-    """The meaning of a kind.
+    """The meaning of a kind."""
 
-    Attributes:
-        sensors: possible subjects.
-        worst: its worst severity.
-        unit: of the size; several, separated by `` | ``, if each finding names its own; empty for a
-            mere number.
-        means: its meaning for a pilot, without unexplained terms.
-        check: what to check next.
-    """
-
-    sensors: tuple[SensorKind, ...]
-    worst: Severity
+    sensors: tuple[SensorKind, ...]  # possible subjects
+    worst: Severity  # its worst severity
+    # of the size; several, separated by `` | ``, if each finding names its own; empty for a
+    # mere number
     unit: str
-    means: str
-    check: str
+    means: str  # its meaning for a pilot, without unexplained terms
+    check: str  # what to check next
 
 
 _FROZEN = "The sensor repeated itself while the vehicle moved: it had stopped measuring."

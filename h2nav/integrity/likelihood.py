@@ -14,19 +14,13 @@ from typing import NamedTuple
 
 
 class HypothesisFit(NamedTuple):
-    """The fit of a hypothesis.
+    """The fit of a hypothesis."""
 
-    Attributes:
-        root: lower triangle, row by row, of I + S A^T A S.
-        forward: its solution for S A^T z.
-        likelihood: its logarithm, up to a constant shared by all hypotheses of the same noise.
-        sigmas: prior deviations of the unknowns.
-    """
-
-    root: tuple[tuple[float, ...], ...] = ()
-    forward: tuple[float, ...] = ()
+    root: tuple[tuple[float, ...], ...] = ()  # lower triangle, row by row, of I + S A^T A S
+    forward: tuple[float, ...] = ()  # its solution for S A^T z
+    # its logarithm, up to a constant shared by all hypotheses of the same noise
     likelihood: float = 0.0
-    sigmas: tuple[float, ...] = ()
+    sigmas: tuple[float, ...] = ()  # prior deviations of the unknowns
 
     @property
     def explained(self) -> float:

@@ -54,21 +54,13 @@ class Item(StrEnum):
 
 
 class GroundFault(NamedTuple):
-    """A fault on the ground.
+    """A fault on the ground."""
 
-    Attributes:
-        item: the check that failed.
-        sensor: such as ``IMU 1`` or ``compass 1 and 2``.
-        size: of the error.
-        unit: of the size.
-        limit: that it exceeds.
-    """
-
-    item: Item
-    sensor: str
-    size: float
-    unit: str
-    limit: float
+    item: Item  # the check that failed
+    sensor: str  # such as ``IMU 1`` or ``compass 1 and 2``
+    size: float  # of the error
+    unit: str  # of the size
+    limit: float  # that it exceeds
 
     @property
     def text(self) -> str:
@@ -90,31 +82,19 @@ _WORDS = {
 
 
 class GroundVerdict(NamedTuple):
-    """The result before arming.
+    """The result before arming."""
 
-    Attributes:
-        faults: failed checks; empty if all passed.
-        judged: checks that were possible.
-    """
-
-    faults: tuple[GroundFault, ...] = ()
-    judged: frozenset[Item] = frozenset()
+    faults: tuple[GroundFault, ...] = ()  # failed checks; empty if all passed
+    judged: frozenset[Item] = frozenset()  # checks that were possible
 
 
 class _Window(NamedTuple):
-    """One second of an IMU.
+    """One second of an IMU."""
 
-    Attributes:
-        w_b: mean rate, rad/s.
-        f_b: mean force, m/s^2.
-        shaken_m_s2: rms of the force about its mean.
-        is_still: the vehicle was at rest.
-    """
-
-    w_b: Vec3
-    f_b: Vec3
-    shaken_m_s2: float
-    is_still: bool
+    w_b: Vec3  # mean rate, rad/s
+    f_b: Vec3  # mean force, m/s^2
+    shaken_m_s2: float  # rms of the force about its mean
+    is_still: bool  # the vehicle was at rest
 
 
 class _Imu:

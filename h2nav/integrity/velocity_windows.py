@@ -39,35 +39,21 @@ Level = tuple[float, float]
 
 
 class Mark(NamedTuple):
-    """A fix and the state of dead reckoning at its time.
+    """A fix and the state of dead reckoning at its time."""
 
-    Attributes:
-        moment: of the fix.
-        v_n: north and east, m/s.
-        sigma_m_s: of each.
-        accel_n: acceleration since the previous mark, m/s^2, north and east.
-    """
-
-    moment: Moment
-    v_n: Level
-    sigma_m_s: float
-    accel_n: Level
+    moment: Moment  # of the fix
+    v_n: Level  # north and east, m/s
+    sigma_m_s: float  # of each
+    accel_n: Level  # acceleration since the previous mark, m/s^2, north and east
 
 
 class Window(NamedTuple):
-    """The comparison of one window.
+    """The comparison of one window."""
 
-    Attributes:
-        length_s: of the window.
-        residual_m_s: size of the measured minus the predicted change of velocity.
-        sigma_m_s: its expected deviation per axis.
-        change_m_s: horizontal change of velocity that was measured.
-    """
-
-    length_s: float
-    residual_m_s: float
-    sigma_m_s: float
-    change_m_s: float
+    length_s: float  # of the window
+    residual_m_s: float  # size of the measured minus the predicted change of velocity
+    sigma_m_s: float  # its expected deviation per axis
+    change_m_s: float  # horizontal change of velocity that was measured
 
     @property
     def ratio(self) -> float:

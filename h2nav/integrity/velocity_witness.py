@@ -58,21 +58,13 @@ class Verdicts(NamedTuple):
 
 
 class _Window(NamedTuple):
-    """Horizontal changes of velocity, m/s, (2,) each.
+    """Horizontal changes of velocity, m/s, (2,) each."""
 
-    Attributes:
-        t_us: its end.
-        missing: measured minus predicted with our attitude.
-        by_tilt: addition by the other attitude's tilt.
-        by_heading: addition by its heading.
-        by_latency: addition per second of the receiver's latency.
-    """
-
-    t_us: int
-    missing: tuple[float, float]
-    by_tilt: tuple[float, float]
-    by_heading: tuple[float, float]
-    by_latency: tuple[float, float]
+    t_us: int  # its end
+    missing: tuple[float, float]  # measured minus predicted with our attitude
+    by_tilt: tuple[float, float]  # addition by the other attitude's tilt
+    by_heading: tuple[float, float]  # addition by its heading
+    by_latency: tuple[float, float]  # addition per second of the receiver's latency
 
 
 class Integrated:
@@ -213,17 +205,11 @@ class VelocityWitness:
 
 
 class _Fit(NamedTuple):
-    """The result of the fit: shares of tilt and heading, and the latency, s.
+    """The result of the fit: shares of tilt and heading, and the latency, s."""
 
-    Attributes:
-        found: the three.
-        variances: of them.
-        sigma_m_s: of the residual of a change of velocity.
-    """
-
-    found: Vec3
-    variances: Vec3
-    sigma_m_s: float
+    found: Vec3  # the three
+    variances: Vec3  # of them
+    sigma_m_s: float  # of the residual of a change of velocity
 
 
 def _verdicts(windows: deque[_Window]) -> Verdicts:

@@ -58,25 +58,15 @@ QUALITIES = {
 
 
 class Comparison(NamedTuple):
-    """Another attitude minus ours.
+    """Another attitude minus ours."""
 
-    Attributes:
-        t_us: of both.
-        source: of the other attitude.
-        tilt_rad: angle between the verticals.
-        heading_rad: the other heading minus ours.
-        sigma_tilt_rad: deviation of the difference, both of them together.
-        sigma_heading_rad: the same; NaN if our heading has no reference.
-        verdicts: by the velocity.
-    """
-
-    t_us: int
-    source: AttitudeSource
-    tilt_rad: float
-    heading_rad: float
-    sigma_tilt_rad: float
-    sigma_heading_rad: float
-    verdicts: Verdicts
+    t_us: int  # of both
+    source: AttitudeSource  # of the other attitude
+    tilt_rad: float  # angle between the verticals
+    heading_rad: float  # the other heading minus ours
+    sigma_tilt_rad: float  # deviation of the difference, both of them together
+    sigma_heading_rad: float  # the same; NaN if our heading has no reference
+    verdicts: Verdicts  # by the velocity
 
 
 class _Spell:

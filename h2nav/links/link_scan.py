@@ -39,53 +39,31 @@ Address = tuple[int, int]
 
 
 class LinkPlace(NamedTuple):
-    """A port or address to scan.
+    """A port or address to scan."""
 
-    Attributes:
-        name: shown to the user: the device's path, or the URL.
-        urls: tried in turn: one per baud rate, or a single one.
-        is_usb_autopilot: the port may need a heartbeat to wake up.
-    """
-
-    name: str
-    urls: tuple[str, ...]
-    is_usb_autopilot: bool = False
+    name: str  # shown to the user: the device's path, or the URL
+    urls: tuple[str, ...]  # tried in turn: one per baud rate, or a single one
+    is_usb_autopilot: bool = False  # the port may need a heartbeat to wake up
 
 
 class Speaker(NamedTuple):
-    """A detected autopilot.
+    """A detected autopilot."""
 
-    Attributes:
-        address: system and component id.
-        heartbeat: its first heartbeat.
-        firmware: its version; None if it did not answer.
-        rates_hz: message id -> rate.
-    """
-
-    address: Address
-    heartbeat: Heartbeat
-    firmware: Firmware | None
-    rates_hz: dict[int, float]
+    address: Address  # system and component id
+    heartbeat: Heartbeat  # its first heartbeat
+    firmware: Firmware | None  # its version; None if it did not answer
+    rates_hz: dict[int, float]  # message id -> rate
 
 
 class Hearing(NamedTuple):
-    """The result of scanning one place.
+    """The result of scanning one place."""
 
-    Attributes:
-        place: what was scanned.
-        url: where frames were received, otherwise the last one tried.
-        speakers: autopilots, sorted by address.
-        frames: number of frames that passed their checksum.
-        bytes_in: received at all baud rates.
-        error: why the port could not be opened; empty otherwise.
-    """
-
-    place: LinkPlace
-    url: str
-    speakers: tuple[Speaker, ...]
-    frames: int
-    bytes_in: int
-    error: str
+    place: LinkPlace  # what was scanned
+    url: str  # where frames were received, otherwise the last one tried
+    speakers: tuple[Speaker, ...]  # autopilots, sorted by address
+    frames: int  # number of frames that passed their checksum
+    bytes_in: int  # received at all baud rates
+    error: str  # why the port could not be opened; empty otherwise
 
     @property
     def is_junk(self) -> bool:

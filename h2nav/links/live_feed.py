@@ -42,19 +42,12 @@ class FeedLine(NamedTuple):
 
 
 class FeedEntry(NamedTuple):
-    """One record of the feed.
+    """One record of the feed."""
 
-    Attributes:
-        topic: as in the log.
-        unix_ns: host time.
-        publish_ns: the source's own time on the UNIX scale, or the host time.
-        record: a NamedTuple of flat scalars, as in the log, or a `FeedLine`.
-    """
-
-    topic: str
-    unix_ns: int
-    publish_ns: int
-    record: tuple[Any, ...]
+    topic: str  # as in the log
+    unix_ns: int  # host time
+    publish_ns: int  # the source's own time on the UNIX scale, or the host time
+    record: tuple[Any, ...]  # a NamedTuple of flat scalars, as in the log, or a `FeedLine`
 
 
 class FeedRecord(NamedTuple):
@@ -76,19 +69,12 @@ class FeedRecord(NamedTuple):
 
 
 class Greeting(NamedTuple):
-    """The first packet to a viewer: its settings.
+    """The first packet to a viewer: its settings."""
 
-    Attributes:
-        host: address to listen on.
-        port: of the page; 0 = chosen by the kernel.
-        foxglove_port: of the Foxglove WebSocket; 0 = none.
-        configuration: of the daemon, section -> key -> value.
-    """
-
-    host: str
-    port: int
-    foxglove_port: int
-    configuration: Mapping[str, Mapping[str, Any]]
+    host: str  # address to listen on
+    port: int  # of the page; 0 = chosen by the kernel
+    foxglove_port: int  # of the Foxglove WebSocket; 0 = none
+    configuration: Mapping[str, Mapping[str, Any]]  # of the daemon, section -> key -> value
 
 
 class Word(NamedTuple):

@@ -4,12 +4,8 @@ from typing import NamedTuple
 
 
 class Received(NamedTuple):
-    """A datagram, or a piece of a byte stream.
+    """A datagram, or a piece of a byte stream."""
 
-    Attributes:
-        data: the bytes.
-        t_ns: monotonic time at which the kernel received them; None where the link has no stamp.
-    """
-
-    data: bytes
+    data: bytes  # the bytes
+    # monotonic time at which the kernel received them; None where the link has no stamp
     t_ns: int | None = None

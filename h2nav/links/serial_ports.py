@@ -18,19 +18,12 @@ ABSENT_UART = "0"  # PORT_UNKNOWN of the kernel: a name without hardware behind 
 
 
 class PortListing(NamedTuple):
-    """One serial port.
+    """One serial port."""
 
-    Attributes:
-        path: the name that does not depend on the order in which devices are plugged in.
-        device: the node that it resolves to now.
-        description: the device's own name; empty if it has none.
-        obstacles: what prevents its use, each with the remedy.
-    """
-
-    path: str
-    device: str
-    description: str
-    obstacles: tuple[str, ...]
+    path: str  # the name that does not depend on the order in which devices are plugged in
+    device: str  # the node that it resolves to now
+    description: str  # the device's own name; empty if it has none
+    obstacles: tuple[str, ...]  # what prevents its use, each with the remedy
 
 
 def listed_ports(further: tuple[str, ...] = ()) -> list[PortListing]:

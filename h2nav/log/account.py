@@ -22,61 +22,37 @@ _DIGITS = re.compile(r"[0-9]+")
 
 
 class StateSpan(NamedTuple):
-    """A period in one state.
+    """A period in one state."""
 
-    Attributes:
-        state: of `HealthRecord`.
-        reason: why the state was not active, with the figures at its beginning; empty if active.
-        from_s: since the start of the log.
-        to_s: the start of the next state, or the last record.
-    """
-
-    state: str
-    reason: str
-    from_s: float
-    to_s: float
+    state: str  # of `HealthRecord`
+    reason: str  # why the state was not active, with the figures at its beginning; empty if active
+    from_s: float  # since the start of the log
+    to_s: float  # the start of the next state, or the last record
 
 
 class LoggedDifference(NamedTuple):
-    """The largest differences to one attitude of the autopilot.
+    """The largest differences to one attitude of the autopilot."""
 
-    Attributes:
-        source: of the attitude, as in `ComparisonRecord`.
-        compared: number of comparisons.
-        tilt_deg: largest angle between the verticals.
-        tilt_at_s: its time since the start of the log.
-        tilt_verdict: the tilt that the GPS velocity supported then.
-        heading_deg: largest difference of headings, autopilot minus h2nav, signed.
-        heading_at_s: its time.
-        heading_verdict: the heading that the GPS velocity supported then.
-    """
-
-    source: str
-    compared: int
-    tilt_deg: float
-    tilt_at_s: float
-    tilt_verdict: str
-    heading_deg: float
-    heading_at_s: float
-    heading_verdict: str
+    source: str  # of the attitude, as in `ComparisonRecord`
+    compared: int  # number of comparisons
+    tilt_deg: float  # largest angle between the verticals
+    tilt_at_s: float  # its time since the start of the log
+    tilt_verdict: str  # the tilt that the GPS velocity supported then
+    heading_deg: float  # largest difference of headings, autopilot minus h2nav, signed
+    heading_at_s: float  # its time
+    heading_verdict: str  # the heading that the GPS velocity supported then
 
 
 class LogAccount(NamedTuple):
-    """The whole summary.
+    """The whole summary."""
 
-    Attributes:
-        states: in order; at most `MOST_STATES`.
-        refusals: reason -> number of samples or messages.
-        findings: the newest ``/finding`` record of each, sorted by beginning; times are seconds
-            since the start of the run, severities are names. ``ended`` says whether the finding
-            was closed when the log ended.
-        differences: one per source, by its name.
-    """
-
-    states: list[StateSpan]
-    refusals: dict[str, int]
+    states: list[StateSpan]  # in order; at most `MOST_STATES`
+    refusals: dict[str, int]  # reason -> number of samples or messages
+    # the newest ``/finding`` record of each, sorted by beginning; times are seconds since the
+    # start of the run, severities are names. ``ended`` says whether the finding was closed
+    # when the log ended.
     findings: list[dict[str, Any]]
-    differences: list[LoggedDifference]
+    differences: list[LoggedDifference]  # one per source, by its name
 
 
 class Account:

@@ -33,18 +33,13 @@ _IDS = frozenset(msg_id for msg_id, layout in LAYOUTS.items() if layout.name in 
 
 
 class Decoded(NamedTuple):
-    """A message for a channel.
+    """A message for a channel."""
 
-    Attributes:
-        topic: ``/autopilot/<message>``; ``/autopilot_<system id>/<message>`` of every vehicle but
-            the first one received.
-        form: its encoding.
-        fields: of the message.
-    """
-
+    # ``/autopilot/<message>``; ``/autopilot_<system id>/<message>`` of every vehicle but the
+    # first one received
     topic: str
-    form: RecordFormat
-    fields: Any
+    form: RecordFormat  # its encoding
+    fields: Any  # of the message
 
 
 class AutopilotDecoder:

@@ -26,20 +26,14 @@ from h2nav.wire.dialect import LAYOUTS
 
 
 class Column(NamedTuple):
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes:
-        name: of the field.
-        unit: of its values; empty where none is known.
-        kind: of a value: ``time`` (UNIX ns), ``number``, ``integer``, ``boolean``, ``text``,
-            ``anything`` (any JSON value), or a type of the dialect, such as ``uint16_t``.
-        length: elements of an array; 0 for a scalar.
-    """
-
-    name: str
-    unit: str
+    name: str  # of the field
+    unit: str  # of its values; empty where none is known
+    # of a value: ``time`` (UNIX ns), ``number``, ``integer``, ``boolean``, ``text``,
+    # ``anything`` (any JSON value), or a type of the dialect, such as ``uint16_t``
     kind: str
-    length: int = 0
+    length: int = 0  # elements of an array; 0 for a scalar
 
 
 class ChannelTable(Protocol):
@@ -71,31 +65,19 @@ class ExportedFile(NamedTuple):
 
 
 class ExportResult(NamedTuple):
-    """The result of an export.
+    """The result of an export."""
 
-    Attributes:
-        files: in the order of their creation.
-        skipped: topic -> why it has no file, or lacks messages.
-        damaged_records: damaged places of the log that were skipped.
-    """
-
-    files: list[ExportedFile]
-    skipped: dict[str, str]
-    damaged_records: int
+    files: list[ExportedFile]  # in the order of their creation
+    skipped: dict[str, str]  # topic -> why it has no file, or lacks messages
+    damaged_records: int  # damaged places of the log that were skipped
 
 
 class Destination(NamedTuple):
-    """Where tables are written.
+    """Where tables are written."""
 
-    Attributes:
-        folder: created if missing; existing files are not overwritten.
-        suffix: of the files, such as ``.csv``.
-        open_table: opens each.
-    """
-
-    folder: Path
-    suffix: str
-    open_table: OpenTable
+    folder: Path  # created if missing; existing files are not overwritten
+    suffix: str  # of the files, such as ``.csv``
+    open_table: OpenTable  # opens each
 
 
 def export_tables(

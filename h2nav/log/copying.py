@@ -19,23 +19,14 @@ from h2nav.log.summary import LogSummary, record_bytes
 
 
 class Recovery(NamedTuple):
-    """The result of a copy.
+    """The result of a copy."""
 
-    Attributes:
-        messages: messages saved.
-        attachments: attachments saved.
-        damaged_records: runs of bytes without an intact record.
-        lost_bytes: their total length.
-        orphaned_messages: intact messages whose channel is unknown; not saved.
-        was_closed: the input was complete.
-    """
-
-    messages: int
-    attachments: int
-    damaged_records: int
-    lost_bytes: int
-    orphaned_messages: int
-    was_closed: bool
+    messages: int  # messages saved
+    attachments: int  # attachments saved
+    damaged_records: int  # runs of bytes without an intact record
+    lost_bytes: int  # their total length
+    orphaned_messages: int  # intact messages whose channel is unknown; not saved
+    was_closed: bool  # the input was complete
 
     @property
     def lost_something(self) -> bool:

@@ -24,15 +24,10 @@ _HIGHEST_ID = 0xFFFF
 
 
 class DecodeResult(NamedTuple):
-    """The result of decoding.
+    """The result of decoding."""
 
-    Attributes:
-        decoded: topic -> number of messages.
-        copied: the result for the log's own records.
-    """
-
-    decoded: dict[str, int]
-    copied: Recovery
+    decoded: dict[str, int]  # topic -> number of messages
+    copied: Recovery  # the result for the log's own records
 
 
 def decode_log(

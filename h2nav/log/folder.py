@@ -20,23 +20,16 @@ LOG_MODE = 0o640  # logs show where a vehicle was
 
 @dataclass(frozen=True, slots=True)
 class LogLimits:
-    """Limits on the size of logs and their use of the disk.
+    """Limits on the size of logs and their use of the disk."""
 
-    Attributes:
-        file_bytes: a file of this size is closed and the next one opened.
-        file_age_s: a file of this age likewise.
-        files: largest number of logs in the folder; the oldest are deleted.
-        run_bytes: space for one run; beyond it the run's own oldest files are deleted. 0 = a
-            quarter of `files` times `file_bytes`, or of the disk's space for logs where that is
-            less.
-        free_bytes: space that stays free on the disk; the oldest logs are deleted for it, and
-            recording stops when none is left to delete.
-    """
-
-    file_bytes: int
-    file_age_s: float
-    files: int
+    file_bytes: int  # a file of this size is closed and the next one opened
+    file_age_s: float  # a file of this age likewise
+    files: int  # largest number of logs in the folder; the oldest are deleted
+    # space for one run; beyond it the run's own oldest files are deleted. 0 = a quarter of
+    # `files` times `file_bytes`, or of the disk's space for logs where that is less.
     run_bytes: int
+    # space that stays free on the disk; the oldest logs are deleted for it, and recording
+    # stops when none is left to delete
     free_bytes: int
 
 

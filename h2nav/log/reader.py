@@ -33,21 +33,13 @@ _LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
 
 
 class LogEntry(NamedTuple):
-    """An intact record of the data section.
+    """An intact record of the data section."""
 
-    Attributes:
-        offset: of the record in the file.
-        opcode: its kind.
-        size: bytes of the whole record.
-        body: the record without opcode and length.
-        content: the decompressed records of a chunk; empty otherwise.
-    """
-
-    offset: int
-    opcode: int
-    size: int
-    body: bytes
-    content: bytes
+    offset: int  # of the record in the file
+    opcode: int  # its kind
+    size: int  # bytes of the whole record
+    body: bytes  # the record without opcode and length
+    content: bytes  # the decompressed records of a chunk; empty otherwise
 
 
 class LogScan:

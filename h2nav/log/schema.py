@@ -51,17 +51,11 @@ _TIME_SCHEMA = {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}
 
 
 class RecordFormat(NamedTuple):
-    """The encoding of one type of record.
+    """The encoding of one type of record."""
 
-    Attributes:
-        name: schema name, ``h2nav.<class>``.
-        schema: JSON Schema, UTF-8.
-        encode: encodes a record as JSON, UTF-8.
-    """
-
-    name: str
-    schema: bytes
-    encode: Callable[[Any], bytes]
+    name: str  # schema name, ``h2nav.<class>``
+    schema: bytes  # JSON Schema, UTF-8
+    encode: Callable[[Any], bytes]  # encodes a record as JSON, UTF-8
 
 
 def record_format(record_type: type[Any]) -> RecordFormat:

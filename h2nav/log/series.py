@@ -35,16 +35,11 @@ Write = Callable[[LogFile], None]
 
 
 class RecorderNotice(NamedTuple):
-    """An event of the recording, to be reported once.
+    """An event of the recording, to be reported once."""
 
-    Attributes:
-        severity: of it.
-        text: one line.
-        cause: identifies the event while names and figures in the text change; default: the text.
-    """
-
-    severity: Severity
-    text: str
+    severity: Severity  # of it
+    text: str  # one line
+    # identifies the event while names and figures in the text change; default: the text
     cause: str = ""
 
 

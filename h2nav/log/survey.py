@@ -21,77 +21,43 @@ Progress = Callable[[int, int], None]
 
 
 class TopicSurvey(NamedTuple):
-    """One channel.
+    """One channel."""
 
-    Attributes:
-        topic: its name.
-        encoding: of its messages.
-        schema: its schema's name, empty without one.
-        messages: their number.
-        data_bytes: their total length, uncompressed.
-        rate_hz: mean rate between the first and the last message; 0 for fewer than two.
-        longest_gap_s: longest time between two messages.
-    """
-
-    topic: str
-    encoding: str
-    schema: str
-    messages: int
-    data_bytes: int
-    rate_hz: float
-    longest_gap_s: float
+    topic: str  # its name
+    encoding: str  # of its messages
+    schema: str  # its schema's name, empty without one
+    messages: int  # their number
+    data_bytes: int  # their total length, uncompressed
+    rate_hz: float  # mean rate between the first and the last message; 0 for fewer than two
+    longest_gap_s: float  # longest time between two messages
 
 
 class Gap(NamedTuple):
-    """A period longer than a second without bytes from a link.
+    """A period longer than a second without bytes from a link."""
 
-    Attributes:
-        topic: the link's channel.
-        after_s: its beginning, from the start of the log.
-        length_s: how long it lasts.
-    """
-
-    topic: str
-    after_s: float
-    length_s: float
+    topic: str  # the link's channel
+    after_s: float  # its beginning, from the start of the log
+    length_s: float  # how long it lasts
 
 
 class LogSurvey(NamedTuple):
-    """The survey of a whole log.
+    """The survey of a whole log."""
 
-    Attributes:
-        path: the file.
-        file_bytes: its size.
-        closed: it was closed regularly and has an index.
-        start_unix_ns: first message; 0 without messages.
-        duration_s: from the first to the last message.
-        topics: the channels, by name.
-        gaps: at most `MOST_GAPS`.
-        attachments: name -> bytes.
-        metadata: name -> texts.
-        damaged_records: runs of bytes without an intact record, including a cut-off end.
-        lost_bytes: their total length.
-        states: of the service, in order.
-        refusals: reason -> number of samples or messages.
-        findings: of the service; see `LogAccount`.
-        differences: the largest ones to the autopilot's attitudes.
-    """
-
-    path: str
-    file_bytes: int
-    closed: bool
-    start_unix_ns: int
-    duration_s: float
-    topics: list[TopicSurvey]
-    gaps: list[Gap]
-    attachments: dict[str, int]
-    metadata: dict[str, dict[str, str]]
-    damaged_records: int
-    lost_bytes: int
-    states: list[StateSpan]
-    refusals: dict[str, int]
-    findings: list[dict[str, Any]]
-    differences: list[LoggedDifference]
+    path: str  # the file
+    file_bytes: int  # its size
+    closed: bool  # it was closed regularly and has an index
+    start_unix_ns: int  # first message; 0 without messages
+    duration_s: float  # from the first to the last message
+    topics: list[TopicSurvey]  # the channels, by name
+    gaps: list[Gap]  # at most `MOST_GAPS`
+    attachments: dict[str, int]  # name -> bytes
+    metadata: dict[str, dict[str, str]]  # name -> texts
+    damaged_records: int  # runs of bytes without an intact record, including a cut-off end
+    lost_bytes: int  # their total length
+    states: list[StateSpan]  # of the service, in order
+    refusals: dict[str, int]  # reason -> number of samples or messages
+    findings: list[dict[str, Any]]  # of the service; see `LogAccount`
+    differences: list[LoggedDifference]  # the largest ones to the autopilot's attitudes
 
 
 class _Tally:

@@ -25,17 +25,11 @@ STALE_NS = 2 * SECOND_NS
 
 
 class LatestReport(NamedTuple):
-    """An attitude of the autopilot.
+    """An attitude of the autopilot."""
 
-    Attributes:
-        t_ns: host time of its arrival.
-        source: of the attitude.
-        q_nb: body to NED.
-    """
-
-    t_ns: int
-    source: AttitudeSource
-    q_nb: Quat
+    t_ns: int  # host time of its arrival
+    source: AttitudeSource  # of the attitude
+    q_nb: Quat  # body to NED
 
 
 def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:

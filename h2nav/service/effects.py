@@ -8,15 +8,10 @@ from h2nav.wire.outbound import OutMessage
 
 
 class Send(NamedTuple):
-    """Put a message on the link.
+    """Put a message on the link."""
 
-    Attributes:
-        message: a message object of pymavlink's dialect.
-        system_id: the sender's system id, which is the vehicle's once it is known.
-    """
-
-    message: OutMessage
-    system_id: int
+    message: OutMessage  # a message object of pymavlink's dialect
+    system_id: int  # the sender's system id, which is the vehicle's once it is known
 
 
 class Record(NamedTuple):
@@ -34,17 +29,11 @@ class Record(NamedTuple):
 
 
 class Used(NamedTuple):
-    """A sample went through the filter; log both, after everything due has been sent.
+    """A sample went through the filter; log both, after everything due has been sent."""
 
-    Attributes:
-        sample: the input.
-        estimate: the output; None during the alignment.
-        late_ns: lateness beyond the usual on this link.
-    """
-
-    sample: ImuSample
-    estimate: AttitudeEstimate | None
-    late_ns: int = 0
+    sample: ImuSample  # the input
+    estimate: AttitudeEstimate | None  # the output; None during the alignment
+    late_ns: int = 0  # lateness beyond the usual on this link
 
 
 class Found(NamedTuple):
@@ -55,17 +44,11 @@ class Found(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Report to people: journal, log, and (already sent separately) STATUSTEXT.
+    """Report to people: journal, log, and (already sent separately) STATUSTEXT."""
 
-    Attributes:
-        severity: of the notice.
-        text: one line.
-        cause: identifies the notice while figures and names change; default: the text.
-    """
-
-    severity: Severity
-    text: str
-    cause: str = ""
+    severity: Severity  # of the notice
+    text: str  # one line
+    cause: str = ""  # identifies the notice while figures and names change; default: the text
 
 
 Effect = Send | Record | Used | Found | Notice

@@ -33,62 +33,37 @@ LINK_DOWN = "link is down"
 
 
 class Objection(NamedTuple):
-    """A fault that affects the state.
+    """A fault that affects the state."""
 
-    Attributes:
-        cause: identifies it while figures in the text change.
-        text: for people.
-    """
-
-    cause: str
-    text: str
+    cause: str  # identifies it while figures in the text change
+    text: str  # for people
 
 
 class Signs(NamedTuple):
-    """The inputs of `judge`.
+    """The inputs of `judge`."""
 
-    Attributes:
-        link_error: why no bytes can arrive; None while they can.
-        stall_ns: length of our own stall just now, during which silence says nothing about others;
-            0 without one.
-        bytes_are_junk: bytes arrive without MAVLink frames.
-        autopilot_known: an autopilot is bound, and its heartbeats arrive.
-        last_sample_ns: host time of the last sample used; None before the first.
-        last_gap_ns: time between the last two samples used; None before the second.
-        no_imu: why there may be no samples.
-        has_estimate: the filter has aligned.
-        late_ns: lasting lateness of the estimates; 0 without.
-        objections: lasting ones, such as wrong units.
-        rate_hz: measured rate of the IMU message in use; None until measured.
-        granted_rate_hz: the rate negotiated with the autopilot; None without.
-    """
-
-    link_error: str | None
+    link_error: str | None  # why no bytes can arrive; None while they can
+    # length of our own stall just now, during which silence says nothing about others; 0
+    # without one
     stall_ns: int
-    bytes_are_junk: bool
-    autopilot_known: bool
-    last_sample_ns: int | None
-    last_gap_ns: int | None
-    no_imu: Callable[[], Objection]
-    has_estimate: bool
-    late_ns: int
-    objections: tuple[Objection, ...]
-    rate_hz: float | None
-    granted_rate_hz: float | None
+    bytes_are_junk: bool  # bytes arrive without MAVLink frames
+    autopilot_known: bool  # an autopilot is bound, and its heartbeats arrive
+    last_sample_ns: int | None  # host time of the last sample used; None before the first
+    last_gap_ns: int | None  # time between the last two samples used; None before the second
+    no_imu: Callable[[], Objection]  # why there may be no samples
+    has_estimate: bool  # the filter has aligned
+    late_ns: int  # lasting lateness of the estimates; 0 without
+    objections: tuple[Objection, ...]  # lasting ones, such as wrong units
+    rate_hz: float | None  # measured rate of the IMU message in use; None until measured
+    granted_rate_hz: float | None  # the rate negotiated with the autopilot; None without
 
 
 class StateVerdict(NamedTuple):
-    """A state with its reason.
+    """A state with its reason."""
 
-    Attributes:
-        state: of the service.
-        cause: of the state; a change is reported. Empty when active.
-        reason: for people; its figures may change while the cause stays.
-    """
-
-    state: ServiceState
-    cause: str = ""
-    reason: str = ""
+    state: ServiceState  # of the service
+    cause: str = ""  # of the state; a change is reported. Empty when active.
+    reason: str = ""  # for people; its figures may change while the cause stays
 
     @property
     def text(self) -> str:

@@ -38,16 +38,11 @@ FOREVER_NS = 1 << 62
 
 
 class LaneMessages(NamedTuple):
-    """The messages that may feed one filter.
+    """The messages that may feed one filter."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        message_ids: best first.
-        others_too: it also takes other IMUs from HIGHRES_IMU, because it is the only filter.
-    """
-
-    imu: int
-    message_ids: tuple[int, ...]
+    imu: int  # number of the IMU, from 0
+    message_ids: tuple[int, ...]  # best first
+    # it also takes other IMUs from HIGHRES_IMU, because it is the only filter
     others_too: bool = False
 
 

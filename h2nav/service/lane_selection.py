@@ -32,37 +32,23 @@ class SwitchCause(Enum):
 
 
 class Condition(NamedTuple):
-    """The inputs of the selection for one lane.
+    """The inputs of the selection for one lane."""
 
-    Attributes:
-        may_follow: it has a trusted attitude and enough samples.
-        is_silent: no sample has arrived for a while.
-        ratio: of the tests of gyro and accelerometer; fails above 1, infinite = known to be faulty.
-        field_ratio: the same of the compass; NaN if unknown.
-        noise_m_s2: vibration in its samples.
-        is_shaken: its sensors vibrate beyond their range.
-        compass_is_wrong: other compasses and velocities contradict its own.
-    """
-
-    may_follow: bool
-    is_silent: bool
+    may_follow: bool  # it has a trusted attitude and enough samples
+    is_silent: bool  # no sample has arrived for a while
+    # of the tests of gyro and accelerometer; fails above 1, infinite = known to be faulty
     ratio: float
-    field_ratio: float = math.nan
-    noise_m_s2: float = 0.0
-    is_shaken: bool = False
-    compass_is_wrong: bool = False
+    field_ratio: float = math.nan  # the same of the compass; NaN if unknown
+    noise_m_s2: float = 0.0  # vibration in its samples
+    is_shaken: bool = False  # its sensors vibrate beyond their range
+    compass_is_wrong: bool = False  # other compasses and velocities contradict its own
 
 
 class Switch(NamedTuple):
-    """A switch to another lane.
+    """A switch to another lane."""
 
-    Attributes:
-        lane: the new one.
-        cause: what is wrong with the previous one.
-    """
-
-    lane: int
-    cause: SwitchCause
+    lane: int  # the new one
+    cause: SwitchCause  # what is wrong with the previous one
 
 
 class LaneSelection:

@@ -25,15 +25,10 @@ Measurement = PoseReading | WheelDistances
 
 
 class MotionEstimation(Protocol):
-    """The interface of motion estimation.
+    """The interface of motion estimation."""
 
-    Attributes:
-        message_ids: the messages that it uses, from any component of the vehicle.
-        wishes: streams to request from the autopilot.
-    """
-
-    message_ids: frozenset[int]
-    wishes: tuple[Wish, ...]
+    message_ids: frozenset[int]  # the messages that it uses, from any component of the vehicle
+    wishes: tuple[Wish, ...]  # streams to request from the autopilot
 
     @property
     def rejected(self) -> Counter[str]:

@@ -28,33 +28,22 @@ Messages = tuple[OutMessage, ...]
 
 
 class Assessment(NamedTuple):
-    """The assessment of the estimates.
+    """The assessment of the estimates."""
 
-    Attributes:
-        ratios: innovation test ratios of the attitude that is sent.
-        alarms: all present alarms.
-        difference: the autopilot's attitude against ours; None without a fresh one.
-        on_ground: faults before arming.
-    """
-
+    # innovation test ratios of the attitude that is sent
     ratios: InnovationRatios = InnovationRatios()
-    alarms: tuple[Alarm, ...] = ()
+    alarms: tuple[Alarm, ...] = ()  # all present alarms
+    # the autopilot's attitude against ours; None without a fresh one
     difference: Comparison | None = None
-    on_ground: GroundVerdict = GroundVerdict()
+    on_ground: GroundVerdict = GroundVerdict()  # faults before arming
 
 
 class SentMotion(NamedTuple):
-    """A motion estimate in the form of ODOMETRY.
+    """A motion estimate in the form of ODOMETRY."""
 
-    Attributes:
-        record: pose, twist, covariances.
-        estimator_type: MAV_ESTIMATOR_TYPE.
-        quality: 1 to 100 %; 0 = unknown.
-    """
-
-    record: OdometryRecord
-    estimator_type: int
-    quality: int
+    record: OdometryRecord  # pose, twist, covariances
+    estimator_type: int  # MAV_ESTIMATOR_TYPE
+    quality: int  # 1 to 100 %; 0 = unknown
 
     @property
     def t_us(self) -> int:

@@ -14,15 +14,10 @@ ENOUGH = 0.8
 
 
 class ArrivalCount(NamedTuple):
-    """The arrivals in a period.
+    """The arrivals in a period."""
 
-    Attributes:
-        messages: their number.
-        seconds: length of the period.
-    """
-
-    messages: int
-    seconds: float
+    messages: int  # their number
+    seconds: float  # length of the period
 
     def reach(self, rate_hz: float) -> bool:
         """Whether they come at `rate_hz`, as far as so few messages can show.

@@ -90,36 +90,23 @@ DENIED_IMU = Objection("denied", "the autopilot denies every IMU message")
 
 
 class Surroundings(NamedTuple):
-    """What the service needs from outside.
+    """What the service needs from outside."""
 
-    Attributes:
-        filter_for: creates the filter of a vehicle.
-        field_at: the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds).
-        unix_s: today's date, for the field model, until the autopilot sends the time.
-        unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
-        has_listener: outgoing messages are sent; not so in a replay.
-    """
-
-    filter_for: FilterFor
+    filter_for: FilterFor  # creates the filter of a vehicle
+    # the earth field at (latitude deg, longitude deg, altitude m, UNIX seconds)
     field_at: EarthFieldAt
-    unix_s: float
-    unix_offset_ns: int = 0
-    has_listener: bool = True
+    unix_s: float  # today's date, for the field model, until the autopilot sends the time
+    unix_offset_ns: int = 0  # host UNIX minus host monotonic time, one constant for the run
+    has_listener: bool = True  # outgoing messages are sent; not so in a replay
 
 
 @dataclass(slots=True)
 class Job:
-    """Periodic work.
+    """Periodic work."""
 
-    Attributes:
-        run: does it; returns its effects.
-        pause_ns: until the next time.
-        due_ns: the next time.
-    """
-
-    run: Callable[[int], list[Effect]]
-    pause_ns: Callable[[], int]
-    due_ns: int = 0
+    run: Callable[[int], list[Effect]]  # does it; returns its effects
+    pause_ns: Callable[[], int]  # until the next time
+    due_ns: int = 0  # the next time
 
 
 class Service:

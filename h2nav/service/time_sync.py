@@ -19,17 +19,11 @@ MAX_SKEW = 1e-3
 
 
 class Exchange(NamedTuple):
-    """One completed TIMESYNC exchange.
+    """One completed TIMESYNC exchange."""
 
-    Attributes:
-        host_ns: host time at the middle of the round trip.
-        offset_ns: autopilot time minus host time.
-        round_trip_ns: time until the reply.
-    """
-
-    host_ns: int
-    offset_ns: int
-    round_trip_ns: int
+    host_ns: int  # host time at the middle of the round trip
+    offset_ns: int  # autopilot time minus host time
+    round_trip_ns: int  # time until the reply
 
 
 class TimeSync:

@@ -15,15 +15,10 @@ FIELD_HIGH_UT = 70.0
 
 
 class Complaint(NamedTuple):
-    """An implausible quantity.
+    """An implausible quantity."""
 
-    Attributes:
-        quantity: its name; identifies the complaint while the figures change.
-        text: for people, with the likely cause.
-    """
-
-    quantity: str
-    text: str
+    quantity: str  # its name; identifies the complaint while the figures change
+    text: str  # for people, with the likely cause
 
 
 class UnitsCheck:

@@ -35,19 +35,14 @@ LEAST_OPTIONAL_SHARE = 0.5
 
 
 class Wish(NamedTuple):
-    """A wanted stream.
+    """A wanted stream."""
 
-    Attributes:
-        message_id: of the message.
-        rate_hz: wanted rate.
-        alternatives: message ids to request instead, in order, if this one is refused.
-        is_optional: requested once the others come, silently, and given up if it does not come at
-            half of that rate, or if another one suffers.
-    """
-
-    message_id: int
-    rate_hz: float
+    message_id: int  # of the message
+    rate_hz: float  # wanted rate
+    # message ids to request instead, in order, if this one is refused
     alternatives: tuple[int, ...] = ()
+    # requested once the others come, silently, and given up if it does not come at half of
+    # that rate, or if another one suffers
     is_optional: bool = False
 
 

@@ -12,21 +12,14 @@ BATCH_BYTES = 1 << 21
 
 
 class Arrivals(NamedTuple):
-    """Consecutive arrivals: arrival i is `data[starts[i] : ends[i]]`.
+    """Consecutive arrivals: arrival i is `data[starts[i] : ends[i]]`."""
 
-    Attributes:
-        data: the bytes; bytes of the container may lie between arrivals.
-        starts: (N,) beginning of each.
-        ends: (N,) end of each, at most the beginning of the next.
-        t_ns: (N,) host monotonic time of each, never decreasing.
-        framed: each arrival is one frame or one damaged stretch; otherwise arrivals are contiguous
-            and frames may span them.
-    """
-
-    data: bytes
-    starts: Integers
-    ends: Integers
-    t_ns: Integers
+    data: bytes  # the bytes; bytes of the container may lie between arrivals
+    starts: Integers  # (N,) beginning of each
+    ends: Integers  # (N,) end of each, at most the beginning of the next
+    t_ns: Integers  # (N,) host monotonic time of each, never decreasing
+    # each arrival is one frame or one damaged stretch; otherwise arrivals are contiguous and
+    # frames may span them
     framed: bool
 
     def pauses(self, length_ns: int) -> list[int]:

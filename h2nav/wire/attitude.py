@@ -11,17 +11,11 @@ LARGEST_ANGLE_RAD = 2.0 * math.pi + 1e-3
 
 
 class ReportedAttitude(NamedTuple):
-    """ATTITUDE or AHRS2.
+    """ATTITUDE or AHRS2."""
 
-    Attributes:
-        is_second: from AHRS2.
-        time_ms: since the autopilot's boot, as sent; None where the message has no time.
-        q_nb: attitude, body to NED.
-    """
-
-    is_second: bool
-    time_ms: int | None
-    q_nb: Quat
+    is_second: bool  # from AHRS2
+    time_ms: int | None  # since the autopilot's boot, as sent; None where the message has no time
+    q_nb: Quat  # attitude, body to NED
 
 
 def attitude(m: Any) -> ReportedAttitude:

@@ -56,27 +56,16 @@ _new = tuple.__new__
 
 
 class Frame(NamedTuple):
-    """A whole frame of a known id with a matching checksum.
+    """A whole frame of a known id with a matching checksum."""
 
-    Attributes:
-        msg_id: message id.
-        sysid: sender's system id.
-        compid: sender's component id.
-        seq: sender's sequence number, 0..255.
-        payload: as received; MAVLink 2 truncates trailing zero bytes.
-        version: 1 or 2, the MAVLink version of the frame.
-        signed: a signature is attached (the last 13 bytes of `raw`); not verified here.
-        raw: all bytes of the frame, from the start marker on.
-    """
-
-    msg_id: int
-    sysid: int
-    compid: int
-    seq: int
-    payload: bytes
-    version: int
-    signed: bool
-    raw: bytes
+    msg_id: int  # message id
+    sysid: int  # sender's system id
+    compid: int  # sender's component id
+    seq: int  # sender's sequence number, 0..255
+    payload: bytes  # as received; MAVLink 2 truncates trailing zero bytes
+    version: int  # 1 or 2, the MAVLink version of the frame
+    signed: bool  # a signature is attached (the last 13 bytes of `raw`); not verified here
+    raw: bytes  # all bytes of the frame, from the start marker on
 
 
 # A good frame inside a buffer: time (ns) of its completion, message id, (system id, component id),

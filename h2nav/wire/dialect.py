@@ -28,17 +28,11 @@ _SHORTEST_FRAME = 8  # a MAVLink 1 frame around an empty payload
 
 
 class WireField(NamedTuple):
-    """One field of a message.
+    """One field of a message."""
 
-    Attributes:
-        name: as in the dialect.
-        type_name: element type, a key of `SIZES`.
-        length: elements of an array (characters of a text); 0 for a scalar.
-    """
-
-    name: str
-    type_name: str
-    length: int
+    name: str  # as in the dialect
+    type_name: str  # element type, a key of `SIZES`
+    length: int  # elements of an array (characters of a text); 0 for a scalar
 
     @property
     def size(self) -> int:
@@ -47,27 +41,17 @@ class WireField(NamedTuple):
 
 
 class MessageLayout(NamedTuple):
-    """One message of the dialect.
+    """One message of the dialect."""
 
-    Attributes:
-        msg_id: message id.
-        name: such as ``RAW_IMU``.
-        wire_fields: fields in the order of the wire.
-        field_names: fields in the order of the dialect's definition.
-        size: payload bytes of all fields, extensions included.
-        base_size: payload bytes without the MAVLink 2 extension fields (never too large).
-        crc_extra: the byte that ends every checksum of this message.
-        carries_bytes: the payload has room for foreign bytes (file transfer, tunnel, log data), so
-            it may legitimately contain whole MAVLink frames.
-    """
-
-    msg_id: int
-    name: str
-    wire_fields: tuple[WireField, ...]
-    field_names: tuple[str, ...]
-    size: int
-    base_size: int
-    crc_extra: int
+    msg_id: int  # message id
+    name: str  # such as ``RAW_IMU``
+    wire_fields: tuple[WireField, ...]  # fields in the order of the wire
+    field_names: tuple[str, ...]  # fields in the order of the dialect's definition
+    size: int  # payload bytes of all fields, extensions included
+    base_size: int  # payload bytes without the MAVLink 2 extension fields (never too large)
+    crc_extra: int  # the byte that ends every checksum of this message
+    # the payload has room for foreign bytes (file transfer, tunnel, log data), so it may
+    # legitimately contain whole MAVLink frames
     carries_bytes: bool
 
 

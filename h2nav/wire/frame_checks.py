@@ -52,23 +52,14 @@ _BEFORE = {
 
 
 class Headers(NamedTuple):
-    """The contents of the headers at many places.
+    """The contents of the headers at many places."""
 
-    Attributes:
-        at: (N,) where they begin.
-        ends: (N,) where the frames end.
-        is_v2: (N,) MAVLink 2, else 1.
-        signed: (N,) a signature ends the frame.
-        msg_ids: (N,) message id.
-        lengths: (N,) bytes of the payload.
-    """
-
-    at: Integers
-    ends: Integers
-    is_v2: NDArray[np.bool_]
-    signed: NDArray[np.bool_]
-    msg_ids: Integers
-    lengths: Integers
+    at: Integers  # (N,) where they begin
+    ends: Integers  # (N,) where the frames end
+    is_v2: NDArray[np.bool_]  # (N,) MAVLink 2, else 1
+    signed: NDArray[np.bool_]  # (N,) a signature ends the frame
+    msg_ids: Integers  # (N,) message id
+    lengths: Integers  # (N,) bytes of the payload
 
     def those(self, chosen: NDArray[np.bool_] | Integers) -> "Headers":
         """A selection of them."""

@@ -24,31 +24,19 @@ from h2nav.wire.frame_checks import (
 
 
 class WantedFrames(NamedTuple):
-    """Frames of some ids.
+    """Frames of some ids."""
 
-    Attributes:
-        arrivals: number of the arrival that completed each frame.
-        placed: place and origin of each frame, of the same length.
-    """
-
-    arrivals: list[int]
-    placed: list[PlacedFrame]
+    arrivals: list[int]  # number of the arrival that completed each frame
+    placed: list[PlacedFrame]  # place and origin of each frame, of the same length
 
 
 class FoundFrames(NamedTuple):
-    """The frames completed by some arrivals, in order.
+    """The frames completed by some arrivals, in order."""
 
-    Attributes:
-        data: the buffer that holds them.
-        t_ns: (N,) time of each arrival.
-        arrivals: (M,) number of the arrival that completed each frame, never decreasing.
-        headers: of the M frames.
-    """
-
-    data: bytes
-    t_ns: Integers
-    arrivals: Integers
-    headers: Headers
+    data: bytes  # the buffer that holds them
+    t_ns: Integers  # (N,) time of each arrival
+    arrivals: Integers  # (M,) number of the arrival that completed each frame, never decreasing
+    headers: Headers  # of the M frames
 
     def wanted(self, ids: Collection[int]) -> WantedFrames:
         """The frames with these message ids."""

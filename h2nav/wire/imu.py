@@ -42,36 +42,23 @@ RECORDED_IMU = 1 << 24
 
 
 class Ages(NamedTuple):
-    """How old values are at the times that their messages claim, s; None = not known.
+    """How old values are at the times that their messages claim, s; None = not known."""
 
-    Attributes:
-        rates_s: rates and forces.
-        field_s: the field when it is new.
-    """
-
-    rates_s: float | None
-    field_s: float | None
+    rates_s: float | None  # rates and forces
+    field_s: float | None  # the field when it is new
 
 
 class ImuReading(NamedTuple):
-    """An IMU message in body SI units, before its time is unwrapped.
+    """An IMU message in body SI units, before its time is unwrapped."""
 
-    Attributes:
-        time: the message's own time, in units of its row's `time_unit_us`.
-        w_b: angular rate, rad/s.
-        f_b: specific force, m/s^2; never exactly zero.
-        m_b_ut: magnetic field, microtesla; None where the message carries no field.
-        clipped: a value is at the end of its message's or of any usual sensor's range.
-        imu: number of the IMU, from 0, if the message carries it; None if its name implies it.
-        ages: of the values, where the recording shows them; None where only their kind is known.
-    """
-
-    time: int
-    w_b: Vec3
-    f_b: Vec3
-    m_b_ut: Vec3 | None
-    clipped: bool
+    time: int  # the message's own time, in units of its row's `time_unit_us`
+    w_b: Vec3  # angular rate, rad/s
+    f_b: Vec3  # specific force, m/s^2; never exactly zero
+    m_b_ut: Vec3 | None  # magnetic field, microtesla; None where the message carries no field
+    clipped: bool  # a value is at the end of its message's or of any usual sensor's range
+    # number of the IMU, from 0, if the message carries it; None if its name implies it
     imu: int | None = None
+    # of the values, where the recording shows them; None where only their kind is known
     ages: Ages | None = None
 
     def at(self, t_us: int) -> ImuSample:
@@ -147,25 +134,18 @@ def _highres_field(m_b_ut: Vec3) -> Vec3 | None:
 
 
 class ImuMessage(NamedTuple):
-    """One row: how to read an IMU message.
+    """One row: how to read an IMU message."""
 
-    Attributes:
-        name: of the message.
-        message_id: of the message.
-        time_unit_us: microseconds per count of its time.
-        read: fields to reading; raises `Refused`. None where an importer made the reading.
-        bias_removed_by: autopilots (MAV_AUTOPILOT) whose estimator has already removed the bias.
-        raw_field_of: autopilots that send the sensor's uncalibrated field.
-        imu: number of its IMU, from 0; for HIGHRES_IMU the default, see `ImuReading.imu`.
-    """
-
-    name: str
-    message_id: int
-    time_unit_us: int
+    name: str  # of the message
+    message_id: int  # of the message
+    time_unit_us: int  # microseconds per count of its time
+    # fields to reading; raises `Refused`. None where an importer made the reading.
     read: Callable[[Any], ImuReading] | None
+    # autopilots (MAV_AUTOPILOT) whose estimator has already removed the bias
     bias_removed_by: frozenset[int] = frozenset()
+    # autopilots that send the sensor's uncalibrated field
     raw_field_of: frozenset[int] = frozenset()
-    imu: int = 0
+    imu: int = 0  # number of its IMU, from 0; for HIGHRES_IMU the default, see `ImuReading.imu`
 
 
 _PX4 = frozenset({mavlink.MAV_AUTOPILOT_PX4})

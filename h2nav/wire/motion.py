@@ -25,33 +25,20 @@ POSE_OF_AUTOPILOT = "pose_of_autopilot"  # the autopilot's own estimate is not a
 
 
 class PoseReading(NamedTuple):
-    """A pose in h2nav's frames.
+    """A pose in h2nav's frames."""
 
-    Attributes:
-        usec: its time stamp, on whichever clock; 0 = none.
-        q_ob: attitude, body FRD to the fixed frame.
-        p_o: position, m.
-        frame: the fixed frame, z down.
-        source_resets: the source's own count of jumps.
-    """
-
-    usec: int
-    q_ob: Quat
-    p_o: Vec3
-    frame: PoseFrame
-    source_resets: int
+    usec: int  # its time stamp, on whichever clock; 0 = none
+    q_ob: Quat  # attitude, body FRD to the fixed frame
+    p_o: Vec3  # position, m
+    frame: PoseFrame  # the fixed frame, z down
+    source_resets: int  # the source's own count of jumps
 
 
 class WheelDistances(NamedTuple):
-    """WHEEL_DISTANCE.
+    """WHEEL_DISTANCE."""
 
-    Attributes:
-        usec: its time stamp, on whichever clock; 0 = none.
-        distances_m: of each wheel since the start, forward positive.
-    """
-
-    usec: int
-    distances_m: tuple[float, ...]
+    usec: int  # its time stamp, on whichever clock; 0 = none
+    distances_m: tuple[float, ...]  # of each wheel since the start, forward positive
 
 
 def odometry(m: Any) -> PoseReading:

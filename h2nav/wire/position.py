@@ -17,44 +17,28 @@ DEFAULT_SIGMA_M_S = 0.5
 
 
 class Place(NamedTuple):
-    """A position on the earth.
+    """A position on the earth."""
 
-    Attributes:
-        latitude_deg: WGS84.
-        longitude_deg: WGS84.
-        altitude_m: above mean sea level.
-    """
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
+    latitude_deg: float  # WGS84
+    longitude_deg: float  # WGS84
+    altitude_m: float  # above mean sea level
 
 
 class Origin(NamedTuple):
-    """GPS_GLOBAL_ORIGIN and HOME_POSITION: an earlier position, not the current one.
+    """GPS_GLOBAL_ORIGIN and HOME_POSITION: an earlier position, not the current one."""
 
-    Attributes:
-        place: of the origin.
-    """
-
-    place: Place
+    place: Place  # of the origin
 
 
 class GpsFix(NamedTuple):
-    """GPS_RAW_INT with a 3D fix.
+    """GPS_RAW_INT with a 3D fix."""
 
-    Attributes:
-        time_us: the message's own time, on whichever clock; 0 = none.
-        place: of the antenna.
-        v_n: velocity over ground in NED, m/s; None where unknown. The message has no vertical
-            component, which is NaN then; autopilots' own logs have it.
-        sigma_m_s: accuracy of the velocity stated by the receiver.
-    """
-
-    time_us: int
-    place: Place
+    time_us: int  # the message's own time, on whichever clock; 0 = none
+    place: Place  # of the antenna
+    # velocity over ground in NED, m/s; None where unknown. The message has no vertical
+    # component, which is NaN then; autopilots' own logs have it.
     v_n: Vec3 | None
-    sigma_m_s: float
+    sigma_m_s: float  # accuracy of the velocity stated by the receiver
 
 
 class NoFix(NamedTuple):
@@ -62,15 +46,10 @@ class NoFix(NamedTuple):
 
 
 class EstimatedVelocity(NamedTuple):
-    """LOCAL_POSITION_NED: the velocity of the autopilot's own estimator.
+    """LOCAL_POSITION_NED: the velocity of the autopilot's own estimator."""
 
-    Attributes:
-        time_us: time since boot.
-        v_n: velocity in NED, m/s.
-    """
-
-    time_us: int
-    v_n: Vec3
+    time_us: int  # time since boot
+    v_n: Vec3  # velocity in NED, m/s
 
 
 def gps_raw_int(m: Any) -> GpsFix | NoFix:

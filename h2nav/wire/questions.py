@@ -5,19 +5,12 @@ from typing import Any, NamedTuple
 
 
 class Command(NamedTuple):
-    """The parts of COMMAND_LONG and COMMAND_INT that the service uses.
+    """The parts of COMMAND_LONG and COMMAND_INT that the service uses."""
 
-    Attributes:
-        command: MAV_CMD.
-        param1: first parameter; may be NaN or infinite.
-        param2: second parameter; likewise.
-        target: addressed system and component id; 0 = all.
-    """
-
-    command: int
-    param1: float
-    param2: float
-    target: tuple[int, int]
+    command: int  # MAV_CMD
+    param1: float  # first parameter; may be NaN or infinite
+    param2: float  # second parameter; likewise
+    target: tuple[int, int]  # addressed system and component id; 0 = all
 
 
 class ParameterList(NamedTuple):
@@ -27,31 +20,19 @@ class ParameterList(NamedTuple):
 
 
 class ParameterRead(NamedTuple):
-    """PARAM_REQUEST_READ.
+    """PARAM_REQUEST_READ."""
 
-    Attributes:
-        name: of the parameter; used if `place` is None.
-        place: of the parameter, from 0; None = requested by name.
-        target: addressed system and component id; 0 = all.
-    """
-
-    name: str
-    place: int | None
-    target: tuple[int, int]
+    name: str  # of the parameter; used if `place` is None
+    place: int | None  # of the parameter, from 0; None = requested by name
+    target: tuple[int, int]  # addressed system and component id; 0 = all
 
 
 class ParameterWrite(NamedTuple):
-    """PARAM_SET.
+    """PARAM_SET."""
 
-    Attributes:
-        name: of the parameter.
-        value: None for NaN and infinity.
-        target: addressed system and component id; 0 = all.
-    """
-
-    name: str
-    value: float | None
-    target: tuple[int, int]
+    name: str  # of the parameter
+    value: float | None  # None for NaN and infinity
+    target: tuple[int, int]  # addressed system and component id; 0 = all
 
 
 Question = Command | ParameterList | ParameterRead | ParameterWrite

@@ -47,19 +47,12 @@ Message = (
 
 
 class Envelope(NamedTuple):
-    """Origin and times of a message.
+    """Origin and times of a message."""
 
-    Attributes:
-        t_ns: host monotonic time of its arrival.
-        now_ns: host monotonic time at which it is processed, never before `t_ns`.
-        sender: system and component id.
-        message_id: of the message.
-    """
-
-    t_ns: int
-    now_ns: int
-    sender: tuple[int, int]
-    message_id: int
+    t_ns: int  # host monotonic time of its arrival
+    now_ns: int  # host monotonic time at which it is processed, never before `t_ns`
+    sender: tuple[int, int]  # system and component id
+    message_id: int  # of the message
 
 
 Reader = Callable[[Any], Message]

@@ -16,17 +16,11 @@ LATEST_CLOCK_NS = 1 << 62
 
 
 class Heartbeat(NamedTuple):
-    """HEARTBEAT.
+    """HEARTBEAT."""
 
-    Attributes:
-        autopilot: MAV_AUTOPILOT.
-        vehicle_type: MAV_TYPE.
-        is_armed: the motors may turn.
-    """
-
-    autopilot: int
-    vehicle_type: int
-    is_armed: bool
+    autopilot: int  # MAV_AUTOPILOT
+    vehicle_type: int  # MAV_TYPE
+    is_armed: bool  # the motors may turn
 
     @property
     def is_of_autopilot(self) -> bool:
@@ -40,85 +34,53 @@ class Heartbeat(NamedTuple):
 
 
 class LandedState(NamedTuple):
-    """EXTENDED_SYS_STATE.
+    """EXTENDED_SYS_STATE."""
 
-    Attributes:
-        on_ground: None while unknown to the autopilot.
-    """
-
-    on_ground: bool | None
+    on_ground: bool | None  # None while unknown to the autopilot
 
 
 class SystemTime(NamedTuple):
-    """SYSTEM_TIME.
+    """SYSTEM_TIME."""
 
-    Attributes:
-        unix_s: UNIX time, s; None while unknown to the autopilot.
-    """
-
-    unix_s: float | None
+    unix_s: float | None  # UNIX time, s; None while unknown to the autopilot
 
 
 class Airspeed(NamedTuple):
-    """VFR_HUD.
+    """VFR_HUD."""
 
-    Attributes:
-        airspeed_m_s: along the nose; None without a measurement.
-    """
-
-    airspeed_m_s: float | None
+    airspeed_m_s: float | None  # along the nose; None without a measurement
 
 
 class TimeSyncMessage(NamedTuple):
-    """TIMESYNC: a request (`tc1_ns` 0) or a reply.
+    """TIMESYNC: a request (`tc1_ns` 0) or a reply."""
 
-    Attributes:
-        tc1_ns: the replying clock; 0 in a request.
-        ts1_ns: the requesting clock.
-        target: addressed system and component id; (0, 0) = all.
-    """
-
-    tc1_ns: int
-    ts1_ns: int
-    target: tuple[int, int]
+    tc1_ns: int  # the replying clock; 0 in a request
+    ts1_ns: int  # the requesting clock
+    target: tuple[int, int]  # addressed system and component id; (0, 0) = all
 
 
 class CommandAck(NamedTuple):
-    """COMMAND_ACK.
+    """COMMAND_ACK."""
 
-    Attributes:
-        command: MAV_CMD.
-        result: MAV_RESULT.
-        target: system and component id of the requester; (0, 0) if the sender omits it.
-    """
-
-    command: int
-    result: int
+    command: int  # MAV_CMD
+    result: int  # MAV_RESULT
+    # system and component id of the requester; (0, 0) if the sender omits it
     target: tuple[int, int]
 
 
 class ParameterValue(NamedTuple):
-    """PARAM_VALUE.
+    """PARAM_VALUE."""
 
-    Attributes:
-        name: of the parameter.
-        value: from ArduPilot any, from PX4 those that are floats; None for NaN and infinity.
-    """
-
-    name: str
+    name: str  # of the parameter
+    # from ArduPilot any, from PX4 those that are floats; None for NaN and infinity
     value: float | None
 
 
 class Firmware(NamedTuple):
-    """AUTOPILOT_VERSION: the version of the flight software.
+    """AUTOPILOT_VERSION: the version of the flight software."""
 
-    Attributes:
-        version: such as ``4.5.7``.
-        stage: ``dev``, ``alpha``, ``beta``, ``rc``, or empty for a release.
-    """
-
-    version: str
-    stage: str
+    version: str  # such as ``4.5.7``
+    stage: str  # ``dev``, ``alpha``, ``beta``, ``rc``, or empty for a release
 
     def __str__(self) -> str:
         return f"{self.version} {self.stage}".rstrip()
@@ -131,16 +93,12 @@ class StatusText(NamedTuple):
 
 
 class Vibration(NamedTuple):
-    """VIBRATION.
+    """VIBRATION."""
 
-    Attributes:
-        levels: of the three axes, m/s^2 from ArduPilot; PX4 sends other metrics. 0 for NaN and
-            infinity.
-        clips: clipped samples of each accelerometer since boot.
-    """
-
+    # of the three axes, m/s^2 from ArduPilot; PX4 sends other metrics. 0 for NaN and
+    # infinity.
     levels: tuple[float, float, float]
-    clips: tuple[int, int, int]
+    clips: tuple[int, int, int]  # clipped samples of each accelerometer since boot
 
 
 def heartbeat(m: Any) -> Heartbeat:
