@@ -64,7 +64,6 @@ def parse_mapping(text: str, place: str) -> dict[str, Any]:
     """Parses YAML text with a mapping at the top; empty text is an empty mapping.
 
     Args:
-        text: the YAML.
         place: its source, for errors.
 
     Raises:

@@ -12,7 +12,6 @@ def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: f
     """The alarm for a lasting contradiction.
 
     Args:
-        found: its explanation.
         decided: the cause decided while it lasted; None: none.
         imu: whose attitude is contradicted.
         since_s: its duration.

@@ -190,7 +190,6 @@ class Findings:
         """Takes all present alarms.
 
         Args:
-            t_s: time since the start of the run.
             alarms: at most one of each kind and sensor.
         """
         self.alarms = tuple(alarms)
@@ -239,8 +238,6 @@ def next_id(kind: Kind, sensor: Sensor, counts: dict[str, int]) -> str:
     """A new id, such as ``gyro_frozen.imu1.2`` for the second one of this kind and sensor.
 
     Args:
-        kind: of the finding.
-        sensor: of the finding.
         counts: number of each so far; incremented.
     """
     stem = f"{kind}.{sensor.kind}{'_'.join(map(str, sensor.numbers))}"

@@ -215,7 +215,6 @@ class Monitor:
         """Takes a velocity over ground.
 
         Args:
-            fix: the velocity.
             errors: the filter's knowledge of its sensors.
 
         Returns:

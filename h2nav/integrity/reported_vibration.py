@@ -37,7 +37,6 @@ class ReportedVibration:
         """Takes a report.
 
         Args:
-            t_ns: host time.
             level_m_s2: the largest of the levels; 0 if they are not accelerations.
             counters: clipped samples of each accelerometer since boot.
         """

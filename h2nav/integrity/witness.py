@@ -254,7 +254,6 @@ class Witness:
         Args:
             source: its estimator.
             time_ms: on the clock of our samples; None = that of our newest sample.
-            q_nb: body to NED.
         """
         if not self._past:
             return []

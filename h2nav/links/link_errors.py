@@ -31,8 +31,6 @@ def explained(url: str, target: LinkUrl, error: OSError) -> str:
 
     Args:
         url: as the user wrote it.
-        target: the parsed URL.
-        error: the error of the operating system.
     """
     words = _SERIAL if isinstance(target, SerialUrl) else _NETWORK
     known = words.get(error.errno or 0)

@@ -85,7 +85,6 @@ def scan(
     """Scans all places at once.
 
     Args:
-        places: what to scan.
         progress: called with the number of finished places and the number of all.
 
     Returns:

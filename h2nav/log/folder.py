@@ -97,7 +97,6 @@ def make_room(folder: Path, limits: LogLimits, keep: Path | None) -> list[Path]:
     """Deletes the oldest logs until their number and the free space are within the limits.
 
     Args:
-        folder: folder of the logs.
         limits: the limits; `keep` counts as one of the files.
         keep: the log being written, never deleted.
 

@@ -84,7 +84,6 @@ def export_tum(
 
     Args:
         path: an MCAP log, closed, cut off or damaged.
-        output: a new file.
         topic: one of `SOURCES`.
         progress: called with the bytes done and the total.
 

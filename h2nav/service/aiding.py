@@ -36,7 +36,6 @@ def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
     """The receiver's horizontal velocity; None without a velocity of sufficient accuracy.
 
     Args:
-        fix: of the receiver.
         newest_t_us: time of the newest IMU sample, used if the fix has a time of another clock.
     """
     if fix.v_n is None or fix.sigma_m_s > WORST_SIGMA_M_S:

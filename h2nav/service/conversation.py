@@ -41,7 +41,6 @@ class Conversation:
         """Returns everything to send in reply.
 
         Args:
-            envelope: of the request; its sender gets the reply.
             question: of any sender.
             ours: our system and component id.
         """

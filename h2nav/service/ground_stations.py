@@ -21,12 +21,7 @@ class GroundStations:
         self._limit = RateLimit(NEWCOMERS_PER_S, NEWCOMERS_AT_ONCE)
 
     def is_newcomer(self, t_ns: int, sender: Sender) -> bool:
-        """Whether a heartbeat is from a station that was not there before.
-
-        Args:
-            t_ns: host time.
-            sender: of the heartbeat.
-        """
+        """Whether a heartbeat is from a station that was not there before."""
         heard_ns = self._heard_ns.get(sender)
         self._heard_ns[sender] = t_ns
         self._heard_ns.move_to_end(sender)

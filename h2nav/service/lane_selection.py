@@ -59,13 +59,7 @@ class LaneSelection:
         self._since_ns = 0
 
     def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
-        """Compares the lanes; returns a switch, if any.
-
-        Args:
-            t_ns: host time.
-            sent: the lane that is sent.
-            lanes: all of them.
-        """
+        """Compares the lanes; returns a switch, if any."""
         present = lanes[sent]
         others = {
             lane: found

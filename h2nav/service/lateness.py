@@ -65,7 +65,6 @@ class Lateness:
         """Takes a sample.
 
         Args:
-            arrived_ns: host time of its arrival.
             now_ns: host time at which its estimate would be sent.
             sample_us: its own time.
         """

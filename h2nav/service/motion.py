@@ -88,11 +88,7 @@ def motion_for(
     """Creates the estimator that the settings select.
 
     Args:
-        settings: of the user.
-        autopilot: the vehicle.
         outputs: schedules ODOMETRY.
-        tell: reports notices.
-        unix_offset_ns: host UNIX minus host monotonic time, one constant for the run.
 
     Raises:
         BadInput: the layout of the wheels is singular.

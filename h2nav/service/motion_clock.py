@@ -75,7 +75,6 @@ class SourceClock:
         """The time stamp on the IMU's clock; None before the first IMU sample and for a stray.
 
         Args:
-            t_ns: host time of arrival.
             usec: the time stamp; 0 = none, in which case the arrival counts.
         """
         imu_offset_us = self._imu.offset_us

@@ -57,9 +57,6 @@ class Notices:
         """Returns the notice, unless its cause has been reported within the last minute.
 
         Args:
-            t_ns: host time.
-            severity: of the notice.
-            text: one line.
             cause: identifies the notice if the text holds changing figures; default: the text.
         """
         cause = cause or text

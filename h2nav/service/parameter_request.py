@@ -35,7 +35,6 @@ class ParameterRequest:
         """Returns the request to send now; None if nothing is due.
 
         Args:
-            t_ns: host time.
             target: system and component id of the autopilot.
         """
         if not self._name or self._is_known or self._asked == len(PAUSES_NS):

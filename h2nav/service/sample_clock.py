@@ -66,7 +66,6 @@ class SampleClock:
         """Judges one raw time.
 
         Args:
-            t_ns: host time of its arrival.
             raw: the time in the message.
 
         Returns:

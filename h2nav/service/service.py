@@ -218,11 +218,7 @@ class Service:
         )
 
     def status(self, t_ns: int) -> records.StatusRecord:
-        """The present status for displays.
-
-        Args:
-            t_ns: host time.
-        """
+        """The present status for displays."""
         return status_record(
             t_ns,
             self._standing.verdict,
@@ -268,7 +264,6 @@ class Service:
         """Takes the state of the link.
 
         Args:
-            t_ns: host time.
             is_up: bytes can arrive.
             error: the latest error of the link; empty before the first.
         """
@@ -289,7 +284,6 @@ class Service:
         """Whether a message proves that its sender is, or may become, the bound autopilot.
 
         Args:
-            envelope: of the message.
             message: its content, if it was decoded.
         """
         if self._autopilot.owns(envelope.sender):
@@ -302,8 +296,6 @@ class Service:
         """Whether a message has to be decoded; it is counted as having arrived in any case.
 
         Args:
-            t_ns: host time of its arrival.
-            sender: system and component id.
             message_id: one of `message_ids`.
         """
         if self._streams is not None and sender == self._bound_address:
@@ -385,7 +377,6 @@ class Service:
         """Counts and reports an exception of a handler; the daemon continues.
 
         Args:
-            t_ns: host time.
             where: the message, or ``timer`` or ``link``.
             what: the error, in one line.
         """

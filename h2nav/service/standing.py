@@ -52,7 +52,6 @@ class Standing:
         """Reports what has not been reported yet.
 
         Args:
-            t_ns: host time.
             is_starting: a lack of samples is not worth a report yet.
         """
         verdict = self.verdict

@@ -21,12 +21,9 @@ def status_record(
     """The record of a moment.
 
     Args:
-        t_ns: host time.
-        verdict: the state.
         vehicle: bound autopilot, for people.
         sample_ns: host time of the newest sample used; None before the first.
         told: the autopilot's own attitude; None if stale.
-        assessment: of the estimates.
     """
     difference, ratios = assessment.difference, assessment.ratios
     w, x, y, z = (None, None, None, None) if told is None else told.q_nb

@@ -191,7 +191,6 @@ class StreamRequests:
         """Returns the next request, at most one.
 
         Args:
-            t_ns: host monotonic time.
             target: system and component id of the autopilot.
         """
         if self._is_silent(t_ns) or self._is_waiting(t_ns):

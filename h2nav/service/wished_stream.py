@@ -197,7 +197,6 @@ class WishedStream:
         """Notes a refusal.
 
         Args:
-            t_ns: host time.
             is_unknown: because of the message, not of its rate.
         """
         if self.rate_hz > self.wish.rate_hz:

@@ -13,7 +13,6 @@ def values_at(data: bytes, at: NDArray[np.int64], kind: DTypeLike) -> NDArray[An
     """The value at each place, aligned or not.
 
     Args:
-        data: the buffer.
         at: (N,) places; each has room for one value.
         kind: type of the values, such as ``>u8``, ``V30`` or a structured type.
 

@@ -87,7 +87,6 @@ def headers_at(data: bytes, at: Integers) -> Headers:
     """Reads headers.
 
     Args:
-        data: the buffer.
         at: (N,) places.
 
     Returns:
@@ -139,7 +138,6 @@ def is_plain_end(data: bytes, ends: Integers, followers: Integers) -> NDArray[np
     """(N,) whether the last byte of a frame cannot be taken for another start marker.
 
     Args:
-        data: the buffer.
         ends: (N,) where good frames end.
         followers: (N,) where the next good frames begin, whose bytes follow in the stream.
     """

@@ -86,7 +86,6 @@ def estimator_status(t_us: int, flags: int, vel_ratio: float, mag_ratio: float) 
     """ESTIMATOR_STATUS; ratios that are not estimated are 0, as from PX4.
 
     Args:
-        t_us: time of the sample.
         flags: ESTIMATOR_STATUS_FLAGS.
         vel_ratio: innovation test ratio of the velocity; NaN = none.
         mag_ratio: of the field; NaN = none.
@@ -108,7 +107,6 @@ def odometry(record: OdometryRecord, estimator_type: int, quality: int) -> OutMe
     """ODOMETRY: pose in LOCAL_FRD (or LOCAL_NED), twist in BODY_FRD.
 
     Args:
-        record: finite pose, twist and covariances.
         estimator_type: MAV_ESTIMATOR_TYPE.
         quality: 1 to 100 %; 0 = unknown.
     """

@@ -162,7 +162,6 @@ class _Seen:
         """The entries from `at` on that follow each other in place and time.
 
         Args:
-            at: beginning of the first one.
             last_us: stored time of the previous one.
         """
         first = int(np.searchsorted(self.at, at))
