@@ -219,11 +219,7 @@ def _run(words: list[str]) -> int:
 
 
 def _refuse_unknown(words: Sequence[str]) -> None:
-    """Names the most similar command.
-
-    Raises:
-        BadInput: the words are not a command.
-    """
+    """Names the most similar command; raises BadInput if the words are not a command."""
     group = words[:1] if words and words[0] in GROUPS else []
     typed = words[len(group) : len(group) + 1]
     known = {line[len(group)] for line in COMMANDS if list(line[: len(group)]) == group}

@@ -23,7 +23,6 @@ class AutopilotBytes:
     """Connects a fake autopilot to codec and delivery.
 
     Args:
-        autopilot: new.
         start_ns: host time at which its power is switched on.
         links: number of links; all carry the same.
         signing: of all links; None = frames are neither signed nor verified.

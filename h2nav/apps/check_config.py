@@ -72,11 +72,7 @@ def _surprises(path: Path, chosen: Configuration) -> list[str]:
 
 
 def checked(path: Path) -> Configuration:
-    """Reads the configuration of a file.
-
-    Raises:
-        BadInput: the daemon would refuse it.
-    """
+    """Reads the configuration of a file; raises BadInput if the daemon would refuse it."""
     chosen = configuration.read(path)
     try:
         FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)

@@ -66,8 +66,6 @@ class Daemon:
     """Runs link, pipeline and clock, one `turn` after the other.
 
     Args:
-        link: to the autopilot.
-        pipeline: processes the bytes.
         clock: the host's UNIX clock at the start.
         manager: systemd, if present.
     """

@@ -29,9 +29,7 @@ class FilterFactory:
     """Creates filters for vehicles, from gain files read and checked beforehand.
 
     Args:
-        settings: select the filter.
         names: vehicle class -> name of its gain file.
-        files: the gain files by name.
 
     Raises:
         BadInput: a gain file is for another filter.

@@ -92,7 +92,6 @@ class LinkSigning:
 
     Args:
         settings: with a key file.
-        unix_ns: reads the host's clock.
 
     Raises:
         BadInput: the key is not usable.

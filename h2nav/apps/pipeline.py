@@ -136,9 +136,6 @@ class Pipeline:
     An exception on the way is counted and reported by the service; the next frame follows.
 
     Args:
-        service: the behaviour.
-        component_id: of outgoing frames.
-        outlets: where the effects go.
         signing: verifies and signs; None = frames are neither verified nor signed.
     """
 

@@ -181,7 +181,6 @@ class Playback:
     """Plays a recording as fast as possible.
 
     Args:
-        recording: to play.
         whole_frames: see `Inputs`.
 
     Attributes:

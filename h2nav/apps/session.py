@@ -41,8 +41,6 @@ class Session:
         link: to the autopilot.
 
     Args:
-        configuration: of the user.
-        console: displays the status.
         watcher: observes frames and estimates; by default the console.
 
     Raises:

@@ -17,10 +17,6 @@ class TerminalFooter:
     """Draws lines, writes text above them, and removes them without a trace.
 
     The cursor rests at the end of the last line. Nothing has to be restored if the program dies.
-
-    Args:
-        stream: the terminal.
-        voice: writes to it.
     """
 
     def __init__(self, stream: TextIO, voice: Voice) -> None:

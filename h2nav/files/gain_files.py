@@ -52,11 +52,7 @@ def read(path: Path) -> GainFile:
 
 
 def find(path_or_name: str | Path) -> Path:
-    """Finds a gain file by path or shipped name.
-
-    Raises:
-        BadInput: there is no such file.
-    """
+    """Finds a gain file by path or shipped name; raises BadInput if there is no such file."""
     path = Path(path_or_name)
     if path.suffix == SUFFIX or os.sep in str(path_or_name):
         if path.is_file():
@@ -106,11 +102,7 @@ def text_of(file: GainFile) -> str:
 
 
 def write(path: Path, file: GainFile) -> None:
-    """Writes a gain file atomically.
-
-    Raises:
-        BadInput: the file cannot be written.
-    """
+    """Writes a gain file atomically; raises BadInput if the file cannot be written."""
     temporary = path.with_name(path.name + ".part")
     try:
         temporary.write_text(text_of(file), encoding="utf-8")

@@ -78,10 +78,6 @@ class StampKeeper:
 
     Attributes:
         stamp: the local stamp, never behind a stored one.
-
-    Args:
-        path: of the file.
-        unix_ns: reads the host's clock.
     """
 
     def __init__(self, path: Path, unix_ns: Callable[[], int]) -> None:

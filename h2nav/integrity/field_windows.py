@@ -61,10 +61,6 @@ class FieldRow(NamedTuple):
 class FieldWindows:
     """Tracks the field beside a strapdown.
 
-    Args:
-        watch: of the IMU.
-        strapdown: of the same.
-
     Attributes:
         reference: the earth's field; None if unknown.
     """

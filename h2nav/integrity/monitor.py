@@ -109,10 +109,6 @@ class Monitor:
     (`restart` without one). Velocities, field, vehicle and delays are passed as to the filter; a
     velocity is kept from the filter while `velocity_is_false`.
 
-    Args:
-        imu: of the samples.
-        speeds: of the vehicle.
-
     Attributes:
         field_is_frozen: the compass does not show the heading.
         ratios: test ratios at the latest sample.

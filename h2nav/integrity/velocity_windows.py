@@ -67,11 +67,7 @@ class Window(NamedTuple):
 
 
 class VelocityWindows:
-    """Tracks the fixes beside a strapdown.
-
-    Args:
-        strapdown: of the IMU.
-    """
+    """Tracks the fixes beside a strapdown."""
 
     def __init__(self, strapdown: Strapdown) -> None:
         self._strapdown = strapdown

@@ -117,9 +117,6 @@ class _Start(NamedTuple):
 class VelocityWitness:
     """Judges one other attitude against ours.
 
-    Args:
-        integrated: of our attitude.
-
     Attributes:
         verdicts: by the windows of the last `EVIDENCE_US`.
     """

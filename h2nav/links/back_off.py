@@ -6,12 +6,7 @@ LONGEST_DELAY_NS = 1_000_000_000
 
 
 class BackOff:
-    """Delays between attempts: doubled after each consecutive failure, up to a limit.
-
-    Args:
-        first_ns: the delay after the first failure.
-        longest_ns: the longest delay.
-    """
+    """Delays between attempts: doubled after each consecutive failure, up to a limit."""
 
     def __init__(self, first_ns: int = FIRST_DELAY_NS, longest_ns: int = LONGEST_DELAY_NS) -> None:
         self._first_ns = self._delay_ns = first_ns

@@ -8,11 +8,7 @@ QUEUE_BYTES = 4096
 
 
 class FrameQueue:
-    """Keeps whole frames in order until the stream takes them.
-
-    Args:
-        limit_bytes: limit of the queue.
-    """
+    """Keeps whole frames in order until the stream takes them."""
 
     def __init__(self, limit_bytes: int = QUEUE_BYTES) -> None:
         self._limit_bytes = limit_bytes

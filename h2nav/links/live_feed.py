@@ -183,11 +183,7 @@ class LiveFeed:
 
 
 class FeedReader:
-    """The viewer's end of the feed.
-
-    Args:
-        end: the viewer's of `feed_sockets`.
-    """
+    """The viewer's end of the feed."""
 
     def __init__(self, end: socket.socket) -> None:
         self._socket = end
@@ -197,11 +193,7 @@ class FeedReader:
         return self._socket.fileno()
 
     def greeting(self) -> Greeting:
-        """Waits for the first packet.
-
-        Raises:
-            ConnectionError: the daemon is gone.
-        """
+        """Waits for the first packet; raises ConnectionError if the daemon is gone."""
         found = self._receive()
         assert isinstance(found, Greeting)
         self._socket.setblocking(False)

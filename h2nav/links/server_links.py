@@ -114,7 +114,6 @@ class TcpServerTransport:
     """A TCP port that serves one client at a time; the next one waits in the backlog.
 
     Args:
-        host: address to listen at.
         port: 0 lets the kernel choose.
     """
 

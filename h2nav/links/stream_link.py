@@ -39,8 +39,6 @@ class StreamLink:
     """Keeps one byte stream open, with back-off, and sends whole frames over it.
 
     Args:
-        url: the connection URL of the link.
-        transport: the serial port or the TCP connection.
         explain: turns an error of the transport into a message.
 
     Attributes:

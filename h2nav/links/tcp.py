@@ -13,11 +13,7 @@ _PEER_TIMEOUT_MS = 5000  # bytes unacknowledged for this long: the peer has lost
 
 
 class TcpTransport:
-    """Connects to a server; each attempt uses the next address of the host.
-
-    Args:
-        url: host and port.
-    """
+    """Connects to a server; each attempt uses the next address of the host."""
 
     def __init__(self, url: TcpUrl) -> None:
         self._url = url

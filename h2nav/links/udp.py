@@ -47,8 +47,6 @@ class UdpLink:
     and dropped.
 
     Args:
-        url: the connection URL of the link.
-        target: the parsed URL.
         vouch: whether a datagram makes its sender the peer; None accepts every sender.
 
     Attributes:

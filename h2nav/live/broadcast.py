@@ -17,9 +17,6 @@ ATTITUDES_PER_OVERVIEW = 5
 class Broadcast:
     """Encodes each event once for all viewers, and none while there are no viewers.
 
-    Args:
-        state: the source.
-
     Attributes:
         viewers: their number.
         events: the newest of each name, as sent.

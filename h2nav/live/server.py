@@ -61,8 +61,6 @@ class PageServer:
     """Serves a state on the running event loop.
 
     Args:
-        state: the source.
-        host: address to listen on.
         port: to listen on; 0 = chosen by the kernel.
 
     Attributes:

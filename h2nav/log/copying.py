@@ -54,8 +54,6 @@ class LogCopy:
     """Writes the intact records of a log to a new file, and those of an addition.
 
     Args:
-        source: the log.
-        stream: the new file.
         program: the writer's name, used if the log has none.
         addition: derives further records.
     """

@@ -57,7 +57,6 @@ class FieldOfTheEarth:
     """Evaluates the field model when the position is first known, and again after a long way.
 
     Args:
-        settings: source of the declination.
         field_at: (latitude deg, longitude deg, altitude m, UNIX seconds) -> field.
         unix_s: date to use until the autopilot sends one.
     """
@@ -107,10 +106,6 @@ class Aiding:
     """Passes aiding data to the filter, and logs changes.
 
     Args:
-        settings: enable the sources.
-        field: source of the earth field.
-        autopilot: its armed and landed state.
-        estimation: takes the records.
         witness: takes the receiver's velocities, fused or not.
     """
 

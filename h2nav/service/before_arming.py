@@ -22,11 +22,7 @@ LOOK_NS = SECOND_NS
 
 
 class BeforeArming:
-    """Checks the vehicle while it is disarmed; commands nothing.
-
-    Args:
-        tell: reports notices.
-    """
+    """Checks the vehicle while it is disarmed; commands nothing."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell

@@ -24,7 +24,6 @@ class Commands:
     """Carries out COMMAND_LONG and COMMAND_INT.
 
     Args:
-        outputs: our own messages, which may be requested or re-timed.
         may_change: obey SET_MESSAGE_INTERVAL; otherwise the command is DENIED.
     """
 

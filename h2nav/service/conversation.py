@@ -24,8 +24,6 @@ class Conversation:
 
     Args:
         settings: our component id, and whether others may change our rates.
-        outputs: our own messages.
-        time_sync: the autopilot's clock.
     """
 
     def __init__(self, settings: OutputSettings, outputs: Outputs, time_sync: TimeSync) -> None:

@@ -29,7 +29,6 @@ class Judgement:
     """Collects alarms a few times a second, and reports changes.
 
     Args:
-        tell: reports notices.
         judged: the sources; each kind and source comes from one of them only.
     """
 

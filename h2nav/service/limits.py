@@ -8,12 +8,7 @@ SECOND_NS = 1_000_000_000
 
 
 class RateLimit:
-    """A token bucket: a mean rate of events, and a burst.
-
-    Args:
-        per_s: mean rate of events.
-        burst: events that may happen at once.
-    """
+    """A token bucket: a mean rate of events, and a burst."""
 
     def __init__(self, per_s: float, burst: int) -> None:
         self._period_ns = round(SECOND_NS / per_s)
@@ -40,7 +35,6 @@ class Steady(Generic[T]):
     """A value that changes only if the new one, and no other, has been received for long.
 
     Args:
-        value: at first.
         hold_ns: how long the new value must have been the only one.
         same: whether two values are the same; equality by default.
     """
@@ -74,7 +68,6 @@ class Slow(Generic[T]):
     """A value that follows what is received at once, but changes only so often.
 
     Args:
-        value: at first.
         hold_ns: how long a new value stays.
     """
 

@@ -22,7 +22,6 @@ class RefusalStreak:
 
     Args:
         what: is rejected, such as ``poses``.
-        tell: reports notices.
     """
 
     def __init__(self, what: str, tell: Tell) -> None:
@@ -51,9 +50,7 @@ class OdometryOut:
 
     Args:
         autopilot: whose system id is used.
-        outputs: schedules ODOMETRY.
         source: of the estimates, such as ``poses``.
-        tell: reports notices.
     """
 
     def __init__(self, autopilot: Autopilot, outputs: Outputs, source: str, tell: Tell) -> None:

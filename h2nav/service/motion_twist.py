@@ -39,10 +39,7 @@ class TwistMotion:
     """Feeds the twist observer and publishes its estimate while poses are fresh.
 
     Args:
-        settings: of the observer.
         pose_message: name of the message with poses, or ``auto``.
-        source: of the poses.
-        out: for the estimates.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:

@@ -28,10 +28,7 @@ class WheelMotion:
     """Feeds the wheel odometry and publishes it while wheel distances arrive.
 
     Args:
-        settings: the wheels.
         rate_hz: requested rate of wheel distances.
-        source: of the wheel distances.
-        out: for the estimates.
         unix_offset_ns: host UNIX minus host monotonic time.
 
     Attributes:

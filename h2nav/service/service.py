@@ -110,12 +110,7 @@ class Job:
 
 
 class Service:
-    """Processes events and returns effects.
-
-    Args:
-        settings: of the user.
-        surroundings: inputs from outside.
-    """
+    """Processes events and returns effects."""
 
     def __init__(self, settings: ServiceSettings, surroundings: Surroundings) -> None:
         self._settings = settings

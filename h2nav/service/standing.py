@@ -14,9 +14,6 @@ class Standing:
 
     A change that reverses within a minute is reported only if it lasts.
 
-    Args:
-        notices: reports them.
-
     Attributes:
         verdict: the present state.
         lasted_ns: how long each state has lasted so far, by its name.

@@ -70,11 +70,7 @@ class Trouble(Enum):
 
 
 class WishedStream:
-    """The state of one wish.
-
-    Args:
-        wish: the wanted stream.
-    """
+    """The state of one wish."""
 
     def __init__(self, wish: Wish) -> None:
         self.wish = wish

@@ -63,11 +63,7 @@ class Outgoing(NamedTuple):
 
 
 class FakeAutopilot:
-    """One autopilot on one link.
-
-    Args:
-        options: of the autopilot.
-    """
+    """One autopilot on one link."""
 
     def __init__(self, options: AutopilotOptions) -> None:
         self.options = options

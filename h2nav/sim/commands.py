@@ -23,9 +23,6 @@ class CommandServer:
     """Obeys COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM.
 
     Args:
-        personality: its rules.
-        streams: of the link.
-        vehicle: at the instant of the command.
         asks_to_arm: as PX4 with COM_ARM_AUTH_REQ: the first request to arm asks for an
             authorization, and one during its validity is accepted; motors stay as they are.
     """

@@ -14,8 +14,6 @@ class Delivery:
     Without an active fault, frames pass unchanged and at once.
 
     Args:
-        schedule: the faults.
-        seed: of the line's random numbers.
         start_ns: host time that the schedule counts from.
     """
 

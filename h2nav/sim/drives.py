@@ -50,11 +50,7 @@ def _after(start: _Start, arc: Arc, share: float) -> _Start:
 
 
 class SimulatedDrive:
-    """A sequence of arcs from the origin, after `START_S` of rest; holds its end.
-
-    Args:
-        arcs: driven one after the other.
-    """
+    """A sequence of arcs from the origin, after `START_S` of rest; holds its end."""
 
     def __init__(self, arcs: Sequence[Arc]) -> None:
         self._pieces: list[tuple[_Start, Arc]] = []

@@ -148,9 +148,7 @@ class ImuModel:
     """Turns true motion into samples of one IMU.
 
     Args:
-        parameters: the sensor.
         field: the earth's field where the vehicle is.
-        seed: of all its random numbers.
         rate_hz: sets the noise of the first sample; later ones use their time stamps.
     """
 

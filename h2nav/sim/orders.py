@@ -45,11 +45,7 @@ _INSTANT = ("reboot", "rate")
 
 
 class Orders:
-    """Carries out orders.
-
-    Args:
-        autopilot: to command.
-    """
+    """Carries out orders."""
 
     def __init__(self, autopilot: FakeAutopilot) -> None:
         self._autopilot = autopilot

@@ -195,11 +195,7 @@ PERSONALITIES = {personality.name: personality for personality in (ARDUPILOT, AR
 
 
 def personality(name: str) -> Personality:
-    """The personality called `name`.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The personality called `name`; raises BadInput if there is none."""
     if name not in PERSONALITIES:
         known = ", ".join(PERSONALITIES)
         raise BadInput(f"autopilot {name!r} is not known; expected one of {known}")

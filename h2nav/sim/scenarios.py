@@ -55,11 +55,7 @@ class Scenario(NamedTuple):
 
 
 def scenario(name: str) -> Scenario:
-    """The scenario called `name`.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The scenario called `name`; raises BadInput if there is none."""
     if name not in SCENARIOS:
         known = ", ".join(SCENARIOS)
         raise BadInput(f"scenario {name!r} is not known; expected one of {known}")

@@ -14,7 +14,6 @@ class StreamSchedule:
     """Intervals and due times of the streams of one link.
 
     Args:
-        streams: all that are available.
         line_bytes_per_s: capacity of the line; None = unlimited.
     """
 

@@ -73,10 +73,8 @@ class Vehicle:
     """A vehicle on its scenario, advanced with `go_to`; all else refers to the latest instant.
 
     Args:
-        scenario: the flight.
         sensors: the kind of each IMU on board; each has a compass.
         schedule: faults of the sensors and of the clock.
-        seed: of all random numbers.
         stamp_jitter_us: the largest delay between a sample and its time stamp.
         ages: of the sensors' values. Each sample is an earlier instant: the effect of a low-pass on
             a slow motion.

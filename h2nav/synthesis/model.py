@@ -178,11 +178,7 @@ def given_values(model: SensorModel) -> dict[str, object]:
 
 
 def model_from_values(values: Mapping[str, object], place: str) -> SensorModel:
-    """The model stored by `given_values`.
-
-    Raises:
-        BadInput: the section is not such a model.
-    """
+    """The model stored by `given_values`; raises BadInput if the section is not such a model."""
     parts: dict[str, type] = {
         "gyro": Gyro,
         "accelerometer": Accelerometer,

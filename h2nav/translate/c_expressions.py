@@ -73,10 +73,6 @@ class ExpressionWriter:
     """Expressions of one function.
 
     Args:
-        kernel: constants and functions.
-        facts: what was proved.
-        function: the function.
-        found: what was proved of it.
         runtime: collects the names of the operations that C needs.
     """
 

@@ -63,10 +63,8 @@ class Expressions:
     """Evaluates the expressions of one function call.
 
     Args:
-        kernel: constants and functions.
         facts: collects the hull of every expression.
         path: file of the function, for refusals.
-        arrays: array variables of the function.
         structures: its arguments that are records.
         call: runs a call of another kernel function.
     """

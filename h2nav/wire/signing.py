@@ -116,7 +116,6 @@ class Signer:
     Args:
         key: 32 bytes.
         link_id: 0..255; unique among links with the same system and component id.
-        stamp: of this host.
     """
 
     def __init__(self, key: bytes, link_id: int, stamp: LocalStamp) -> None:

@@ -127,7 +127,6 @@ class _Seen:
     """Everything that looks like an entry in a block of a file, and its successors.
 
     Args:
-        buffer: the block.
         ended: the file ends with it.
 
     Attributes:

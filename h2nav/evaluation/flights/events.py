@@ -37,11 +37,7 @@ def events_path(recording: Path) -> Path | None:
 
 
 def read_events(path: Path) -> list[Event]:
-    """Reads the events of a file.
-
-    Raises:
-        BadInput: a line has another form.
-    """
+    """Reads the events of a file; raises BadInput if a line has another form."""
     events = []
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     for number, line in enumerate(lines, 1):
@@ -65,11 +61,7 @@ def phases_of(events: list[Event]) -> list[FlightPhase]:
 
 
 def parse_phase(text: str) -> FlightPhase:
-    """``NAME=FROM-TO``, times in s.
-
-    Raises:
-        ValueError: it is of another form.
-    """
+    """``NAME=FROM-TO``, times in s; raises ValueError if it is of another form."""
     match = re.fullmatch(r"([^=]+)=(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
     if match is None or float(match[2]) >= float(match[3]):
         raise ValueError(f"expected NAME=FROM-TO, found {text}")

@@ -27,11 +27,7 @@ class FlightScore(NamedTuple):
 
 
 def flight_paths(place: Path) -> list[Path]:
-    """The recordings of a folder, or the given one.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The recordings of a folder, or the given one; raises BadInput if there is none."""
     if place.is_file():
         return [place]
     if not place.is_dir():

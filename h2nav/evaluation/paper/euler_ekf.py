@@ -25,7 +25,6 @@ class EulerEkf:
             (mapped by T) and of the bias walk.
         measurement: (6,) variances of one measurement.
         initial: (6,) variances of the initial state.
-        runs: number of runs.
     """
 
     def __init__(

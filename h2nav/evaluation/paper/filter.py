@@ -151,7 +151,6 @@ class PaperFilter:
     Args:
         L: (6, 6) constant gain with the sign of `plant`.
         vectors: (2, 3) gravity and magnetic field in NED, in the measurements' units.
-        runs: number of runs.
     """
 
     def __init__(self, L: Matrix, vectors: Matrix, runs: int) -> None:
