@@ -7,7 +7,9 @@ serves windows of every length and the attitude of every estimator.
 """
 
 import math
+from array import array
 from bisect import bisect_left
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from h2nav.attitude.record import reader
@@ -21,6 +23,7 @@ LENGTH_US = 12_000_000
 # For an attitude without predicted deviations.
 ASSUMED_TILT_RAD = 2.0 * DEG
 ASSUMED_HEADING_RAD = 5.0 * DEG
+_GAINED = slice(4, 7)
 _REMEMBERED = ("q_sb", "gained_s", "path_rad", "turn_variance", "gained_variance")
 
 
@@ -57,13 +60,12 @@ class _Kept(NamedTuple):
 
     Attributes:
         t_us: time of the sample.
-        numbers: `_REMEMBERED` of that time.
-        estimate: of that time.
+        numbers: `_REMEMBERED` of that time, then q_nb, both deviations and the gyro's bias of its
+            estimate. There are 20 of them a second: objects would be four times as large.
     """
 
     t_us: int
-    numbers: tuple[float, ...]
-    estimate: AttitudeEstimate
+    numbers: "array[float]"
 
 
 class Strapdown:
@@ -87,13 +89,17 @@ class Strapdown:
     def newest(self) -> Moment | None:
         """The latest moment; None before the first, and after a gap."""
         latest = self._latest
-        return None if latest is None else _moment(latest, latest.t_us, latest.numbers[4:7])
+        return None if latest is None else _moment(latest, latest.t_us, latest.numbers[_GAINED])
 
     @property
     def _latest(self) -> _Kept | None:
         if self.t_us is None or self._estimate is None:
             return None
-        return _Kept(self.t_us, self._read(), self._estimate)
+        return self._kept(self.t_us, self._estimate)
+
+    def _kept(self, t_us: int, estimate: AttitudeEstimate) -> _Kept:
+        deviations, bias_b = _sigmas(estimate), estimate.bias_b
+        return _Kept(t_us, array("d", (*self._read(), *estimate.q_nb, *deviations, *bias_b)))
 
     def restart(self) -> None:
         """Restarts: nothing earlier may be compared with what follows."""
@@ -113,7 +119,7 @@ class Strapdown:
             past = self._past
             if bits & BEGUN:
                 past.clear()
-            past.append(_Kept(t_us, self._read(), estimate))
+            past.append(self._kept(t_us, estimate))
             while past[0].t_us < t_us - LENGTH_US:
                 del past[0]
         return bits
@@ -129,25 +135,27 @@ class Strapdown:
         before = past[index - 1]
         span_us = after.t_us - before.t_us
         share = min((t_us - before.t_us) / span_us, 1.0) if span_us > 0 else 0.0
-        a, b = before.numbers[4:7], after.numbers[4:7]
+        a, b = before.numbers[_GAINED], after.numbers[_GAINED]
         gained = tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
         return _moment(before, t_us, gained)
 
 
-def _moment(kept: _Kept, t_us: int, gained: tuple[float, ...]) -> Moment:
+def _moment(kept: _Kept, t_us: int, gained: Iterable[float]) -> Moment:
     """A stored moment, advanced to a time with the integral until then."""
-    w, x, y, z, _, _, _, path_rad, turn_variance, gained_variance = kept.numbers
-    north, east, down = gained
+    w, x, y, z, _, _, _, path_rad, turn_variance, gained_variance = kept.numbers[:10]
+    q_w, q_x, q_y, q_z, sigma_tilt_rad, sigma_heading_rad, *bias = kept.numbers[10:]
+    (north, east, down), (p, q, r) = gained, bias
     return Moment(
         t_us,
         (north, east, down),
-        multiply(kept.estimate.q_nb, (w, -x, -y, -z)),
-        *_sigmas(kept.estimate),
+        multiply((q_w, q_x, q_y, q_z), (w, -x, -y, -z)),
+        sigma_tilt_rad,
+        sigma_heading_rad,
         path_rad,
         turn_variance,
         gained_variance,
         (w, x, y, z),
-        kept.estimate.bias_b,
+        (p, q, r),
     )
 
 

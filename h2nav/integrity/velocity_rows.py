@@ -10,7 +10,8 @@ Equations: docs/integrity.md, section 5.
 
 import math
 import statistics
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorErrors, Vec3
@@ -23,6 +24,8 @@ LENGTH_S = 10.0
 # Turns in order: the gyro's bias and its scale (three axes each), the bias that was used.
 TURNS = 7
 USED = 6
+# Vectors of a row in order.
+GAINED, TURNED, BENT, PUSHED, VECTORS = 0, 1, 1 + TURNS, 1 + 2 * TURNS, 3 + 2 * TURNS
 # Most that rare deviations count, in usual ones.
 SELDOM = 3.0
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -37,25 +40,34 @@ class VelocityRow(NamedTuple):
         ended: the mark at its end.
         errors: the filter's knowledge of its sensors at the beginning.
         length_s: from mark to mark.
-        gained: integral of the specific force, m/s.
-        turned: negative angle of each of TURNS, per unit.
-        bent: effect of these turns on the gained velocity, per the same units.
-        pushed: minus the integral of the body's axes x and y, s.
-        late: effect of latency on the change of velocity, per s and per half s^2; north and east,
-            axes n.
-        began_late: the same if the latency begins with the row.
+        begun_jerk_n: change of the acceleration with time at its beginning, m/s^3, north and east.
+        ended_jerk_n: the same at its end.
+        integrals: vectors one after the other (a tuple of tuples is five times as large): GAINED,
+            the integral of the specific force, m/s; TURNED, the negative angle of each of TURNS,
+            per unit; BENT, the effect of these turns on the gained velocity, per the same units;
+            PUSHED, minus the integral of the body's axes x and y, s.
     """
 
     begun: Mark
     ended: Mark
     errors: SensorErrors
     length_s: float
-    gained: Vec3
-    turned: tuple[Vec3, ...]
-    bent: tuple[Vec3, ...]
-    pushed: tuple[Vec3, Vec3]
-    late: tuple[Level, Level]
-    began_late: tuple[Level, Level]
+    begun_jerk_n: Level
+    ended_jerk_n: Level
+    integrals: "array[float]"
+
+    @property
+    def late(self) -> tuple[Level, Level]:
+        """Effect of latency on the change of velocity, per s and per half s^2."""
+        a, b = self.begun.accel_n, self.ended.accel_n
+        c, d = self.begun_jerk_n, self.ended_jerk_n
+        return (a[0] - b[0], a[1] - b[1]), (d[0] - c[0], d[1] - c[1])
+
+    @property
+    def began_late(self) -> tuple[Level, Level]:
+        """The same if the latency begins with the row."""
+        north, east = self.ended.accel_n
+        return (-north, -east), self.ended_jerk_n
 
 
 class _OpenRow:
@@ -64,10 +76,7 @@ class _OpenRow:
     def __init__(self, begun: Mark, jerk_n: Level, errors: SensorErrors) -> None:
         self.begun, self.jerk_n, self.errors = begun, jerk_n, errors
         self._length_s = 0.0
-        self._gained = NOTHING
-        self._turned = [NOTHING] * TURNS
-        self._bent = [NOTHING] * TURNS
-        self._pushed = [NOTHING] * 2
+        self._integrals = array("d", bytes(8 * 3 * VECTORS))
 
     def add(self, before: Mark, mark: Mark, jerk_n: Level) -> VelocityRow | None:
         """Advances to the next mark, with its jerk, m/s^3; the row, once it is long enough."""
@@ -84,37 +93,27 @@ class _OpenRow:
         axes = _axes(a.q_sb, angle)
         used = NOTHING
         for j, axis in enumerate(axes):
-            self._turn(j, -dt_s, axis)
-            self._turn(3 + j, -angle[j], axis)
+            self._add(TURNED + j, -dt_s, axis)
+            self._add(TURNED + 3 + j, -angle[j], axis)
             used = _plus(used, -0.5 * dt_s * (a.bias_b[j] + b.bias_b[j]), axis)
-        self._turn(USED, 1.0, used)
-        for j in range(TURNS):
-            self._bent[j] = _plus(self._bent[j], 1.0, cross(self._turned[j], force))
-        self._pushed = [
-            _plus(sum_, -dt_s, axis) for sum_, axis in zip(self._pushed, axes[:2], strict=True)
-        ]
-        self._gained = _plus(self._gained, 1.0, force)
+        self._add(TURNED + USED, 1.0, used)
+        turned = _vectors(self._integrals)[TURNED:BENT]
+        for j, turn_s in enumerate(turned):
+            self._add(BENT + j, 1.0, cross(turn_s, force))
+        for j, axis in enumerate(axes[:2]):
+            self._add(PUSHED + j, -dt_s, axis)
+        self._add(GAINED, 1.0, force)
         self._length_s += dt_s
-        return self._row(mark, jerk_n) if self._length_s >= ROW_S else None
+        if self._length_s < ROW_S:
+            return None
+        ends = self.begun, mark, self.errors, self._length_s
+        return VelocityRow(*ends, self.jerk_n, jerk_n, self._integrals)
 
-    def _turn(self, j: int, size: float, axis: Vec3) -> None:
-        self._turned[j] = _plus(self._turned[j], size, axis)
-
-    def _row(self, ended: Mark, jerk_n: Level) -> VelocityRow:
-        (x, y), a, b = self._pushed, self.begun.accel_n, ended.accel_n
-        bent = (jerk_n[0] - self.jerk_n[0], jerk_n[1] - self.jerk_n[1])
-        return VelocityRow(
-            self.begun,
-            ended,
-            self.errors,
-            self._length_s,
-            self._gained,
-            tuple(self._turned),
-            tuple(self._bent),
-            (x, y),
-            ((a[0] - b[0], a[1] - b[1]), bent),
-            ((-b[0], -b[1]), jerk_n),
-        )
+    def _add(self, place: int, size: float, vector: Vec3) -> None:
+        integrals, i = self._integrals, 3 * place
+        integrals[i] += size * vector[0]
+        integrals[i + 1] += size * vector[1]
+        integrals[i + 2] += size * vector[2]
 
 
 class VelocityRows:
@@ -227,12 +226,13 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     levels: tuple[list[tuple[float, ...]], list[tuple[float, ...]]] = ([], [])
     gained, turns = [], []
     for row in rows:
-        g = _in_n(to_n, row.gained)
+        own, late = _vectors(row.integrals), row.late
+        g = _in_n(to_n, own[GAINED])
         bent = [
-            _level(to_n, _sum(b, cross(t, row.gained)))
-            for b, t in zip(row.bent, turned, strict=True)
+            _level(to_n, _sum(b, cross(t, own[GAINED])))
+            for b, t in zip(own[BENT:PUSHED], turned, strict=True)
         ]
-        pushed = [_level(to_n, axis) for axis in row.pushed]
+        pushed = [_level(to_n, axis) for axis in own[PUSHED:]]
         tilts = ((0.0, g[2], -g[1]), (-g[2], 0.0, g[0]))
         for i, into in enumerate(levels):
             known = sum(bias_b[j] * bent[j][i] for j in range(3)) - bent[USED][i]
@@ -244,14 +244,14 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
                     *(part[i] for part in bent[:USED]),
                     pushed[0][i],
                     pushed[1][i],
-                    row.late[0][i],
-                    row.late[1][i],
+                    late[0][i],
+                    late[1][i],
                 )
             )
         gained.append(g)
         x, y, z = turned[:3]
         turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
-        turned = [_sum(t, more) for t, more in zip(turned, row.turned, strict=True)]
+        turned = [_sum(t, more) for t, more in zip(turned, own[TURNED:BENT], strict=True)]
     left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
     return VelocityColumns(left, of, gained, turns)
 
@@ -263,6 +263,12 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
     )
+
+
+def _vectors(flat: Iterable[float]) -> list[Vec3]:
+    """The vectors that stand one after the other."""
+    numbers = iter(flat)
+    return list(zip(numbers, numbers, numbers, strict=True))
 
 
 def _plus(a: Vec3, size: float, b: Vec3) -> Vec3:
