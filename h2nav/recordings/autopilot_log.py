@@ -5,7 +5,7 @@ typed records that the service would have received in flight, in the order of th
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
@@ -17,13 +17,28 @@ from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
+    ChangedSetting,
     Context,
     GpsTrack,
     ImuTrack,
     Series,
+    Span,
 )
 from h2nav.recordings.imported import Event, ImportedLog
-from h2nav.recordings.imu_series import LEAST_HZ, Readings, Samples, Times
+from h2nav.recordings.imu_series import (
+    LEAST_HZ,
+    Fields,
+    ImuRows,
+    Mask,
+    Readings,
+    Samples,
+    Times,
+    readings_of,
+    track_of,
+    usable,
+)
+from h2nav.recordings.log_clock import in_order
+from h2nav.recordings.log_rows import Log
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import RECORDED_IMU, ImuReading
 from h2nav.wire.position import GpsFix, NoFix, Origin, Place
@@ -45,6 +60,12 @@ SECOND_US = 1_000_000
 BLOCK_US = SECOND_US
 # The service compares at most ten attitudes a second.
 ATTITUDE_STEP_US = 50_000
+# Parameters that are counters and change by themselves.
+COUNTERS = "STAT_"
+# Of the receivers, the first ones.
+MOST_RECEIVERS = 2
+MOST_BURSTS = 2_000
+FIX_3D = 3
 
 
 class Setting(NamedTuple):
@@ -328,6 +349,92 @@ def _readings(recorded: Readings, start_us: int) -> _Stream:
 def _vectors(values: Array) -> Iterator[tuple[float, ...]]:
     """Yields the rows of (N, k) as tuples; by columns, which avoids intermediate lists."""
     return zip(*values.T.tolist(), strict=True)
+
+
+def imus_of(
+    log: Log,
+    found: Iterable[ImuRows],
+    compasses: Mapping[int, Fields],
+    to_body: Callable[[Array], Array] = np.asarray,
+) -> tuple[tuple[ImuTrack, ...], tuple[Readings, ...]]:
+    """The plausible samples of the IMUs, for the review and for the service.
+
+    Args:
+        log: counts what is left out.
+        found: the IMUs.
+        compasses: fields by number, in axes of the body.
+        to_body: turns (N, 3) vectors of the sensors' axes into the body's.
+    """
+    tracks, readings = [], []
+    for imu, source, every, averaged_us, device_ids in found:
+        good = usable(every)
+        log.note(f"values of IMU {imu + 1} that cannot be", int((~good).sum()))
+        good[good] = in_order(every.t_us[good])
+        samples = every.only(good)
+        if not len(samples.t_us):
+            continue
+        samples = Samples(samples.t_us, to_body(samples.w_b), to_body(samples.f_b))
+        own = compasses.get(imu)
+        track = track_of(imu, source, log.since_start(samples.t_us), samples, own)
+        tracks.append(track._replace(device_ids=device_ids))
+        if samples.rate_hz >= LEAST_HZ:
+            lent = own if own is not None else compasses.get(0)
+            # A mean over the time before its stamp is as old as half of that.
+            age_s = None if averaged_us is None else 0.5e-6 * float(np.median(averaged_us[good]))
+            readings.append(readings_of(imu, samples, lent, age_s))
+    return tuple(tracks), tuple(readings)
+
+
+def completed(
+    context: Context,
+    log: Log,
+    settings: tuple[Setting, ...],
+    armed: tuple[Span, ...] | None,
+    lacks: Mapping[str, bool],
+) -> Context:
+    """A context with what follows from the rest of it in every format.
+
+    Args:
+        context: everything else.
+        log: its rows.
+        settings: parameters, in order.
+        armed: while it was armed; None if unknown.
+        lacks: further phrases for `missing`, and whether they hold.
+    """
+    start_us = log.clock.start_us
+    missing = {
+        "no row of the log has a time": not log.clock.end_us,
+        "no autopilot's attitude to compare with": not context.attitudes,
+        "no word of when the motors were armed": armed is None,
+        **lacks,
+    }
+    return context._replace(
+        vehicle=vehicle_name(context.vehicle_type),
+        duration_s=log.duration_s,
+        # Without such a message nothing counts as at rest.
+        armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
+        parameters={setting.name: setting.value for setting in settings},
+        changes=_changes((1e-6 * (t_us - start_us), name, value) for t_us, name, value in settings),
+        missing=(*what_sensors_lack(context), *(text for text, is_so in missing.items() if is_so)),
+        notes=log.notes,
+    )
+
+
+def _changes(settings: Iterable[tuple[float, str, float]]) -> tuple[ChangedSetting, ...]:
+    """Parameters that changed, from time, name and value of all that were logged, in order."""
+    known: dict[str, float] = {}
+    found = []
+    for t_s, name, value in settings:
+        before = known.get(name, value)
+        known[name] = value
+        if before != value and not name.startswith(COUNTERS):
+            found.append(ChangedSetting(t_s, name, before, value))
+    return tuple(found)
+
+
+def is_on_earth(latitude_deg: Array, longitude_deg: Array) -> Mask:
+    """(N,) whether these are a latitude and a longitude."""
+    return np.asarray((np.abs(latitude_deg) <= 90.0) & (np.abs(longitude_deg) <= 180.0))
 
 
 def vehicle_name(vehicle_type: int) -> str:

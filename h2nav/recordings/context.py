@@ -162,6 +162,13 @@ class Series(NamedTuple):
     t_s: Array
     values: Array
 
+    @classmethod
+    def finite(cls, t_s: Array, values: Array, largest: float = np.inf) -> "Series":
+        """Without the times at which a value is not finite or larger than a bound, either sign."""
+        good = np.isfinite(values) & (np.abs(np.nan_to_num(values)) <= largest)
+        kept = good.reshape(len(good), -1).all(axis=1)
+        return cls(t_s[kept], values[kept])
+
 
 class Motors(NamedTuple):
     """Outputs to the motors of a multirotor; NaN where one is switched off.

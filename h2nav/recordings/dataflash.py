@@ -22,11 +22,15 @@ from h2nav.maths import quaternion
 from h2nav.recordings import dataflash_controls as controls
 from h2nav.recordings import imu_series
 from h2nav.recordings.autopilot_log import (
+    FIX_3D,
+    MOST_BURSTS,
+    MOST_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
-    vehicle_name,
-    what_sensors_lack,
+    completed,
+    imus_of,
+    is_on_earth,
 )
 from h2nav.recordings.context import (
     Array,
@@ -35,7 +39,6 @@ from h2nav.recordings.context import (
     CompassTrack,
     Context,
     GpsTrack,
-    ImuTrack,
     Said,
     Series,
     Span,
@@ -43,9 +46,9 @@ from h2nav.recordings.context import (
 from h2nav.recordings.dataflash_errors import said_of_error
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
-from h2nav.recordings.imu_series import Fields, Mask, Samples, Times
+from h2nav.recordings.imu_series import Fields, ImuRows, Mask, Samples, Times
 from h2nav.recordings.log_rows import Rows
-from h2nav.recordings.rotations import quaternions
+from h2nav.recordings.rotations import are_units, normalized, quaternions
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
 from h2nav.wire.imu import MOST_IMUS, UT_PER_MGAUSS
@@ -57,8 +60,6 @@ WEEK_S = 604_800.0
 LEAP_S = 18.0
 # A receiver without the date counts from the first weeks.
 LEAST_WEEK = 1_500
-MOST_RECEIVERS = 2
-FIX_3D = 3
 FIX_AGE_US = 1_000_000
 SAME_FIX_US = 100_000
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
@@ -66,7 +67,6 @@ ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
 BURST_PAUSE = 5.0
 LEAST_BURST = 64
 BURST_KINDS = {0: "accelerometer", 1: "gyro"}
-MOST_BURSTS = 2_000
 # Largest interval between an error and its text.
 IN_WORDS_S = 0.5
 # FRAME_CLASS of a copter -> MAV_TYPE; 0 and 1 are quadrotors.
@@ -87,7 +87,6 @@ COPTERS = {
 
 ANGLES = ("Roll", "Pitch", "Yaw")
 QUATERNION = ("Q1", "Q2", "Q3", "Q4")
-UNIT_WITHIN = 0.05
 SECOND = "AHRS2"
 LARGEST_TRIM_RAD = 0.5
 # A message, its columns, and the messages of further cores before cores had numbers.
@@ -226,29 +225,23 @@ def recorded(tables: LogTables) -> Recorded:
     kind = _kind_of(firmware, parameters)
     vehicle_type = _vehicle_type(kind, parameters)
     trim = Trim(parameters)
-    imus, readings = _imus(log, trim)
+    imus, readings = imus_of(log, _imu_rows(log), _compasses(log, trim), trim.vectors)
     gps, fix_us, receiver = _gps(log)
     attitudes = _attitudes(log, parameters, trim)
-    modes, armed = _modes(log, kind), _armed(log)
     context = Context(
         firmware=firmware,
-        vehicle=vehicle_name(vehicle_type),
         start_unix_s=_start_unix_s(log),
-        duration_s=log.duration_s,
         imus=imus,
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
         truth=_truth(log),
         gps=gps,
-        modes=modes,
-        # Without such a message nothing counts as at rest.
-        armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
+        modes=_modes(log, kind),
         primary=_primary(log),
         said=said,
-        parameters=parameters,
         throttle=_throttle(log),
-        current_a=_current(log),
+        current_a=controls.current(log),
         wind_n_m_s=_wind(log),
         vehicle_type=vehicle_type,
         demand=controls.demand(log),
@@ -266,13 +259,10 @@ def recorded(tables: LogTables) -> Recorded:
         faults=controls.faults(log),
         occurrences=controls.occurrences(log),
         airborne=_airborne(log),
-        changes=controls.changes(_times_of(log, settings)),
     )
-    context = context._replace(
-        missing=_missing(log, context, has_armed=armed is not None), notes=log.notes
-    )
+    lacks = {"no version of the firmware": not firmware}
     return Recorded(
-        context,
+        completed(context, log, settings, _armed(log), lacks),
         mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
         vehicle_type,
         log.clock.start_us,
@@ -290,29 +280,13 @@ def recorded(tables: LogTables) -> Recorded:
 # --- inertial sensors and compasses -----------------------------------------------------------
 
 
-def _imus(
-    log: DataflashRows, trim: Trim
-) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
-    compasses = _compasses(log, trim)
-    tracks, readings = [], []
+def _imu_rows(log: DataflashRows) -> Iterator[ImuRows]:
     axes = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
     for rows in log.instances("IMU", *axes[0], *axes[1]):
-        samples = Samples(rows.t_us, rows.table.numbers(*axes[0]), rows.table.numbers(*axes[1]))
-        name = f"IMU {rows.number + 1}"
-        good = _healthy(log, rows, name)
-        is_usable = imu_series.usable(samples)
-        log.note(f"values of {name} that cannot be", int(np.count_nonzero(good & ~is_usable)))
-        samples = samples.only(good & is_usable)
-        samples = Samples(samples.t_us, trim.vectors(samples.w_b), trim.vectors(samples.f_b))
-        if not len(samples.t_us) or rows.number >= MOST_IMUS:
-            continue
-        own = compasses.get(rows.number)
-        t_s = log.since_start(samples.t_us)
-        tracks.append(imu_series.track_of(rows.number, "IMU", t_s, samples, own))
-        if samples.rate_hz >= imu_series.LEAST_HZ:
-            field = own if own is not None else compasses.get(0)
-            readings.append(imu_series.readings_of(rows.number, samples, field))
-    return tuple(tracks), tuple(readings)
+        if rows.number < MOST_IMUS:
+            samples = Samples(rows.t_us, *(rows.table.numbers(*names) for names in axes))
+            good = _healthy(log, rows, f"IMU {rows.number + 1}")
+            yield ImuRows(rows.number, "IMU", samples.only(good))
 
 
 def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
@@ -355,7 +329,7 @@ def _compass_tracks(log: DataflashRows) -> Iterator[CompassTrack]:
 
 
 def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
-    """(N, k) of optional columns; NaN if they are absent."""
+    """(N, k) of optional columns; NaN if one is absent."""
     if all(name in rows.table for name in names):
         return rows.table.numbers(*names)
     return np.full((len(rows.t_us), len(names)), np.nan)
@@ -449,7 +423,7 @@ def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
     table, count = rows.table, len(rows.t_us)
     speed, course = table.numbers("Spd"), np.radians(table.numbers("GCrs"))
     # Down, in spite of its name; 0 means that it is not measured.
-    down = table.numbers("VZ") if "VZ" in table else np.full(count, np.nan)
+    down = table.numbers_or_nan("VZ")
     sigma, stamp_us = np.full(count, DEFAULT_SIGMA_M_S), rows.t_us
     if accuracy is not None:
         place = np.searchsorted(accuracy.t_us, rows.t_us).clip(max=len(accuracy.t_us) - 1)
@@ -469,18 +443,16 @@ def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
         v_n[~(np.abs(v_n[:, :2]) <= FASTEST_M_S).all(axis=1)] = np.nan
         v_n[~(np.abs(v_n[:, 2]) <= FASTEST_M_S), 2] = np.nan
     latitude, longitude = table.numbers("Lat"), table.numbers("Lng")
-    on_earth = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
-    satellites = table.numbers("NSats") if "NSats" in table else np.full(count, np.nan)
     track = GpsTrack(
         rows.number,
         rows.t_s,
-        (table.integers("Status") >= FIX_3D) & on_earth,
+        (table.integers("Status") >= FIX_3D) & is_on_earth(latitude, longitude),
         latitude,
         longitude,
         table.numbers("Alt"),
         v_n,
         sigma,
-        satellites,
+        table.numbers_or_nan("NSats"),
     )
     return track, stamp_us
 
@@ -504,9 +476,8 @@ def _origin(log: DataflashRows) -> Place | None:
     rows = log.find("ORGN", "Lat", "Lng", "Alt")
     if rows is None:
         return None
-    latitude, longitude, altitude = rows.table.numbers("Lat", "Lng", "Alt")[0].tolist()
-    on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
-    return Place(latitude, longitude, altitude) if on_earth else None
+    first = rows.table.numbers("Lat", "Lng", "Alt")[:1]
+    return Place(*first[0].tolist()) if is_on_earth(first[:, 0], first[:, 1]).all() else None
 
 
 def _airspeed(log: DataflashRows) -> Series | None:
@@ -573,10 +544,8 @@ def _angles(name: str, rows: Rows | None) -> AttitudeTrack | None:
 def _quaternions(name: str, rows: Rows, trim: Trim = NO_TRIM) -> AttitudeTrack:
     """Quaternions from NED to the axes of the board."""
     q_nb = rows.table.numbers(*QUATERNION)
-    norms = np.linalg.norm(q_nb, axis=1)
-    with np.errstate(invalid="ignore"):
-        good = np.abs(norms - 1.0) < UNIT_WITHIN
-    return AttitudeTrack(name, rows.t_s[good], trim.attitudes(q_nb[good] / norms[good, None]))
+    good = are_units(q_nb)
+    return AttitudeTrack(name, rows.t_s[good], trim.attitudes(normalized(q_nb[good])))
 
 
 def _truth(log: DataflashRows) -> AttitudeTrack | None:
@@ -593,7 +562,7 @@ def _primary(log: DataflashRows) -> tuple[Span, ...]:
         for rows in log.instances(message, "PI"):
             numbers = rows.table.integers("PI").tolist()
             names = (f"{name} core {number + 1}" if number >= 0 else "" for number in numbers)
-            return spans(rows.t_s.tolist(), names, log.duration_s)
+            return log.spans(rows, names)
     return ()
 
 
@@ -612,13 +581,6 @@ def _settings(log: DataflashRows) -> tuple[Setting, ...]:
 def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
     """The values at the beginning."""
     return {setting.name: setting.value for setting in reversed(settings)}
-
-
-def _times_of(
-    log: DataflashRows, settings: tuple[Setting, ...]
-) -> Iterator[tuple[float, str, float]]:
-    start_us = log.clock.start_us
-    return ((1e-6 * (t_us - start_us), name, value) for t_us, name, value in settings)
 
 
 def _said(log: DataflashRows) -> tuple[Said, ...]:
@@ -683,7 +645,7 @@ def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
     else:
         numbers = rows.table.integers("Mode").tolist()
         names = [str(kind.modes.get(number, f"mode {number}")) for number in numbers]
-    return spans(rows.t_s.tolist(), names, log.duration_s)
+    return log.spans(rows, names)
 
 
 def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
@@ -728,25 +690,11 @@ def _throttle(log: DataflashRows) -> Series | None:
     """0 to 1; stored as a share, in percent or in thousandths over the years."""
     for column in ("ThO", "ThrOut", "ThrO"):
         rows = log.find("CTUN", column)
-        if rows is None:
-            continue
-        values = rows.table.numbers(column)
-        good = np.isfinite(values)
-        largest = float(np.abs(values[good]).max(initial=0.0))
-        unit = 1.0 if largest <= 1.5 else 100.0 if largest <= 100.0 else 1000.0
-        return Series(rows.t_s[good], values[good] / unit)
-    return None
-
-
-def _current(log: DataflashRows) -> Series | None:
-    """Current of the first battery."""
-    for name in ("BAT", "CURR"):
-        for rows in log.instances(name, "Curr"):
-            values = rows.table.numbers("Curr")
-            # Until 2015 hundredths of amperes, without a unit in the log.
-            unit = 1.0 if rows.table.kind("Curr") == "f" or rows.table.is_scaled("Curr") else 100.0
-            good = np.isfinite(values)
-            return Series(rows.t_s[good], values[good] / unit)
+        if rows is not None:
+            found = rows.series(column)
+            largest = float(np.abs(found.values).max(initial=0.0))
+            unit = 1.0 if largest <= 1.5 else 100.0 if largest <= 100.0 else 1000.0
+            return found._replace(values=found.values / unit)
     return None
 
 
@@ -754,18 +702,5 @@ def _wind(log: DataflashRows) -> Series | None:
     """By the first core of the estimator."""
     for name in ("XKF2", "NKF2", "EKF2"):
         for rows in log.instances(name, "VWN", "VWE"):
-            values = rows.table.numbers("VWN", "VWE")
-            good = np.isfinite(values).all(axis=1) & (np.abs(values) <= FASTEST_M_S).all(axis=1)
-            return Series(rows.t_s[good], values[good])
+            return rows.series("VWN", "VWE", largest=FASTEST_M_S)
     return None
-
-
-def _missing(log: DataflashRows, context: Context, *, has_armed: bool) -> tuple[str, ...]:
-    """What the recording lacks for a better review, one phrase each."""
-    lacks = {
-        "no row of the log has a time": not log.clock.end_us,
-        "no autopilot's attitude to compare with": not context.attitudes,
-        "no word of when the motors were armed": not has_armed,
-        "no version of the firmware": not context.firmware,
-    }
-    return (*what_sensors_lack(context), *(text for text, is_so in lacks.items() if is_so))

@@ -4,15 +4,15 @@ Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2
 `LogEvent` of AP_Logger.h.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from h2nav.maths.units import DEG
 from h2nav.recordings.compass_rows import compass_rows
 from h2nav.recordings.context import (
+    Array,
     Battery,
-    ChangedSetting,
     CompassRows,
     Esc,
     Motors,
@@ -31,8 +31,6 @@ MOST_OUTPUTS = 16
 HIGHEST_M = 50_000.0
 # Widths of the ranges in which old logs stored volts without a unit.
 MOST_BOARD_VOLTS = 10.0
-# Counters, which change by themselves.
-COUNTERS = "STAT_"
 OCCURRENCES = {
     10: "armed",
     11: "disarmed",
@@ -66,11 +64,8 @@ def demand(log: DataflashRows) -> Series | None:
     rows = log.find("ATT", "DesRoll", "DesPitch")
     if rows is None:
         return None
-    values = np.full((len(rows.t_s), 3), np.nan)
-    values[:, :2] = rows.table.numbers("DesRoll", "DesPitch") * DEG
-    if "DesYaw" in rows.table:
-        values[:, 2] = rows.table.numbers("DesYaw") * DEG
-    return Series(rows.t_s, values)
+    columns = [rows.table.numbers_or_nan(name) for name in ("DesRoll", "DesPitch", "DesYaw")]
+    return Series(rows.t_s, np.stack(columns, axis=1) * DEG)
 
 
 def demanded_rates(log: DataflashRows) -> Series | None:
@@ -104,7 +99,7 @@ def motors(log: DataflashRows, parameters: Mapping[str, float], vehicle_type: in
 def height(log: DataflashRows, column: str) -> Series | None:
     """Of CTUN: ``Alt`` is the estimate, ``DAlt`` the demand; m."""
     rows = log.find("CTUN", column)
-    return None if rows is None else _heights(rows, column)
+    return None if rows is None else rows.series(column, largest=HIGHEST_M)
 
 
 def climb(log: DataflashRows) -> Series | None:
@@ -112,23 +107,14 @@ def climb(log: DataflashRows) -> Series | None:
     rows = log.find("CTUN", "CRt")
     if rows is None:
         return None
-    values = rows.table.numbers("CRt")
-    is_whole = rows.table.kind("CRt") != "f" and not rows.table.is_scaled("CRt")
-    return Series(rows.t_s, values * 0.01 if is_whole else values)
+    return Series(rows.t_s, hundredths(rows, "CRt"))
 
 
 def baro_height(log: DataflashRows) -> Series | None:
     """Height of the first barometer."""
     for rows in log.instances("BARO", "Alt"):
-        return _heights(rows, "Alt")
+        return rows.series("Alt", largest=HIGHEST_M)
     return None
-
-
-def _heights(rows: Rows, column: str) -> Series:
-    values = rows.table.numbers(column)
-    with np.errstate(invalid="ignore"):
-        good = np.abs(values) < HIGHEST_M
-    return Series(rows.t_s[good], values[good])
 
 
 def batteries(log: DataflashRows) -> tuple[Battery, ...]:
@@ -141,20 +127,25 @@ def batteries(log: DataflashRows) -> tuple[Battery, ...]:
 
 
 def _battery(rows: Rows) -> Battery:
-    nothing = np.full(len(rows.t_s), np.nan)
-    remaining = nothing
-    if "RemPct" in rows.table:
-        remaining = 0.01 * rows.table.numbers("RemPct")
-        remaining[(remaining < 0.0) | (remaining > 1.0)] = np.nan
-    current = _hundredths(rows, "Curr") if "Curr" in rows.table else nothing
-    return Battery(rows.number, rows.t_s, _hundredths(rows, "Volt"), current, remaining)
+    remaining = 0.01 * rows.table.numbers_or_nan("RemPct")
+    remaining[(remaining < 0.0) | (remaining > 1.0)] = np.nan
+    volts, amperes = hundredths(rows, "Volt"), hundredths(rows, "Curr")
+    return Battery(rows.number, rows.t_s, volts, amperes, remaining)
 
 
-def _hundredths(rows: Rows, column: str) -> np.ndarray:
-    """Whole numbers were hundredths until 2015, without a unit in the log."""
-    table = rows.table
-    unit = 1.0 if table.kind(column) == "f" or table.is_scaled(column) else 0.01
-    return table.numbers(column) * unit
+def current(log: DataflashRows) -> Series | None:
+    """Current of the first battery."""
+    for name in ("BAT", "CURR"):
+        for rows in log.instances(name, "Curr"):
+            return Series.finite(rows.t_s, hundredths(rows, "Curr"))
+    return None
+
+
+def hundredths(rows: Rows, column: str) -> Array:
+    """A column whose whole numbers are hundredths in old logs, which state no unit."""
+    table, values = rows.table, rows.table.numbers_or_nan(column)
+    is_plain = column not in table or table.kind(column) == "f" or table.is_scaled(column)
+    return values if is_plain else values * 0.01
 
 
 def board(log: DataflashRows) -> Series | None:
@@ -197,15 +188,10 @@ def escs(log: DataflashRows) -> tuple[Esc, ...]:
     numbered = ((i, log.find(f"ESC{i}", "RPM")) for i in range(1, MOST_OUTPUTS + 1))
     found = [(i, rows) for i, rows in numbered if rows is not None]
     found += [(rows.number + 1, rows) for rows in log.instances("ESC", "RPM")]
-    return tuple(_esc(number, rows) for number, rows in found)
-
-
-def _esc(number: int, rows: Rows) -> Esc:
-    columns = [
-        rows.table.numbers(name) if name in rows.table else np.full(len(rows.t_s), np.nan)
-        for name in ("RPM", "Curr", "Temp")
-    ]
-    return Esc(number, rows.t_s, *columns)
+    names = ("RPM", "Curr", "Temp")
+    return tuple(
+        Esc(number, rows.t_s, *map(rows.table.numbers_or_nan, names)) for number, rows in found
+    )
 
 
 def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
@@ -238,19 +224,3 @@ def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
         return ()
     pairs = zip(rows.t_s.tolist(), rows.table.integers("Id").tolist(), strict=True)
     return tuple(Occurrence(t_s, n, OCCURRENCES[n]) for t_s, n in pairs if n in OCCURRENCES)
-
-
-def changes(settings: Iterable[tuple[float, str, float]]) -> tuple[ChangedSetting, ...]:
-    """Parameters that changed.
-
-    Args:
-        settings: time, name and value of every parameter that was logged, in order.
-    """
-    known: dict[str, float] = {}
-    found = []
-    for t_s, name, value in settings:
-        before = known.get(name, value)
-        known[name] = value
-        if before != value and not name.startswith(COUNTERS):
-            found.append(ChangedSetting(t_s, name, before, value))
-    return tuple(found)

@@ -74,6 +74,24 @@ class Fields(NamedTuple):
     m_b_ut: Array
 
 
+class ImuRows(NamedTuple):
+    """Samples of one IMU as a log has them.
+
+    Attributes:
+        imu: its number, from 0.
+        source: message or topic.
+        samples: values, with the times at which they were measured or their averaging ended.
+        averaged_us: (N,) averaging time of each; None if the log does not show the ages.
+        device_ids: of accelerometer and gyro; 0 if unknown.
+    """
+
+    imu: int
+    source: str
+    samples: Samples
+    averaged_us: Array | None = None
+    device_ids: tuple[int, int] = (0, 0)
+
+
 class Readings(NamedTuple):
     """The readings of one IMU for the service.
 

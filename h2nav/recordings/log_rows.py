@@ -1,15 +1,16 @@
 """Rows of an autopilot's own log by name and instance, with plausible times."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.recordings.context import Array
+from h2nav.recordings.context import Array, Series, Span
 from h2nav.recordings.imu_series import Mask, Times
 from h2nav.recordings.log_clock import LogClock, in_order, is_running
 from h2nav.recordings.row_tables import LogTables, Table
+from h2nav.recordings.spans import spans
 
 MOST_INSTANCES = 8
 FIX_AGE_US = 1_000_000
@@ -33,6 +34,10 @@ class Rows(NamedTuple):
     def where(self, wanted: Mask) -> "Rows":
         """The selected rows."""
         return Rows(self.number, self.table.only(wanted), self.t_us[wanted], self.t_s[wanted])
+
+    def series(self, *columns: str, largest: float = np.inf) -> Series:
+        """Columns over time, where they are finite and not larger than a bound."""
+        return Series.finite(self.t_s, self.table.numbers(*columns), largest)
 
     @property
     def sample_us(self) -> Times:
@@ -78,6 +83,10 @@ class Log(ABC):
     def since_start(self, t_us: Times) -> Array:
         """Times of the autopilot as seconds since the log began."""
         return np.asarray((t_us - self.clock.start_us) * 1e-6)
+
+    def spans(self, rows: Rows, names: Iterable[str]) -> tuple[Span, ...]:
+        """Spans of equal names, one name a row; the last one ends with the log."""
+        return spans(rows.t_s.tolist(), names, self.duration_s)
 
     def note(self, reason: str, count: int) -> None:
         """Counts something that was skipped."""

@@ -1,8 +1,11 @@
 """Angles to quaternions and back, of whole tracks."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from h2nav.recordings.context import Array
+
+UNIT_WITHIN = 0.05
 
 
 def quaternions(angles: Array) -> Array:
@@ -30,3 +33,13 @@ def roll_pitch_heading(q_nb: Array) -> Array:
         ),
         axis=1,
     )
+
+
+def are_units(q: Array) -> NDArray[np.bool_]:
+    """(N,) whether (N, 4) quaternions are of length 1, but for rounding."""
+    return np.asarray(np.abs(np.nan_to_num(np.linalg.norm(q, axis=1)) - 1.0) < UNIT_WITHIN)
+
+
+def normalized(q: Array) -> Array:
+    """(N, 4) quaternions of length 1."""
+    return np.asarray(q / np.linalg.norm(q, axis=1)[:, None])

@@ -71,6 +71,10 @@ class Table:
             values[:, number] = self._numbers(column)
         return values
 
+    def numbers_or_nan(self, column: str) -> Array:
+        """(N,) values of a column; NaN if it is absent."""
+        return self._numbers(column) if column in self else np.full(len(self), np.nan)
+
     def integers(self, column: str) -> NDArray[np.int64]:
         """(N,) of a column of integers, as stored; clamped to int64."""
         stored: NDArray[Any] = self._stored(column)

@@ -25,7 +25,7 @@ from h2nav.recordings.motor_outputs import (
     motors_of,
     px4_channels,
 )
-from h2nav.recordings.rotations import roll_pitch_heading
+from h2nav.recordings.rotations import are_units, roll_pitch_heading
 
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 ESC_GROUPS = (
@@ -79,7 +79,7 @@ def demand(find: Find) -> Series | None:
         table, t_s = found
         q = table.fields["q"].astype(np.float64)
         good = (table.fields["type_mask"] & NO_ATTITUDE) == 0
-        good &= np.abs(np.nan_to_num(np.linalg.norm(q, axis=1)) - 1.0) < 0.05
+        good &= are_units(q)
         if good.any():
             return Series(t_s[good], roll_pitch_heading(q[good]))
     found = find(mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
@@ -130,13 +130,21 @@ def height(find: Find) -> Series | None:
     if found is not None:
         return Series(found[1], found[0].fields["relative_alt"] * MILLI)
     found = find(mavlink.MAVLINK_MSG_ID_VFR_HUD)
-    return None if found is None else _finite(found[1], found[0].fields["alt"])
+    return (
+        None
+        if found is None
+        else Series.finite(found[1], found[0].fields["alt"].astype(np.float64))
+    )
 
 
 def climb(find: Find) -> Series | None:
     """Positive up."""
     found = find(mavlink.MAVLINK_MSG_ID_VFR_HUD)
-    return None if found is None else _finite(found[1], found[0].fields["climb"])
+    return (
+        None
+        if found is None
+        else Series.finite(found[1], found[0].fields["climb"].astype(np.float64))
+    )
 
 
 def batteries(find: Find) -> tuple[Battery, ...]:
@@ -239,6 +247,8 @@ def airborne(find: Find) -> Series | None:
     return Series(found[1][known], flies.astype(np.float64))
 
 
-def _finite(t_s: Array, values: Array) -> Series:
-    good = np.isfinite(values)
-    return Series(t_s[good], values[good].astype(np.float64))
+def _of_hud(find: Find, column: str) -> Series | None:
+    found = find(mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    if found is None:
+        return None
+    return Series.finite(found[1], found[0].fields[column].astype(np.float64))

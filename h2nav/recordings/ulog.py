@@ -7,11 +7,9 @@ logs twice a second, so that only sensor_combined is usable then.
 Sources: PX4's msg/*.msg, 2016 to 2026.
 """
 
-import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -20,11 +18,15 @@ from h2nav.integrity.findings import Severity
 from h2nav.recordings import imu_series
 from h2nav.recordings import ulog_controls as controls
 from h2nav.recordings.autopilot_log import (
+    FIX_3D,
+    MOST_BURSTS,
+    MOST_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
-    vehicle_name,
-    what_sensors_lack,
+    completed,
+    imus_of,
+    is_on_earth,
 )
 from h2nav.recordings.context import (
     Array,
@@ -33,29 +35,23 @@ from h2nav.recordings.context import (
     CompassTrack,
     Context,
     GpsTrack,
-    ImuTrack,
     Said,
     Series,
     Span,
 )
-from h2nav.recordings.dataflash_controls import changes
-from h2nav.recordings.imu_series import Fields, Samples, Times
+from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MOST_INSTANCES, Rows
-from h2nav.recordings.spans import spans
+from h2nav.recordings.rotations import are_units, normalized
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
 from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
 from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
 
-MOST_RECEIVERS = 2
-FIX_3D = 3
 ARMED = 2
-UNIT_WITHIN = 0.05
 # Longest averaging time of a sample.
 LONGEST_MEAN_US = 100_000
-MOST_BURSTS = 2_000
 FIFO_VALUES = 32
 MODES = {
     0: "MANUAL",
@@ -126,15 +122,12 @@ def recorded(file: ULogFile) -> Recorded:
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
     vehicle_type = _vehicle_type(log, parameters)
-    imus, readings = _imus(log)
+    imus, readings = imus_of(log, _imu_rows(log), _compasses(log))
     gps, fix_us, receiver = _gps(log)
     attitudes = _attitudes(log, parameters)
-    armed = _armed(log)
     context = Context(
         firmware=_firmware(log),
-        vehicle=vehicle_name(vehicle_type),
         start_unix_s=_start_unix_s(log),
-        duration_s=log.duration_s,
         imus=imus,
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
@@ -142,13 +135,10 @@ def recorded(file: ULogFile) -> Recorded:
         truth=_attitude("truth", log.find("vehicle_attitude_groundtruth", *QUATERNION)),
         gps=gps,
         modes=_modes(log),
-        # Without such a message nothing counts as at rest.
-        armed=(Span(0.0, log.duration_s, "armed"),) if armed is None else armed,
         primary=_primary(log),
         said=_said(log),
-        parameters=parameters,
         throttle=_throttle(log),
-        current_a=_current(log),
+        current_a=_first(log, ("battery_status", "current_a")),
         wind_n_m_s=_wind(log),
         vehicle_type=vehicle_type,
         demand=controls.demand(log),
@@ -165,17 +155,10 @@ def recorded(file: ULogFile) -> Recorded:
         compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
         airborne=_airborne(log),
-        changes=changes((1e-6 * (t_us - log.clock.start_us), n, v) for t_us, n, v in settings),
     )
-    lacks = {
-        "no topic has a time": not log.clock.end_us,
-        "no autopilot's attitude to compare with": not attitudes,
-        "no word of when the motors were armed": armed is None,
-        "only one IMU, because the others were logged too seldom": _hides_imus(log, context),
-    }
-    missing = (*what_sensors_lack(context), *(text for text, is_so in lacks.items() if is_so))
+    hidden = "only one IMU, because the others were logged too seldom"
     return Recorded(
-        context._replace(missing=missing, notes=log.notes),
+        completed(context, log, settings, _armed(log), {hidden: _hides_imus(log, context)}),
         mavlink.MAV_AUTOPILOT_PX4,
         vehicle_type,
         log.clock.start_us,
@@ -191,66 +174,25 @@ def recorded(file: ULogFile) -> Recorded:
 # --- inertial sensors and compasses -----------------------------------------------------------
 
 
-class Means(NamedTuple):
-    """Samples that are means over the time before them.
-
-    Attributes:
-        imu: number of the IMU, from 0.
-        source: the topic.
-        samples: with the times at which the means end.
-        length_us: (N,) averaging time of each.
-        device_ids: of accelerometer and gyro; 0 if unknown.
-    """
-
-    imu: int
-    source: str
-    samples: Samples
-    length_us: Array
-    device_ids: tuple[int, int] = (0, 0)
-
-
-def _imus(log: ULogRows) -> tuple[tuple[ImuTrack, ...], tuple[imu_series.Readings, ...]]:
-    compasses = _compasses(log)
-    tracks, readings = [], []
-    for imu, source, every, lengths_us, device_ids in _means(log):
-        good = imu_series.usable(every)
-        log.note(f"values of IMU {imu + 1} that cannot be", int((~good).sum()))
-        good[good] = in_order(every.t_us[good])
-        samples, length_us = every.only(good), lengths_us[good]
-        if not len(samples.t_us):
-            continue
-        own = compasses.get(imu)
-        t_s = log.since_start(samples.t_us)
-        track = imu_series.track_of(imu, source, t_s, samples, own)
-        tracks.append(track._replace(device_ids=device_ids))
-        if samples.rate_hz >= imu_series.LEAST_HZ:
-            lent = own if own is not None else compasses.get(0)
-            # A mean over the time before its stamp is as old as half of that.
-            age_s = 0.5e-6 * float(np.median(length_us))
-            readings.append(imu_series.readings_of(imu, samples, lent, age_s))
-    return tuple(tracks), tuple(readings)
-
-
-def _means(log: ULogRows) -> list[Means]:
-    """Means of every IMU, from the first topic with a sufficient rate."""
+def _imu_rows(log: ULogRows) -> list[ImuRows]:
+    """Means of every IMU over the time before them, from the first topic with a sufficient rate."""
     choices = (
         [_delta(rows) for rows in log.instances("vehicle_imu", *DELTAS, "delta_angle_dt")],
         _combined(log),
         _single_sensors(log),
     )
     fast = [
-        [means for means in found if means.samples.rate_hz >= imu_series.LEAST_HZ]
-        for found in choices
+        [rows for rows in found if rows.samples.rate_hz >= imu_series.LEAST_HZ] for found in choices
     ]
-    found = next((means for means in (*fast, *choices) if means), [])
-    return [means for means in found if means.imu < MOST_IMUS]
+    found = next((rows for rows in (*fast, *choices) if rows), [])
+    return [rows for rows in found if rows.imu < MOST_IMUS]
 
 
 DEVICE_IDS = "accel_device_id", "gyro_device_id"
 DELTAS = tuple(f"{name}[{axis}]" for name in ("delta_angle", "delta_velocity") for axis in range(3))
 
 
-def _delta(rows: Rows) -> Means:
+def _delta(rows: Rows) -> ImuRows:
     """vehicle_imu: angles and velocities over times in us."""
     table = rows.table
     angle_us, velocity_us = (
@@ -262,7 +204,7 @@ def _delta(rows: Rows) -> Means:
         f_b = table.numbers(*DELTAS[3:]) / (1e-6 * velocity_us[:, None])
     samples = Samples(rows.sample_us, w_b, f_b)
     ids = _device_ids(rows, DEVICE_IDS)
-    return Means(rows.number, "vehicle_imu", samples, _length(angle_us), ids)
+    return ImuRows(rows.number, "vehicle_imu", samples, _length(angle_us), ids)
 
 
 def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
@@ -273,7 +215,7 @@ def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
     return (accelerometer[0], gyro[0]) if len(accelerometer) == len(gyro) == 1 else (0, 0)
 
 
-def _combined(log: ULogRows) -> list[Means]:
+def _combined(log: ULogRows) -> list[ImuRows]:
     """sensor_combined: the IMU in use; its integration times were seconds once."""
     gyro, force = _axes("gyro_rad"), _axes("accelerometer_m_s2")
     rows = log.find("sensor_combined", *gyro, *force)
@@ -289,10 +231,10 @@ def _combined(log: ULogRows) -> list[Means]:
     ids = _device_ids(log.find("sensors_status_imu", *primary), primary)
     if ids == (0, 0):
         ids = _device_ids(log.find("sensor_selection", *DEVICE_IDS), DEVICE_IDS)
-    return [Means(0, "sensor_combined", samples, length_us, ids)]
+    return [ImuRows(0, "sensor_combined", samples, length_us, ids)]
 
 
-def _single_sensors(log: ULogRows) -> list[Means]:
+def _single_sensors(log: ULogRows) -> list[ImuRows]:
     """sensor_gyro and sensor_accel of the same number, with the newest force at each rate."""
     found = []
     for gyro in log.instances("sensor_gyro", "x", "y", "z"):
@@ -304,7 +246,7 @@ def _single_sensors(log: ULogRows) -> list[Means]:
         rates = gyro.table.numbers("x", "y", "z")[has_force]
         forces = accel.table.numbers("x", "y", "z")[place[has_force]]
         samples = Samples(gyro.sample_us[has_force], rates, forces)
-        found.append(Means(gyro.number, "sensor_gyro", samples, np.zeros(len(rates))))
+        found.append(ImuRows(gyro.number, "sensor_gyro", samples, np.zeros(len(rates))))
     return found
 
 
@@ -442,19 +384,19 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
     if "vel_ned_valid" in table:
         known &= table.integers("vel_ned_valid") != 0
     v_n[~known] = np.nan
-    sigma = table.numbers("s_variance_m_s") if "s_variance_m_s" in table else np.zeros(count)
-    is_on_earth = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
-    satellites = "satellites_used" in table
+    sigma = table.numbers_or_nan("s_variance_m_s")
     return GpsTrack(
         rows.number,
         rows.t_s,
-        (table.integers("fix_type") >= FIX_3D) & is_on_earth & np.isfinite(altitude),
+        (table.integers("fix_type") >= FIX_3D)
+        & is_on_earth(latitude, longitude)
+        & np.isfinite(altitude),
         latitude,
         longitude,
         altitude,
         v_n,
         np.where(sigma > 0.0, sigma, DEFAULT_SIGMA_M_S),
-        table.numbers("satellites_used") if satellites else np.full(count, np.nan),
+        table.numbers_or_nan("satellites_used"),
     )
 
 
@@ -470,19 +412,21 @@ def _start_unix_s(log: ULogRows) -> float | None:
 
 
 def _airspeed(log: ULogRows) -> Series | None:
-    found = log.first(
+    return _first(
+        log,
         ("airspeed_validated", "true_airspeed_m_s"),
         ("airspeed", "true_airspeed_m_s"),
         ("airspeed", "indicated_airspeed_m_s"),
     )
-    return None if found is None else _series(*found)
 
 
-def _series(rows: Rows, column: str) -> Series:
-    """The numbers of a column."""
-    values = rows.table.numbers(column)
-    good = np.isfinite(values) & (np.abs(values) <= FASTEST_M_S)
-    return Series(rows.t_s[good], values[good])
+def _first(log: ULogRows, *choices: tuple[str, str]) -> Series | None:
+    """The numbers of the first available topic and column of those used over the years."""
+    for topic, column in choices:
+        rows = log.find(topic, column)
+        if rows is not None:
+            return rows.series(column, largest=FASTEST_M_S)
+    return None
 
 
 # --- attitudes --------------------------------------------------------------------------------
@@ -503,13 +447,12 @@ def _attitude(name: str, rows: Rows | None) -> AttitudeTrack | None:
     if rows is None:
         return None
     q_nb = rows.table.numbers(*QUATERNION)
-    norms = np.linalg.norm(q_nb, axis=1)
-    good = np.abs(np.nan_to_num(norms) - 1.0) < UNIT_WITHIN
+    good = are_units(q_nb)
     t_us = rows.sample_us
     good[good] = in_order(t_us[good])
     if not good.any():
         return None
-    return AttitudeTrack(name, log_time(rows, t_us)[good], q_nb[good] / norms[good, None])
+    return AttitudeTrack(name, log_time(rows, t_us)[good], normalized(q_nb[good]))
 
 
 def log_time(rows: Rows, t_us: Times) -> Array:
@@ -524,7 +467,7 @@ def _primary(log: ULogRows) -> tuple[Span, ...]:
         return ()
     numbers = rows.table.integers("primary_instance").tolist()
     names = (f"EKF2 instance {n + 1}" if n < MOST_INSTANCES else "" for n in numbers)
-    return spans(rows.t_s.tolist(), names, log.duration_s)
+    return log.spans(rows, names)
 
 
 # --- the vehicle ------------------------------------------------------------------------------
@@ -573,7 +516,7 @@ def _modes(log: ULogRows) -> tuple[Span, ...]:
         return ()
     numbers = rows.table.integers("nav_state").tolist()
     names = (MODES.get(number, f"mode {number}") for number in numbers)
-    return spans(rows.t_s.tolist(), names, log.duration_s)
+    return log.spans(rows, names)
 
 
 def _armed(log: ULogRows) -> tuple[Span, ...] | None:
@@ -587,7 +530,7 @@ def _armed(log: ULogRows) -> tuple[Span, ...] | None:
             return None
         armed = rows.table.integers("armed") != 0
     names = ("armed" if is_armed else "" for is_armed in armed.tolist())
-    return spans(rows.t_s.tolist(), names, log.duration_s)
+    return log.spans(rows, names)
 
 
 def _airborne(log: ULogRows) -> Series | None:
@@ -611,21 +554,14 @@ def _said(log: ULogRows) -> tuple[Said, ...]:
 
 def _throttle(log: ULogRows) -> Series | None:
     """0 to 1: the controller's demand, otherwise the mean of the motors."""
-    found = log.first(
+    series = _first(
+        log,
         ("vehicle_thrust_setpoint", "xyz[2]"),
         ("actuator_controls_0", "control[3]"),
         ("actuator_motors", "control[0]"),
     )
-    if found is None:
-        return None
-    series = _series(*found)
     # Thrust points up, which is negative.
-    return series._replace(values=np.abs(series.values))
-
-
-def _current(log: ULogRows) -> Series | None:
-    found = log.first(("battery_status", "current_a"))
-    return None if found is None else _series(*found)
+    return None if series is None else series._replace(values=np.abs(series.values))
 
 
 def _wind(log: ULogRows) -> Series | None:
@@ -633,7 +569,5 @@ def _wind(log: ULogRows) -> Series | None:
     for topic in ("wind", "wind_estimate", "estimator_wind"):
         rows = log.find(topic, "windspeed_north", "windspeed_east")
         if rows is not None:
-            values = rows.table.numbers("windspeed_north", "windspeed_east")
-            good = (np.abs(np.nan_to_num(values, nan=math.inf)) <= FASTEST_M_S).all(axis=1)
-            return Series(rows.t_s[good], values[good])
+            return rows.series("windspeed_north", "windspeed_east", largest=FASTEST_M_S)
     return None

@@ -20,7 +20,7 @@ from h2nav.recordings.context import (
 )
 from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.motor_outputs import MULTIROTORS, motors_of, px4_channels
-from h2nav.recordings.rotations import roll_pitch_heading
+from h2nav.recordings.rotations import are_units, roll_pitch_heading
 from h2nav.recordings.ulog_rows import ULogRows
 
 MOST_OUTPUTS, MOST_ESCS = 16, 8
@@ -51,7 +51,7 @@ def demand(log: ULogRows) -> Series | None:
     rows = log.find("vehicle_attitude_setpoint", *columns)
     if rows is not None:
         q = rows.table.numbers(*columns)
-        good = np.abs(np.nan_to_num(np.linalg.norm(q, axis=1)) - 1.0) < 0.05
+        good = are_units(q)
         if good.any():
             return Series(rows.t_s[good], roll_pitch_heading(q[good]))
     angles = ("roll_body", "pitch_body", "yaw_body")
@@ -92,13 +92,13 @@ def motors(log: ULogRows, parameters: Mapping[str, float], vehicle_type: int) ->
 def local_position(log: ULogRows, column: str, sign: float) -> Series | None:
     """A column of the estimated position and velocity, NED."""
     rows = log.find("vehicle_local_position", column)
-    return None if rows is None else _finite(rows, sign * rows.table.numbers(column))
+    return None if rows is None else Series.finite(rows.t_s, sign * rows.table.numbers(column))
 
 
 def height_demand(log: ULogRows) -> Series | None:
     """Above the origin of the estimator; NaN where only a velocity is demanded."""
     rows = log.find("vehicle_local_position_setpoint", "z")
-    return None if rows is None else _finite(rows, -rows.table.numbers("z"))
+    return None if rows is None else Series.finite(rows.t_s, -rows.table.numbers("z"))
 
 
 def baro_height(log: ULogRows) -> Series | None:
@@ -109,7 +109,7 @@ def baro_height(log: ULogRows) -> Series | None:
     ):
         rows = log.find(topic, column)
         if rows is not None:
-            return _finite(rows, rows.table.numbers(column))
+            return rows.series(column)
     return None
 
 
@@ -131,7 +131,7 @@ def batteries(log: ULogRows) -> tuple[Battery, ...]:
 def board(log: ULogRows) -> Series | None:
     """Supply of the autopilot."""
     rows = log.find("system_power", "voltage5v_v")
-    return None if rows is None else _finite(rows, rows.table.numbers("voltage5v_v"))
+    return None if rows is None else rows.series("voltage5v_v")
 
 
 def vibrations(log: ULogRows) -> tuple[VibrationTrack, ...]:
@@ -209,12 +209,5 @@ def _changes(values: np.ndarray) -> list[int]:
 
 def _column(rows: Rows, name: str) -> Array:
     """A column; NaN if it is absent, and where it is negative, which means unknown."""
-    if name not in rows.table:
-        return np.full(len(rows.t_s), np.nan)
-    values = rows.table.numbers(name)
+    values = rows.table.numbers_or_nan(name)
     return np.where(values < 0.0, np.nan, values)
-
-
-def _finite(rows: Rows, values: Array) -> Series:
-    good = np.isfinite(values)
-    return Series(rows.t_s[good], values[good])

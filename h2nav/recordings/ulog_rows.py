@@ -40,11 +40,3 @@ class ULogRows(Log):
             rows = self.find(name, *columns, number=number)
             if rows is not None:
                 yield rows
-
-    def first(self, *choices: tuple[str, str]) -> tuple[Rows, str] | None:
-        """The first available topic and column of those used over the years."""
-        for topic, column in choices:
-            rows = self.find(topic, column)
-            if rows is not None:
-                return rows, column
-        return None
