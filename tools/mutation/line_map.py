@@ -1,9 +1,9 @@
 """Which tests a mutant has to face: those that run its line, the quick ones first.
 
-The map is recorded once per test file (`line_recorder`) and kept until the package, that file or
-what it imports changes. A line that only the import runs (a constant, a row of a table) is judged
-by the tests that run a line where its name is used, and where there is none by all that run the
-module.
+The map is recorded once per test file (`line_recorder`) and kept until that file, what it imports
+beside the tests, or a module of h2nav in which it runs a line changes. A line that only the import
+runs (a constant, a row of a table) is judged by the tests that run a line where its name is used,
+and where there is none by all that run the module.
 """
 
 import ast
@@ -12,7 +12,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from tqdm import tqdm
 from mutation.operators import Mutant
 
 TOOLS = Path(__file__).resolve().parent.parent
-PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
+ARGUMENTS = ("-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
 
 
 class Chosen(NamedTuple):
@@ -30,13 +30,21 @@ class Chosen(NamedTuple):
 
     Attributes:
         tests: pytest's node ids, in the order in which they run.
-        seconds: what they took together on the sound package.
-        slowest_s: what the slowest of them took.
+        slowest_s: what the slowest of them took on the sound package, by the clock.
+        slowest_processor_s: the same by the processor.
     """
 
     tests: tuple[str, ...]
-    seconds: float
     slowest_s: float
+    slowest_processor_s: float
+
+    def only(self, tests: Set[str]) -> "Chosen":
+        """Some of the tests, with the same limits."""
+        return self._replace(tests=tuple(test for test in self.tests if test in tests))
+
+    def without(self, tests: Set[str]) -> "Chosen":
+        """The other tests, with the same limits."""
+        return self.only(set(self.tests) - tests)
 
 
 class LineMap:
@@ -80,8 +88,11 @@ class LineMap:
                 continue
             chosen.append(test)
             used_s += self._processor_s[test]
-        seconds = [self._seconds[test] for test in chosen]
-        return Chosen(tuple(chosen), sum(seconds), max(seconds, default=0.0))
+        return Chosen(
+            tuple(chosen),
+            max((self._seconds[test] for test in chosen), default=0.0),
+            max((self._processor_s[test] for test in chosen), default=0.0),
+        )
 
     def _running(self, lines: Iterable[tuple[str, int]]) -> set[str]:
         found = (self._tests_of.get(line, set()) for line in lines)
@@ -176,7 +187,9 @@ class _Names:
         return names
 
 
-def record(repository: Path, kept: Path, suites: Sequence[str], jobs: int) -> list[dict]:
+def record(
+    repository: Path, kept: Path, suites: Sequence[str], jobs: int, compiled: bool
+) -> list[dict]:
     """Runs every test file of the suites once under the recorder, as far as that is not kept.
 
     Args:
@@ -184,42 +197,51 @@ def record(repository: Path, kept: Path, suites: Sequence[str], jobs: int) -> li
         kept: folder of the recordings.
         suites: test files and folders, relative to the tree.
         jobs: how many at once.
+        compiled: with the compiled kernels, where the tree has them.
 
     Returns:
         For each file: test -> seconds and lines by module.
     """
     kept.mkdir(parents=True, exist_ok=True)
-    package = _digest(sorted((repository / "h2nav").rglob("*.py")))
     support = {path.stem: path for path in sorted((repository / "tests").glob("*.py"))}
     paths = [path for suite in suites for path in _test_files(repository / suite)]
     files = list(dict.fromkeys(paths))
 
     def recorded(path: Path) -> dict:
         made_of = _digest([path, *_supporting(path, support)])
-        target = kept / f"{path.stem}-{made_of[:12]}-{package[:12]}.json"
-        if not target.exists():
-            _run_recorder(repository, path, target)
-        return json.loads(target.read_text(encoding="utf-8"))
+        target = kept / f"{path.stem}-{made_of[:12]}-{'compiled' if compiled else 'python'}.json"
+        if not (target.exists() and _is_current(target, repository)):
+            _run_recorder(repository, path, target, compiled)
+        return json.loads(target.read_text(encoding="utf-8"))["tests"]
 
     with ThreadPoolExecutor(jobs) as pool:
         rounds = pool.map(recorded, files)
         return list(tqdm(rounds, total=len(files), desc="which test runs which line", unit="file"))
 
 
-def environment(repository: Path) -> dict[str, str]:
-    """For a pytest that imports h2nav from `repository`, with the kernels in Python."""
+def environment(repository: Path, compiled: bool) -> dict[str, str]:
+    """For a pytest that imports h2nav from `repository`; `compiled` allows the compiled kernels."""
     shared = os.environ.get("H2NAV_SHARED_DATA", TOOLS.parent.parent / "shared" / "data")
     return {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(
             (str(repository), str(TOOLS), os.environ.get("PYTHONPATH", ""))
         ),
-        "H2NAV_NATIVE": "forbid",
+        "H2NAV_NATIVE": "" if compiled else "forbid",
         # most of the time that pytest needs to start goes into plugins that are not used here
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         "H2NAV_SHARED_DATA": str(shared),
         "H2NAV_REQUIRE_ALL": "0",
     }
+
+
+def _is_current(target: Path, repository: Path) -> bool:
+    """Whether the modules whose lines a recording has are what they were."""
+    modules = json.loads(target.read_text(encoding="utf-8"))["modules"]
+    paths = {module: repository / module for module in modules}
+    return all(
+        path.exists() and _digest([path]) == modules[module] for module, path in paths.items()
+    )
 
 
 def _supporting(path: Path, support: Mapping[str, Path]) -> list[Path]:
@@ -235,21 +257,33 @@ def _supporting(path: Path, support: Mapping[str, Path]) -> list[Path]:
     return [found[name] for name in sorted(found)]
 
 
-def _run_recorder(repository: Path, path: Path, target: Path) -> None:
+def _run_recorder(repository: Path, path: Path, target: Path, compiled: bool) -> None:
     part = target.with_suffix(".part")
     settings = {"LINES_OUT": str(part), "LINES_OF": str(repository / "h2nav")}
-    command = [*PYTEST, "-p", "mutation.line_recorder", str(path.relative_to(repository))]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        *ARGUMENTS,
+        "-p",
+        "mutation.line_recorder",
+        str(path.relative_to(repository)),
+    ]
     done = subprocess.run(
         command,
         cwd=repository,
-        env=environment(repository) | settings,
+        env=environment(repository, compiled) | settings,
         capture_output=True,
         text=True,
         check=False,
     )
     if not part.exists():
         raise RuntimeError(f"{path}: pytest failed\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-    part.rename(target)
+    tests = json.loads(part.read_text(encoding="utf-8"))
+    modules = sorted({module for row in tests.values() for module in row["lines"]})
+    digests = {module: _digest([repository / module]) for module in modules}
+    target.write_text(json.dumps({"modules": digests, "tests": tests}), encoding="utf-8")
+    part.unlink()
 
 
 def _file(test: str) -> str:
