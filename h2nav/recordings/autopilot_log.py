@@ -459,7 +459,7 @@ def what_sensors_lack(context: Context) -> tuple[str, ...]:
     """What the sensors lack for a better review, one phrase each."""
     rates_hz = [imu_rate_hz(track) for track in context.imus]
     fixes = [track for track in context.gps if track.has_fix.any()]
-    no_velocity = not any(np.isfinite(track.v_n[track.has_fix, 0]).any() for track in fixes)
+    no_velocity = not any(np.isfinite(track.v_n[track.has_fix]).any() for track in fixes)
     lacks = {
         "no IMU samples": not context.imus,
         f"IMU samples only {max(rates_hz, default=0.0):.0f} times a second": bool(rates_hz)

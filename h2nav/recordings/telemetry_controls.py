@@ -50,7 +50,6 @@ MESSAGE_IDS = frozenset(
         *ESC_GROUPS,
     }
 )
-OUTPUTS = 16
 MILLI, CENTI = 1e-3, 1e-2
 UNKNOWN_VOLTS = 65.535
 # ATTITUDE_TARGET.type_mask: what is to be ignored.
@@ -115,9 +114,9 @@ def motors(
         return None
     table, t_s = found
     first = table.fields["port"] == 0
-    names = [f"servo{i + 1}_raw" for i in range(OUTPUTS)]
     fields, t_s = table.fields[first], t_s[first]
-    outputs = np.stack([fields[n].astype(np.float64) for n in names if n in fields.dtype.names], 1)
+    names = (name for name in fields.dtype.names or () if name.endswith("_raw"))
+    outputs = np.stack([fields[name].astype(np.float64) for name in names], axis=1)
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return motors_of(px4_channels(parameters, vehicle_type), t_s, outputs, (1000.0, 2000.0))
     channels = ardupilot_channels(parameters, vehicle_type, outputs)

@@ -124,7 +124,7 @@ def batteries(log: ULogRows) -> tuple[Battery, ...]:
             _column(rows, "remaining"),
         )
         for rows in log.instances("battery_status", "voltage_v")
-        if rows.table.numbers("voltage_v").max(initial=0.0) > 0.0
+        if (rows.table.numbers("voltage_v") > 0.0).any()
     )
 
 
