@@ -113,6 +113,93 @@ def test_a_dataflash_log_of_2014(tmp_path: Path):
     assert context.board_v.values[0] == pytest.approx(4.98)
 
 
+def test_events_have_the_names_of_ardupilot(tmp_path: Path):
+    # LogEvent of AP_Logger.h; 26, simple mode, is of no interest.
+    told = {
+        10: "armed",
+        15: "auto armed",
+        28: "took off",
+        26: "",
+        19: "GPS lost",
+        21: "flip began",
+        22: "flip ended",
+        25: "home set",
+        30: "autotune began",
+        33: "autotune succeeded",
+        34: "autotune failed",
+        35: "",
+        41: "fence on",
+        42: "fence off",
+        51: "parachute released",
+        54: "motors stopped in an emergency",
+        55: "emergency stop over",
+        56: "motors interlocked",
+        57: "motors released",
+        60: "EKF height reset",
+        61: "landing cancelled by the pilot",
+        62: "EKF heading reset",
+        67: "other GPS in use",
+        17: "maybe landed",
+        18: "landed",
+        11: "disarmed",
+    }
+    writer = DataflashWriter()
+    writer.add("EV", "QB", "TimeUS,Id", START_US + np.arange(len(told)) * 100_000, list(told))
+    path = tmp_path / "log.bin"
+    path.write_bytes(writer.bytes())
+    found = open_dataflash(path).context().occurrences
+    assert [(one.number, one.text) for one in found] == [pair for pair in told.items() if pair[1]]
+
+
+def test_modes_have_the_names_of_px4(tmp_path: Path):
+    # vehicle_status.nav_state, by NAVIGATION_STATE of vehicle_status.msg.
+    told = {
+        0: "MANUAL",
+        1: "ALTCTL",
+        2: "POSCTL",
+        3: "AUTO_MISSION",
+        4: "AUTO_LOITER",
+        5: "AUTO_RTL",
+        6: "POSITION_SLOW",
+        7: "mode 7",
+        8: "ALTITUDE_CRUISE",
+        10: "ACRO",
+        12: "DESCEND",
+        13: "TERMINATION",
+        14: "OFFBOARD",
+        15: "STAB",
+        16: "RATTITUDE",
+        17: "AUTO_TAKEOFF",
+        18: "AUTO_LAND",
+        19: "AUTO_FOLLOW_TARGET",
+        20: "AUTO_PRECLAND",
+        21: "ORBIT",
+        22: "AUTO_VTOL_TAKEOFF",
+        23: "EXTERNAL1",
+        30: "EXTERNAL8",
+    }
+    writer = ULogWriter()
+    t_us = START_US + np.arange(len(told)) * 500_000
+    writer.add("vehicle_status", "uint8_t nav_state", t_us, list(told))
+    path = tmp_path / "log.ulg"
+    path.write_bytes(writer.bytes())
+    assert [span.name for span in open_ulog(path).context().modes][:-1] == [*told.values()][:-1]
+
+
+@pytest.mark.parametrize(
+    ("number", "kind"),
+    [(1, "quadrotor"), (2, "fixed wing"), (3, "ground rover"), (4, "airship"), (9, "")],
+)
+def test_px4_without_a_type_of_mavlink_has_a_class_of_vehicle(
+    tmp_path: Path, number: int, kind: str
+):
+    writer = ULogWriter()
+    writer.add("vehicle_status", "uint8_t vehicle_type", TIMES, number)
+    path = tmp_path / "log.ulg"
+    path.write_bytes(writer.bytes())
+    assert open_ulog(path).context().vehicle == kind
+
+
 def test_a_log_of_px4(tmp_path: Path):
     flight = made_flight(duration_s=10.0, imus=1, rates_s=0.0, field_s=0.0)
     writer = ULogWriter()

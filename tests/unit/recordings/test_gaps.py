@@ -92,6 +92,15 @@ def test_what_px4_does_not_know_is_negative(tmp_path: Path):
     assert np.isnan(battery.remaining).all()
 
 
+def test_px4s_batteries_are_those_with_a_voltage(tmp_path: Path):
+    writer = ULogWriter()
+    late = np.where(TIMES[5] > TIMES, np.nan, 12.0)  # measured later than reported
+    for number, volts in enumerate((0.0, late, 15.0)):
+        writer.add("battery_status", "float voltage_v", TIMES, volts, number=number)
+    batteries = flown(tmp_path / "log.ulg", writer).batteries
+    assert [(one.number, one.voltage_v[-1]) for one in batteries] == [(1, 12.0), (2, 15.0)]
+
+
 def test_the_range_of_px4s_outputs_is_that_of_its_parameters(tmp_path: Path):
     def motors(**parameters: float):
         writer = ULogWriter()

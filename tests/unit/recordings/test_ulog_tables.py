@@ -1,5 +1,6 @@
 """ULog files: value for value what pyulog reads, and as far as a damaged one can be read."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,15 @@ def test_bytes_between_messages_are_passed_over_and_counted(tmp_path: Path) -> N
     found = read(tmp_path, data[:place] + garbage + data[place:])
     assert found.tables.rows(instance("numbers", 0)) == 60
     assert found.tables.notes == {"bytes that are no message": 301}
+
+
+def test_the_last_and_shortest_message_is_found_behind_a_damaged_byte(tmp_path: Path) -> None:
+    dropout = struct.pack("<HBH", 2, ord("O"), 7)
+    notes = {"dropouts of the autopilot's logger": 1, "bytes that are no message": 1}
+    assert read(tmp_path, writer().bytes() + b"\xff" + dropout).tables.notes == notes
+    # Less than the head of a message.
+    notes["bytes that are no message"] = 2
+    assert read(tmp_path, writer().bytes() + dropout + b"\xff\xff").tables.notes == notes
 
 
 def test_garbage_costs_a_bounded_search(tmp_path: Path) -> None:
