@@ -189,7 +189,7 @@ class Pipeline:
         if self._junk.changes(t_ns, len(data), has_frames=bool(frames)):
             self._guarded(t_ns, "bytes", lambda: self.service.on_bytes(t_ns, self._junk.is_raised))
         if self._signing is None:
-            self._record_stream(t_ns, data)
+            self.record_stream(t_ns, data)
             self._process(t_ns, frames, now_ns)
             return
         found = self._signing.sort(t_ns, frames)
@@ -210,9 +210,10 @@ class Pipeline:
         """Whether a log is written."""
         return self._recorder is not None
 
-    def record_received(self, t_ns: int, data: bytes) -> None:
+    def record_stream(self, t_ns: int, data: bytes) -> None:
         """Writes arrived bytes to the log, without the frames that they complete."""
-        self._record_stream(t_ns, data)
+        if self._recorder is not None:
+            self._record_received(t_ns, self._blanker.blanked(data))
 
     def play(
         self,
@@ -257,10 +258,6 @@ class Pipeline:
                 self._carry_out(t_ns, self.service.on_message(envelope, message))
         except Exception as error:
             self._fault(t_ns, message_name(envelope.message_id), error)
-
-    def _record_stream(self, t_ns: int, data: bytes) -> None:
-        if self._recorder is not None:
-            self._record_received(t_ns, self._blanker.blanked(data))
 
     def _record_received(self, t_ns: int, data: bytes) -> None:
         if data and self._recorder is not None:

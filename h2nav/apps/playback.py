@@ -310,7 +310,7 @@ class _Batch:
             pipeline.play(self._data, self._frames_of(first, stop), before)
             return
         for number in range(first, stop):
-            pipeline.record_received(self.times[number], self._arrivals.piece(number))
+            pipeline.record_stream(self.times[number], self._arrivals.piece(number))
             pipeline.play(self._data, self._frames_of(number, number + 1), before)
 
     def _frames_of(self, first: int, stop: int) -> list[PlacedFrame]:

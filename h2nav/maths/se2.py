@@ -31,6 +31,14 @@ def compose(first: Planar, second: Planar) -> Planar:
     )
 
 
+def advance(pose: Planar, motion: Planar) -> Planar:
+    """The pose after one body increment, along the exact arc; angle wrapped.
+
+    Source: docs/motion.md Eq. (20).
+    """
+    return compose(pose, exp(motion))
+
+
 def inverse(pose: Planar) -> Planar:
     """The pose that undoes `pose`."""
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from h2nav.maths import se2
 from h2nav.maths.se2 import Matrix3, Planar
-from h2nav.motion import dead_reckoning
 from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.samples import WheelSample
 from h2nav.motion.settings import OdometrySettings
@@ -100,7 +99,7 @@ class WheelOdometry:
         ways = self._ways(last, sample)
         motion = self._chassis.motion(ways)
         Q = self._slip.covariance(self._chassis, ways)
-        after = dead_reckoning.advance(self._pose, motion)
+        after = se2.advance(self._pose, motion)
         self._covariance = propagate(self._covariance, self._pose, after, motion, Q)
         self._pose = after
         rate = 1e6 / (sample.t_us - last.t_us)

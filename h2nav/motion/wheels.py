@@ -19,15 +19,11 @@ SINGULAR = 1e-6
 class Chassis(Protocol):
     """A layout of wheels: a linear map to body motion."""
 
-    @property
-    def wheel_count(self) -> int:
-        """Number of wheels."""
-
     def motion(self, wheels: Sequence[float]) -> Planar:
         """Body motion for the wheels' distances."""
 
     def jacobian(self) -> tuple[tuple[float, ...], ...]:
-        """(3, wheel_count) derivative of `motion`."""
+        """(3, number of wheels) derivative of `motion`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +39,6 @@ class DifferentialDrive:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.track_m) and self.track_m > 0.0):
             raise BadInput(f"differential drive: track_m = {self.track_m}, expected above 0")
-
-    @property
-    def wheel_count(self) -> int:
-        """See `Chassis`."""
-        return 2
 
     def motion(self, wheels: Sequence[float]) -> Planar:
         """Body motion (ahead, 0, turn) for the wheels' (left, right) distances.
@@ -94,11 +85,6 @@ class OmniDrive:
                 f"omni drive: wheel angles ({angles}) deg are singular: the wheels cannot make "
                 "every motion; place no two wheels at the same angle"
             )
-
-    @property
-    def wheel_count(self) -> int:
-        """See `Chassis`."""
-        return 3
 
     def wheels(self, motion: Planar) -> tuple[float, ...]:
         """Distances of the three wheels for a body motion.
@@ -148,11 +134,6 @@ class CorrectedChassis:
     nominal: Chassis  # the chassis as designed
     correction: Matrix3  # (3, 3) on (ahead, left, turn)
 
-    @property
-    def wheel_count(self) -> int:
-        """See `Chassis`."""
-        return self.nominal.wheel_count
-
     def motion(self, wheels: Sequence[float]) -> Planar:
         """Corrected body motion for the wheels' distances."""
         a, b, c = self.nominal.motion(wheels)
@@ -160,7 +141,7 @@ class CorrectedChassis:
         return (x, y, turn)
 
     def jacobian(self) -> tuple[tuple[float, ...], ...]:
-        """(3, wheel_count) derivative of `motion`."""
+        """(3, number of wheels) derivative of `motion`."""
         columns = list(zip(*self.nominal.jacobian(), strict=True))
         return tuple(
             tuple(row[0] * c[0] + row[1] * c[1] + row[2] * c[2] for c in columns)

@@ -133,7 +133,7 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
     shown = [
         # An attitude led astray by a wrong gyro leaves every demand, also on a bench.
-        _lowered(one)
+        one._replace(severity=max(one.severity, Severity.NOTICE))
         if one.id in own or (one.kind is Kind.LOSS_OF_CONTROL and one.cause in biased)
         else one
         for one in linked
@@ -145,10 +145,6 @@ def _order(one: Finding) -> tuple[object, ...]:
     """Sort key: crashes, their causes, then by severity; consequences after the rest."""
     rank = {Kind.CRASH: 0, Kind.LOSS_OF_CONTROL: 1}.get(one.kind, 2)
     return rank, one.severity, one.cause is not None, one.from_s, one.kind
-
-
-def _lowered(one: Finding) -> Finding:
-    return one._replace(severity=max(one.severity, Severity.NOTICE))
 
 
 # --- links --------------------------------------------------------------------------------------

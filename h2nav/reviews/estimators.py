@@ -17,6 +17,7 @@ from h2nav.reviews.inertial import (
     attitudes,
     conjugate,
     inertial_velocity,
+    joined,
     logarithm,
     rotate,
     runs,
@@ -27,6 +28,8 @@ from h2nav.reviews.standstill import NEVER, Rest, tilt_at_rest
 
 # A step within a second that is too large for an estimator's usual corrections.
 RESET_RAD = 4.0 * DEG
+# Steps within this time are one.
+STEPS_APART_S = 1.0
 # Attitude and samples may differ in timing by this much, plus the jitter of arrivals.
 TIMING_S = 0.03
 JITTER_OVER_S = 0.2
@@ -50,7 +53,7 @@ class _Phrase(NamedTuple):
     """Texts of the autopilot with one meaning."""
 
     kind: Kind
-    pattern: re.Pattern[str]
+    pattern: str
     text: str
 
 
@@ -59,38 +62,34 @@ CRASH = Kind.SAID_CRASH
 AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
-def _phrase(kind: Kind, pattern: str, text: str) -> _Phrase:
-    return _Phrase(kind, re.compile(pattern, re.IGNORECASE), text)
-
-
 # ArduPilot: AP_NavEKF2/3, ekf_check, AP_Arming, crash_check, AP_AHRS; PX4: commander, EKF2, health
 # checks. Lane switches are also reported by these.
 PHRASES = (
-    _phrase(Kind.ESTIMATOR_SWITCH, r"lane switch|primary changed", "estimator changed its lane"),
-    _phrase(Kind.SAID_EKF_FAILED, r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
-    _phrase(Kind.SAID_GPS_GLITCH, r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
-    _phrase(
+    _Phrase(Kind.ESTIMATOR_SWITCH, r"lane switch|primary changed", "estimator changed its lane"),
+    _Phrase(Kind.SAID_EKF_FAILED, r"EKF variance|EKF failsafe|DCM bad heading", "EKF failsafe"),
+    _Phrase(Kind.SAID_GPS_GLITCH, r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
+    _Phrase(
         Kind.SAID_COMPASS,
         r"compass.*(inconsist|unhealthy|anomaly|error)|mag.* anomaly|bad compass"
         r"|magnetic interference|compass not healthy",
         "compass not trusted",
     ),
-    _phrase(Kind.SAID_AIDING, r"stopped aiding|navigation failure", "EKF without position"),
-    _phrase(Kind.SAID_YAW_RESET, r"yaw (reset|align.*reset)|emergency yaw", "EKF heading reset"),
-    _phrase(Kind.SAID_VIBRATION, r"vibration compensation on|high vibration", "vibration"),
-    _phrase(
+    _Phrase(Kind.SAID_AIDING, r"stopped aiding|navigation failure", "EKF without position"),
+    _Phrase(Kind.SAID_YAW_RESET, r"yaw (reset|align.*reset)|emergency yaw", "EKF heading reset"),
+    _Phrase(Kind.SAID_VIBRATION, r"vibration compensation on|high vibration", "vibration"),
+    _Phrase(
         Kind.SAID_SENSOR,
         r"bad (gyro|accel|AHRS)|(accel|gyro)s? (inconsistent|unhealthy)|accel.* bias"
         r"|sensor .*(fail|timeout)|attitude failure",
         "sensor or attitude unhealthy",
     ),
-    _phrase(
+    _Phrase(
         Kind.SAID_FAILSAFE,
         r"failsafe (activated|mode)|(radio|throttle|GCS|ground station|fence) failsafe"
         r"|manual control.* lost|data ?link lost|flight termination|parachute.*release",
         "failsafe",
     ),
-    _phrase(
+    _Phrase(
         CRASH,
         r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
         "crash or loss of thrust",
@@ -135,7 +134,7 @@ def look_at_texts(context: Context) -> list[Finding]:
         texts = [
             said
             for said in context.said
-            if pattern.search(said.text)
+            if re.search(pattern, said.text, re.IGNORECASE)
             and not PREARM.search(said.text)
             and _counts(context, said, is_end=kind is CRASH)
         ]
@@ -208,7 +207,7 @@ def _resets(context: Context, track: ImuTrack) -> list[Finding]:
     flying = within(own.t_s[1:], context.armed)
     is_step = (size > RESET_RAD + slack) & flying
     found = []
-    for first, last in _close(runs(is_step), own.t_s):
+    for first, last in joined(runs(is_step), own.t_s[1:], STEPS_APART_S):
         # Tilt and heading of the total step.
         turned = step_n[first : last + 1][is_step[first : last + 1]].sum(axis=0)
         tilt, heading = math.hypot(turned[0], turned[1]), abs(float(turned[2]))
@@ -268,17 +267,6 @@ def _jitter(track: ImuTrack) -> float:
     count = max(round(JITTER_OVER_S / max(float(np.median(np.diff(track.t_s))), 1e-3)), 1)
     apart = np.abs(late_s[count:] - late_s[:-count])
     return float(np.quantile(apart, 0.99)) if len(apart) else 0.0
-
-
-def _close(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
-    """Merges steps within a second."""
-    joined: list[tuple[int, int]] = []
-    for first, last in pieces:
-        if joined and t_s[first + 1] - t_s[joined[-1][1] + 1] < 1.0:
-            joined[-1] = (joined[-1][0], last)
-        else:
-            joined.append((first, last))
-    return joined
 
 
 def _parts(one: Array, other: Array) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
-from h2nav.recordings.context import Array, Context, ImuTrack, ReportedFault, Span
+from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
 
@@ -401,7 +401,8 @@ def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> l
         bins: of the soundest IMU.
         blows: crashes and hard landings.
     """
-    checks = [fault.t_s for fault in context.faults if _is_check(fault)]
+    reported = (one for one in context.faults if one.subsystem == "crash_check" and one.code > 0)
+    checks = [one.t_s for one in reported]
     if not checks:
         checks = [said.t_s for said in context.said if CRASH_CHECK.match(said.text)]
     false = [t_s for t_s in checks if not any(_explains(blow, t_s) for blow in blows)]
@@ -428,10 +429,6 @@ def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> l
             f"{', '.join(f'{t_s:.0f} s' for t_s in false[:6])}; force up to {peak_g:.1f} g",
         )
     ]
-
-
-def _is_check(fault: ReportedFault) -> bool:
-    return fault.subsystem == "crash_check" and fault.code > 0
 
 
 def _explains(blow: Impact, t_s: float) -> bool:

@@ -241,6 +241,17 @@ def runs(is_so: Mask) -> list[tuple[int, int]]:
     return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
 
 
+def joined(pieces: Iterable[tuple[int, int]], t_s: Array, least_s: float) -> list[tuple[int, int]]:
+    """Merges runs that are separated by less than `least_s`."""
+    merged: list[tuple[int, int]] = []
+    for first, last in pieces:
+        if merged and t_s[first] - t_s[merged[-1][1]] < least_s:
+            merged[-1] = (merged[-1][0], last)
+        else:
+            merged.append((first, last))
+    return merged
+
+
 def means(t_s: Array, values: Array, edges_s: Array) -> Array:
     """(M - 1, k) means of the values between successive times; NaN without values."""
     place = np.searchsorted(t_s, edges_s)

@@ -16,6 +16,7 @@ from h2nav.reviews.inertial import (
     Mask,
     VelocityTrack,
     inertial_velocity,
+    joined,
     runs,
     thinned,
     within,
@@ -280,7 +281,7 @@ def _contradictions(
         worst, ratio = np.where(better, size, worst), np.where(better, own, ratio)
         begins = np.where(better, moves.t_s - length_s, begins)
     found = []
-    for first, last in _joined(runs(ratio > 1.0), moves.t_s):
+    for first, last in joined(runs(ratio > 1.0), moves.t_s, LENGTHS_S[-1]):
         top = first + int(np.argmax(ratio[first : last + 1]))
         lasted = moves.t_s[last] - moves.t_s[first]
         if lasted < LASTING_S and ratio[top] < 2.0:
@@ -302,17 +303,6 @@ def _contradictions(
             )
         )
     return found
-
-
-def _joined(pieces: list[tuple[int, int]], t_s: Array) -> list[tuple[int, int]]:
-    """Merges runs separated by less than a long window."""
-    joined: list[tuple[int, int]] = []
-    for first, last in pieces:
-        if joined and t_s[first] - t_s[joined[-1][1]] < LENGTHS_S[-1]:
-            joined[-1] = (joined[-1][0], last)
-        else:
-            joined.append((first, last))
-    return joined
 
 
 def _jumps(gps: GpsTrack) -> Array:
@@ -435,60 +425,35 @@ def _period(gps: GpsTrack) -> float:
 def _quality(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     """Few satellites, or a poor accuracy stated by the receiver."""
     flying = within(gps.t_s, context.armed) & gps.has_fix
-    seconds = _period(gps)
     few = flying & (gps.satellites < FEWEST_SATELLITES)
     poor = flying & (gps.sigma_m_s > POOR_SIGMA_M_S)
+    few_s, poor_s = (is_so.sum() * _period(gps) for is_so in (few, poor))
+    least = float(gps.satellites[few].min(initial=math.inf))
+    worst = float(gps.sigma_m_s[poor].max(initial=0.0))
     found = []
-    if few.sum() * seconds > POOR_FOR_S:
-        least = float(gps.satellites[few].min())
-        text = f"only {least:.0f} satellites while armed"
-        evidence = (
-            f"fewer than {FEWEST_SATELLITES} for {few.sum() * seconds:.0f} s, with a fix all along"
-        )
-        found.append(
-            _over(
-                gps,
-                few,
-                Finding(
-                    Kind.GPS_SATELLITES,
-                    sensor,
-                    Severity.NOTICE,
-                    0.0,
-                    0.0,
-                    least,
-                    "",
-                    text,
-                    evidence,
-                ),
-            )
-        )
-    if poor.sum() * seconds > POOR_FOR_S:
-        worst = float(gps.sigma_m_s[poor].max())
-        text = f"velocity accuracy only {worst:.1f} m/s"
-        evidence = (
-            f"the receiver itself states more than {POOR_SIGMA_M_S:.0f} m/s for "
-            f"{poor.sum() * seconds:.0f} s, beyond which an EKF does not use it"
-        )
-        found.append(
-            _over(
-                gps,
-                poor,
-                Finding(
-                    Kind.GPS_ACCURACY,
-                    sensor,
-                    Severity.NOTICE,
-                    0.0,
-                    0.0,
-                    worst,
-                    "m/s",
-                    text,
-                    evidence,
-                ),
-            )
-        )
+    for kind, is_so, lasted_s, size, unit, text, evidence in (
+        (
+            Kind.GPS_SATELLITES,
+            few,
+            few_s,
+            least,
+            "",
+            f"only {least:.0f} satellites while armed",
+            f"fewer than {FEWEST_SATELLITES} for {few_s:.0f} s, with a fix all along",
+        ),
+        (
+            Kind.GPS_ACCURACY,
+            poor,
+            poor_s,
+            worst,
+            "m/s",
+            f"velocity accuracy only {worst:.1f} m/s",
+            f"the receiver itself states more than {POOR_SIGMA_M_S:.0f} m/s for {poor_s:.0f} s, "
+            "beyond which an EKF does not use it",
+        ),
+    ):
+        if lasted_s > POOR_FOR_S:
+            t_s = gps.t_s[is_so]
+            span = float(t_s[0]), float(t_s[-1])
+            found.append(Finding(kind, sensor, Severity.NOTICE, *span, size, unit, text, evidence))
     return found
-
-
-def _over(gps: GpsTrack, is_so: Mask, finding: Finding) -> Finding:
-    places = np.flatnonzero(is_so)
-    return finding._replace(from_s=float(gps.t_s[places[0]]), to_s=float(gps.t_s[places[-1]]))

@@ -173,10 +173,6 @@ def _lay(crash: Finding, analysis: Analysis) -> str:
     return " and came to lie on its side" if tilt > LYING_RAD else ""
 
 
-def _until_blow(context: Context) -> str:
-    return "Until the blow it followed its demand" if context.demand is not None else ""
-
-
 def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
 
@@ -186,7 +182,8 @@ def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
     causes = {one.id: one for one in found}
     lost = causes.get(crash.cause or "")
     if lost is None or lost.kind is Kind.MOTOR_SATURATED:
-        return _state(context, crash.from_s - 1.0, _until_blow(context))
+        followed = "Until the blow it followed its demand" if context.demand is not None else ""
+        return _state(context, crash.from_s - 1.0, followed)
     if lost.kind is not Kind.LOSS_OF_CONTROL:
         return _sentence(lost)
     root = causes.get(lost.cause or "")

@@ -86,9 +86,9 @@ class FakeAutopilot:
         )
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._answer_param_list,
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._answer_param_read,
-            mavlink.MAVLINK_MSG_ID_PARAM_SET: self._answer_param_set,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._parameters.every_value,
+            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._parameters.read,
+            mavlink.MAVLINK_MSG_ID_PARAM_SET: self._parameters.write,
         }
         self._outbox: list[Outgoing] = []
         self._now_ns = 0
@@ -299,17 +299,6 @@ class FakeAutopilot:
         if fields.tc1 != 0 or not self.streams.has_room(self._now_ns):
             return []
         return [mavlink.MAVLink_timesync_message(self.vehicle.boot_us * 1000 + 1, fields.ts1)]
-
-    def _answer_param_list(self, _fields: Any) -> list[Any]:
-        return self._parameters.every_value()
-
-    def _answer_param_read(self, fields: Any) -> list[Any]:
-        answer = self._parameters.read(fields)
-        return [] if answer is None else [answer]
-
-    def _answer_param_set(self, fields: Any) -> list[Any]:
-        answer = self._parameters.write(fields)
-        return [] if answer is None else [answer]
 
 
 def _streams_of(options: AutopilotOptions) -> tuple[Stream, ...]:

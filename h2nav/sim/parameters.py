@@ -23,25 +23,25 @@ class ParameterServer:
         """The current values."""
         return self._values
 
-    def every_value(self) -> list[Any]:
-        """All PARAM_VALUE messages."""
+    def every_value(self, _request: Any) -> list[Any]:
+        """The replies to PARAM_REQUEST_LIST: all PARAM_VALUE messages."""
         return [self._message(index) for index in range(len(self._names))]
 
-    def read(self, fields: Any) -> Any | None:
-        """Returns the reply to PARAM_REQUEST_READ, by index or name; None = no such parameter."""
+    def read(self, fields: Any) -> list[Any]:
+        """The replies to PARAM_REQUEST_READ, by index or name; none without such a parameter."""
         if fields.param_index >= 0:
             known = fields.param_index < len(self._names)
-            return self._message(fields.param_index) if known else None
+            return [self._message(fields.param_index)] if known else []
         return self._by_name(fields.param_id)
 
-    def write(self, fields: Any) -> Any | None:
-        """Applies PARAM_SET and returns the new value."""
+    def write(self, fields: Any) -> list[Any]:
+        """Applies PARAM_SET; the replies have the new value."""
         if fields.param_id in self._values and math.isfinite(fields.param_value):
             self._values[fields.param_id] = fields.param_value
         return self._by_name(fields.param_id)
 
-    def _by_name(self, name: str) -> Any | None:
-        return self._message(self._names.index(name)) if name in self._values else None
+    def _by_name(self, name: str) -> list[Any]:
+        return [self._message(self._names.index(name))] if name in self._values else []
 
     def _message(self, index: int) -> Any:
         name = self._names[index]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.motion.dead_reckoning import advance
+from h2nav.maths.se2 import advance
 from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.wheels import DifferentialDrive, OmniDrive
 

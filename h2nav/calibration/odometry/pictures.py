@@ -9,7 +9,6 @@ from h2nav.calibration import pictures
 from h2nav.calibration.odometry.calibration import WheelCalibration
 from h2nav.calibration.odometry.tracks import Increments
 from h2nav.maths import se2
-from h2nav.motion import dead_reckoning
 from h2nav.motion.odometry_noise import ZERO3, Slip, propagate
 from h2nav.motion.settings import OdometrySettings
 from h2nav.motion.wheels import Chassis, DifferentialDrive, OmniDrive
@@ -70,7 +69,7 @@ def _path(ax: "Axes", chassis: Chassis, result: WheelCalibration, data: Incremen
     for i, (reading, moved) in enumerate(zip(data.readings, data.motion.tolist(), strict=True), 1):
         ways = tuple((reading * result.values[1:]).tolist())
         motion = chassis.motion(ways)
-        pose = dead_reckoning.advance(odometry[-1], motion)
+        pose = se2.advance(odometry[-1], motion)
         P = propagate(P, odometry[-1], pose, motion, slip.covariance(chassis, ways))
         odometry.append(pose)
         step = (moved[0], moved[1], moved[2])

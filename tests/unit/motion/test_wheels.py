@@ -75,4 +75,3 @@ def test_correction_multiplies_motion_and_jacobian():
     ways = (0.3, 0.5)
     assert corrected.motion(ways) == pytest.approx(np.asarray(X) @ drive.motion(ways))
     assert np.asarray(corrected.jacobian()) @ ways == pytest.approx(corrected.motion(ways))
-    assert corrected.wheel_count == 2
