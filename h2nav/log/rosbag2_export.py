@@ -55,17 +55,11 @@ _Status = tuple[int, str, str, str, list[tuple[str, str]]]
 
 
 class BagResult(NamedTuple):
-    """What was written.
+    """What was written."""
 
-    Attributes:
-        path: the folder.
-        messages: topic -> how many.
-        left_out: records with fields missing, as in logs of old versions, or times beyond 2038.
-    """
-
-    path: Path
-    messages: dict[str, int]
-    left_out: int
+    path: Path  # the folder
+    messages: dict[str, int]  # topic -> how many
+    left_out: int  # records with fields missing, as in logs of old versions, or times beyond 2038
 
 
 def export_rosbag2(

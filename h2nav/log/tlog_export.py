@@ -17,17 +17,11 @@ NS_PER_US = 1_000
 
 
 class TelemetryResult(NamedTuple):
-    """The result of an export.
+    """The result of an export."""
 
-    Attributes:
-        path: the file.
-        frames: their number.
-        skipped_bytes: bytes of the links that belong to no frame of a known message.
-    """
-
-    path: Path
-    frames: int
-    skipped_bytes: int
+    path: Path  # the file
+    frames: int  # their number
+    skipped_bytes: int  # bytes of the links that belong to no frame of a known message
 
 
 def export_tlog(

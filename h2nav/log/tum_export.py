@@ -21,31 +21,20 @@ NS_PER_S = 1_000_000_000
 
 
 class TrajectoryResult(NamedTuple):
-    """The result of an export.
+    """The result of an export."""
 
-    Attributes:
-        path: the file.
-        topic: the source of the poses.
-        poses: number of lines.
-        left_out: records without a pose, or not later than the one before.
-    """
-
-    path: Path
-    topic: str
-    poses: int
-    left_out: int
+    path: Path  # the file
+    topic: str  # the source of the poses
+    poses: int  # number of lines
+    left_out: int  # records without a pose, or not later than the one before
 
 
 class _Source(NamedTuple):
-    """A topic with poses.
+    """A topic with poses."""
 
-    Attributes:
-        frame: the target of the rotation, and the origin of the position.
-        pose: returns position (m) and quaternion (scalar first); raises KeyError, TypeError or
-            ValueError where it has none.
-    """
-
-    frame: str
+    frame: str  # the target of the rotation, and the origin of the position
+    # returns position (m) and quaternion (scalar first); raises KeyError, TypeError or
+    # ValueError where it has none
     pose: Callable[[dict[str, Any]], Pose]
 
 

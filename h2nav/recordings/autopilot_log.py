@@ -77,49 +77,28 @@ class Setting(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """The contents of a log.
+    """The contents of a log."""
 
-    Attributes:
-        context: for the review.
-        autopilot: MAV_AUTOPILOT.
-        vehicle_type: MAV_TYPE.
-        start_us: the autopilot's time at the beginning of the context.
-        readings: of the IMUs.
-        receiver: number of the GPS receiver whose fixes are used.
-        fix_us: (N,) times of its fixes, on the autopilot's clock.
-        flown: attitude that the autopilot used for control.
-        second: attitude of its second estimator, as in AHRS2.
-        airspeed_m_s: (N,) along the nose; None without.
-        settings: parameters, in order.
-        origin: where the vehicle started; None if unknown.
-    """
-
-    context: Context
-    autopilot: int
-    vehicle_type: int
-    start_us: int
-    readings: tuple[Readings, ...] = ()
-    receiver: int = 0
-    fix_us: Times = np.empty(0, np.int64)
-    flown: AttitudeTrack | None = None
-    second: AttitudeTrack | None = None
-    airspeed_m_s: Series | None = None
-    settings: tuple[Setting, ...] = ()
-    origin: Place | None = None
+    context: Context  # for the review
+    autopilot: int  # MAV_AUTOPILOT
+    vehicle_type: int  # MAV_TYPE
+    start_us: int  # the autopilot's time at the beginning of the context
+    readings: tuple[Readings, ...] = ()  # of the IMUs
+    receiver: int = 0  # number of the GPS receiver whose fixes are used
+    fix_us: Times = np.empty(0, np.int64)  # (N,) times of its fixes, on the autopilot's clock
+    flown: AttitudeTrack | None = None  # attitude that the autopilot used for control
+    second: AttitudeTrack | None = None  # attitude of its second estimator, as in AHRS2
+    airspeed_m_s: Series | None = None  # (N,) along the nose; None without
+    settings: tuple[Setting, ...] = ()  # parameters, in order
+    origin: Place | None = None  # where the vehicle started; None if unknown
 
 
 class _Stream(NamedTuple):
-    """Messages of one kind.
+    """Messages of one kind."""
 
-    Attributes:
-        t_us: (N,) their times, in order.
-        message_id: of the equivalent MAVLink message.
-        make: creates the messages of a slice.
-    """
-
-    t_us: Times
-    message_id: int
-    make: Callable[[slice], Iterable[Message]]
+    t_us: Times  # (N,) their times, in order
+    message_id: int  # of the equivalent MAVLink message
+    make: Callable[[slice], Iterable[Message]]  # creates the messages of a slice
 
 
 class AutopilotLog(ImportedLog):

@@ -17,150 +17,89 @@ Array = NDArray[np.floating[Any]]
 
 
 class Span(NamedTuple):
-    """A period of the flight.
+    """A period of the flight."""
 
-    Attributes:
-        from_s: its beginning.
-        to_s: its end.
-        name: such as ``LOITER`` or ``armed``.
-    """
-
-    from_s: float
-    to_s: float
-    name: str
+    from_s: float  # its beginning
+    to_s: float  # its end
+    name: str  # such as ``LOITER`` or ``armed``
 
 
 class Said(NamedTuple):
-    """A text message of the autopilot.
+    """A text message of the autopilot."""
 
-    Attributes:
-        t_s: its time.
-        severity: of the message.
-        text: the message.
-        is_made: made from an error's numbers, which the autopilot gave no words.
-    """
-
-    t_s: float
-    severity: Severity
-    text: str
-    is_made: bool = False
+    t_s: float  # its time
+    severity: Severity  # of the message
+    text: str  # the message
+    is_made: bool = False  # made from an error's numbers, which the autopilot gave no words
 
 
 class ImuTrack(NamedTuple):
     """All samples of one IMU, as recorded.
 
     Sums and integrals over them need float64.
-
-    Attributes:
-        imu: its number, from 0.
-        source: their message.
-        t_s: (N,) times of arrival.
-        stamp_us: (N,) the autopilot's time stamps, which show gaps and drift.
-        w_b: (N, 3) angular rate, rad/s.
-        f_b: (N, 3) specific force, m/s^2.
-        m_b_ut: (N, 3) field of the compass of the same number, microtesla; NaN where a sample has
-            no new one.
-        device_ids: of accelerometer and gyro, as in the parameters; 0 if unknown.
     """
 
-    imu: int
-    source: str
-    t_s: Array
-    stamp_us: NDArray[np.int64]
-    w_b: Array
-    f_b: Array
+    imu: int  # its number, from 0
+    source: str  # their message
+    t_s: Array  # (N,) times of arrival
+    stamp_us: NDArray[np.int64]  # (N,) the autopilot's time stamps, which show gaps and drift
+    w_b: Array  # (N, 3) angular rate, rad/s
+    f_b: Array  # (N, 3) specific force, m/s^2
+    # (N, 3) field of the compass of the same number, microtesla; NaN where a sample has no
+    # new one
     m_b_ut: Array
+    # of accelerometer and gyro, as in the parameters; 0 if unknown
     device_ids: tuple[int, int] = (0, 0)
 
 
 class CompassTrack(NamedTuple):
-    """All values of one compass in an autopilot's own log, in the axes of its board.
+    """All values of one compass in an autopilot's own log, in the axes of its board."""
 
-    Attributes:
-        compass: its number, from 0, in the autopilot's order of preference.
-        device_id: as in the parameters; 0 if not logged.
-        t_s: (N,) times of arrival.
-        m_b_ut: (N, 3) microtesla, with the autopilot's calibration applied.
-        offset_ut: (N, 3) offset contained in it; NaN if not logged.
-        motor_ut: (N, 3) motor compensation contained in it; NaN if not logged.
-    """
-
-    compass: int
-    device_id: int
-    t_s: Array
-    m_b_ut: Array
-    offset_ut: Array
-    motor_ut: Array
+    compass: int  # its number, from 0, in the autopilot's order of preference
+    device_id: int  # as in the parameters; 0 if not logged
+    t_s: Array  # (N,) times of arrival
+    m_b_ut: Array  # (N, 3) microtesla, with the autopilot's calibration applied
+    offset_ut: Array  # (N, 3) offset contained in it; NaN if not logged
+    motor_ut: Array  # (N, 3) motor compensation contained in it; NaN if not logged
 
 
 class Burst(NamedTuple):
-    """Samples at the sensor's own rate, recorded for a spectrum.
+    """Samples at the sensor's own rate, recorded for a spectrum."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        sensor: ``gyro`` (rad/s) or ``accelerometer`` (m/s^2).
-        t_s: time of the first sample.
-        rate_hz: of the samples.
-        values: (N, 3) body frame.
-    """
-
-    imu: int
-    sensor: str
-    t_s: float
-    rate_hz: float
-    values: Array
+    imu: int  # number of the IMU, from 0
+    sensor: str  # ``gyro`` (rad/s) or ``accelerometer`` (m/s^2)
+    t_s: float  # time of the first sample
+    rate_hz: float  # of the samples
+    values: Array  # (N, 3) body frame
 
 
 class AttitudeTrack(NamedTuple):
-    """The attitude of one estimator.
+    """The attitude of one estimator."""
 
-    Attributes:
-        name: such as ``EKF3``, ``EKF3 core 1``, ``DCM``, ``EKF2`` or ``truth``.
-        t_s: (N,) times.
-        q_nb: (N, 4) body to NED.
-    """
-
-    name: str
-    t_s: Array
-    q_nb: Array
+    name: str  # such as ``EKF3``, ``EKF3 core 1``, ``DCM``, ``EKF2`` or ``truth``
+    t_s: Array  # (N,) times
+    q_nb: Array  # (N, 4) body to NED
 
 
 class GpsTrack(NamedTuple):
-    """All fixes of one receiver; NaN where unknown.
+    """All fixes of one receiver; NaN where unknown."""
 
-    Attributes:
-        receiver: its number, from 0.
-        t_s: (N,) times of arrival.
-        has_fix: (N,) whether it is a 3D fix.
-        latitude_deg: (N,) WGS84.
-        longitude_deg: (N,) WGS84.
-        altitude_m: (N,) above mean sea level.
-        v_n: (N, 3) NED, m/s.
-        sigma_m_s: (N,) accuracy of the velocity stated by the receiver.
-        satellites: (N,) used.
-    """
-
-    receiver: int
-    t_s: Array
-    has_fix: NDArray[np.bool_]
-    latitude_deg: Array
-    longitude_deg: Array
-    altitude_m: Array
-    v_n: Array
-    sigma_m_s: Array
-    satellites: Array
+    receiver: int  # its number, from 0
+    t_s: Array  # (N,) times of arrival
+    has_fix: NDArray[np.bool_]  # (N,) whether it is a 3D fix
+    latitude_deg: Array  # (N,) WGS84
+    longitude_deg: Array  # (N,) WGS84
+    altitude_m: Array  # (N,) above mean sea level
+    v_n: Array  # (N, 3) NED, m/s
+    sigma_m_s: Array  # (N,) accuracy of the velocity stated by the receiver
+    satellites: Array  # (N,) used
 
 
 class Series(NamedTuple):
-    """Any other quantity over time.
+    """Any other quantity over time."""
 
-    Attributes:
-        t_s: (N,) times.
-        values: (N,) or (N, k).
-    """
-
-    t_s: Array
-    values: Array
+    t_s: Array  # (N,) times
+    values: Array  # (N,) or (N, k)
 
     @classmethod
     def finite(cls, t_s: Array, values: Array, largest: float = np.inf) -> "Series":
@@ -171,22 +110,15 @@ class Series(NamedTuple):
 
 
 class Motors(NamedTuple):
-    """Outputs to the motors of a multirotor; NaN where one is switched off.
+    """Outputs to the motors of a multirotor; NaN where one is switched off."""
 
-    Attributes:
-        numbers: the autopilot's numbers of the motors, from 1.
-        t_s: (N,) times.
-        pwm_us: (N, k) one column per motor, pulse width in microseconds; outputs without a pulse
-            width are scaled to 1000 to 2000.
-        least_us: the width of a motor at rest.
-        most_us: the autopilot's largest width.
-    """
-
-    numbers: tuple[int, ...]
-    t_s: Array
+    numbers: tuple[int, ...]  # the autopilot's numbers of the motors, from 1
+    t_s: Array  # (N,) times
+    # (N, k) one column per motor, pulse width in microseconds; outputs without a pulse width
+    # are scaled to 1000 to 2000
     pwm_us: Array
-    least_us: float
-    most_us: float
+    least_us: float  # the width of a motor at rest
+    most_us: float  # the autopilot's largest width
 
     def share(self) -> Array:
         """(N, k) share of the range, 0 to 1."""
@@ -196,123 +128,70 @@ class Motors(NamedTuple):
 
 
 class Battery(NamedTuple):
-    """One battery; NaN where unknown.
+    """One battery; NaN where unknown."""
 
-    Attributes:
-        number: from 0.
-        t_s: (N,) times.
-        voltage_v: (N,).
-        current_a: (N,).
-        remaining: (N,) 0 to 1, the autopilot's estimate.
-    """
-
-    number: int
-    t_s: Array
-    voltage_v: Array
-    current_a: Array
-    remaining: Array
+    number: int  # from 0
+    t_s: Array  # (N,) times
+    voltage_v: Array  # (N,)
+    current_a: Array  # (N,)
+    remaining: Array  # (N,) 0 to 1, the autopilot's estimate
 
 
 class VibrationTrack(NamedTuple):
-    """Vibration measured by the autopilot at the sensor's own rate.
+    """Vibration measured by the autopilot at the sensor's own rate."""
 
-    Attributes:
-        imu: number of the IMU, from 0.
-        t_s: (N,) times.
-        level: (N, k) m/s^2: ArduPilot's VIBE per body axis, or PX4's single metric.
-        clipped: (N,) samples at the end of the range since boot; it drops at a reboot.
-    """
-
-    imu: int
-    t_s: Array
-    level: Array
-    clipped: Array
+    imu: int  # number of the IMU, from 0
+    t_s: Array  # (N,) times
+    level: Array  # (N, k) m/s^2: ArduPilot's VIBE per body axis, or PX4's single metric
+    clipped: Array  # (N,) samples at the end of the range since boot; it drops at a reboot
 
 
 class Esc(NamedTuple):
-    """Telemetry of one motor's controller; NaN where unknown.
+    """Telemetry of one motor's controller; NaN where unknown."""
 
-    Attributes:
-        number: from 1.
-        t_s: (N,) times.
-        rpm: (N,) revolutions a minute.
-        current_a: (N,).
-        temperature_degc: (N,).
-    """
-
-    number: int
-    t_s: Array
-    rpm: Array
-    current_a: Array
-    temperature_degc: Array
+    number: int  # from 1
+    t_s: Array  # (N,) times
+    rpm: Array  # (N,) revolutions a minute
+    current_a: Array  # (N,)
+    temperature_degc: Array  # (N,)
 
 
 class CompassRows(NamedTuple):
-    """Statistics of the logged rows of one compass, plausible or not.
+    """Statistics of the logged rows of one compass, plausible or not."""
 
-    Attributes:
-        compass: number, from 0.
-        from_s: first row.
-        to_s: last row.
-        rows: number of rows.
-        changes: number of rows that differ from the previous one.
-        is_zero: every row is zero.
-        is_used: the autopilot is configured to use it.
-    """
-
-    compass: int
-    from_s: float
-    to_s: float
-    rows: int
-    changes: int
-    is_zero: bool
-    is_used: bool
+    compass: int  # number, from 0
+    from_s: float  # first row
+    to_s: float  # last row
+    rows: int  # number of rows
+    changes: int  # number of rows that differ from the previous one
+    is_zero: bool  # every row is zero
+    is_used: bool  # the autopilot is configured to use it
 
 
 class ReportedFault(NamedTuple):
-    """A fault reported by number: ArduPilot's ERR, PX4's failsafe flags.
+    """A fault reported by number: ArduPilot's ERR, PX4's failsafe flags."""
 
-    Attributes:
-        t_s: its time.
-        subsystem: one of `SUBSYSTEMS`.
-        code: of the subsystem; 0 = resolved.
-        text: for people.
-    """
-
-    t_s: float
-    subsystem: str
-    code: int
-    text: str
+    t_s: float  # its time
+    subsystem: str  # one of `SUBSYSTEMS`
+    code: int  # of the subsystem; 0 = resolved
+    text: str  # for people
 
 
 class Occurrence(NamedTuple):
-    """An event logged by number, such as arming, take-off or landing.
+    """An event logged by number, such as arming, take-off or landing."""
 
-    Attributes:
-        t_s: its time.
-        number: ArduPilot's LogEvent.
-        text: for people.
-    """
-
-    t_s: float
-    number: int
-    text: str
+    t_s: float  # its time
+    number: int  # ArduPilot's LogEvent
+    text: str  # for people
 
 
 class ChangedSetting(NamedTuple):
-    """A parameter changed during the recording.
+    """A parameter changed during the recording."""
 
-    Attributes:
-        t_s: time of the change.
-        name: of the parameter.
-        before: its value until then.
-        after: its value from then on.
-    """
-
-    t_s: float
-    name: str
-    before: float
-    after: float
+    t_s: float  # time of the change
+    name: str  # of the parameter
+    before: float  # its value until then
+    after: float  # its value from then on
 
 
 SUBSYSTEMS = (

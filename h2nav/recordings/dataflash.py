@@ -105,19 +105,12 @@ CORES: dict[str, tuple[Source, ...]] = {
 
 
 class VehicleKind(NamedTuple):
-    """A vehicle's firmware and how to recognise it by texts and parameters.
+    """A vehicle's firmware and how to recognise it by texts and parameters."""
 
-    Attributes:
-        names: beginnings of its version.
-        parameters: that it alone has, in some year.
-        vehicle_type: MAV_TYPE.
-        modes: number -> name.
-    """
-
-    names: tuple[str, ...]
-    parameters: tuple[str, ...]
-    vehicle_type: int
-    modes: dict[int, str]
+    names: tuple[str, ...]  # beginnings of its version
+    parameters: tuple[str, ...]  # that it alone has, in some year
+    vehicle_type: int  # MAV_TYPE
+    modes: dict[int, str]  # number -> name
 
 
 COPTER = VehicleKind(

@@ -66,19 +66,12 @@ LARGEST = 2.0**62
 
 
 class RowFormat(NamedTuple):
-    """The definition of a type by a FMT record.
+    """The definition of a type by a FMT record."""
 
-    Attributes:
-        name: of the message.
-        length: bytes of a record, with its head.
-        letters: one per column.
-        columns: their names.
-    """
-
-    name: str
-    length: int
-    letters: str
-    columns: tuple[str, ...]
+    name: str  # of the message
+    length: int  # bytes of a record, with its head
+    letters: str  # one per column
+    columns: tuple[str, ...]  # their names
 
     def row(self) -> np.dtype[np.void] | None:
         """A record with its head; None if letters, names and length contradict each other."""

@@ -32,17 +32,13 @@ _TYPES = {
 
 
 class FrameTable(NamedTuple):
-    """The good frames of one message id, in order of arrival.
+    """The good frames of one message id, in order of arrival."""
 
-    Attributes:
-        t_ns: (N,) time of arrival on the clock of `Recording.received`, never decreasing.
-        senders: (N, 2) system and component id.
-        fields: (N,) structured, see `fields_type`: `fields["xacc"]` is a column in the units of the
-            dialect. Truncated zeros of MAVLink 2 are restored; missing extension fields are zero.
-    """
-
+    # (N,) time of arrival on the clock of `Recording.received`, never decreasing
     t_ns: NDArray[np.int64]
-    senders: NDArray[np.uint8]
+    senders: NDArray[np.uint8]  # (N, 2) system and component id
+    # (N,) structured, see `fields_type`: `fields["xacc"]` is a column in the units of the
+    # dialect. Truncated zeros of MAVLink 2 are restored; missing extension fields are zero.
     fields: NDArray[Any]
 
 

@@ -33,17 +33,11 @@ LARGEST_FIELD_UT = 1e6
 
 
 class Samples(NamedTuple):
-    """Inertial samples of one IMU, in order.
+    """Inertial samples of one IMU, in order."""
 
-    Attributes:
-        t_us: (N,) the autopilot's time.
-        w_b: (N, 3) rad/s.
-        f_b: (N, 3) m/s^2.
-    """
-
-    t_us: Times
-    w_b: Array
-    f_b: Array
+    t_us: Times  # (N,) the autopilot's time
+    w_b: Array  # (N, 3) rad/s
+    f_b: Array  # (N, 3) m/s^2
 
     def only(self, wanted: Mask) -> "Samples":
         """The selected samples."""
@@ -63,55 +57,33 @@ class Samples(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """Values of one compass, in order.
+    """Values of one compass, in order."""
 
-    Attributes:
-        t_us: (M,) time of each measurement.
-        m_b_ut: (M, 3) microtesla, body frame.
-    """
-
-    t_us: Times
-    m_b_ut: Array
+    t_us: Times  # (M,) time of each measurement
+    m_b_ut: Array  # (M, 3) microtesla, body frame
 
 
 class ImuRows(NamedTuple):
-    """Samples of one IMU as a log has them.
+    """Samples of one IMU as a log has them."""
 
-    Attributes:
-        imu: its number, from 0.
-        source: message or topic.
-        samples: values, with the times at which they were measured or their averaging ended.
-        averaged_us: (N,) averaging time of each; None if the log does not show the ages.
-        device_ids: of accelerometer and gyro; 0 if unknown.
-    """
-
-    imu: int
-    source: str
-    samples: Samples
+    imu: int  # its number, from 0
+    source: str  # message or topic
+    samples: Samples  # values, with the times at which they were measured or their averaging ended
+    # (N,) averaging time of each; None if the log does not show the ages
     averaged_us: Array | None = None
-    device_ids: tuple[int, int] = (0, 0)
+    device_ids: tuple[int, int] = (0, 0)  # of accelerometer and gyro; 0 if unknown
 
 
 class Readings(NamedTuple):
-    """The readings of one IMU for the service.
+    """The readings of one IMU for the service."""
 
-    Attributes:
-        imu: its number, from 0.
-        t_us: (N,) times, of the events and of the values.
-        w_b: (N, 3) rad/s.
-        f_b: (N, 3) m/s^2.
-        m_b_ut: (N, 3) microtesla; NaN where a sample has no new field.
-        clipped: (N,) a value is at the end of a usual sensor's range.
-        ages: of the values at their times, where the log shows them.
-    """
-
-    imu: int
-    t_us: Times
-    w_b: Array
-    f_b: Array
-    m_b_ut: Array
-    clipped: Mask
-    ages: Ages | None = None
+    imu: int  # its number, from 0
+    t_us: Times  # (N,) times, of the events and of the values
+    w_b: Array  # (N, 3) rad/s
+    f_b: Array  # (N, 3) m/s^2
+    m_b_ut: Array  # (N, 3) microtesla; NaN where a sample has no new field
+    clipped: Mask  # (N,) a value is at the end of a usual sensor's range
+    ages: Ages | None = None  # of the values at their times, where the log shows them
 
 
 def track_of(

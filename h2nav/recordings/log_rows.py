@@ -17,19 +17,12 @@ FIX_AGE_US = 1_000_000
 
 
 class Rows(NamedTuple):
-    """Rows of one instance of a message or topic, with plausible times.
+    """Rows of one instance of a message or topic, with plausible times."""
 
-    Attributes:
-        number: of the instance, from 0.
-        table: the rows.
-        t_us: (N,) when they were written, in order.
-        t_s: (N,) since the log began.
-    """
-
-    number: int
-    table: Table
-    t_us: Times
-    t_s: Array
+    number: int  # of the instance, from 0
+    table: Table  # the rows
+    t_us: Times  # (N,) when they were written, in order
+    t_s: Array  # (N,) since the log began
 
     def where(self, wanted: Mask) -> "Rows":
         """The selected rows."""

@@ -55,23 +55,15 @@ class EulerRecord(Protocol):
 
 
 class ErrorTable(NamedTuple):
-    """RMS errors in degrees over all estimates that have a reference.
+    """RMS errors in degrees over all estimates that have a reference."""
 
-    Attributes:
-        reference: SIMSTATE, ATTITUDE, or empty if the recording has neither.
-        compared: number of pairs.
-        roll: Euler angle errors (z-y-x).
-        tilt: angle between the estimated and the true vertical.
-        total: angle of the whole error rotation.
-    """
-
-    reference: str
-    compared: int
-    roll: float = float("nan")
+    reference: str  # SIMSTATE, ATTITUDE, or empty if the recording has neither
+    compared: int  # number of pairs
+    roll: float = float("nan")  # Euler angle errors (z-y-x)
     pitch: float = float("nan")
     yaw: float = float("nan")
-    tilt: float = float("nan")
-    total: float = float("nan")
+    tilt: float = float("nan")  # angle between the estimated and the true vertical
+    total: float = float("nan")  # angle of the whole error rotation
 
     def as_mapping(self) -> dict[str, float | None]:
         """The errors by name; None where there is nothing to compare."""
@@ -83,17 +75,11 @@ class ErrorTable(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """References with their samples.
+    """References with their samples."""
 
-    Attributes:
-        reference: SIMSTATE, ATTITUDE, or empty if the recording has neither.
-        rows: (M,) numbers of the samples.
-        angles: (M, 3) reference there: roll, pitch, yaw, rad.
-    """
-
-    reference: str
-    rows: NDArray[np.int64]
-    angles: Array
+    reference: str  # SIMSTATE, ATTITUDE, or empty if the recording has neither
+    rows: NDArray[np.int64]  # (M,) numbers of the samples
+    angles: Array  # (M, 3) reference there: roll, pitch, yaw, rad
 
 
 class TimedAttitudes:

@@ -107,19 +107,12 @@ def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
 
 
 class RowSource(NamedTuple):
-    """The location of the rows of one message in a file.
+    """The location of the rows of one message in a file."""
 
-    Attributes:
-        data: of the file.
-        places: (N,) of the rows, bytes from its beginning.
-        row: returns the type of a row, None if it is invalid.
-        divisors: of the columns stored as multiples of a fraction.
-    """
-
-    data: bytes
-    places: NDArray[np.int64]
-    row: Callable[[], np.dtype[np.void] | None]
-    divisors: dict[str, float]
+    data: bytes  # of the file
+    places: NDArray[np.int64]  # (N,) of the rows, bytes from its beginning
+    row: Callable[[], np.dtype[np.void] | None]  # returns the type of a row, None if it is invalid
+    divisors: dict[str, float]  # of the columns stored as multiples of a fraction
 
     def table(self, name: str) -> Table | None:
         """The rows as a table."""

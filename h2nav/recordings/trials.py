@@ -31,52 +31,34 @@ ToldOf = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class FilterInput(NamedTuple):
-    """An input of a filter besides the samples.
+    """An input of a filter besides the samples."""
 
-    Attributes:
-        row: number of the sample that it precedes.
-        what: the record.
-    """
-
-    row: int
-    what: ToldOf
+    row: int  # number of the sample that it precedes
+    what: ToldOf  # the record
 
 
 class Trial(NamedTuple):
-    """One recording.
+    """One recording."""
 
-    Attributes:
-        name: of the file, without suffix.
-        rate_hz: nominal sample rate.
-        t_us: (N,) sample times, microseconds from the first sample's.
-        w_s: (N, 3) angular rate, rad/s, in sensor axes.
-        f_s: (N, 3) specific force, m/s^2.
-        m_s: (N, 3) magnetic field, NaN rows without a new one; None without magnetometer.
-        q_es: (N, 4) truth, sensor to east-north-up; None when there is none.
-        mask: (N,) samples that are scored.
-        heading_fixed: False when the truth's heading has an arbitrary constant offset.
-        gps: (M, 4) time s on the samples' clock, ground speed m/s, course deg, altitude m; None.
-        clipped: (N,) samples that do not measure the motion; None when none is marked.
-        told: further inputs, in order, on the clock of `t_us`.
-        declination_rad: of magnetic north from the truth's; estimates from the magnetometer alone
-            are rotated by it.
-        notes: remarks for readers of the results.
-    """
-
-    name: str
-    rate_hz: float
-    t_us: npt.NDArray[np.int64]
-    w_s: Array
-    f_s: Array
+    name: str  # of the file, without suffix
+    rate_hz: float  # nominal sample rate
+    t_us: npt.NDArray[np.int64]  # (N,) sample times, microseconds from the first sample's
+    w_s: Array  # (N, 3) angular rate, rad/s, in sensor axes
+    f_s: Array  # (N, 3) specific force, m/s^2
+    # (N, 3) magnetic field, NaN rows without a new one; None without magnetometer
     m_s: Array | None
-    q_es: Array | None
-    mask: npt.NDArray[np.bool_]
-    heading_fixed: bool
+    q_es: Array | None  # (N, 4) truth, sensor to east-north-up; None when there is none
+    mask: npt.NDArray[np.bool_]  # (N,) samples that are scored
+    heading_fixed: bool  # False when the truth's heading has an arbitrary constant offset
+    # (M, 4) time s on the samples' clock, ground speed m/s, course deg, altitude m; None
     gps: Array | None
+    # (N,) samples that do not measure the motion; None when none is marked
     clipped: npt.NDArray[np.bool_] | None = None
-    told: tuple[FilterInput, ...] = ()
+    told: tuple[FilterInput, ...] = ()  # further inputs, in order, on the clock of `t_us`
+    # of magnetic north from the truth's; estimates from the magnetometer alone are rotated by
+    # it
     declination_rad: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # remarks for readers of the results
 
 
 def trial_paths(place: Path) -> list[Path]:

@@ -100,21 +100,13 @@ class LoggedText(NamedTuple):
 
 
 class ULogFile(NamedTuple):
-    """The contents of a file.
+    """The contents of a file."""
 
-    Attributes:
-        start_us: beginning of the log.
-        tables: of the topics; the name of a table is that of `instance`.
-        parameters: in the order in which they were set.
-        texts: of the autopilot.
-        info: such as ``sys_name``; texts and numbers.
-    """
-
-    start_us: int
-    tables: LogTables
-    parameters: list[ParameterSet]
-    texts: list[LoggedText]
-    info: dict[str, str | float]
+    start_us: int  # beginning of the log
+    tables: LogTables  # of the topics; the name of a table is that of `instance`
+    parameters: list[ParameterSet]  # in the order in which they were set
+    texts: list[LoggedText]  # of the autopilot
+    info: dict[str, str | float]  # such as ``sys_name``; texts and numbers
 
 
 def instance(topic: str, number: int) -> str:

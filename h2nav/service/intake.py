@@ -25,15 +25,10 @@ class Need(IntEnum):
 
 
 class Arrived(NamedTuple):
-    """The result of a reading.
+    """The result of a reading."""
 
-    Attributes:
-        verdict: on its time; None if only its field was used.
-        sample: in the time of the lane; None if the reading is not usable.
-    """
-
-    verdict: TimeVerdict | None = None
-    sample: ImuSample | None = None
+    verdict: TimeVerdict | None = None  # on its time; None if only its field was used
+    sample: ImuSample | None = None  # in the time of the lane; None if the reading is not usable
 
 
 FIELD_ONLY = Arrived()

@@ -45,17 +45,13 @@ NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Step(NamedTuple):
-    """The result of an IMU reading.
+    """The result of an IMU reading."""
 
-    Attributes:
-        sample: the sample that was used; None if the reading was rejected or only lent its field.
-        unled: the filter's output: at the time at which the sample's values were true.
-        event: REBOOT or NEW_EPOCH if the sample began a new epoch.
-    """
-
+    # the sample that was used; None if the reading was rejected or only lent its field
     sample: ImuSample | None = None
+    # the filter's output: at the time at which the sample's values were true
     unled: AttitudeEstimate | None = None
-    event: TimeVerdict | None = None
+    event: TimeVerdict | None = None  # REBOOT or NEW_EPOCH if the sample began a new epoch
 
 
 NO_STEP = Step()
