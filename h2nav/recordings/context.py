@@ -217,83 +217,51 @@ SUBSYSTEMS = (
 
 
 class Context(NamedTuple):
-    """Everything that the review uses of a recording besides the service's findings.
+    """Everything that the review uses of a recording besides the service's findings."""
 
-    Attributes:
-        firmware: of the autopilot, such as ``ArduCopter V4.0.4``; empty if unknown.
-        vehicle: its kind for people, such as ``quadrotor``.
-        vehicle_type: MAV_TYPE; 0 if unknown.
-        start_unix_s: date of `t_s` = 0; None if unknown.
-        duration_s: of the recording.
-        imus: one per IMU.
-        compasses: one per compass; empty if only the messages of the IMUs were recorded.
-        bursts: for spectra.
-        attitudes: the autopilot's estimators; the first one was used for control.
-        truth: the attitude of a simulator; None elsewhere.
-        gps: one per receiver.
-        modes: flight modes, in order.
-        armed: while it was armed.
-        primary: the estimator core or lane in use; empty if unknown.
-        said: text messages of the autopilot.
-        parameters: of the autopilot, the last value of each.
-        throttle: 0 to 1; None if not recorded.
-        current_a: of the battery; None if not recorded.
-        demand: (N, 3) demanded roll, pitch and heading, rad; NaN without a demand.
-        demanded_rates: (N, 3) demanded body rates, rad/s.
-        motors: outputs; None if not recorded, or if the motors among them are unknown.
-        height_m: above the start, the autopilot's estimate.
-        height_demand_m: demanded height.
-        climb_m_s: positive up, the autopilot's estimate.
-        baro_height_m: of the barometer alone.
-        batteries: one per battery.
-        board_v: supply of the autopilot.
-        vibrations: one per IMU.
-        escs: one per motor whose controller reports.
-        compass_rows: statistics of the rows of each compass.
-        faults: in order.
-        occurrences: in order.
-        airborne: (N,) 1 while it is off the ground, by the autopilot's own decision.
-        changes: parameters that were changed, in order.
-        wind_n_m_s: (N, 2) velocity of the air, north and east, the autopilot's estimate; None if
-            not estimated.
-        missing: what the recording lacks for a better review, one phrase each.
-        notes: what was damaged or skipped: reason -> count.
-    """
-
-    firmware: str = ""
-    vehicle: str = ""
-    vehicle_type: int = 0
-    start_unix_s: float | None = None
-    duration_s: float = 0.0
-    imus: tuple[ImuTrack, ...] = ()
+    firmware: str = ""  # of the autopilot, such as ``ArduCopter V4.0.4``; empty if unknown
+    vehicle: str = ""  # its kind for people, such as ``quadrotor``
+    vehicle_type: int = 0  # MAV_TYPE; 0 if unknown
+    start_unix_s: float | None = None  # date of `t_s` = 0; None if unknown
+    duration_s: float = 0.0  # of the recording
+    imus: tuple[ImuTrack, ...] = ()  # one per IMU
+    # one per compass; empty if only the messages of the IMUs were recorded
     compasses: tuple[CompassTrack, ...] = ()
-    bursts: tuple[Burst, ...] = ()
+    bursts: tuple[Burst, ...] = ()  # for spectra
+    # the autopilot's estimators; the first one was used for control
     attitudes: tuple[AttitudeTrack, ...] = ()
-    truth: AttitudeTrack | None = None
-    gps: tuple[GpsTrack, ...] = ()
-    modes: tuple[Span, ...] = ()
-    armed: tuple[Span, ...] = ()
-    primary: tuple[Span, ...] = ()
-    said: tuple[Said, ...] = ()
+    truth: AttitudeTrack | None = None  # the attitude of a simulator; None elsewhere
+    gps: tuple[GpsTrack, ...] = ()  # one per receiver
+    modes: tuple[Span, ...] = ()  # flight modes, in order
+    armed: tuple[Span, ...] = ()  # while it was armed
+    primary: tuple[Span, ...] = ()  # the estimator core or lane in use; empty if unknown
+    said: tuple[Said, ...] = ()  # text messages of the autopilot
+    # of the autopilot, the last value of each
     parameters: dict[str, float] = {}  # noqa: RUF012 - never changed
-    throttle: Series | None = None
-    current_a: Series | None = None
+    throttle: Series | None = None  # 0 to 1; None if not recorded
+    current_a: Series | None = None  # of the battery; None if not recorded
+    # (N, 2) velocity of the air, north and east, the autopilot's estimate; None if not
+    # estimated
     wind_n_m_s: Series | None = None
+    # (N, 3) demanded roll, pitch and heading, rad; NaN without a demand
     demand: Series | None = None
-    demanded_rates: Series | None = None
+    demanded_rates: Series | None = None  # (N, 3) demanded body rates, rad/s
+    # outputs; None if not recorded, or if the motors among them are unknown
     motors: Motors | None = None
-    height_m: Series | None = None
-    height_demand_m: Series | None = None
-    climb_m_s: Series | None = None
-    baro_height_m: Series | None = None
-    batteries: tuple[Battery, ...] = ()
-    board_v: Series | None = None
-    vibrations: tuple[VibrationTrack, ...] = ()
-    escs: tuple[Esc, ...] = ()
-    compass_rows: tuple[CompassRows, ...] = ()
-    faults: tuple[ReportedFault, ...] = ()
-    occurrences: tuple[Occurrence, ...] = ()
+    height_m: Series | None = None  # above the start, the autopilot's estimate
+    height_demand_m: Series | None = None  # demanded height
+    climb_m_s: Series | None = None  # positive up, the autopilot's estimate
+    baro_height_m: Series | None = None  # of the barometer alone
+    batteries: tuple[Battery, ...] = ()  # one per battery
+    board_v: Series | None = None  # supply of the autopilot
+    vibrations: tuple[VibrationTrack, ...] = ()  # one per IMU
+    escs: tuple[Esc, ...] = ()  # one per motor whose controller reports
+    compass_rows: tuple[CompassRows, ...] = ()  # statistics of the rows of each compass
+    faults: tuple[ReportedFault, ...] = ()  # in order
+    occurrences: tuple[Occurrence, ...] = ()  # in order
+    # (N,) 1 while it is off the ground, by the autopilot's own decision
     airborne: Series | None = None
-    changes: tuple[ChangedSetting, ...] = ()
-    missing: tuple[str, ...] = ()
+    changes: tuple[ChangedSetting, ...] = ()  # parameters that were changed, in order
+    missing: tuple[str, ...] = ()  # what the recording lacks for a better review, one phrase each
+    # what was damaged or skipped: reason -> count
     notes: dict[str, int] = {}  # noqa: RUF012 - never changed

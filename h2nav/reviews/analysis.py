@@ -50,34 +50,24 @@ AT_REST = {
 
 
 class Analysis(NamedTuple):
-    """The result of `analyse`; the tracks are for pictures.
+    """The result of `analyse`; the tracks are for pictures."""
 
-    Attributes:
-        findings: of the whole flight, in the order of their times; those of the checks in flight
-            are in `Flight.findings`.
-        spectra: gyro and accelerometer of each IMU.
-        vibrations: one per IMU.
-        fields: one per compass.
-        compasses: one per compass that could be compared with the earth's field.
-        biases: one per IMU.
-        timings: one per IMU.
-        receivers: one per receiver.
-        impacts: crashes and hard landings, in order.
-        rests: windows at rest, by the number of the IMU, from 0.
-        misjudged: ids of findings in flight that blame autopilot or receiver where h2nav's own
-            attitude is wrong.
-    """
-
+    # of the whole flight, in the order of their times; those of the checks in flight are in
+    # `Flight.findings`
     findings: tuple[Finding, ...] = ()
-    spectra: tuple[Spectrum, ...] = ()
-    vibrations: tuple[Vibrations, ...] = ()
-    fields: tuple[FieldTrack, ...] = ()
+    spectra: tuple[Spectrum, ...] = ()  # gyro and accelerometer of each IMU
+    vibrations: tuple[Vibrations, ...] = ()  # one per IMU
+    fields: tuple[FieldTrack, ...] = ()  # one per compass
+    # one per compass that could be compared with the earth's field
     compasses: tuple[CompassFit, ...] = ()
-    biases: tuple[Bias, ...] = ()
-    timings: tuple[TimingTrack, ...] = ()
-    receivers: tuple[Receiver, ...] = ()
-    impacts: tuple[Impact, ...] = ()
+    biases: tuple[Bias, ...] = ()  # one per IMU
+    timings: tuple[TimingTrack, ...] = ()  # one per IMU
+    receivers: tuple[Receiver, ...] = ()  # one per receiver
+    impacts: tuple[Impact, ...] = ()  # crashes and hard landings, in order
+    # windows at rest, by the number of the IMU, from 0
     rests: dict[int, Rest] = {}  # noqa: RUF012 - never changed
+    # ids of findings in flight that blame autopilot or receiver where h2nav's own attitude is
+    # wrong
     misjudged: frozenset[str] = frozenset()
 
 
